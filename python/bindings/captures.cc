@@ -15,11 +15,11 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "heba/run.h"
-#include "heba/target_location.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/config/finished_run.h"
+#include "tools/run/image_location.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {
@@ -43,28 +43,30 @@ pybind11::tuple Detected(const Target& target, const Detection& detection) {
 }
 
 pybind11::tuple DetectArray(const GreyArray& grey, const std::string& target_yaml) {
-  const std::unique_ptr<Target> target = ParseTarget(target_yaml);
+  std::unique_ptr<Target> target;
   const cv::Mat image = MatOf(grey);
   Detection detection;
   {
     const pybind11::gil_scoped_release release;
+    target = ParseTarget(target_yaml);
     detection = target->Detect(image);
   }
   return Detected(*target, detection);
 }
 
 pybind11::tuple DetectFile(const std::filesystem::path& image, const std::string& target_yaml) {
-  const std::unique_ptr<Target> target = ParseTarget(target_yaml);
+  std::unique_ptr<Target> target;
   CaptureDetection seen;
   {
     const pybind11::gil_scoped_release release;
+    target = ParseTarget(target_yaml);
     seen = DetectCapture(*target, image);
   }
   return Detected(*target, seen.detection);
 }
 
 // Returns the pose of what carries the camera.
-StatedPose CameraMount(const FinishedRun& run, const std::optional<DoubleArray>& base_from_gripper,
+StatedPose CameraMount(const FinishedRun& run, const std::optional<Rigid3d>& base_from_gripper,
                        const std::vector<double>& joints) {
   const bool is_carried = run.result.setup == Setup::kEyeInHand;
   if (is_carried != base_from_gripper.has_value()) {
@@ -76,8 +78,7 @@ StatedPose CameraMount(const FinishedRun& run, const std::optional<DoubleArray>&
   if (!joints.empty()) {
     positions = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
   }
-  const Outcome<StatedPose> stated =
-      WithErrorsOfArm(run.FindArm(), PosesFrom(*base_from_gripper).front(), positions);
+  const Outcome<StatedPose> stated = WithErrorsOfArm(run.FindArm(), *base_from_gripper, positions);
   if (stated) return *stated;
   if (positions) throw InputError("joints: " + stated.reason());
   throw InputError("pose: " + stated.reason() + "; joints, those of the arm, would tell them");
@@ -89,13 +90,17 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
                                     const std::filesystem::path& file,
                                     const std::optional<DoubleArray>& base_from_gripper,
                                     const std::vector<double>& joints) {
-  const FinishedRun run = ReadFinishedRun(folder);
-  const StatedPose mount = CameraMount(run, base_from_gripper, joints);
-  Outcome<std::vector<LocatedTarget>> possible = Failure{""};
-  std::string reason;
+  std::optional<Rigid3d> gripper;
+  if (base_from_gripper) gripper = PosesFrom(*base_from_gripper).front();
+  ImageLocation location;
   {
     const cv::Mat image = grey ? MatOf(*grey) : cv::Mat();
     const pybind11::gil_scoped_release release;
+    const FinishedRun run = ReadFinishedRun(folder);
+    LocationRequest request;
+    request.result = &run.result;
+    request.target = run.target.get();
+    request.camera_mount = CameraMount(run, gripper, joints);
     CaptureDetection seen;
     if (grey) {
       seen.width_px = image.cols;
@@ -104,14 +109,14 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
     } else {
       seen = DetectCapture(*run.target, file);
     }
-    CheckImageSize(run, seen, grey ? "image" : file.string());
-    possible = LocateSymmetricTarget(run.result.setup, run.solution(), ObservationsOf(*run.target, seen.detection),
-                                     run.target->Symmetries(), mount);
-    reason = seen.detection.reason;
+    const std::string name = grey ? "image" : file.string();
+    CheckImageSize(run, seen, name);
+    location = LocateInImage(request, name, seen.detection);
   }
-  if (!possible) throw InputError(reason.empty() ? possible.reason() : reason);
+  if (!location.fault.empty()) throw InputError(location.fault);
   std::vector<pybind11::tuple> all;
-  for (const LocatedTarget& located : *possible) {
+  for (const PossiblePose& pose : location.possible) {
+    const LocatedTarget& located = pose.located;
     all.push_back(pybind11::make_tuple(ArrayOf(located.base_from_target), ArrayOf(located.covariance.TotalM2()),
                                        located.rms_px));
   }
@@ -129,7 +134,6 @@ std::string CalibratePoints(const std::string& setup, const std::string& target_
   Dataset data;
   data.name = "arrays";
   data.setup = *FindSetup(setup);
-  data.target = ParseTarget(target_yaml);
   if (camera) {
     data.camera = Camera{camera->first, width_px, height_px, camera->second};
     const std::string faults = CheckCamera(*data.camera);
@@ -156,6 +160,7 @@ std::string CalibratePoints(const std::string& setup, const std::string& target_
   std::string reason;
   {
     const pybind11::gil_scoped_release release;
+    data.target = ParseTarget(target_yaml);
     const Outcome<RunOutput> output = Run(data, options, &observer);
     if (output) {
       RunResult result = output->result;
@@ -176,6 +181,7 @@ std::string CalibratePoints(const std::string& setup, const std::string& target_
 void BindCaptures(pybind11::module_& module) {
   using pybind11::arg;
   module.def("target_ids", [](const std::string& target_yaml) {
+    const pybind11::gil_scoped_release release;
     const std::unique_ptr<Target> target = ParseTarget(target_yaml);
     std::vector<int> ids;
     for (const TargetPoint& point : target->points()) ids.push_back(point.id);

@@ -62,6 +62,7 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
 }
 
 std::string TableOf(const std::filesystem::path& result_file) {
+  const pybind11::gil_scoped_release release;
   return ResultTable(ReadResult(result_file), Colour::kPlain);
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#include <new>
 #include <string_view>
 
 #include <cairo-pdf.h>
@@ -13,6 +15,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
+#include "targets/render/cairo_status.h"
 #include "targets/render/sheet_layout.h"
 #include "targets/render/sheet_painter.h"
 #include "targets/render/stroke_text.h"
@@ -27,26 +30,30 @@ constexpr size_t kMaxPages = 400;
 // Rounds a number for display: no 12.000000000000002.
 double Rounded(double value) { return std::round(value * 1e9) / 1e9 + 0.0; }
 
-void Require(cairo_status_t status) {
-  // Memory streams cannot fail, and the sizes have been checked.
-  CHECK_EQ(status, CAIRO_STATUS_SUCCESS) << cairo_status_to_string(status);
-}
+struct SurfaceDeleter {
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+using Surface = std::unique_ptr<cairo_surface_t, SurfaceDeleter>;
 
+// Cairo calls this function, which no exception may leave.
 cairo_status_t Append(void* bytes, const unsigned char* data, unsigned int size) {
-  static_cast<std::string*>(bytes)->append(reinterpret_cast<const char*>(data), size);
+  try {
+    static_cast<std::string*>(bytes)->append(reinterpret_cast<const char*>(data), size);
+  } catch (const std::bad_alloc&) {
+    return CAIRO_STATUS_NO_MEMORY;
+  }
   return CAIRO_STATUS_SUCCESS;
 }
 
-// Draws all pages on `surface`, then finishes and destroys it.
-void PaintAndFinish(cairo_surface_t* surface, double units_per_mm, const Sheet& sheet) {
-  Require(cairo_surface_status(surface));
+// Draws all pages on `surface`, then finishes it.
+void PaintAndFinish(const Surface& surface, double units_per_mm, const Sheet& sheet) {
+  RequireCairo(cairo_surface_status(surface.get()));
   for (const SheetPage& page : sheet.pages) {
-    PaintSheetPage(sheet, page, units_per_mm, surface);
-    if (sheet.pages.size() > 1) cairo_surface_show_page(surface);
+    PaintSheetPage(sheet, page, units_per_mm, surface.get());
+    if (sheet.pages.size() > 1) cairo_surface_show_page(surface.get());
   }
-  cairo_surface_finish(surface);
-  Require(cairo_surface_status(surface));
-  cairo_surface_destroy(surface);
+  cairo_surface_finish(surface.get());
+  RequireCairo(cairo_surface_status(surface.get()));
 }
 
 // Replaces the text between the first `before` and the next `after`.
@@ -62,7 +69,7 @@ std::string Svg(const Sheet& sheet) {
   constexpr double kUnitsPerMm = 100;
   const Eigen::Vector2d size = kUnitsPerMm * sheet.page_mm;
   std::string bytes;
-  PaintAndFinish(cairo_svg_surface_create_for_stream(Append, &bytes, size.x(), size.y()), kUnitsPerMm, sheet);
+  PaintAndFinish(Surface(cairo_svg_surface_create_for_stream(Append, &bytes, size.x(), size.y())), kUnitsPerMm, sheet);
   ReplaceBetween(" width=\"", "\"", RoundTrip(Rounded(sheet.page_mm.x())) + "mm", &bytes);
   ReplaceBetween(" height=\"", "\"", RoundTrip(Rounded(sheet.page_mm.y())) + "mm", &bytes);
   // Cairo numbers the surfaces of a process; a fixed id gives equal bytes for equal sheets.
@@ -73,12 +80,12 @@ std::string Svg(const Sheet& sheet) {
 std::string Pdf(const Sheet& sheet) {
   const Eigen::Vector2d size = kPointsPerMm * sheet.page_mm;
   std::string bytes;
-  cairo_surface_t* const surface = cairo_pdf_surface_create_for_stream(Append, &bytes, size.x(), size.y());
+  const Surface surface(cairo_pdf_surface_create_for_stream(Append, &bytes, size.x(), size.y()));
   // The dates are fixed, so that equal sheets give equal bytes.
-  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
-  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");
-  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATOR, "heba");
-  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_TITLE, sheet.options.title.c_str());
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATOR, "heba");
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_TITLE, sheet.options.title.c_str());
   PaintAndFinish(surface, kPointsPerMm, sheet);
   return bytes;
 }
@@ -101,12 +108,11 @@ std::string Png(const Sheet& sheet) {
   const double pixels_per_mm = sheet.options.dpi / kMmPerInch;
   const auto whole = [](double pixels) { return static_cast<int>(std::ceil(pixels - 1e-6)); };
   const Eigen::Vector2d size = pixels_per_mm * sheet.page_mm;
-  cairo_surface_t* const surface = cairo_image_surface_create(CAIRO_FORMAT_A8, whole(size.x()), whole(size.y()));
-  Require(cairo_surface_status(surface));
-  PaintSheetPage(sheet, sheet.pages.front(), pixels_per_mm, surface);
+  const Surface surface(cairo_image_surface_create(CAIRO_FORMAT_A8, whole(size.x()), whole(size.y())));
+  RequireCairo(cairo_surface_status(surface.get()));
+  PaintSheetPage(sheet, sheet.pages.front(), pixels_per_mm, surface.get());
   std::string bytes;
-  Require(cairo_surface_write_to_png_stream(surface, Append, &bytes));
-  cairo_surface_destroy(surface);
+  RequireCairo(cairo_surface_write_to_png_stream(surface.get(), Append, &bytes));
 
   // Cairo does not write the resolution, so a chunk with it is inserted after the first one.
   constexpr size_t kEndOfHeader = 8 + 25;
@@ -170,16 +176,26 @@ struct Layout {
 
 constexpr double kRulersMm[] = {100, 50};
 
-// Returns the layout on a page of this width, without margins; the width for the longest ruler if `width_mm` is not
-// given.
+// Returns the side of the code with its quiet zone; 0 without a code.
+double CodeMm(const std::optional<QrCode>& code) {
+  return code ? (code->size + 2 * kQrQuietModules) * kSheetCodeModuleMm : 0;
+}
+
+// Returns the shorter side of what a page of several shows.
+double ShortSideMm(const Paper& paper, const SheetOptions& options) {
+  return std::min(paper.width_mm, paper.height_mm) - 2 * (options.margin_mm + kSheetFrameMm);
+}
+
+// Returns the layout on a page of this width, without margins; the width for the longest ruler of at most
+// `longest_ruler_mm` if `width_mm` is not given.
 Layout LayoutFor(const Target& target, const SheetOptions& options, const std::optional<QrCode>& code,
-                 const std::optional<double>& width_mm) {
-  const double quiet_mm = kQrQuietModules * kSheetCodeModuleMm;
-  const double code_mm = code ? code->size * kSheetCodeModuleMm + 2 * quiet_mm : 0;
+                 const std::optional<double>& width_mm, double longest_ruler_mm = kRulersMm[0]) {
+  const double code_mm = CodeMm(code);
   const double code_room_mm = code ? code_mm + kSheetGapMm : 0;
   const Eigen::Vector2d drawing_mm = 1000 * (target.Draw().max_m - target.Draw().min_m);
   Layout layout;
   for (const double ruler_mm : kRulersMm) {
+    if (ruler_mm > longest_ruler_mm) continue;
     layout.ruler_mm = ruler_mm;
     layout.least_page_mm.x() = kSheetBandMm + std::max(drawing_mm.x(), ruler_mm + 1 + code_room_mm);
     if (!width_mm || layout.least_page_mm.x() <= *width_mm) break;
@@ -278,9 +294,16 @@ std::string SheetOptions::Check() const {
   if (!(margin_mm >= 0 && margin_mm <= 1000)) faults.push_back("margin_mm must be from 0 to 1000");
   if (config.size() > kMaxQrBytes)
     faults.push_back("config must have at most " + std::to_string(kMaxQrBytes) + " bytes");
-  constexpr double kLeastRoomMm = 50;
-  if (paper && std::min(paper->width_mm, paper->height_mm) - 2 * (margin_mm + kSheetFrameMm) < kLeastRoomMm) {
-    faults.push_back("paper must leave " + ShownMm(kLeastRoomMm) + " mm between its margins");
+  if (paper) {
+    // Of pages that the sheet is spread over, one shows the whole of the shorter ruler beside the band, and one the
+    // code.
+    const bool has_code = !config.empty() && config.size() <= kMaxQrBytes;
+    const double least_mm =
+        std::max(kSheetBandMm + kRulersMm[1] + 1, CodeMm(has_code ? std::optional(EncodeQr(config)) : std::nullopt));
+    if (ShortSideMm(*paper, *this) < least_mm) {
+      faults.push_back("paper must leave " + ShownMm(least_mm) +
+                       " mm between its margins and the marks inside of them");
+    }
   }
   return Join(faults, "\n");
 }
@@ -305,14 +328,26 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
   // On several pages, the frame of each page is the margin.
   const bool is_spread = options.paper && !choice;
   sheet.margin_mm = is_spread ? 0 : options.margin_mm;
-  const Layout layout =
-      choice ? choice->layout : LayoutFor(target, sheet.options, sheet.code, /*width_mm=*/std::nullopt);
+  // Each ruler is whole on one page, whichever way the pages lie.
+  const double side_room_mm = is_spread ? ShortSideMm(*options.paper, options) : INFINITY;
+  const bool has_long_ruler = kSheetBandMm + kRulersMm[0] + 1 <= side_room_mm;
+  Layout layout = choice ? choice->layout
+                         : LayoutFor(target, sheet.options, sheet.code, /*width_mm=*/std::nullopt,
+                                     kRulersMm[has_long_ruler ? 0 : 1]);
+  // The strip is whole on one page too: a wider sheet has fewer lines of small print.
+  constexpr double kWidthStepMm = 50;
+  for (double width_mm = layout.least_page_mm.x(); layout.strip_mm > side_room_mm;) {
+    width_mm += kWidthStepMm;
+    layout = LayoutFor(target, sheet.options, sheet.code, width_mm, layout.ruler_mm);
+    layout.least_page_mm.x() = std::max(layout.least_page_mm.x(), width_mm);
+  }
   sheet.size_mm = choice ? choice->page_mm : Eigen::Vector2d(layout.least_page_mm.array() + 2 * sheet.margin_mm);
   sheet.ruler_mm = layout.ruler_mm;
   sheet.small_print = layout.small_print;
   sheet.strip_mm = layout.strip_mm + sheet.margin_mm;
   for (const double ruler_mm : {kRulersMm[1], kRulersMm[0]}) {
-    if (ruler_mm + 1 <= sheet.size_mm.y() - 2 * sheet.margin_mm) sheet.side_ruler_mm = ruler_mm;
+    const double room_mm = std::min(sheet.size_mm.y() - 2 * sheet.margin_mm, side_room_mm);
+    if (ruler_mm + 1 <= room_mm) sheet.side_ruler_mm = ruler_mm;
   }
   // On paper the drawing is in the middle of the room beside the band and above the strip.
   const double above_mm = sheet.drawing.y_up ? kSheetPlainRoomMm : kSheetMarkRoomMm;
@@ -397,6 +432,11 @@ std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path) {
     json["points"].push_back(entry);
   }
   return json.dump(1) + "\n";
+}
+
+bool IsSheetJson(const std::string& text) {
+  const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_object() && json.contains("page_mm") && json.contains("dpi") && json.contains("points");
 }
 
 }  // namespace heba

@@ -69,6 +69,10 @@ struct Sheet {
   int NumPageColumns() const { return pages.back().column + 1; }
 };
 
+// Lays out the sheet of a target; `options.Check()` must be empty. On a paper the sheet has one page, upright or on its
+// side, if it fits; otherwise it is spread over pages of that paper, as few as possible, each of which shows as much as
+// it can. Each ruler, the strip in its height, and the code are whole on one of them; Check() requires the room for it.
+// Nothing is written, and no limit of WriteSheet is checked.
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
 // Returns the smallest paper on which the target has one page, from the series of the options' paper if that has one;
@@ -85,5 +89,7 @@ void WriteSheet(const Sheet& sheet, const std::filesystem::path& path);
 // Returns SHEET.json (docs/manual/targets.md) for the sheet written to `path`, whose suffix decides whether there is a
 // dpi.
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path);
+// Returns whether a text is a SHEET.json.
+bool IsSheetJson(const std::string& text);
 
 }  // namespace heba

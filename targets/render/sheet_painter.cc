@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "targets/render/cairo_status.h"
 #include "targets/render/sheet_layout.h"
 #include "targets/render/stroke_text.h"
 
@@ -49,8 +49,7 @@ class SheetPainter {
     PaintAxes();
     PaintSideRuler();
     PaintStrip();
-    // The surface has memory of a size that has been checked, or a memory stream: it cannot fail.
-    CHECK_EQ(cairo_status(context_), CAIRO_STATUS_SUCCESS) << cairo_status_to_string(cairo_status(context_));
+    RequireCairo(cairo_status(context_));
   }
 
  private:

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -28,51 +30,63 @@ std::string Grid(const char* type, int columns, int rows) {
          "\n";
 }
 
-// The YAML of a target whose main length is `unit_mm`.
-std::string CodedBoard(int unit_mm, int columns, int rows) {
-  return Grid("coded_board", columns, rows) + "spacing: " + Mm(unit_mm) + "\ndot_diameter: " + Mm(0.3 * unit_mm) + "\n";
+// A target as proposed.
+struct Design {
+  std::string config;     // Its YAML.
+  double feature_mm = 0;  // The size of the smallest part that must be resolved (Proposal::feature).
+};
+
+// The target whose main length is `unit_mm`.
+Design CodedBoard(int unit_mm, int columns, int rows) {
+  const double dot_mm = 0.3 * unit_mm;
+  return {Grid("coded_board", columns, rows) + "spacing: " + Mm(unit_mm) + "\ndot_diameter: " + Mm(dot_mm) + "\n",
+          dot_mm};
 }
 
-std::string AprilTagGrid(int unit_mm, int columns, int rows) {
-  return Grid("apriltag_grid", columns, rows) + "family: tag36h11\ntag_size: " + Mm(unit_mm) + "\ntag_spacing: 0.3\n";
+Design AprilTagGrid(int unit_mm, int columns, int rows) {
+  constexpr double kCells = 8;  // Across a tag of this family, with its border.
+  return {Grid("apriltag_grid", columns, rows) + "family: tag36h11\ntag_size: " + Mm(unit_mm) + "\ntag_spacing: 0.3\n",
+          unit_mm / kCells};
 }
 
-std::string Chessboard(int unit_mm, int columns, int rows) {
-  return Grid("chessboard", columns, rows) + "square: " + Mm(unit_mm) + "\n";
+Design Chessboard(int unit_mm, int columns, int rows) {
+  return {Grid("chessboard", columns, rows) + "square: " + Mm(unit_mm) + "\n", static_cast<double>(unit_mm)};
 }
 
-std::string Charuco(int unit_mm, int columns, int rows) {
+Design Charuco(int unit_mm, int columns, int rows) {
   const int num_markers = rows * columns / 2;
   const char* const dictionary = num_markers <= 50    ? "DICT_4X4_50"
                                  : num_markers <= 100 ? "DICT_4X4_100"
                                                       : "DICT_4X4_250";
-  return Grid("charuco", columns, rows) + "square: " + Mm(unit_mm) + "\nmarker: " + Mm(std::floor(0.75 * unit_mm)) +
-         "\ndictionary: " + dictionary + "\n";
+  const double marker_mm = std::floor(0.75 * unit_mm);
+  constexpr double kCells = 6;  // Across a marker of these dictionaries, with its border.
+  return {Grid("charuco", columns, rows) + "square: " + Mm(unit_mm) + "\nmarker: " + Mm(marker_mm) +
+              "\ndictionary: " + dictionary + "\n",
+          marker_mm / kCells};
 }
 
-std::string CircleGrid(int unit_mm, int columns, int rows) {
-  return Grid("circle_grid", columns, rows) + "spacing: " + Mm(unit_mm) + "\ndot_diameter: " + Mm(0.5 * unit_mm) +
-         "\nmarker_dot: true\n";
+Design CircleGrid(int unit_mm, int columns, int rows) {
+  const double dot_mm = 0.5 * unit_mm;
+  return {Grid("circle_grid", columns, rows) + "spacing: " + Mm(unit_mm) + "\ndot_diameter: " + Mm(dot_mm) +
+              "\nmarker_dot: true\n",
+          dot_mm};
 }
 
 // How targets of a type are proposed.
 struct Proposal {
   std::string_view name;
   std::string_view feature;
-  double feature_per_unit;  // Size of the feature relative to the main length.
   // The least size of the feature from which on all points are found in nearly every image with a tilt of up to 35 deg,
   // a blur of 0.7 px and a noise of 2 grey (docs/manual/targets.md has the measurements).
   double least_px;
   int least_columns;
   int least_rows;
-  std::string (*config)(int unit_mm, int columns, int rows);
+  Design (*design)(int unit_mm, int columns, int rows);
 };
 constexpr Proposal kProposals[] = {
-    {"coded_board", "a dot", 0.3, 6, 3, 3, CodedBoard},
-    {"apriltag_grid", "a cell of a tag", 1.0 / 8, 4.5, 2, 2, AprilTagGrid},
-    {"chessboard", "a square", 1, 4, 4, 3, Chessboard},
-    {"charuco", "a cell of a marker", 0.7 / 6, 3, 4, 3, Charuco},
-    {"circle_grid", "a dot", 0.5, 7, 4, 3, CircleGrid},
+    {"coded_board", "a dot", 6, 3, 3, CodedBoard},   {"apriltag_grid", "a cell of a tag", 4.5, 2, 2, AprilTagGrid},
+    {"chessboard", "a square", 4, 4, 3, Chessboard}, {"charuco", "a cell of a marker", 3, 4, 3, Charuco},
+    {"circle_grid", "a dot", 7, 4, 3, CircleGrid},
 };
 
 // Captures may be farther away than the distance by this factor.
@@ -83,6 +97,9 @@ constexpr double kLeastFound = 0.95;
 constexpr int kUnitStepMm = 5;
 constexpr int kLargestUnitMm = 500;
 constexpr int kMaxSide = 40;  // The most rows, and the most columns.
+// The most patterns of one main length that are rendered: a pattern that reaches beyond the image, for example with a
+// principal point off its middle, may have a neighbour that does not. More would take too long.
+constexpr size_t kMaxTried = 3;
 
 Eigen::Vector2d DrawingMm(const Target& target) { return 1000 * (target.Draw().max_m - target.Draw().min_m); }
 
@@ -153,15 +170,15 @@ class PatternFitter {
     for (const int axis : {0, 1}) px_per_m_[axis] = AxialFocalLength(options.camera, axis) / options.distance_m;
   }
 
-  double FeaturePx(int unit_mm) const { return 1e-3 * unit_mm * proposal_.feature_per_unit * px_per_m_.minCoeff(); }
+  double FeaturePx(int unit_mm) const { return 1e-3 * LeastDesign(unit_mm).feature_mm * px_per_m_.minCoeff(); }
 
-  // Returns the pattern with the most information that fits; nothing if none does.
-  std::optional<Suggestion> Fit(int unit_mm) const {
+  // Returns the patterns with the most information that fit, at most kMaxTried.
+  std::vector<Suggestion> Fit(int unit_mm) const {
     const int columns = proposal_.least_columns;
     const int rows = proposal_.least_rows;
     const Eigen::Vector2d least_mm = LeastMm(unit_mm);
     const Eigen::Vector2d pitch_mm =
-        DrawingMm(*ParseTarget(proposal_.config(unit_mm, columns + 1, rows + 1))) - least_mm;
+        DrawingMm(*ParseTarget(proposal_.design(unit_mm, columns + 1, rows + 1).config)) - least_mm;
     const Eigen::Vector2d most_mm = MostInImageMm();
     struct Pattern {
       int columns;
@@ -179,10 +196,13 @@ class PatternFitter {
     }
     std::stable_sort(patterns.begin(), patterns.end(),
                      [](const Pattern& a, const Pattern& b) { return a.information > b.information; });
+    std::vector<Suggestion> suggestions;
     for (const Pattern& pattern : patterns) {
-      if (std::optional<Suggestion> suggestion = Try(unit_mm, pattern.columns, pattern.rows)) return suggestion;
+      std::optional<Suggestion> suggestion = Try(unit_mm, pattern.columns, pattern.rows);
+      if (suggestion) suggestions.push_back(std::move(*suggestion));
+      if (suggestions.size() == kMaxTried) break;
     }
-    return std::nullopt;
+    return suggestions;
   }
 
   // Returns whether the smallest pattern fits into the image and, roughly, on the paper.
@@ -210,10 +230,12 @@ class PatternFitter {
  private:
   Eigen::Vector2d ImagePx() const { return {options_.camera.width_px, options_.camera.height_px}; }
 
-  // Returns the size of the smallest pattern.
-  Eigen::Vector2d LeastMm(int unit_mm) const {
-    return DrawingMm(*ParseTarget(proposal_.config(unit_mm, proposal_.least_columns, proposal_.least_rows)));
+  Design LeastDesign(int unit_mm) const {
+    return proposal_.design(unit_mm, proposal_.least_columns, proposal_.least_rows);
   }
+
+  // Returns the size of the smallest pattern.
+  Eigen::Vector2d LeastMm(int unit_mm) const { return DrawingMm(*ParseTarget(LeastDesign(unit_mm).config)); }
 
   // Returns the largest size that a drawing may have in the image.
   Eigen::Vector2d MostInImageMm() const {
@@ -236,7 +258,8 @@ class PatternFitter {
   // Returns the target if it has not too many points, no symmetry, and one page.
   std::optional<Suggestion> Try(int unit_mm, int columns, int rows) const {
     Suggestion suggestion;
-    suggestion.config = proposal_.config(unit_mm, columns, rows);
+    const Design design = proposal_.design(unit_mm, columns, rows);
+    suggestion.config = design.config;
     std::unique_ptr<Target> target;
     try {
       target = ParseTarget(suggestion.config);
@@ -250,7 +273,7 @@ class PatternFitter {
     suggestion.drawing_mm = DrawingMm(*target);
     suggestion.page_mm = sheet.page_mm;
     suggestion.feature = proposal_.feature;
-    suggestion.feature_px = FeaturePx(unit_mm);
+    suggestion.feature_px = 1e-3 * design.feature_mm * px_per_m_.minCoeff();
     suggestion.information = Information(suggestion.drawing_mm, columns * rows, unit_mm);
     const Eigen::Vector2d share = (1e-3 * suggestion.drawing_mm).cwiseProduct(px_per_m_).cwiseQuotient(ImagePx());
     suggestion.width_share = share.x();
@@ -288,10 +311,10 @@ Outcome<Suggestion> SuggestTarget(const SuggestionOptions& options) {
   for (int unit_mm = kUnitStepMm; unit_mm <= kLargestUnitMm; unit_mm += kUnitStepMm) {
     if (fitter.FeaturePx(unit_mm) < least_px) continue;
     if (least_unit_mm == 0) least_unit_mm = unit_mm;
-    std::optional<Suggestion> suggestion = fitter.Fit(unit_mm);
-    // Larger ones do not fit either, unless this one has too many points.
-    if (!suggestion && !fitter.FitsLeast(unit_mm)) break;
-    if (suggestion) suggestions.push_back(*suggestion);
+    std::vector<Suggestion> best = fitter.Fit(unit_mm);
+    // Larger ones do not fit either, unless these have too many points.
+    if (best.empty() && !fitter.FitsLeast(unit_mm)) break;
+    std::move(best.begin(), best.end(), std::back_inserter(suggestions));
   }
   std::stable_sort(suggestions.begin(), suggestions.end(),
                    [](const Suggestion& a, const Suggestion& b) { return a.information > b.information; });

@@ -52,12 +52,14 @@ inline constexpr double kTrialNoiseGrey = 2;
 std::vector<std::string> SuggestedTypes();
 
 // Returns the target of this type with the most information on its pose that has at most kMaxSuggestedPoints points and
-// - has one page of the paper, and lengths that are multiples of 5 mm;
+// - has one page of the paper, and a main length (the spacing, the side of a tag or of a square) that is a multiple of
+//   5 mm;
 // - takes at most half of the image's height and 0.6 of its width at the distance;
 // - has parts that are detected even at 1.25 times the distance;
 // - has no symmetry;
-// - is found in a rendered image at the distance, at least 0.95 of its points.
-// Returns a Failure if there is none.
+// - is found in a rendered image at the distance, at least 0.95 of its points. Of each main length only the three
+//   patterns with the most information are rendered.
+// Returns a Failure if none of those is found, or if there is none.
 Outcome<Suggestion> SuggestTarget(const SuggestionOptions& options);
 inline constexpr size_t kMaxSuggestedPoints = 160;
 

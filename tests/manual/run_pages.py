@@ -1,21 +1,26 @@
 #!/usr/bin/env python3
 """Runs every command on pages of the manual and compares its output with the page's.
 
-    run_pages.py PROGRAM SOURCE [--update] PAGE.md...
+    run_pages.py PROGRAM SOURCE [--update] [--without-commands=NAME.md]... PAGE.md...
 
 Each page runs in a folder of its own that holds a copy of `configs` and has `heba` on its path. In the page,
 - a block ```sh is run by bash, all of its lines together; the ```text block directly after it is the output that is
-  expected, standard output and errors together;
+  expected, standard output and errors together; a ```text block anywhere else is a fault;
 - a block ```python is run by the Python that runs this program; the code of a page shares its names;
 - `<!-- file: NAME -->` before a block writes the block to that file;
 - `<!-- before: COMMAND -->` runs a command that the page does not show;
 - `<!-- status: N -->` before an ```sh block states the exit status, which is otherwise 0;
 - `<!-- not run: REASON -->` before a block leaves it out, and the reason is printed;
+- `<!-- not compared: REASON -->` before a ```text block states that it is no output, and the reason is printed;
 - `<!-- needs: NAME -->` links the recorded data set NAME (HEBA_DATA_DIR, or shared/data beside the source) as
   recorded/NAME; without it, the rest of the page is skipped and the name is printed.
 
-Numbers may differ by 3 % or by two units of the last digit that the page shows; in a text block, `...` alone on a line
-stands for any lines and at the end of a line for any rest. --update writes the outputs into the blocks without `...`.
+A page without a command is a fault, unless --without-commands names it; a page that is named must have none.
+
+Numbers with decimals may differ by 3 %, by one unit of the last digit that the page shows, or by two if these are at
+most 20 %; numbers with an exponent by 3 %, or by two units of the last digit if these are at most 20 %. The sign must
+be the same. In a text block, `...` alone on a line stands for any lines and at the end of a line for any rest. --update
+writes the outputs into the blocks without `...`.
 """
 
 import os
@@ -28,20 +33,26 @@ from pathlib import Path
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 RELATIVE = 0.03
+RELATIVE_OF_UNITS = 0.2
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-COMMENT = re.compile(r"^<!-- (file|before|status|not run|needs)(?:: (.*?))? -->$", re.MULTILINE)
+COMMENT = re.compile(r"^<!-- (file|before|status|not run|not compared|needs)(?:: (.*?))? -->$", re.MULTILINE)
 
 
 def is_near(shown, actual):
     """Returns true if a number agrees with the number on the page, to the digits that are shown there."""
     if shown == actual:
         return True
-    digits = len(shown.partition("e")[0].partition(".")[2])
-    exponent = int(shown.partition("e")[2] or 0)
-    expected = float(shown)
+    expected, other = float(shown), float(actual)
+    mantissa, has_exponent, exponent = shown.partition("e")
+    digits = len(mantissa.partition(".")[2])
     # Whole numbers are often counts, which must be exact.
-    unit = 2 * 10.0 ** (exponent - digits) if digits or exponent else 0
-    return abs(float(actual) - expected) <= max(RELATIVE * abs(expected) if unit else 0, unit) * (1 + 1e-9)
+    if expected * other < 0 or not (digits or has_exponent):
+        return expected == other
+    unit = 10.0 ** (int(exponent or 0) - digits)
+    tolerance = max(RELATIVE * abs(expected), min(2 * unit, RELATIVE_OF_UNITS * abs(expected)))
+    if not has_exponent:
+        tolerance = max(tolerance, unit)
+    return abs(other - expected) <= tolerance * (1 + 1e-9)
 
 
 def agrees(shown, actual):
@@ -94,6 +105,7 @@ class Page:
         self.text = file.read_text()
         self.names = {}
         self.commands = 0
+        self.is_skipped = False  # True if the rest of the page needs a data set that is not there.
         self.faults = []
         self.notes = []
         shutil.copytree(source / "configs", folder / "configs")
@@ -160,6 +172,7 @@ class Page:
                         self.fail(place, f"'{value}' ends with status {status}:\n{printed}")
                 elif name == "needs":
                     if not self.link(value):
+                        self.is_skipped = True
                         break
                 else:
                     directives[name] = value
@@ -183,13 +196,20 @@ class Page:
                 continue
             elif language == "python":
                 self.commands += 1
+                output = ""
                 try:
                     output = self.python(code, place)
-                except Exception as error:  # The page's code may raise anything.
+                except KeyboardInterrupt:
+                    raise
+                except BaseException as error:  # The page's code may raise anything, SystemExit too.
                     self.fail(place, f"the code raises {type(error).__name__}: {error}")
                 directives = {}
                 continue
-            elif language == "text" and output is not None:
+            elif "not compared" in directives:
+                self.notes.append(f"not compared ({directives['not compared']}): {lines_of(code)[0]}")
+            elif language == "text" and output is None:
+                self.fail(place, "the text block does not follow a command, so nothing is compared with it")
+            elif language == "text":
                 difference = first_difference(lines_of(code), lines_of(output))
                 if update and not any(line.endswith("...") for line in lines_of(code)):
                     changes.append((block.start(2), block.end(2), "\n".join(lines_of(output)) + "\n"))
@@ -205,7 +225,9 @@ class Page:
 
 def main(arguments):
     update = "--update" in arguments
-    program, source, *files = [Path(word).resolve() for word in arguments if word != "--update"]
+    flag = "--without-commands="
+    without = {word[len(flag) :] for word in arguments if word.startswith(flag)}
+    program, source, *files = [Path(word).resolve() for word in arguments if not word.startswith("--")]
     commands = 0
     faults = []
     with tempfile.TemporaryDirectory() as folder:
@@ -214,6 +236,10 @@ def main(arguments):
             work = Path(folder) / f"page{number}"
             page = Page(file, source, work)
             page.run(update)
+            if page.commands == 0 and not page.is_skipped and file.name not in without:
+                page.fail(0, "the page has no command; --without-commands states that it needs none")
+            if page.commands > 0 and file.name in without:
+                page.fail(0, "the page has commands, but --without-commands names it")
             commands += page.commands
             faults += page.faults
             for note in page.notes:
@@ -222,7 +248,7 @@ def main(arguments):
             shutil.rmtree(work)
     print("\n".join(faults))
     print(f"{commands} commands on {len(files)} pages, {len(faults)} faults")
-    return 1 if faults or commands == 0 else 0
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":

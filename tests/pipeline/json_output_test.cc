@@ -14,8 +14,10 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 using Numbers = std::vector<double>;
 
@@ -157,6 +159,23 @@ TEST_F(JsonOutputTest, ImagesWithoutATargetHaveAReason) {
   EXPECT_FALSE(image["located"].get<bool>());
   EXPECT_NE(image["reason"], "");
   EXPECT_TRUE(image["rms_px"].is_null());
+}
+
+// The other images are located all the same.
+TEST_F(JsonOutputTest, ImagesThatCannotBeReadHaveAReason) {
+  WriteAll(*folder_ / "small.pgm", "P5\n64 48\n255\n" + std::string(64 * 48, '\x10'));
+  const std::vector<std::string> call = {"locate", Path("run"), Path("none.png"), Path("small.pgm"),
+                                         image_,   "--pixels",  "320,240"};
+  const auto [json, text] = Both(call);
+  EXPECT_EQ(RunHeba(call).status, 2);
+  EXPECT_THAT(RunHeba(call).err,
+              AllOf(HasSubstr("none.png: there is no such file"), HasSubstr("small.pgm: is 64 x 48 px")));
+  ASSERT_EQ(json["images"].size(), 3U);
+  EXPECT_THAT(json["images"][0]["reason"].get<std::string>(), StartsWith("there is no such file"));
+  EXPECT_THAT(json["images"][1]["reason"].get<std::string>(), StartsWith("is 64 x 48 px"));
+  EXPECT_FALSE(json["images"][0]["located"].get<bool>());
+  EXPECT_TRUE(json["images"][2]["located"].get<bool>());
+  EXPECT_THAT(text, HasSubstr("pixel 320.000, 240.000: ["));
 }
 
 TEST_F(JsonOutputTest, DetectCountsPoints) {

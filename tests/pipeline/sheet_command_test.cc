@@ -60,6 +60,47 @@ TEST_F(SheetCommandTest, LargerSheetsThanThePaperAreNoPng) {
   EXPECT_FALSE(std::filesystem::exists(Path("sheet.png")));
 }
 
+// YAML may be written as JSON: the description of the sheet has the name of such a target's file.
+TEST_F(SheetCommandTest, OtherFilesAreNotReplaced) {
+  constexpr char kTarget[] = R"({"type": "chessboard", "rows": 6, "columns": 9, "square": "15 mm"})";
+  constexpr char kOther[] = R"({"serial": 7})";
+  WriteAll(folder_ / "target.json", kTarget);
+  WriteAll(folder_ / "target.pdf", kTarget);
+  WriteAll(folder_ / "other.json", kOther);
+  struct Call {
+    std::string target;
+    std::string sheet;
+    std::string part;
+  };
+  const Call calls[] = {{"target.json", "target.pdf", "target.json would replace the file of the target"},
+                        {"target.pdf", "target.pdf", "target.pdf would replace the file of the target"},
+                        {"small.yaml", "other.pdf", "other.json would be replaced, which does not describe a sheet"}};
+  for (const Call& call : calls) {
+    const CommandResult result = RunHeba({"target", Path(call.target), "--out", Path(call.sheet)});
+    EXPECT_EQ(result.status, 2);
+    EXPECT_THAT(result.err, AllOf(HasSubstr(call.part), HasSubstr("choose another name")));
+  }
+  EXPECT_EQ(ReadAll(Path("target.json")), kTarget);
+  EXPECT_EQ(ReadAll(Path("target.pdf")), kTarget);
+  EXPECT_EQ(ReadAll(Path("other.json")), kOther);
+  EXPECT_FALSE(std::filesystem::exists(Path("other.pdf")));
+  // The description of a sheet is replaced together with the sheet.
+  for (const char* target : {"large.yaml", "small.yaml"}) {
+    EXPECT_EQ(RunHeba({"target", Path(target), "--out", Path("sheet.pdf")}).status, 0);
+  }
+}
+
+// The image of an A0 sheet takes 700 MB.
+TEST_F(SheetCommandTest, RunningOutOfMemoryFails) {
+  if (HEBA_SANITIZE) GTEST_SKIP() << "a sanitizer needs more address space than the limit";
+  const CommandResult result =
+      RunHeba({"target", Path("large.yaml"), "--paper", "a0", "--dpi", "690", "--out", Path("sheet.png")},
+              "ulimit -v 700000; HEBA_CACHE=");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_EQ(result.err, "heba: error: out of memory\n");
+  EXPECT_FALSE(std::filesystem::exists(Path("sheet.png")));
+}
+
 TEST_F(SheetCommandTest, SuggestionIsATargetWhoseSheetFitsOnThePaper) {
   const std::vector<std::string> call = {"target",     "--suggest", "--paper",  "letter",
                                          "--distance", "0.6 m",     "--camera", Path("camera.yaml")};
@@ -98,7 +139,9 @@ TEST_F(SheetCommandTest, WrongFlagsAreNamed) {
       {{"target"}, "takes TARGET.yaml, or --suggest"},
       {{"target", small, small}, "takes [TARGET.yaml], not 2 arguments"},
       {{"target", small, "--out", Path("a.pdf"), "--paper", "a44"}, "did you mean 'a4'?"},
-      {{"target", small, "--out", Path("a.pdf"), "--camera", camera}, "belong to --suggest"},
+      {{"target", small, "--out", Path("a.pdf"), "--camera", camera}, "--camera belongs to --suggest"},
+      {{"target", small, "--out", Path("a.pdf"), "--distance", "1 m"}, "--distance belongs to --suggest"},
+      {{"target", small, "--out", Path("a.pdf"), "--target-type", "coded_board"}, "--target-type belongs to --suggest"},
       {{"target", small, "--suggest"}, "takes no"},
       {{"target", "--suggest", "--paper", "a4", "--camera", camera}, "--distance is missing"},
       {{"target", "--suggest", "--paper", "a4", "--camera", camera, "--distance", "0.6"}, "--distance: '0.6'"},
@@ -106,6 +149,8 @@ TEST_F(SheetCommandTest, WrongFlagsAreNamed) {
       {{"target", "--suggest", "--paper", "a4", "--camera", Path("none.yaml"), "--distance", "1 m"}, "no such file"},
       {{"target", "--suggest", "--paper", "a4", "--camera", camera, "--distance", "1 m", "--target-type", "chesboard"},
        "did you mean 'chessboard'?"},
+      {{"target", "--suggest", "--paper", "a4", "--camera", camera, "--distance", "1 mm", "--target-type", "none"},
+       "not 'none'; the distance must be from 10 mm to 100 m"},
       {{"target", "--suggest", "--paper", "a4", "--camera", camera, "--distance", "1 m", "--out", Path("a.pdf")},
        "is written as .yaml"},
   };

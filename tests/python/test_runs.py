@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import threading
@@ -55,6 +56,23 @@ def test_dictionaries_are_configs(cell, tmp_path, monkeypatch):
     result = heba.run(config, settings=["evaluate.folds=3"], out=tmp_path / "run")
     assert result.verdict["grade"] == "good"
     assert set(cell.iterdir()) == before
+
+
+def test_a_position_without_a_valid_uncertainty_is_refused(cell, program_run, tmp_path):
+    shutil.copytree(program_run, tmp_path / "run")
+    file = tmp_path / "run" / "result.json"
+    result = json.loads(file.read_text())
+    # Every two of the hand-eye pose's parameters may be correlated like this, but not all of them together: the
+    # variance of the position along one of the base's axes becomes negative.
+    sigmas = 0.01 * np.array([1, 1, 1, -2, 2, -2])
+    covariance = np.outer(sigmas, sigmas) * (1.9 * np.eye(6) - 0.9)
+    for estimate in result["estimates"]:
+        if estimate["method"] == "bundle":
+            for i in range(6):
+                estimate["covariance"]["matrix"][i][:6] = covariance[i].tolist()
+    file.write_text(json.dumps(result))
+    with pytest.raises(heba.Error, match="not a finite number"):
+        heba.locate(tmp_path / "run", cell / "images" / "000.png")
 
 
 def test_progress_is_told_and_can_end_a_run(cell, tmp_path):
@@ -206,6 +224,17 @@ def test_settings_of_a_symptom_cure_it(cell):
     symptom = heba.doctor(cell / "config.yaml", settings=[wrong])[0]
     assert symptom.code == "pose_units" and len(symptom.settings) == 1
     assert not [one for one in heba.doctor(cell / "config.yaml", settings=symptom.settings) if one.is_wrong]
+
+
+def test_settings_cure_a_target_in_a_file_of_its_own(cell, tmp_path):
+    shutil.copytree(cell, tmp_path / "cell")
+    config = tmp_path / "cell" / "config.yaml"
+    assert "target: target.yaml" in config.read_text()
+    (config.parent / "target.yaml").write_text("{type: chessboard, rows: 5, columns: 8, square: 30 mm}")
+    symptom = heba.doctor(config)[0]
+    assert symptom.code == "target"
+    result = heba.run(config, settings=symptom.settings, out=tmp_path / "run")
+    assert np.abs(result.hand_eye - heba.run(cell / "config.yaml", out=tmp_path / "right").hand_eye).max() < 1e-6
 
 
 def test_unknown_names_have_suggestions(cell, program_run):

@@ -39,6 +39,12 @@ std::string FlagVariable(std::string name) {
   return name;
 }
 
+bool IsFlagGiven(const std::string& name) {
+  gflags::CommandLineFlagInfo info;
+  CHECK(gflags::GetCommandLineFlagInfo(FlagVariable(name).c_str(), &info)) << name;
+  return !info.is_default;
+}
+
 CommandFlag FlagOf(const std::string& name) {
   gflags::CommandLineFlagInfo info;
   CHECK(gflags::GetCommandLineFlagInfo(FlagVariable(name).c_str(), &info)) << name;

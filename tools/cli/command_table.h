@@ -27,6 +27,8 @@ const std::vector<Command>& Commands();
 
 // Returns gflags' own name of a flag: that of a variable, without hyphens.
 std::string FlagVariable(std::string name);
+// Returns whether a flag is on the command line, if only with its default.
+bool IsFlagGiven(const std::string& name);
 CommandFlag FlagOf(const std::string& name);
 // Returns the name of the flag with this short form; empty if there is none.
 std::string FlagOfLetter(char letter);

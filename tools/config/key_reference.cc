@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <type_traits>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
@@ -43,6 +44,26 @@ std::vector<std::string> WithAuto(std::vector<std::string> names) {
 }
 
 std::vector<std::string> PoseFormatNamesAndJoints() { return With(PoseFormatNames(), "joints"); }
+
+// A default in words.
+struct Described {
+  explicit Described(std::string default_words) : words(std::move(default_words)) {}
+  std::string words;
+};
+
+KeyEntry EntryOf(std::string_view document, std::string key, std::string value, std::string fallback,
+                 std::string meaning) {
+  return {document, std::move(key), std::move(value), std::move(fallback), std::move(meaning)};
+}
+KeyEntry EntryOf(std::string_view document, std::string key, std::string value, Described fallback,
+                 std::string meaning) {
+  return {document,
+          std::move(key),
+          std::move(value),
+          std::move(fallback.words),
+          std::move(meaning),
+          /*is_described=*/true};
+}
 
 constexpr char kUnits[] =
     "A length or an angle has its unit: 40 mm, 0.04 m, 5 deg, 0.1 rad, 0.3 px. Relative paths refer to the file that "
@@ -158,7 +179,7 @@ const std::vector<KeyDocument>& KeyDocuments() {
 
 const std::vector<KeyEntry>& KeyEntries() {
   static const std::vector<KeyEntry> entries = {
-#define HEBA_KEY(document, key, value, fallback, meaning) {#document, key, value, fallback, meaning},
+#define HEBA_KEY(document, key, value, fallback, meaning) EntryOf(#document, key, value, fallback, meaning),
 #include "tools/config/keys.def"
 #undef HEBA_KEY
   };

@@ -14,6 +14,7 @@ struct KeyEntry {
   std::string value;          // The values that can be written.
   std::string fallback;       // Begins with `required` or `optional`, or is the default.
   std::string meaning;
+  bool is_described = false;  // Whether the default is in words instead of a value that can be written.
 
   // Returns whether an absent key has a value.
   bool HasDefault() const { return !fallback.starts_with("required") && !fallback.starts_with("optional"); }

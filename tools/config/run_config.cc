@@ -37,7 +37,11 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
       return;
     }
   }
-  if (!config->data.target) config->data.target = ReadTarget(root, "target");
+  if (!config->data.target) {
+    config->data.target = ReadTarget(root, "target");
+    const ConfigValue value = root.Get("target").DownTo({"type", "target_type"});
+    config->has_target_keys = value.IsMap() && MapReader(value).Has("type");
+  }
   config->target_used = YAML::Dump(root.used()["target"]);
   std::set<int> known;
   for (const TargetPoint& point : config->data.target->points()) known.insert(point.id);

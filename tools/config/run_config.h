@@ -27,6 +27,9 @@ struct RunConfig {
   Dataset data;
   RunOptions options;
   std::string target_used;  // The target with every default filled in, as YAML.
+  // Whether the config itself holds the target in heba's keys, so that a setting target.KEY changes one of them.
+  // Otherwise the target is in a file of its own, in an imported data set, or in Kalibr's keys.
+  bool has_target_keys = false;
   std::filesystem::path poses_file;
   PoseReading pose_reading;
   std::vector<std::vector<double>> pose_numbers;  // Per capture, as in the poses file.

@@ -13,7 +13,7 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis);
 // Returns one JSON document with all symptoms, the worst first: {"schema": "heba/diagnosis/1", "heba", "name",
 // "captures", "seen", "wrong", "remarks", "symptoms": [{"grade": "wrong" or "remark", "code", "text", "action",
 // "settings": [{"key", "value"}]}]}. `seen` is the number of captures that determine a pose of the target. `settings`
-// are those that `action` changes (ConfigSetting); empty if the action is another change, or a choice between several.
+// make the changes of `action` (ConfigSetting); empty if one of these is another change, or a choice between several.
 std::string DiagnosisToJson(const std::string& name, const Diagnosis& diagnosis);
 
 }  // namespace heba

@@ -9,8 +9,7 @@
 namespace heba {
 
 struct ConfigSetting {
-  // From the root of the config, such as refine.robot_noise: a key of --set. If the target has a file of its own, the
-  // keys target.KEY are those of that file, which --set does not change.
+  // From the root of the config, such as refine.robot_noise: a key of --set.
   std::string key;
   std::string value;  // In YAML.
 

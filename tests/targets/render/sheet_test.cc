@@ -387,6 +387,40 @@ TEST(Sheet, RulersAndCodeAreNotDividedAmongPages) {
   }
 }
 
+// Returns 1900 bytes in words.
+std::string LongText() {
+  std::string text;
+  for (int i = 0; i < 380; ++i) text += "word ";
+  return text;
+}
+
+// The shorter rulers are taken if the pages have no room for the longer ones.
+TEST(Sheet, RulersAreWholeOnOnePageWhateverTheMargin) {
+  int num_possible = 0;
+  for (const double margin_mm : {5.0, 12.0, 15.0, 25.0, 33.0, 38.0, 40.0}) {
+    for (const auto& [width_m, height_m] : {std::pair(0.19, 0.26), std::pair(0.08, 0.9), std::pair(0.9, 0.08)}) {
+      FakeTarget target;
+      target.drawing.max_m = {width_m, height_m};
+      SheetOptions options;
+      options.paper = PaperOf("a5");
+      options.margin_mm = margin_mm;
+      options.config = margin_mm < 35 ? LongText() : "";
+      if (!options.Check().empty()) continue;
+      ++num_possible;
+      const Sheet sheet = MakeSheet(target, options);
+      ASSERT_GT(sheet.pages.size(), 1U);
+      const SheetPage& bottom_left = sheet.pages[sheet.pages.size() - static_cast<size_t>(sheet.NumPageColumns())];
+      EXPECT_GE(bottom_left.to_mm.x(), kSheetBandMm + sheet.ruler_mm + 1) << margin_mm;
+      EXPECT_LE(bottom_left.from_mm.y(), sheet.size_mm.y() - sheet.strip_mm) << margin_mm;
+      EXPECT_GE(sheet.pages[0].to_mm.y(), sheet.side_ruler_mm + 1) << margin_mm;
+      EXPECT_EQ(sheet.ruler_mm, margin_mm < 13 ? 100 : 50);
+      const double code_mm = sheet.code ? (sheet.code->size + 2 * kQrQuietModules) * kSheetCodeModuleMm : 0;
+      EXPECT_LE(sheet.pages.back().from_mm.x(), sheet.size_mm.x() - code_mm) << margin_mm;
+    }
+  }
+  EXPECT_EQ(num_possible, 6 * 3);  // A margin of 40 mm leaves too little.
+}
+
 TEST(Sheet, OnlyAPdfHasSeveralPages) {
   const TempFolder folder;
   SheetOptions options;
@@ -448,7 +482,9 @@ TEST(Sheet, ReportsInvalidOptions) {
   EXPECT_THAT(options.Check(), HasSubstr("margin_mm must be"));
   options.margin_mm = 60;
   options.paper = PaperOf("a5");
-  EXPECT_THAT(options.Check(), HasSubstr("paper must leave 50 mm"));
+  EXPECT_THAT(options.Check(), HasSubstr("paper must leave 61 mm"));
+  options.config = std::string(1900, 'x');
+  EXPECT_THAT(options.Check(), HasSubstr("paper must leave 67.6 mm"));
   options.config = std::string(3000, 'x');
   EXPECT_THAT(options.Check(), HasSubstr("config must have"));
 }

@@ -112,6 +112,28 @@ TEST(Suggestion, FailsIfNothingIsLargeEnough) {
   EXPECT_THAT(suggestion.reason(), HasSubstr("no coded_board on a5 suits this camera at 6.00 m: a dot needs"));
 }
 
+// A marker is a whole number of millimetres, and so less than 0.7 of the smallest square.
+TEST(Suggestion, CellsOfMarkersAreLargeEnoughAtAShortDistance) {
+  SuggestionOptions options = OptionsFor("charuco", "a4", 0.185);
+  options.camera = {"pinhole", 800, 600, {1200, 1200, 400, 300}};
+  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  ASSERT_TRUE(suggestion.ok()) << suggestion.reason();
+  const std::string before = "marker: ";
+  const double marker_mm = std::stod(suggestion->config.substr(suggestion->config.find(before) + before.size()));
+  const double cell_px = 1e-3 * marker_mm / 6 * 1200 / 0.185;
+  EXPECT_NEAR(suggestion->feature_px, cell_px, 1e-9);
+  EXPECT_GE(cell_px, 1.25 * 3);
+}
+
+// The optical axis is so far from the middle of the image that the pattern with the most information is cut off.
+TEST(Suggestion, TriesTheNextPatternIfTheBestIsNotFound) {
+  SuggestionOptions options = OptionsFor("chessboard", "a4", 0.26);
+  options.camera = {"pinhole", 1280, 960, {1200, 1200, 200, 160}};
+  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  ASSERT_TRUE(suggestion.ok()) << suggestion.reason();
+  EXPECT_GE(static_cast<double>(suggestion->num_found), 0.95 * static_cast<double>(suggestion->num_points));
+}
+
 TEST(Suggestion, ReportsInvalidOptions) {
   SuggestionOptions options = OptionsFor("coded_bord", "a4", -1);
   options.camera.width_px = 0;

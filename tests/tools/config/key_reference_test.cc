@@ -3,6 +3,7 @@
 
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -17,6 +18,7 @@
 #include "heba/target.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
+#include "tools/config/commented_config.h"
 #include "tools/config/rig_config.h"
 #include "tools/config/rig_scene_config.h"
 #include "tools/config/run_config.h"
@@ -53,6 +55,14 @@ Names KeysOfReader(const std::function<void()>& read) {
   for (const std::string& name : Split(error.substr(found + before.size()), ',')) names.insert(Trim(name));
   return names;
 }
+
+// Each type of target with its required keys, and those that only have a meaning with another.
+const std::pair<std::string, std::string> kTargets[] = {
+    {"coded_board", "rows: 6, columns: 7, spacing: 30 mm"},
+    {"apriltag_grid", "family: tag36h11, rows: 2, columns: 3, tag_size: 40 mm"},
+    {"chessboard", "rows: 6, columns: 7, square: 30 mm"},
+    {"charuco", "rows: 6, columns: 7, square: 30 mm, marker: 20 mm, dictionary: DICT_5X5_100"},
+    {"circle_grid", "rows: 6, columns: 7, spacing: 30 mm, marker_dot: true"}};
 
 class KeyReferenceTest : public testing::Test {
  protected:
@@ -192,14 +202,8 @@ TEST_F(KeyReferenceTest, StudyHasTheKeysOfItsReader) {
 }
 
 TEST_F(KeyReferenceTest, TargetsHaveTheKeysOfTheirReaders) {
-  const std::vector<std::pair<std::string, std::string>> targets = {
-      {"coded_board", "rows: 6, columns: 7, spacing: 30 mm"},
-      {"apriltag_grid", "family: tag36h11, rows: 2, columns: 3, tag_size: 40 mm"},
-      {"chessboard", "rows: 6, columns: 7, square: 30 mm"},
-      {"charuco", "rows: 6, columns: 7, square: 30 mm, marker: 20 mm, dictionary: DICT_5X5_100"},
-      {"circle_grid", "rows: 6, columns: 7, spacing: 30 mm, marker_dot: true"}};
-  EXPECT_EQ(targets.size(), TargetTypeNames().size());
-  for (const auto& [type, keys] : targets) {
+  EXPECT_EQ(std::size(kTargets), TargetTypeNames().size());
+  for (const auto& [type, keys] : kTargets) {
     const std::string text = "{type: " + type + ", " + keys + ", unknown_key: 1}";
     Names known = KeysOfReader([&] { ParseTarget(text); });
     EXPECT_EQ(known.erase("type"), 1U);
@@ -217,52 +221,122 @@ TEST_F(KeyReferenceTest, CameraAndPosesHaveTheKeysOfTheirReaders) {
   EXPECT_EQ(KeysOfReader([&] { ReadPoseFormat(ParseYaml(format, "format")); }), KeysOfTable("poses", ""));
 }
 
-// Compares each default that is one value with that of the config as used.
-void ExpectDefaults(std::string_view document, const YAML::Node& used) {
-  int num_compared = 0;
+// Expects that a value as used is the one that the table states. A quantity may be shown in another unit.
+void ExpectSameValue(const YAML::Node& used, const YAML::Node& stated, const std::string& key) {
+  ASSERT_EQ(used.IsSequence(), stated.IsSequence()) << key;
+  if (stated.IsSequence()) {
+    ASSERT_EQ(used.size(), stated.size()) << key;
+    for (size_t i = 0; i < stated.size(); ++i) ExpectSameValue(used[i], stated[i], key);
+    return;
+  }
+  const std::vector<std::string> words = Split(stated.Scalar(), ' ');
+  double expected = 0;
+  if (!ParseDouble(words[0], &expected)) {
+    EXPECT_EQ(used.Scalar(), stated.Scalar()) << key;
+    return;
+  }
+  double actual = 0;
+  if (words.size() == 1) {
+    EXPECT_TRUE(ParseDouble(used.Scalar(), &actual)) << key;
+  } else {
+    const std::map<std::string, Quantity> kinds = {{"mm", Quantity::kLength},
+                                                   {"deg", Quantity::kAngle},
+                                                   {"rad", Quantity::kAngle},
+                                                   {"px", Quantity::kPixels},
+                                                   {"grey", Quantity::kGreyLevels}};
+    ASSERT_EQ(kinds.count(words[1]), 1U) << key;
+    expected = ParseQuantity(stated.Scalar(), kinds.at(words[1])).value;
+    actual = ParseQuantity(used.Scalar(), kinds.at(words[1])).value;
+  }
+  EXPECT_NEAR(actual, expected, 1e-12) << key;
+}
+
+// Compares each default of a document that is a value with that of a file as used, whose keys begin with `prefix` in
+// the table, and erases the keys from `left`. Keys that the file does not show are left.
+void ExpectDefaults(std::string_view document, const YAML::Node& used, Names* left, const std::string& prefix = "") {
   for (const KeyEntry& entry : KeyEntries()) {
-    if (entry.document != document || entry.key.find('[') != std::string::npos) continue;
+    const std::string key = std::string(document) + " " + entry.key;
+    if (entry.document != document || !entry.key.starts_with(prefix) || left->count(key) == 0) continue;
     YAML::Node node;
     node.reset(used);
-    for (const std::string& name : Split(entry.key, '.')) {
-      if (node.IsMap()) node.reset(node[name]);
+    for (const std::string& name : Split(entry.key.substr(prefix.size()), '.')) {
+      if (node.IsMap()) node.reset(node[name.substr(0, name.find('['))]);
+      if (node.IsSequence() && name.ends_with("[]")) node.reset(node[0]);
     }
-    if (!node.IsScalar()) continue;
-    const std::vector<std::string> words = Split(entry.fallback, ' ');
-    double number = 0;
-    if (!ParseDouble(words[0], &number)) {
-      if (words.size() == 1 && words[0] != "required" && words[0] != "optional") {
-        EXPECT_EQ(node.Scalar(), entry.fallback) << entry.key;
-        ++num_compared;
-      }
-      continue;
-    }
-    // A quantity may be shown in another unit.
-    double actual = 0;
-    double expected = number;
-    if (words.size() == 1) {
-      EXPECT_TRUE(ParseDouble(node.Scalar(), &actual)) << entry.key;
-    } else {
-      const std::map<std::string, Quantity> kinds = {{"mm", Quantity::kLength},
-                                                     {"deg", Quantity::kAngle},
-                                                     {"rad", Quantity::kAngle},
-                                                     {"px", Quantity::kPixels},
-                                                     {"grey", Quantity::kGreyLevels}};
-      ASSERT_EQ(kinds.count(words[1]), 1U) << entry.key;
-      expected = ParseQuantity(entry.fallback, kinds.at(words[1])).value;
-      actual = ParseQuantity(node.Scalar(), kinds.at(words[1])).value;
-    }
-    EXPECT_NEAR(actual, expected, 1e-12) << entry.key;
-    ++num_compared;
+    if (!node.IsDefined() || node.IsMap() || node.IsNull() || entry.is_described) continue;
+    const YAML::Node stated = YAML::Load(entry.fallback);
+    // A study lists even one value.
+    if (document == "study" && node.IsSequence() && !stated.IsSequence()) node.reset(node[0]);
+    ExpectSameValue(node, stated, key);
+    left->erase(key);
   }
-  EXPECT_GT(num_compared, 5);
 }
 
 TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
-  ExpectDefaults("config", YAML::Load(ReadRunConfig(folder_ / "cell.yaml").used));
-  ExpectDefaults("scene", ReadSceneConfig(folder_ / "scene.yaml", {"motion.two_step={}", "robot.model=ur5e"}).used);
-  Write("study.yaml", "scenes: {one: scene.yaml}\n");
-  ExpectDefaults("study", YAML::Load(ReadStudyConfig(folder_ / "study.yaml").used));
+  Names left;
+  for (const KeyEntry& entry : KeyEntries()) {
+    if (entry.HasDefault()) left.insert(std::string(entry.document) + " " + entry.key);
+  }
+  const std::string folder = (folder_ / "").string();
+  const RunConfig config = ReadRunConfig(folder_ / "cell.yaml", {"evaluate.require=[{within: 1 mm}]"});
+  ExpectDefaults("config", YAML::Load(config.used), &left);
+  for (const std::vector<std::string>& settings :
+       {std::vector<std::string>{"captures.pose_format=joints", "captures.robot=" + folder + "arm.urdf",
+                                 "captures.poses=" + folder + "angles.csv"},
+        {"captures.pose_format="},
+        {"captures.joints=" + folder + "joints.csv"}}) {
+    ExpectDefaults("config", YAML::Load(ReadRunConfig(folder_ / "cell.yaml", settings).used), &left);
+  }
+  // The config as used states what is required, but not the probability that it omits.
+  EXPECT_EQ(config.options.requirements.at(0).confidence, 0.95);
+  EXPECT_EQ(left.erase("config evaluate.require[].confidence"), 1U);
+  ExpectDefaults("scene", ReadSceneConfig(folder_ / "scene.yaml", {"motion.two_step={}", "robot.model=ur5e"}).used,
+                 &left);
+  Write("study.yaml", "scenes: {one: scene.yaml}\ntarget_shape: [{}]\n");
+  ExpectDefaults("study", YAML::Load(ReadStudyConfig(folder_ / "study.yaml").used), &left);
+  const auto expect_target_defaults = [&](const std::string& type, const std::string& keys) {
+    MapReader reader(ParseYaml("{type: " + type + ", " + keys + "}", "target"));
+    CreateTarget(reader);
+    ExpectDefaults("targets", reader.used(), &left, type + ".");
+  };
+  expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
+  for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
+  // Words for values that depend on something else.
+  Names described;
+  for (const KeyEntry& entry : KeyEntries()) {
+    if (entry.is_described) described.insert(std::string(entry.document) + " " + entry.key);
+  }
+  for (const std::string& key : described) EXPECT_EQ(left.erase(key), 1U) << key;
+  // The data set that is found is recorded, and a format with the units.
+  EXPECT_EQ(left, (Names{"config captures.format", "config captures.units"}));
+}
+
+// What is a comment in a new config can be used as it stands there.
+TEST_F(KeyReferenceTest, CommentsOfANewConfigCanBeRead) {
+  Write("target.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}");
+  Write("camera.yaml", "{model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}");
+  Write("images/000.png", "x");
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n000.png,0,0,1,0,0,0,1\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\n");
+  std::string text;
+  Names names;
+  for (const KeyEntry& entry : KeyEntries()) {
+    if (entry.document == "config") names.merge(KeysOfTable("config", entry.key.substr(0, entry.key.find('.'))));
+  }
+  names.merge(KeysOfTable("config", ""));
+  int num_keys = 0;
+  for (const std::string& line : Split(CommentedConfig({}, {}), '\n')) {
+    const size_t begin = line.find("# ");
+    const size_t end = line.find(": ", begin + 2);
+    const bool is_key = begin != std::string::npos && end != std::string::npos &&
+                        names.count(line.substr(begin + 2, end - begin - 2)) > 0;
+    num_keys += is_key ? 1 : 0;
+    text += (is_key ? line.substr(0, begin) + line.substr(begin + 2) : line) + "\n";
+  }
+  EXPECT_EQ(num_keys, 15);
+  Write("new.yaml", text);
+  const RunConfig config = ReadRunConfig(folder_ / "new.yaml");
+  EXPECT_EQ(config.data.captures.size(), 2U);  // One is excluded.
+  EXPECT_EQ(config.output, folder_ / "runs/cell");
 }
 
 TEST_F(KeyReferenceTest, OneKeyOrMappingIsPrinted) {

@@ -113,8 +113,8 @@ TEST_F(RawFolderTest, ConfigLeavesOpenWhatIsUnknown) {
   // The unknown keys are comments.
   EXPECT_FALSE(config["setup"].IsDefined());
   EXPECT_FALSE(config["target"].IsDefined());
-  EXPECT_THAT(made.text, HasSubstr("\n# setup: eye_to_hand | eye_in_hand\n"));
-  EXPECT_THAT(made.text, HasSubstr("\n# target: path or mapping\n"));
+  EXPECT_THAT(made.text, HasSubstr("\n# setup: eye_to_hand  # or eye_in_hand\n"));
+  EXPECT_THAT(made.text, HasSubstr("\n# target: target.yaml\n"));
   EXPECT_EQ(config["captures"]["images"].as<std::string>(), "camera");
   EXPECT_EQ(config["captures"]["poses"].as<std::string>(), "robot.txt");
   EXPECT_THAT(

@@ -184,6 +184,26 @@ LocationRequest RequestFor(const FinishedRun& run, size_t num_images) {
   return request;
 }
 
+// Locates the target, or pixels, in an image. An image that cannot be read, or has another size than the camera's, is
+// a fault of this image alone.
+ImageLocation LocateInFile(const FinishedRun& run, const LocationRequest& request, const std::string& image,
+                           bool* is_readable) {
+  try {
+    const CaptureDetection seen = DetectCapture(*run.target, image);
+    CheckImageSize(run, seen, image);
+    return LocateInImage(request, image, seen.detection);
+  } catch (const InputError& error) {
+    *is_readable = false;
+    ImageLocation location;
+    location.image = image;
+    location.num_target_points = run.target->points().size();
+    const std::string fault = error.what();
+    const std::string prefix = image + ": ";  // The fault of an image is stated beside its name.
+    location.fault = fault.starts_with(prefix) ? fault.substr(prefix.size()) : fault;
+    return location;
+  }
+}
+
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
@@ -192,15 +212,14 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   const LocationRequest request = RequestFor(run, images.size());
   std::vector<ImageLocation> locations;
   std::vector<std::string> undecided;
-  bool all_found = true;
+  int status = kDone;
   for (const std::string& image : images) {
-    const CaptureDetection seen = DetectCapture(*run.target, image);
-    CheckImageSize(run, seen, image);
-    locations.push_back(LocateInImage(request, image, seen.detection));
+    bool is_readable = true;
+    locations.push_back(LocateInFile(run, request, image, &is_readable));
     const ImageLocation& location = locations.back();
     if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
     if (location.IsLocated()) continue;
-    all_found = false;
+    if (status != kInputWrong) status = is_readable ? kWorkFailed : kInputWrong;
     if (const std::string fault = LocationFault(location); !fault.empty()) {
       PrintError(image + ": " + fault);
     } else {
@@ -215,7 +234,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                ", a rough base_from_target, decides between them");
   }
   std::cout << std::flush;
-  return all_found ? kDone : kWorkFailed;
+  return status;
 }
 
 }  // namespace heba

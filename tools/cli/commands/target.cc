@@ -15,6 +15,7 @@
 #include "targets/render/suggestion.h"
 #include "targets/render/target_text.h"
 #include "tools/cli/command.h"
+#include "tools/cli/command_table.h"
 #include "tools/cli/flags.h"
 #include "tools/text/console.h"
 #include "tools/text/target_symmetry.h"
@@ -35,6 +36,9 @@ const Paper& ParsePaper() {
   }
   return *paper;
 }
+
+// Returns the faults of Check(), one per line, as one line.
+std::string OnOneLine(const std::string& faults) { return Join(Split(faults, '\n'), "; "); }
 
 double ParseDistanceM() {
   const ParsedQuantity distance = ParseQuantity(FLAGS_distance, Quantity::kLength);
@@ -74,8 +78,7 @@ int Suggest() {
   options.distance_m = ParseDistanceM();
   options.camera = ReadCameraFile(FLAGS_camera);
   if (options.camera.width_px == 0) throw InputError(FLAGS_camera + ": the file states no image size; add it");
-  const std::string faults = options.Check();
-  if (!faults.empty()) throw InputError("--suggest: " + faults);
+  if (const std::string faults = OnOneLine(options.Check()); !faults.empty()) throw InputError("--suggest: " + faults);
   const std::filesystem::path path = FLAGS_out;
   if (!path.empty() && path.extension() != ".yaml") {
     throw InputError(path.string() + ": a proposed target is written as .yaml");
@@ -94,6 +97,22 @@ int Suggest() {
   std::cout << path.string() << ": " << options.type << ", " << suggestion->num_points << " points; 'heba target "
             << path.string() << " --paper " << options.paper.name << " --out SHEET.pdf' writes the sheet" << std::endl;
   return kDone;
+}
+
+// Throws InputError if the sheet or its description would replace the target's file or a file of another kind.
+void CheckOutputs(const std::filesystem::path& target, const std::filesystem::path& sheet,
+                  const std::filesystem::path& json) {
+  std::error_code not_there;
+  for (const std::filesystem::path& output : {sheet, json}) {
+    if (std::filesystem::equivalent(target, output, not_there)) {
+      throw InputError("--out " + sheet.string() + ": " + output.string() +
+                       " would replace the file of the target; choose another name");
+    }
+  }
+  if (std::filesystem::exists(json, not_there) && !IsSheetJson(ReadTextFile(json))) {
+    throw InputError("--out " + sheet.string() + ": " + json.string() +
+                     " would be replaced, which does not describe a sheet; choose another name");
+  }
 }
 
 // Warns that the sheet is spread over several pages.
@@ -115,14 +134,14 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
     return Suggest();
   }
   if (arguments.empty()) throw InputError("'heba target' takes TARGET.yaml, or --suggest, not 0 arguments");
-  if (!FLAGS_distance.empty() || !FLAGS_camera.empty()) {
-    throw InputError("--distance and --camera belong to --suggest, which is missing");
+  for (const std::string name : {"distance", "camera", "target-type"}) {
+    if (IsFlagGiven(name)) throw InputError("--" + name + " belongs to --suggest, which is missing");
   }
   if (FLAGS_out.empty()) throw InputError("'heba target' needs --out SHEET.svg, .pdf or .png");
   const std::filesystem::path path = FLAGS_out;
   SheetOptions options;
   options.dpi = FLAGS_dpi;
-  if (const std::string faults = options.Check(); !faults.empty()) throw InputError("--dpi: " + faults);
+  if (const std::string faults = OnOneLine(options.Check()); !faults.empty()) throw InputError("--dpi: " + faults);
   if (!FLAGS_paper.empty()) options.paper = ParsePaper();
   MapReader reader(ReadYamlFile(arguments[0]));
   const std::unique_ptr<Target> target = CreateTarget(reader);
@@ -131,6 +150,7 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   const Sheet sheet = MakeSheet(*target, options);
   std::filesystem::path json = path;
   json.replace_extension(".json");
+  CheckOutputs(arguments[0], path, json);
   WriteSheet(sheet, path);
   WriteFileAtomically(json, SheetJson(sheet, path));
   const size_t num_pages = sheet.pages.size();

@@ -313,6 +313,8 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   symptom.code = codes.front();
   symptom.what = Join(faults, "; ") + evidence;
   symptom.cure = Join(cures, "; ");
+  // Settings that are only a part of the cure would look like all of it.
+  if (cures.size() > 1) symptom.settings.clear();
   return symptom;
 }
 

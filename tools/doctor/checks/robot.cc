@@ -152,12 +152,15 @@ Symptom WrongJoints(const JointReading& best, const Arm& arm, const ImpliedTool&
   std::vector<std::string> conditions;
   std::vector<std::string> cures;
   std::vector<ConfigSetting> settings;
+  bool are_complete = true;  // Settings that are only a part of the cure would look like all of it.
   for (const JointReading::Mistake mistake : best.mistakes) {
     MistakeWords words = WordsOf(mistake, best, are_read_as_deg);
     conditions.push_back(std::move(words.condition));
     cures.push_back(std::move(words.cure));
+    are_complete = are_complete && !words.settings.empty();
     settings.insert(settings.end(), words.settings.begin(), words.settings.end());
   }
+  if (!are_complete) settings.clear();
   return {
       Severity::kWrong, CodeOf(best.mistakes.front()),
       "the recorded joints and the poses do not belong together as the config says: with the dimensions of the arm " +

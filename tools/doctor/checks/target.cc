@@ -9,6 +9,7 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/target.h"
 #include "targets/images/image.h"
+#include "targets/render/target_text.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 
@@ -44,10 +45,12 @@ std::string TargetSettingsText(const TargetSettings& settings) {
   return SettingsText(in_target);
 }
 
-// Returns the settings with their keys from the root of the config.
-std::vector<ConfigSetting> InConfig(const TargetSettings& settings) {
+// Returns the settings that make the config name the other target: its keys that differ, or the whole target if the
+// config itself does not hold the keys.
+std::vector<ConfigSetting> InConfig(const RunConfig& config, const OtherTarget& other) {
+  if (!config.has_target_keys) return {{"target", TargetConfigLine(YAML::Load(other.used))}};
   std::vector<ConfigSetting> in_config;
-  for (const auto& [key, value] : settings) in_config.push_back({"target." + key, value});
+  for (const auto& [key, value] : other.settings) in_config.push_back({"target." + key, value});
   return in_config;
 }
 
@@ -177,7 +180,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
                    "the images show another target than the config names: that one is detected " + seen + "; with " +
                        TargetSettingsText(other->settings) + " it is detected " +
                        SeenText(config, examination->detections),
-                   "set in the target: " + TargetSettingsText(other->settings), InConfig(other->settings)};
+                   "set in the target: " + TargetSettingsText(other->settings), InConfig(config, *other)};
   };
   if (NumSeen(few) == 0) {
     if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were searched")) {

@@ -112,6 +112,20 @@ TEST(PosesCheckTest, FindsInvertedPosesAndOffersBothExplanations) {
   ExpectCorrected(examination, CleanExamination());
 }
 
+// The unit can be set, the direction is a choice: the setting alone would not cure the config.
+TEST(PosesCheckTest, SettingsThatAreOnlyAPartOfTheCureAreLeftOut) {
+  Examination examination = CleanExamination();
+  std::vector<Rigid3d> poses = PosesOf(examination);
+  for (Rigid3d& pose : poses) pose = Inverse(pose);
+  SetPoses(poses, &examination);
+  MisreadPoses(FormatOf("euler_zyx", "deg", "mm"), FormatOf("euler_zyx", "deg", "m"), &examination);
+  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_units"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("set captures.pose_format: "));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("captures.poses_are: gripper_from_base"));
+  EXPECT_TRUE(symptoms[0].settings.empty());
+}
+
 TEST(PosesCheckTest, FindsTransposedRotations) {
   Examination examination = CleanExamination();
   std::vector<Rigid3d> poses = PosesOf(examination);

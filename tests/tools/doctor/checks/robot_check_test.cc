@@ -23,6 +23,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+using ::testing::SizeIs;
 using ::testing::StartsWith;
 
 constexpr Setup kSetup = Setup::kEyeInHand;
@@ -211,6 +212,21 @@ TEST(RobotCheckTest, OtherBaseIsFound) {
     EXPECT_THAT(symptoms[0].what, HasSubstr(is_rotated ? "rotated by 180 deg about z" : "another base"));
     EXPECT_THAT(symptoms[0].cure, HasSubstr(is_rotated ? "base_link" : "multiply them by that pose"));
   }
+}
+
+// The unit of the joints can be set, their order cannot: the setting alone would not cure the config.
+TEST(RobotCheckTest, SettingsThatAreOnlyAPartOfTheCureAreLeftOut) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  std::vector<Eigen::VectorXd> joints = scene.joints;
+  std::rotate(joints.begin(), joints.begin() + 2, joints.end());
+  for (Eigen::VectorXd& of_capture : joints) of_capture *= RadToDeg(1);
+  SetJoints(joints, &examination);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(symptoms, SizeIs(1));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("set captures.joint_angle: deg"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("correct the order of the file of joints"));
+  EXPECT_TRUE(symptoms[0].settings.empty());
 }
 
 TEST(RobotCheckTest, JointsOfOtherPosesAreWrong) {

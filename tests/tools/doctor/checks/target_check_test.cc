@@ -1,5 +1,6 @@
 // Tests of the check whether the images show the target that the config names: tools/doctor/checks/target.cc.
 #include <cstdlib>
+#include <fstream>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -72,6 +73,30 @@ TEST_F(TargetCheckTest, FindsTheDictionaryOfTheImagesAndContinuesWithIt) {
   ASSERT_THAT(examination.detections, SizeIs(2));
   EXPECT_THAT(examination.detections[0].detection.ids, SizeIs(12));
   EXPECT_THAT(examination.config.target_used, HasSubstr("DICT_4X4_"));
+}
+
+// A setting target.KEY would not reach into the target's own file.
+TEST_F(TargetCheckTest, SettingsCureATargetInItsOwnFile) {
+  std::string other = kCharuco;
+  other.replace(other.find("rows: 4, columns: 5"), 19, "rows: 5, columns: 4");
+  ExaminationOfImages(ImageOf(kCharuco), 2, other);  // Writes the images.
+  std::ofstream(folder_ / "poses.csv") << "image,x,y,z,qx,qy,qz,qw\n0.png,0,0,1,0,0,0,1\n1.png,0.1,0,1,0,0,0,1\n";
+  std::ofstream(folder_ / "target.yaml") << other;
+  const std::string config = "setup: eye_in_hand\ncaptures: {images: ., poses: poses.csv, pose_format: ros}\ntarget: ";
+  std::ofstream(folder_ / "keys.yaml") << config << other;
+  std::ofstream(folder_ / "file.yaml") << config << "target.yaml";
+  for (const std::string name : {"keys.yaml", "file.yaml"}) {
+    Examination examination;
+    examination.config = ReadRunConfig(folder_ / name);
+    examination.verbosity = Verbosity::kQuiet;
+    const std::vector<Symptom> symptoms = Check_target(&examination);
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target")) << name;
+    EXPECT_EQ(symptoms[0].settings.size(), name == "file.yaml" ? 1U : 2U);
+    std::vector<std::string> settings;
+    for (const auto& [key, value] : symptoms[0].settings) settings.push_back(key + "=" + value);
+    examination.config = ReadRunConfig(folder_ / name, settings);
+    EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty()) << name;
+  }
 }
 
 TEST_F(TargetCheckTest, SaysThatTheTargetIsNotSeen) {
