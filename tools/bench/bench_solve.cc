@@ -22,6 +22,7 @@
 #include "heba/cross_validation.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/simd.h"
+#include "heba/rig_adjustment.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
 #include "solvers/calibration/study.h"
@@ -32,7 +33,7 @@
 #include "tools/bench/workloads.h"
 
 DEFINE_int32(repeats, 5, "measurements of each workload; the median is printed");
-DEFINE_string(part, "", "one part: refine, intrinsics, closed, holdout or study");
+DEFINE_string(part, "", "one part: refine, rig, intrinsics, closed, holdout or study");
 DEFINE_string(only, "", "only the refinements whose names contain this");
 
 namespace heba {
@@ -181,6 +182,46 @@ void BenchRefinement() {
   std::printf("\n");
 }
 
+// A rig's cost per observation and iteration, beside that of a single camera with the same noise.
+void BenchRigs() {
+  std::printf("| captures x points x cameras | ms | its | ns/o/i | MB | x single |\n|---|---|---|---|---|---|\n");
+  constexpr int kSide = 12;
+  double single_ns = 0;
+  const auto print = [&](const std::string& name, const Measured& measured, double num_observations) {
+    const double ns = 1e9 * measured.seconds / num_observations / std::max(1.0, measured.iterations);
+    if (single_ns == 0) single_ns = ns;
+    std::printf("| %s | %.1f | %.0f | %.1f | %.1f | %.2f |\n", name.c_str(), 1e3 * measured.seconds,
+                measured.iterations, ns, measured.memory_mb, ns / single_ns);
+    std::fflush(stdout);
+  };
+  for (const int num_captures : {100, 1000}) {
+    single_ns = 0;
+    const std::string captures = std::to_string(num_captures) + " x 144 x ";
+    const BenchScene scene = MakeBenchScene(num_captures, kSide, true);
+    print(captures + "1, RefineHandEye", Median([&] { return RunLibrary(scene, Simd::kAvx512, 1, true); }),
+          num_captures * kSide * kSide);
+    for (const int num_cameras : {1, 2, 4}) {
+      const BenchRig rig = MakeBenchRig(num_cameras, num_captures, kSide);
+      print(captures + std::to_string(num_cameras), Median([&] {
+              LimitSimd(Simd::kAvx512);
+              RigOptions options;
+              options.loss = LossKind::kNone;
+              options.pixel_noise_px = kBenchNoisePx;
+              options.robot = BundleOptions::Robot::kGivenNoise;
+              options.robot_noise = kBenchRobot;
+              Measured measured;
+              std::optional<Outcome<RigSolution>> solution;
+              measured.seconds = SecondsOf([&] { solution = RefineRig(rig.problem, rig.start, options); });
+              CHECK(solution->ok()) << solution->reason();
+              measured.iterations = (*solution)->convergence.iterations;
+              return measured;
+            }),
+            rig.num_observations);
+    }
+  }
+  std::printf("\n");
+}
+
 void PrintRow(const char* workload, const char* program, const Measured& measured, double reference_s) {
   std::printf("| %-40s | %-22s | %10.3f | %8.1f | %7.1f |\n", workload, program, 1e3 * measured.seconds,
               measured.memory_mb, reference_s / measured.seconds);
@@ -274,11 +315,9 @@ void BenchStudy() {
 
 void Run() {
   std::printf("medians of %d\n\n", FLAGS_repeats);
-  const std::vector<std::pair<std::string, void (*)()>> parts = {{"refine", &BenchRefinement},
-                                                                 {"intrinsics", &BenchIntrinsics},
-                                                                 {"closed", &BenchClosedForms},
-                                                                 {"holdout", &BenchHoldOut},
-                                                                 {"study", &BenchStudy}};
+  const std::vector<std::pair<std::string, void (*)()>> parts = {
+      {"refine", &BenchRefinement},  {"rig", &BenchRigs},        {"intrinsics", &BenchIntrinsics},
+      {"closed", &BenchClosedForms}, {"holdout", &BenchHoldOut}, {"study", &BenchStudy}};
   for (const auto& [name, bench] : parts) {
     if (FLAGS_part.empty() || FLAGS_part == name) bench();
   }

@@ -5,6 +5,7 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
+#include "heba/simulation/rig_scene.h"
 #include "heba/simulation/scene.h"
 #include "solvers/closed_form/hand_eye_method.h"
 
@@ -43,6 +44,44 @@ BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_no
   };
   scene.start = {off(scene.truth.camera_mount_from_camera, 1e-3), off(scene.truth.target_mount_from_target, -1e-3)};
   return scene;
+}
+
+BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side) {
+  const BenchScene scene = MakeBenchScene(num_captures, points_a_side);
+  BenchRig rig;
+  RigProblem& problem = rig.problem;
+  problem.robots = {"arm"};
+  RigPoses truth;
+  truth.world_from_base = {Rigid3d()};
+  // The cameras look at one point, 0.6 m in front of the first one.
+  const Rigid3d camera_from_middle(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 0.6));
+  for (int c = 0; c < num_cameras; ++c) {
+    const Rigid3d around(ExpRotation({0, 0.2 * c, 0}), Eigen::Vector3d::Zero());
+    truth.mount_from_camera.push_back(scene.truth.camera_mount_from_camera * camera_from_middle * around *
+                                      Inverse(camera_from_middle));
+    problem.cameras.push_back(
+        {"camera" + std::to_string(c), {0, Mount::Part::kBase}, scene.problem.camera, BundleOptions().free_intrinsics});
+  }
+  truth.mount_from_target = {scene.truth.target_mount_from_target};
+  const Points3& points = scene.problem.views.front().observations.points_in_target;
+  problem.targets.push_back({"plate", {0, Mount::Part::kGripper}, DesignedShape(points)});
+  RigSceneOptions options;
+  options.noise_px = kBenchNoisePx;
+  options.robot_noise = kBenchRobot;
+  std::vector<ArmPoses> arms;
+  for (const View& view : scene.problem.views) arms.push_back({view.camera_mount_from_target_mount});
+  Rng rng(4);
+  problem.captures = SimulateRigCaptures(problem, truth, {{points, false}}, arms, options, &rng);
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) rig.num_observations += image.observations.size();
+  }
+  const auto off = [](const Rigid3d& pose) {
+    return Retract(pose, 1e-3 * (Tangent6() << 2, -1, 1, 3, 2, -2).finished());
+  };
+  rig.start = truth;
+  for (Rigid3d& pose : rig.start.mount_from_camera) pose = off(pose);
+  for (Rigid3d& pose : rig.start.mount_from_target) pose = off(pose);
+  return rig;
 }
 
 BenchScene WithArmEffects(BenchScene scene) {

@@ -5,6 +5,7 @@
 
 #include "heba/calibration.h"
 #include "heba/data/problem.h"
+#include "heba/data/rig.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/study.h"
 
@@ -22,6 +23,14 @@ struct BenchScene {
 
 // Makes a scene with a board of points_a_side^2 points in front of a camera beside the robot.
 BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_noise = false);
+
+// A rig of fixed cameras around a target on the gripper, seen by all cameras in most captures.
+struct BenchRig {
+  RigProblem problem;
+  RigPoses start;  // Differs from the truth by a few millimetres and milliradians.
+  int num_observations = 0;
+};
+BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side);
 
 // Returns the scene with the errors of an arm of six joints as effects of every view, and with noisy joints. Both are
 // zero in truth.

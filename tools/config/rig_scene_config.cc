@@ -108,11 +108,14 @@ RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector
   ReadRendering(reader, &scene.image);
   MapReader robot = reader.Section("robot_noise");
   scene.options.robot_noise = ReadRobotNoise(robot, 0.0);
+  reader.Record("robot_noise", robot.used());
   scene.pose_format = *FindPoseFormat("ros");
   if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
+  reader.Record("pose_format", PoseFormatNode(scene.pose_format));
   scene.give_camera = reader.Bool("give_camera", true);
   scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
   reader.Finish();
+  scene.used = reader.used();
   return scene;
 }
 

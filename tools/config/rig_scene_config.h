@@ -33,6 +33,7 @@ struct RigSceneConfig {
   PoseFormat pose_format;
   bool give_camera = true;  // Whether the data set's config names the true cameras, or leaves them to be estimated.
   uint64_t seed = 1;
+  YAML::Node used;  // The scene with every default of its top level and of its poses filled in.
 };
 
 // Returns whether a scene is that of a rig: whether it has `cameras`, `targets` or `robots`.

@@ -77,6 +77,16 @@ class KeyReferenceTest : public testing::Test {
           "robot: {model: ur5e}\n"
           "captures: {images: images, poses: poses.csv, pose_format: ros}\n");
     Write("scene.yaml", kScene);
+    Write("rig.yaml",
+          "cameras: {NAME: {mount: world, images: images}}\n"
+          "targets: {NAME: {mount: gripper, target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}}}\n"
+          "captures: {poses: poses.csv}\n");
+    Write(
+        "rig_scene.yaml",
+        "cameras: {NAME: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, "
+        "image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}}}\n"
+        "targets: {NAME: {mount: gripper, pose: {translation: [0 m, 0 m, 0.1 m]}, target: {type: chessboard, rows: 5, "
+        "columns: 8, square: 20 mm}}}\n");
     Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\na.png,0,0,1,0,1,0\nb.png,0,0,1,0,1,1\n");
     Write("arm.urdf", R"(<?xml version="1.0"?>
 <robot name="arm"><link name="base"/><link name="tip"/>
@@ -142,10 +152,6 @@ TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
 }
 
 TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
-  Write("rig.yaml",
-        "cameras: {NAME: {mount: world, images: images}}\n"
-        "targets: {NAME: {mount: gripper, target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}}}\n"
-        "captures: {poses: poses.csv}\n");
   const auto known = [&](const std::vector<std::string>& settings) {
     return KeysOfReader([&] { ReadRigConfig(folder_ / "rig.yaml", settings); });
   };
@@ -166,11 +172,6 @@ TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
 }
 
 TEST_F(KeyReferenceTest, RigSceneHasTheKeysOfItsReader) {
-  Write("rig_scene.yaml",
-        "cameras: {NAME: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, "
-        "image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}}}\n"
-        "targets: {NAME: {mount: gripper, pose: {translation: [0 m, 0 m, 0.1 m]}, target: {type: chessboard, rows: 5, "
-        "columns: 8, square: 20 mm}}}\n");
   const auto known = [&](const std::vector<std::string>& settings) {
     return KeysOfReader([&] { ReadRigScene(folder_ / "rig_scene.yaml", settings); });
   };
@@ -301,6 +302,11 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   };
   expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
   for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
+  ExpectDefaults(
+      "rig",
+      YAML::Load(ReadRigConfig(folder_ / "rig.yaml", {"captures=", "robots.NAME.poses=" + folder + "poses.csv"}).used),
+      &left);
+  ExpectDefaults("rig_scene", ReadRigScene(folder_ / "rig_scene.yaml").used, &left);
   // Words for values that depend on something else.
   Names described;
   for (const KeyEntry& entry : KeyEntries()) {
