@@ -97,7 +97,7 @@ TEST_P(RigStatisticsTest, ReachesTheBoundWithHonestCovariance) {
     add_relative(RelativeBasePoses, &bases);
   }
   for (const auto& [name, errors] :
-       {std::pair{"cameras", &cameras}, std::pair{"camera_to_camera", &relative}, std::pair{"base_to_base", &bases}}) {
+       {std::pair{"cameras", &cameras}, std::pair{"between_cameras", &relative}, std::pair{"between_bases", &bases}}) {
     if (errors->num_poses == 0) continue;
     RecordProperty(std::string(name) + "_error_by_bound", std::to_string(errors->Efficiency()));
     RecordProperty(std::string(name) + "_coverage", std::to_string(errors->Coverage()));

@@ -74,7 +74,7 @@ TEST(UnknownLayoutTest, HoldsSeveralCamerasAndEffects) {
               testing::ElementsAre("rig.tx_m", "rig.ty_m", "rig.tz_m", "rig.rx_rad", "rig.ry_rad", "rig.rz_rad",
                                    "joint_offset.1", "joint_offset.2", "left.fx", "left.fy", "right.cx", "right.cy"));
   EXPECT_EQ(layout.PlainName(7), "the offset of joint 2");
-  EXPECT_EQ(layout.PlainName(10), "the right's cx");
+  EXPECT_EQ(layout.PlainName(10), "the right camera's cx");
   EXPECT_EQ(layout.BlockAt(10).name, "right");
 }
 

@@ -226,9 +226,9 @@ int ExportOfRig(const fs::path& file) {
 
 int RunCommand_export(const std::vector<std::string>& arguments) {
   const bool all = FLAGS_to == "all";
+  const ExportFormat* format = all ? nullptr : &FormatAskedFor();
   const fs::path result_file = fs::path(arguments[0]) / "result.json";
   if (IsRigResult(result_file)) return ExportOfRig(result_file);
-  const ExportFormat* format = all ? nullptr : &FormatAskedFor();
   const fs::path run = arguments[0];
   const ExportRequest request = RequestAskedFor(run);
   if (all) return ExportAll(request);
