@@ -35,26 +35,25 @@ PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, siz
     const PoseByUnknowns stated{base_from_gripper[mount.robot], Matrix6X::Zero(6, layout.size())};
     world_from_mount = world_from_mount * stated;
     // The correction multiplies the pose of the gripper on the right.
-    by_corrections.middleCols<6>(6 * static_cast<Eigen::Index>(mount.robot)) =
-        Adjoint(Inverse(mount_from_camera.pose));
+    by_corrections.middleCols<6>(6 * static_cast<Eigen::Index>(mount.robot)) = Adjoint(Inverse(mount_from_camera.pose));
   }
   return {world_from_mount * mount_from_camera, std::move(by_corrections)};
 }
 
-// Returns the covariance of the corrections of all arms.
-Eigen::VectorXd CorrectionVariances(const RigSolution& solution) {
-  Eigen::VectorXd variances = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(solution.robot_noise.size()));
+// Returns one sigma of each coordinate of the corrections of all arms; zero for exact arms.
+Eigen::VectorXd CorrectionSigmas(const RigSolution& solution) {
+  Eigen::VectorXd sigmas = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(solution.robot_noise.size()));
   for (size_t r = 0; r < solution.robot_noise.size(); ++r) {
     if (!solution.robot_noise[r]) continue;
     const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
-    variances.segment<3>(first).setConstant(std::pow(solution.robot_noise[r]->translation_m, 2));
-    variances.segment<3>(first + 3).setConstant(std::pow(solution.robot_noise[r]->rotation_rad, 2));
+    sigmas.segment<3>(first).setConstant(solution.robot_noise[r]->translation_m);
+    sigmas.segment<3>(first + 3).setConstant(solution.robot_noise[r]->rotation_rad);
   }
-  return variances;
+  return sigmas;
 }
 
-// The whitened rows of one camera: residuals, and their derivatives by the left perturbation of what the camera sees (m,
-// rad, in the camera's frame) and by the parameters of the camera.
+// The whitened rows of one camera: residuals, and their derivatives by the left perturbation of what the camera sees
+// (m, rad, in the camera's frame) and by the parameters of the camera.
 struct CameraRows {
   Eigen::MatrixXd by_motion;
   Eigen::MatrixXd by_params;
@@ -87,118 +86,153 @@ struct LocatedFrame {
   Eigen::MatrixXd by_calibration;
   Eigen::MatrixXd by_image;
   Eigen::MatrixXd by_robot;
-  double squares = 0;  // Sum of the squared whitened residuals.
+  double squares = 0;  // Sum of the squared whitened residuals, those of the corrections included.
+  std::vector<Rigid3d> corrections;
 };
 
-// The normal equations at a pose; nothing if a point has no image.
+// The unknowns of a location: the frame, and the corrections of the arms' poses, in units of their sigmas.
+struct FrameState {
+  Rigid3d world_from_frame;
+  Eigen::VectorXd corrections;
+};
+
+// The normal equations of the frame's coordinates, followed by the corrections; nothing if a point has no image.
 struct FrameEquations {
-  Eigen::MatrixXd normal;
+  Eigen::MatrixXd of_images;  // The normal matrix without the prior of the corrections.
   Eigen::VectorXd gradient;
-  Eigen::MatrixXd by_unknowns;     // Of the gradient.
-  Eigen::MatrixXd by_corrections;  // Of the gradient.
+  Eigen::MatrixXd by_unknowns;  // Of the gradient.
   double squares = 0;
 };
 
-// Locates a frame that the points of all observations are in, from an initial guess.
+// Locates a frame that the points of all observations are in, from an initial guess. The corrections of the arms that
+// carry cameras are unknowns with the arms' noise as their prior, so that a camera on a noisy arm counts for less.
 class FrameLocation {
  public:
   FrameLocation(const RigProblem& rig, const RigSolution& solution, const std::vector<CameraObservations>& seen,
                 const std::vector<Rigid3d>& base_from_gripper, Eigen::Index num_coordinates)
-      : rig_(rig), solution_(solution), seen_(seen), num_coordinates_(num_coordinates) {
-    for (const CameraObservations& view : seen) {
-      cameras_.push_back(PlaceCamera(rig, solution, view.camera, base_from_gripper));
-    }
-  }
+      : rig_(rig),
+        solution_(solution),
+        seen_(seen),
+        base_from_gripper_(base_from_gripper),
+        num_coordinates_(num_coordinates),
+        sigmas_(CorrectionSigmas(solution)) {}
 
-  const Rigid3d& WorldFromCamera(size_t view) const { return cameras_[view].world_from_camera.pose; }
-
-  std::optional<FrameEquations> EquationsAt(const Rigid3d& world_from_frame) const {
-    const UnknownLayout& layout = solution_.covariance.layout;
-    FrameEquations sum;
-    sum.normal = Eigen::MatrixXd::Zero(num_coordinates_, num_coordinates_);
-    sum.gradient = Eigen::VectorXd::Zero(num_coordinates_);
-    sum.by_unknowns = Eigen::MatrixXd::Zero(num_coordinates_, layout.size());
-    sum.by_corrections =
-        Eigen::MatrixXd::Zero(num_coordinates_, 6 * static_cast<Eigen::Index>(rig_.robots.size()));
-    const RigNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
-    for (size_t v = 0; v < seen_.size(); ++v) {
-      const size_t camera = seen_[v].camera;
-      const Rigid3d camera_from_frame = Inverse(WorldFromCamera(v)) * world_from_frame;
-      std::optional<CameraRows> rows = RowsOf(solution_, camera, seen_[v].observations, camera_from_frame);
-      if (!rows) return std::nullopt;
-      Eigen::MatrixXd all(rows->residual.size(), rows->by_motion.cols() + rows->by_params.cols() + 1);
-      all << rows->by_motion, rows->by_params, rows->residual;
-      WeighPoseRows(PoseVarianceRatio(noise, {camera, 0, seen_[v].observations}), &all);
-      const auto by_motion = all.leftCols<6>();
-      const Eigen::MatrixXd by_frame = (by_motion * Adjoint(camera_from_frame)).leftCols(num_coordinates_);
-      const Eigen::VectorXd residual = all.rightCols<1>();
-      // Another pose of the camera moves what it sees the other way.
-      Eigen::MatrixXd by_unknowns = -by_motion * cameras_[v].world_from_camera.by_unknowns;
-      const UnknownBlock block = layout.Block(CameraBlock(rig_.cameras[camera]));
-      for (Eigen::Index i = block.first; i < block.end(); ++i) by_unknowns.col(i) += all.col(6 + layout[i].index);
-      sum.normal += by_frame.transpose() * by_frame;
-      sum.gradient += by_frame.transpose() * residual;
-      sum.by_unknowns += by_frame.transpose() * by_unknowns;
-      sum.by_corrections -= by_frame.transpose() * by_motion * cameras_[v].by_corrections;
-      sum.squares += residual.squaredNorm();
-    }
-    return sum;
+  Rigid3d WorldFromCamera(size_t view, const std::vector<Rigid3d>& corrections = {}) const {
+    return PlaceCamera(rig_, solution_, seen_[view].camera, Corrected(base_from_gripper_, corrections))
+        .world_from_camera.pose;
   }
 
   // Returns nothing if a point has no image, or if the points do not determine the frame.
-  std::optional<LocatedFrame> From(Rigid3d world_from_frame) const {
+  std::optional<LocatedFrame> From(const Rigid3d& world_from_frame) const {
     constexpr int kMaxSteps = 50;
-    std::optional<FrameEquations> at = EquationsAt(world_from_frame);
+    FrameState state{world_from_frame, Eigen::VectorXd::Zero(sigmas_.size())};
+    std::optional<FrameEquations> at = EquationsAt(state);
     for (int step = 0; at && step < kMaxSteps; ++step) {
-      const Eigen::LDLT<Eigen::MatrixXd> factor(at->normal);
-      constexpr double kLeast = 1e-12;  // Of the largest pivot.
-      if (!(factor.vectorD().minCoeff() > kLeast * factor.vectorD().maxCoeff())) return std::nullopt;
-      Tangent6 tangent = Tangent6::Zero();
-      tangent.head(num_coordinates_) = -factor.solve(at->gradient);
+      const Eigen::LDLT<Eigen::MatrixXd> factor(WithPrior(at->of_images));
+      constexpr double kLeast = 1e-12;  // Of the largest pivot of the frame.
+      const Eigen::LDLT<Eigen::MatrixXd> of_frame(at->of_images.topLeftCorner(num_coordinates_, num_coordinates_));
+      if (!(of_frame.vectorD().minCoeff() > kLeast * of_frame.vectorD().maxCoeff())) return std::nullopt;
+      Eigen::VectorXd tangent = -factor.solve(at->gradient);
       // A step that does not reduce the cost is halved.
       std::optional<FrameEquations> next;
-      Rigid3d moved;
+      FrameState moved;
       for (int halving = 0; halving < 20; ++halving, tangent *= 0.5) {
-        moved = Retract(world_from_frame, tangent);
+        Tangent6 of_pose = Tangent6::Zero();
+        of_pose.head(num_coordinates_) = tangent.head(num_coordinates_);
+        moved = {Retract(state.world_from_frame, of_pose), state.corrections + tangent.tail(sigmas_.size())};
         next = EquationsAt(moved);
         if (next && next->squares <= at->squares) break;
         next.reset();
       }
       if (!next) break;
       const bool is_done = at->squares - next->squares <= 1e-12 * (1 + at->squares);
-      world_from_frame = moved;
+      state = moved;
       at = std::move(next);
       if (is_done) break;
     }
     if (!at) return std::nullopt;
-    const Eigen::MatrixXd inverse = at->normal.inverse();
-    const Eigen::MatrixXd by_unknowns = inverse * at->by_unknowns;
-    const Eigen::MatrixXd by_corrections = inverse * at->by_corrections;
-    return LocatedFrame{world_from_frame,
+    const Eigen::MatrixXd inverse = WithPrior(at->of_images).inverse();
+    const auto of_frame = inverse.topRows(num_coordinates_);
+    const Eigen::MatrixXd by_unknowns = of_frame * at->by_unknowns;
+    const Eigen::MatrixXd by_prior = of_frame.rightCols(sigmas_.size());
+    return LocatedFrame{state.world_from_frame,
                         by_unknowns * solution_.covariance.matrix * by_unknowns.transpose(),
-                        inverse,
-                        by_corrections * CorrectionVariances(solution_).asDiagonal() * by_corrections.transpose(),
-                        at->squares};
+                        of_frame * at->of_images * of_frame.transpose(),
+                        by_prior * by_prior.transpose(),
+                        at->squares,
+                        CorrectionsOf(state)};
   }
 
   // Returns the RMS of the distances of all points.
-  double RmsPx(const Rigid3d& world_from_frame) const {
+  double RmsPx(const LocatedFrame& located) const {
     SquaredErrors sum;
     for (size_t v = 0; v < seen_.size(); ++v) {
-      const std::optional<SquaredErrors> errors =
-          ViewErrors(solution_.cameras[seen_[v].camera], Inverse(WorldFromCamera(v)) * world_from_frame,
-                     seen_[v].observations);
+      const std::optional<SquaredErrors> errors = ViewErrors(
+          solution_.cameras[seen_[v].camera],
+          Inverse(WorldFromCamera(v, located.corrections)) * located.world_from_frame, seen_[v].observations);
       if (errors) sum.Add(*errors);
     }
     return sum.RmsPx().value_or(0);
   }
 
  private:
+  std::vector<Rigid3d> CorrectionsOf(const FrameState& state) const {
+    std::vector<Rigid3d> corrections;
+    for (size_t r = 0; r < rig_.robots.size(); ++r) {
+      const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
+      const Tangent6 tangent = state.corrections.segment<6>(first).cwiseProduct(sigmas_.segment<6>(first));
+      corrections.push_back(Retract(Rigid3d(), tangent));
+    }
+    return corrections;
+  }
+
+  Eigen::MatrixXd WithPrior(Eigen::MatrixXd normal) const {
+    normal.diagonal().tail(sigmas_.size()).array() += 1;
+    return normal;
+  }
+
+  std::optional<FrameEquations> EquationsAt(const FrameState& state) const {
+    const UnknownLayout& layout = solution_.covariance.layout;
+    const Eigen::Index size = num_coordinates_ + sigmas_.size();
+    FrameEquations sum;
+    sum.of_images = Eigen::MatrixXd::Zero(size, size);
+    sum.gradient = Eigen::VectorXd::Zero(size);
+    sum.gradient.tail(sigmas_.size()) = state.corrections;
+    sum.by_unknowns = Eigen::MatrixXd::Zero(size, layout.size());
+    sum.squares = state.corrections.squaredNorm();
+    const RigNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
+    const std::vector<Rigid3d> grippers = Corrected(base_from_gripper_, CorrectionsOf(state));
+    for (const CameraObservations& view : seen_) {
+      const size_t camera = view.camera;
+      const PlacedCamera placed = PlaceCamera(rig_, solution_, camera, grippers);
+      const Rigid3d camera_from_frame = Inverse(placed.world_from_camera.pose) * state.world_from_frame;
+      const std::optional<CameraRows> rows = RowsOf(solution_, camera, view.observations, camera_from_frame);
+      if (!rows) return std::nullopt;
+      Eigen::MatrixXd all(rows->residual.size(), rows->by_motion.cols() + rows->by_params.cols() + 1);
+      all << rows->by_motion, rows->by_params, rows->residual;
+      WeighPoseRows(PoseVarianceRatio(noise, {camera, 0, view.observations}), &all);
+      const auto by_motion = all.leftCols<6>();
+      // Another pose of the camera moves what it sees the other way.
+      Eigen::MatrixXd by_state(all.rows(), size);
+      by_state << (by_motion * Adjoint(camera_from_frame)).leftCols(num_coordinates_),
+          -by_motion * placed.by_corrections * sigmas_.asDiagonal();
+      Eigen::MatrixXd by_unknowns = -by_motion * placed.world_from_camera.by_unknowns;
+      const UnknownBlock block = layout.Block(CameraBlock(rig_.cameras[camera]));
+      for (Eigen::Index i = block.first; i < block.end(); ++i) by_unknowns.col(i) += all.col(6 + layout[i].index);
+      sum.of_images += by_state.transpose() * by_state;
+      sum.gradient += by_state.transpose() * all.rightCols<1>();
+      sum.by_unknowns += by_state.transpose() * by_unknowns;
+      sum.squares += all.rightCols<1>().squaredNorm();
+    }
+    return sum;
+  }
+
   const RigProblem& rig_;
   const RigSolution& solution_;
   const std::vector<CameraObservations>& seen_;
+  const std::vector<Rigid3d>& base_from_gripper_;
   Eigen::Index num_coordinates_;
-  std::vector<PlacedCamera> cameras_;
+  Eigen::VectorXd sigmas_;
 };
 
 }  // namespace
@@ -221,7 +255,7 @@ Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solut
   result.by_calibration = best->by_calibration;
   result.by_image = best->by_image;
   result.by_robot = best->by_robot;
-  result.rms_px = location.RmsPx(best->world_from_frame);
+  result.rms_px = location.RmsPx(*best);
   return result;
 }
 
@@ -244,7 +278,7 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
   for (size_t v = 0; v < pixels.size(); ++v) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(solution.cameras[pixels[v].camera], pixels[v].pixel);
     if (!ray) return Failure{"camera " + rig.cameras[pixels[v].camera].name + " has no ray at this pixel"};
-    const Rigid3d& world_from_camera = location.WorldFromCamera(v);
+    const Rigid3d world_from_camera = location.WorldFromCamera(v);
     const Eigen::Vector3d direction = world_from_camera.rotation * *ray;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
     normal += across;
@@ -263,7 +297,7 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
   point.by_calibration_m2 = found->by_calibration;
   point.by_image_m2 = found->by_image;
   point.by_robot_m2 = found->by_robot;
-  point.rms_px = location.RmsPx(found->world_from_frame);
+  point.rms_px = location.RmsPx(*found);
   return point;
 }
 

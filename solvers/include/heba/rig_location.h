@@ -32,9 +32,10 @@ struct RigLocation {
 };
 
 // Locates a target by least squares over the points of all cameras, whitened by the noise of each camera
-// (RigSolution::pixel_sigmas_px and image_sigmas_px). `base_from_gripper` has the pose of each arm; those of arms that
-// carry none of these cameras are not used. Returns a Failure if no image determines a pose, or if the images contradict
-// each other so much that a point has no image.
+// (RigSolution::pixel_sigmas_px and image_sigmas_px). The errors of the arms' poses are unknowns with the arms' noise
+// as their prior, so that a camera on a noisy arm counts for less. `base_from_gripper` has the pose of each arm; those
+// of arms that carry none of these cameras are not used. Returns a Failure if no image determines a pose, or if the
+// images contradict each other so much that a point has no image.
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
                                  const std::vector<Rigid3d>& base_from_gripper);

@@ -9,11 +9,13 @@
 #include "heba/detection.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
+#include "tools/cli/rig_locate.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
 #include "tools/config/robot_section.h"
@@ -207,6 +209,7 @@ ImageLocation LocateInFile(const FinishedRun& run, const LocationRequest& reques
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
+  if (IsRigResult(std::filesystem::path(arguments[0]) / "result.json")) return LocateWithRig(arguments);
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
   const LocationRequest request = RequestFor(run, images.size());

@@ -1,0 +1,27 @@
+#include "tools/config/finished_rig.h"
+
+#include "heba/config/yaml_reader.h"
+#include "heba/io/rig_result_file.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
+
+namespace heba {
+
+FinishedRig ReadFinishedRig(const std::filesystem::path& folder) {
+  FinishedRig rig;
+  rig.result = ReadRigResult(folder / "result.json");
+  MapReader config(ReadYamlFile(folder / "config.yaml"));
+  MapReader targets(config.Get("targets"));
+  for (const RigTarget& target : rig.result.rig.targets) {
+    MapReader reader(targets.Get(target.name));
+    rig.targets.push_back(ReadTarget(reader, "target"));
+  }
+  for (const std::string& robot : rig.result.rig.robots) {
+    MapReader section(config.Get(config.Has("robots") ? "robots" : "captures"));
+    MapReader reader(config.Has("robots") ? section.Get(robot) : section.value());
+    rig.pose_readings.push_back(ReadPoseReading(reader));
+  }
+  return rig;
+}
+
+}  // namespace heba

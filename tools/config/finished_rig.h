@@ -1,0 +1,23 @@
+// The folder of a finished run with a rig, read to locate targets with its result.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/target.h"
+#include "tools/config/run_config.h"
+
+namespace heba {
+
+struct FinishedRig {
+  RigResult result;
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<PoseReading> pose_readings;  // One per arm.
+};
+
+// Throws InputError if the folder cannot be read.
+FinishedRig ReadFinishedRig(const std::filesystem::path& folder);
+
+}  // namespace heba
