@@ -170,9 +170,27 @@ TEST(FindMeantPoseTest, ReturnsNothingForAnAmbiguousRotation) {
   EXPECT_EQ(meant(76), std::nullopt);
   EXPECT_EQ(meant(104), std::nullopt);
   EXPECT_EQ(meant(106), 1U);
+  // Rotations farther than 75 deg from both poses do not decide.
+  EXPECT_EQ(FindMeantPose(possible, Rigid3d(ExpRotation({kPi / 2, 0, 0}), Eigen::Vector3d(1, 2, 3))), std::nullopt);
   EXPECT_EQ(FindMeantPose({}, Rigid3d()), std::nullopt);
   possible.pop_back();
   EXPECT_EQ(meant(170), 0U);
+}
+
+// The position decides if it is near, even with a rotation that is not known.
+TEST(FindMeantPoseTest, DecidesByPositionOrByRotation) {
+  std::vector<LocatedTarget> possible(2);
+  possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d(0.1, 0, 0));
+  const auto meant = [&](double angle_deg, double x_m) {
+    return FindMeantPose(possible, Rigid3d(ExpRotation({0, 0, DegToRad(angle_deg)}), Eigen::Vector3d(x_m, 0, 0)));
+  };
+  EXPECT_EQ(meant(90, 0.024), 0U);
+  EXPECT_EQ(meant(90, 0.026), std::nullopt);
+  EXPECT_EQ(meant(90, 0.1), 1U);
+  EXPECT_EQ(meant(20, 5), 0U);
+  // The rotation of the other pose is 40 deg off, and then 20 deg.
+  EXPECT_EQ(meant(40, 0.1), 1U);
+  EXPECT_EQ(meant(20, 0.1), std::nullopt);
 }
 
 TEST(LocateFewPointsTest, FailsForTooFewPoints) {
