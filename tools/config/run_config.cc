@@ -10,6 +10,7 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
 #include "tools/run/captures.h"
@@ -261,11 +262,23 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
   root.Record("evaluate", reader.used());
 }
 
+// Throws InputError if `value`, the mapping of a key, states single keys over a file that a layer below names: those of
+// the file are not merged with it.
+void RefuseKeysOverFile(const MapReader& reader, const std::string& key, const ConfigValue& value) {
+  if (!value.IsMap() || value.node()["type"].IsDefined() || value.node()["target_type"].IsDefined()) return;
+  for (const ConfigValue& layer : reader.value().Layers()) {
+    const ConfigValue below(layer.node()[key], layer.file(), key);
+    if (!below.node().IsDefined() || !below.IsText()) continue;
+    value.Fail("the target is the file " + below.AsPath().string() + ", whose keys are edited there");
+  }
+}
+
 }  // namespace
 
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
   // A target that states its type replaces the one of the base file, because another type has other keys.
   const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
+  RefuseKeysOverFile(reader, key, value);
   MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
   reader.Record(key, target_reader.used());
@@ -342,8 +355,11 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.file = path;
   config.options.choose = {};
   config.options.choose_camera_model = false;
+  RefuseFolder(path, FileKind::kRunConfig);
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
-  MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+  const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+  RefuseOtherKind(value, path, FileKind::kRunConfig);
+  MapReader reader(value);
   config.data.name = ReadFolderName(reader, path.stem().string());
   ReadAbout(reader, &config);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);

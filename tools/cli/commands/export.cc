@@ -13,6 +13,7 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
+#include "tools/config/finished_run.h"
 
 namespace heba {
 namespace {
@@ -148,7 +149,7 @@ int ExportAll(const ExportRequest& request) {
 int RunCommand_export(const std::vector<std::string>& arguments) {
   const bool all = FLAGS_to == "all";
   const ExportFormat* format = all ? nullptr : &FormatAskedFor();
-  const fs::path run = arguments[0];
+  const fs::path run = RunFolderOf(arguments[0]);
   const ExportRequest request = RequestAskedFor(run);
   if (all) return ExportAll(request);
   if (FLAGS_units != "m" && format->name != "matrix") {

@@ -16,6 +16,7 @@
 #include "targets/render/target_text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/file_kind.h"
 #include "tools/text/console.h"
 #include "tools/text/target_symmetry.h"
 
@@ -124,7 +125,13 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   options.dpi = FLAGS_dpi;
   if (const std::string faults = options.Check(); !faults.empty()) throw InputError("--dpi: " + faults);
   if (!FLAGS_paper.empty()) options.paper = ParsePaper();
-  MapReader reader(ReadYamlFile(arguments[0]));
+  // The keys of a target may take the place of its file.
+  const bool has_keys = arguments[0].find('{') != std::string::npos;
+  const std::string name = has_keys ? "target" : arguments[0];
+  if (!has_keys) RefuseFolder(name, FileKind::kTarget);
+  const ConfigValue value = has_keys ? ParseYaml(arguments[0], name) : ReadYamlFile(name);
+  RefuseOtherKind(value, name, FileKind::kTarget);
+  MapReader reader(value);
   const std::unique_ptr<Target> target = CreateTarget(reader);
   options.title = TargetTitle(*target, reader.used());
   options.config = TargetConfigLine(reader.used());
@@ -138,9 +145,9 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
             << ShownSize(sheet.page_mm) << ", " << sheet.points.size()
             << " points; print at 100 % and check both rulers\n"
             << json.string() << ": the positions of the points" << std::endl;
-  if (num_pages > 1) WarnOfPages(arguments[0], *target, sheet);
+  if (num_pages > 1) WarnOfPages(name, *target, sheet);
   if (target->Symmetries().size() > 1) {
-    std::cerr << "heba: warning: " << arguments[0] << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
+    std::cerr << "heba: warning: " << name << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
               << std::endl;
   }
   return kDone;
