@@ -104,6 +104,17 @@ struct PositionSensitivity {
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
 };
 
+// Returns the covariance with zeros for variances that only rounding made negative: along the normal of a plane that
+// stands still, a position has no variance.
+Eigen::Matrix3d WithoutRounding(Eigen::Matrix3d covariance) {
+  constexpr double kRounding = 1e-12;
+  const double least = -kRounding * covariance.trace();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (covariance(i, i) < 0 && covariance(i, i) >= least) covariance(i, i) = 0;
+  }
+  return covariance;
+}
+
 LocatedPoint PointInBase(Setup setup, const Solution& solution, const PositionSensitivity& place,
                          const StatedPose& camera_mount) {
   const PlacedCamera camera = PlaceCamera(setup, solution, camera_mount);
@@ -117,9 +128,11 @@ LocatedPoint PointInBase(Setup setup, const Solution& solution, const PositionSe
   const Eigen::MatrixXd by_unknowns =
       by_camera * camera.motion.by_unknowns + rotation * ByUnknowns(solution, place.by_params);
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  point.covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
-  point.covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  point.covariance.by_robot_m2 = by_camera * camera.motion.by_robot * by_camera.transpose();
+  point.covariance.by_image_m2 =
+      WithoutRounding(variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose());
+  point.covariance.by_calibration_m2 =
+      WithoutRounding(by_unknowns * solution.covariance.matrix * by_unknowns.transpose());
+  point.covariance.by_robot_m2 = WithoutRounding(by_camera * camera.motion.by_robot * by_camera.transpose());
   return point;
 }
 
