@@ -102,6 +102,11 @@ ExportRequest RequestAskedFor(const fs::path& run) {
                  "base_link of ROS is rotated by 180 deg about z relative to it, so name the parent base"
               << std::endl;
   }
+  if (FLAGS_child_is.empty() && FLAGS_child.ends_with("_link")) {
+    std::cerr << "heba: warning: " << FLAGS_child << " is by its name the body frame of a camera (x forward), but this "
+              << "is the pose of the optical frame (z forward): --child-is body exports that of the body frame, and "
+              << "--child-is optical confirms the optical one" << std::endl;
+  }
   if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
               << "/report.html gives the reasons" << std::endl;
