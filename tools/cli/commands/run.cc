@@ -26,7 +26,10 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
     return kWorkFailed;
   }
   if (!FLAGS_quiet) {
-    std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain))
+    // A method that the config names is one that the user expects.
+    std::vector<std::string> asked_for = config.options.methods;
+    asked_for.push_back(config.options.seed);
+    std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain, asked_for))
               << "results: " << output.string() << std::endl;
   }
   if (fail_on && result->verdict.grade >= *fail_on) {
