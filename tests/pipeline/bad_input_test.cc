@@ -820,7 +820,7 @@ TEST(CommandLineTest, WrongCallsPrintOneLineAndExitWithStatus2) {
        "'clean' is unknown; one of: show, clear; did you mean 'clear'?"},
       {"verdict that is misspelt", {"run", "x.yaml", "--fail-on", "doubtfull"}, "did you mean 'doubtful'?"},
       {"cache without a word", {"cache"}, "takes show|clear"},
-      {"locate without a image", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
+      {"locate without an image", {"locate", "no/such"}, "needs an IMAGE"},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
   };

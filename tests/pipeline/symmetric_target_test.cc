@@ -184,6 +184,21 @@ TEST_F(SymmetricTargetTest, PixelsOnTheTargetAreUnambiguous) {
   EXPECT_THAT(located.out, HasSubstr("mm in the base"));
 }
 
+TEST_F(SymmetricTargetTest, PixelsOnAPlaneInTheBaseNeedNoImage) {
+  const std::vector<std::string> flags = {"--pixels", "400,300", "--plane", "0,0,1,100 mm"};
+  const auto locate = [&](std::vector<std::string> words) {
+    words.insert(words.end(), flags.begin(), flags.end());
+    return RunHeba(words);
+  };
+  const CommandResult without = locate({"locate", Path("run")});
+  const CommandResult with = locate({"locate", Path("run"), Image(0)});
+  EXPECT_EQ(without.status, 0) << without.err;
+  ASSERT_EQ(with.status, 0) << with.err;
+  EXPECT_THAT(without.out, StartsWith("pixels:\n"));
+  EXPECT_EQ(without.out.substr(without.out.find('\n')), with.out.substr(with.out.find('\n')));
+  EXPECT_THAT(RunHeba({"locate", Path("run"), "--pixels", "400,300"}).err, HasSubstr("needs an IMAGE"));
+}
+
 TEST_F(SymmetricTargetTest, RefusesInvalidOrUselessNear) {
   struct Call {
     std::vector<std::string> flags;

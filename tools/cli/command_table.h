@@ -27,7 +27,8 @@ const std::vector<Command>& Commands();
 
 // Returns gflags' own name of a flag: that of a variable, without hyphens.
 std::string FlagVariable(std::string name);
-CommandFlag FlagOf(const std::string& name);
+// Returns a flag with its text for a command; with its general text if there is no command or none of its own.
+CommandFlag FlagOf(const std::string& name, const std::string& command = "");
 // Returns the name of the flag with this short form; empty if there is none.
 std::string FlagOfLetter(char letter);
 // Returns the forms of a flag with its value, such as "-o, --out PATH".

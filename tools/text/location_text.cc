@@ -144,7 +144,7 @@ std::string NearnessText(const ImageLocation& location) {
 std::string LocationText(const LocationRequest& request, const ImageLocation& location) {
   if (!location.fault.empty()) return "";
   if (!location.pixels.empty()) {
-    std::string text = location.image + ":\n" + CameraMountText(request);
+    std::string text = (location.image.empty() ? "pixels" : location.image) + ":\n" + CameraMountText(request);
     for (const PixelPosition& position : location.pixels) text += PixelText(position);
     return text;
   }

@@ -187,12 +187,23 @@ LocationRequest RequestFor(const FinishedRun& run, size_t num_images) {
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
-  const FinishedRun run = ReadFinishedRun(arguments[0]);
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
+  if (images.empty() && (FLAGS_pixels.empty() || FLAGS_plane == "target")) {
+    throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
+  }
+  const FinishedRun run = ReadFinishedRun(arguments[0]);
   const LocationRequest request = RequestFor(run, images.size());
   std::vector<ImageLocation> locations;
   std::vector<std::string> undecided;
   bool all_found = true;
+  // Pixels on a plane in the base need no image.
+  if (images.empty()) {
+    locations.push_back(LocateInImage(request, "", {}));
+    const ImageLocation& location = locations.back();
+    if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
+    all_found = location.IsLocated();
+    if (!all_found) PrintError(LocationFault(location));
+  }
   for (const std::string& image : images) {
     const CaptureDetection seen = DetectCapture(*run.target, image);
     CheckImageSize(run, seen, image);
