@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -103,6 +104,17 @@ struct PositionSensitivity {
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
 };
 
+// Returns the covariance with zeros for variances that only rounding made negative: along the normal of a plane that
+// stands still, a position has no variance.
+Eigen::Matrix3d WithoutRounding(Eigen::Matrix3d covariance) {
+  constexpr double kRounding = 1e-12;
+  const double least = -kRounding * covariance.trace();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (covariance(i, i) < 0 && covariance(i, i) >= least) covariance(i, i) = 0;
+  }
+  return covariance;
+}
+
 LocatedPoint PointInBase(Setup setup, const Solution& solution, const PositionSensitivity& place,
                          const StatedPose& camera_mount) {
   const PlacedCamera camera = PlaceCamera(setup, solution, camera_mount);
@@ -116,9 +128,11 @@ LocatedPoint PointInBase(Setup setup, const Solution& solution, const PositionSe
   const Eigen::MatrixXd by_unknowns =
       by_camera * camera.motion.by_unknowns + rotation * ByUnknowns(solution, place.by_params);
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  point.covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
-  point.covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  point.covariance.by_robot_m2 = by_camera * camera.motion.by_robot * by_camera.transpose();
+  point.covariance.by_image_m2 =
+      WithoutRounding(variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose());
+  point.covariance.by_calibration_m2 =
+      WithoutRounding(by_unknowns * solution.covariance.matrix * by_unknowns.transpose());
+  point.covariance.by_robot_m2 = WithoutRounding(by_camera * camera.motion.by_robot * by_camera.transpose());
   return point;
 }
 
@@ -224,15 +238,34 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
   return possible;
 }
 
+double LeastDistanceM(const std::vector<LocatedTarget>& possible) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < possible.size(); ++i) {
+    for (size_t k = 0; k < i; ++k) {
+      least_m = std::min(least_m, DistanceM(possible[i].base_from_target, possible[k].base_from_target));
+    }
+  }
+  return std::isfinite(least_m) ? least_m : 0;
+}
+
 std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough) {
+  if (possible.size() < 2) return possible.empty() ? std::nullopt : std::optional<size_t>(0);
   std::vector<std::pair<double, size_t>> by_angle;
+  std::vector<std::pair<double, size_t>> by_distance;
   for (size_t i = 0; i < possible.size(); ++i) {
     by_angle.emplace_back(AngleRad(possible[i].base_from_target, rough), i);
+    by_distance.emplace_back(DistanceM(possible[i].base_from_target, rough), i);
   }
-  if (by_angle.empty()) return std::nullopt;
   std::sort(by_angle.begin(), by_angle.end());
-  if (by_angle.size() > 1 && by_angle[1].first - by_angle[0].first < kMinRotationGapRad) return std::nullopt;
-  return by_angle[0].second;
+  std::sort(by_distance.begin(), by_distance.end());
+  const auto [angle_rad, by_rotation] = by_angle[0];
+  const auto [distance_m, by_position] = by_distance[0];
+  const bool is_told_by_position = distance_m < kRoughPositionShare * LeastDistanceM(possible);
+  const bool is_told_by_rotation =
+      angle_rad <= kMaxRoughRotationRad && by_angle[1].first - angle_rad >= kMinRotationGapRad;
+  if (!is_told_by_position) return is_told_by_rotation ? std::optional(by_rotation) : std::nullopt;
+  const bool is_contradicted = is_told_by_rotation && by_rotation != by_position && angle_rad <= kCloseRotationRad;
+  return is_contradicted ? std::nullopt : std::optional(by_position);
 }
 
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,

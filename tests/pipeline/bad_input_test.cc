@@ -393,6 +393,35 @@ TEST_P(BadInputTableTest, IsNamed) {
 INSTANTIATE_TEST_SUITE_P(All, BadInputTableTest, testing::ValuesIn(BadInputs()),
                          [](const auto& test) { return test.param.name; });
 
+// A file of another kind is named as what it is, and a folder by the file in it.
+TEST_F(BadInputTest, NamesTheKindOfAnotherFile) {
+  const auto error_of = [](const std::vector<std::string>& words) {
+    const CommandResult result = RunHeba(words);
+    EXPECT_EQ(result.status, 2) << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    return result.err;
+  };
+  const std::string scene = (*root_ / "scene.yaml").string();
+  const std::string config = (folder_ / "config.yaml").string();
+  const std::string target = (folder_ / "target.yaml").string();
+  EXPECT_EQ(error_of({"run", scene}), "heba: error: " + scene + ": this is a scene; use 'heba simulate'\n");
+  EXPECT_THAT(error_of({"doctor", target}), testing::HasSubstr(target + ": this is a target, which a run config "));
+  EXPECT_EQ(error_of({"simulate", config, "--out", (*root_ / "out").string()}),
+            "heba: error: " + config + ": this is a run config; use 'heba run'\n");
+  EXPECT_THAT(error_of({"study", config}), testing::HasSubstr("this is a run config; use 'heba run'"));
+  EXPECT_THAT(error_of({"target", config, "--out", (*root_ / "x.svg").string()}),
+              testing::HasSubstr("this is a run config; use 'heba run'"));
+  EXPECT_EQ(error_of({"run", folder_.string()}),
+            "heba: error: " + folder_.string() + ": this is a folder; did you mean " + config + "?\n");
+  EXPECT_THAT(error_of({"run", (folder_ / "images").string()}),
+              testing::HasSubstr("a file is needed, which 'heba init"));
+  // A run may be named by its result, too.
+  ASSERT_EQ(RunHeba({"run", config, "--out", (folder_ / "run").string(), "--quiet"}).status, 0);
+  const CommandResult by_file = RunHeba({"export", (folder_ / "run/result.json").string(), "--to", "ros"});
+  EXPECT_EQ(by_file.status, 0) << by_file.err;
+  EXPECT_EQ(by_file.out, RunHeba({"export", (folder_ / "run").string(), "--to", "ros"}).out);
+}
+
 TEST_F(BadInputTest, ReportsAnEmptyImagesFolder) {
   fs::remove_all(folder_ / "images");
   fs::create_directory(folder_ / "images");
@@ -791,7 +820,7 @@ TEST(CommandLineTest, WrongCallsPrintOneLineAndExitWithStatus2) {
        "'clean' is unknown; one of: show, clear; did you mean 'clear'?"},
       {"verdict that is misspelt", {"run", "x.yaml", "--fail-on", "doubtfull"}, "did you mean 'doubtful'?"},
       {"cache without a word", {"cache"}, "takes show|clear"},
-      {"locate without a image", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
+      {"locate without an image", {"locate", "no/such"}, "needs an IMAGE"},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
   };

@@ -357,6 +357,16 @@ TEST(ExportTest, WritesTheResultOfTheRun) {
   EXPECT_NE(park.out, printed.out);
   const CommandResult named = RunHeba({"export", run.string(), "--to", "urdf", "--parent", "world", "--child", "eye"});
   EXPECT_THAT(named.out, HasSubstr("<joint name=\"world_to_eye\""));
+  // A frame that is by its name a body frame is not published as the optical one without a warning.
+  const std::vector<std::string> as_link = {"export", run.string(), "--to", "ros2", "--child", "camera_link"};
+  const CommandResult link = RunHeba(as_link);
+  EXPECT_EQ(link.status, 0) << link.err;
+  EXPECT_THAT(link.err, HasSubstr("heba: warning: camera_link is by its name the body frame of a camera"));
+  for (const char* is : {"body", "optical"}) {
+    std::vector<std::string> stated = as_link;
+    stated.insert(stated.end(), {"--child-is", is});
+    EXPECT_THAT(RunHeba(stated).err, testing::Not(HasSubstr("body frame"))) << is;
+  }
   // Every format is exported at once; formats that cannot hold this result are reported.
   const fs::path all = cell.folder / "exports";
   const CommandResult everything = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});

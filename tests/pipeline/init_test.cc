@@ -1,5 +1,7 @@
 // `heba init`: from a folder as it is after recording to a config that runs.
+#include <algorithm>
 #include <filesystem>
+#include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -37,6 +39,7 @@ class InitTest : public testing::Test {
     words.insert(words.end(), flags.begin(), flags.end());
     return RunHeba(words);
   }
+  std::string Config(const std::string& name) const { return (folder_ / "cell" / name).string(); }
   fs::path folder_;
 };
 
@@ -66,6 +69,83 @@ TEST_F(InitTest, SaysWhatIsMissing) {
   fs::remove_all(folder_ / "cell/images");
   EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no images; name their folder (--images)"));
   EXPECT_TRUE(fs::is_empty(folder_ / "cell"));
+}
+
+// A target that the images contradict is not said to fit, and its correction is named.
+TEST_F(InitTest, NamesTheCorrectionOfAWrongTarget) {
+  const CommandResult other = Init({"--target", "{type: chessboard, rows: 5, columns: 9, square: 25 mm}"});
+  EXPECT_EQ(other.status, 0) << other.err;
+  EXPECT_THAT(Unbroken(other.out), AllOf(HasSubstr("warning: the images show another target than the config names: "),
+                                         HasSubstr("set in the target: rows: 6, columns: 7\n"),
+                                         HasSubstr("fits the images if the target is"), HasSubstr("next: heba doctor "),
+                                         Not(HasSubstr("heba run"))));
+  EXPECT_THAT(ReadAll(folder_ / "cell/config.yaml"), HasSubstr("\n# Warning: the images show another target"));
+  const CommandResult scaled =
+      Init({"--target", "{type: chessboard, rows: 6, columns: 7, square: 20 mm}", "--out", Config("scaled.yaml")});
+  EXPECT_EQ(scaled.status, 0) << scaled.err;
+  EXPECT_THAT(Unbroken(scaled.out), AllOf(HasSubstr("warning: the target is 1.2"), HasSubstr("next: heba doctor ")));
+}
+
+// Nothing is ready to run if no reading fits: the config is written, but the command fails.
+TEST_F(InitTest, FailsIfNoReadingFits) {
+  const CommandResult unseen = Init({"--target", "{type: circle_grid, rows: 4, columns: 9, spacing: 25 mm}"});
+  EXPECT_EQ(unseen.status, 1) << unseen.err;
+  const std::string first = Unbroken(unseen.out).substr(0, unseen.out.find('\n'));
+  EXPECT_THAT(first, testing::StartsWith("warning: the target is detected in 0 of 10 images"));
+  EXPECT_THAT(unseen.out, AllOf(HasSubstr("next: heba doctor "), Not(HasSubstr("heba run"))));
+  EXPECT_TRUE(fs::exists(folder_ / "cell/config.yaml"));
+  const CommandResult other_setup =
+      Init({"--target", kTarget, "--setup", "eye_to_hand", "--out", Config("fixed.yaml")});
+  EXPECT_EQ(other_setup.status, 1) << other_setup.err;
+  EXPECT_THAT(Unbroken(other_setup.out), AllOf(HasSubstr("warning: the poses are the inverse of what the config says"),
+                                               Not(HasSubstr("set setup in the config"))));
+}
+
+TEST_F(InitTest, TellsOfDecimalCommas) {
+  std::string poses = ReadAll(folder_ / "cell/robot_log.csv");
+  std::replace(poses.begin(), poses.end(), ',', ';');
+  std::replace(poses.begin(), poses.end(), '.', ',');
+  WriteAll(folder_ / "cell/robot_log.csv", poses);
+  const std::string log = (folder_ / "cell/robot_log.csv").string();
+  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr(log + ":2: "));
+  const CommandResult named = Init({"--target", kTarget, "--poses", log});
+  EXPECT_EQ(named.status, 2);
+  EXPECT_THAT(named.err, AllOf(HasSubstr("' is not a number; use a decimal point"), Not(HasSubstr("heba_trial"))));
+}
+
+TEST_F(InitTest, NamesTheUsersFilesInFaults) {
+  // There is no column for the images.
+  std::string poses = "x,y,z,a,b,c\n";
+  for (int i = 0; i < 4; ++i) poses += "100,200,300," + std::to_string(i) + "0,20,30\n";
+  WriteAll(folder_ / "cell/robot_log.csv", poses);
+  const CommandResult made = Init({"--target", kTarget});
+  EXPECT_EQ(made.status, 1);
+  EXPECT_THAT(Unbroken(made.out),
+              AllOf(HasSubstr("warning: the data set cannot be read: " + (folder_ / "cell/robot_log.csv").string() +
+                              ": has 4 rows without an image column for 10 images"),
+                    Not(HasSubstr("heba_trial"))));
+}
+
+TEST_F(InitTest, ATargetBesideAnotherIsNamedAfterItsConfig) {
+  WriteAll(folder_ / "cell/target.yaml", "{type: chessboard, rows: 4, columns: 9, square: 25 mm}\n");
+  const CommandResult made = Init({"--target", kTarget, "--out", Config("c4.yaml")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("c4.target.yaml\n"));
+  EXPECT_THAT(ReadAll(folder_ / "cell/c4.yaml"), HasSubstr("\ntarget: \"c4.target.yaml\"\n"));
+  EXPECT_EQ(ReadAll(folder_ / "cell/c4.target.yaml"), std::string(kTarget) + "\n");
+  // A file with the same content is used again.
+  fs::remove(folder_ / "cell/c4.yaml");
+  EXPECT_EQ(Init({"--target", kTarget, "--out", Config("c4.yaml")}).status, 0);
+}
+
+TEST_F(InitTest, CountsImagesWithoutAPose) {
+  const std::string poses = ReadAll(folder_ / "cell/robot_log.csv");
+  WriteAll(folder_ / "cell/robot_log.csv", poses.substr(0, poses.find("\n008.png") + 1));
+  const CommandResult made = Init({"--target", kTarget});
+  EXPECT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(Unbroken(made.out), HasSubstr("remark: 2 of 10 images have no robot pose (008.png, 009.png)"));
+  const CommandResult doctor = RunHeba({"doctor", (folder_ / "cell/config.yaml").string(), "--quiet"});
+  EXPECT_THAT(Unbroken(doctor.out), HasSubstr("remark [unpaired]: 2 of 10 images have no robot pose"));
 }
 
 // On a terminal, what is missing is asked for, again if the answer is wrong.

@@ -26,6 +26,20 @@ TEST(ManualTest, HelpShowsShortFlagsAndTheKindsOfValues) {
   EXPECT_EQ(RunHeba({"help", "run"}).out, help);
 }
 
+// A flag that several commands take has the words of each in its help.
+TEST(ManualTest, HelpOfACommandHasItsOwnWords) {
+  for (const char* command : {"init", "run", "compare", "detect", "target", "simulate", "study", "doctor", "import",
+                              "export", "locate", "correct", "cache"}) {
+    EXPECT_THAT(RunHeba({command, "--help"}).out, testing::Not(testing::ContainsRegex("(init|correct|target): ")))
+        << command;
+  }
+  EXPECT_THAT(RunHeba({"init", "--help"}).out, HasSubstr("--camera PATH         the camera file; default: found"));
+  EXPECT_THAT(RunHeba({"target", "--help"}).out, HasSubstr("--camera PATH         the file of the camera that"));
+  EXPECT_THAT(RunHeba({"detect", "--help"}).out, HasSubstr("default: detections/NAME beside the config"));
+  EXPECT_THAT(RunHeba({"help", "man", "correct"}).out, HasSubstr("the poses are those to reach"));
+  EXPECT_THAT(RunHeba({"export", "--help"}).out, testing::Not(HasSubstr("to reach")));
+}
+
 TEST(ManualTest, ShortFlagsAreLongOnes) {
   const TempFolder folder;
   WriteAll(folder / "target.yaml", "{type: chessboard, rows: 6, columns: 7, square: 20 mm}\n");

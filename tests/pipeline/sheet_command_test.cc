@@ -44,6 +44,18 @@ TEST_F(SheetCommandTest, PaperThatFitsGivesOnePageWithoutAWarning) {
   }
 }
 
+// The keys of the target may be on the command line, as for `heba init`.
+TEST_F(SheetCommandTest, KeysTakeThePlaceOfAFile) {
+  const CommandResult keys =
+      RunHeba({"target", "{type: chessboard, rows: 6, columns: 9, square: 15 mm}", "--out", Path("keys.svg")});
+  EXPECT_EQ(keys.status, 0) << keys.err;
+  ASSERT_EQ(RunHeba({"target", Path("small.yaml"), "--out", Path("file.svg")}).status, 0);
+  EXPECT_EQ(ReadAll(Path("keys.svg")), ReadAll(Path("file.svg")));
+  const CommandResult wrong = RunHeba({"target", "{type: chessbord}", "--out", Path("wrong.svg")});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("did you mean 'chessboard'?"));
+}
+
 TEST_F(SheetCommandTest, SheetLargerThanThePaperWarnsAndNamesALargerOne) {
   const CommandResult result = RunHeba({"target", Path("large.yaml"), "--paper", "a4", "--out", Path("sheet.pdf")});
   EXPECT_EQ(result.status, 0) << result.err;

@@ -150,13 +150,30 @@ TEST_F(SymmetricTargetTest, NearDecidesBetweenThePoses) {
   }
 }
 
+// An exact position decides although the rotation is that of neither pose.
+TEST_F(SymmetricTargetTest, NearDecidesByThePositionAlone) {
+  for (const Rigid3d& meant : {truth_[0], HalfTurned(truth_[0])}) {
+    const std::string rough = Numbers(Rotated(meant, Eigen::Vector3d::UnitZ(), 90));
+    const CommandResult located = RunHeba({"locate", Path("run"), Image(0), "--near", rough});
+    EXPECT_EQ(located.status, 0) << located.err;
+    const std::vector<Rigid3d> poses = PrintedPoses(located.out);
+    ASSERT_EQ(poses.size(), 1U) << located.out;
+    EXPECT_TRUE(IsNear(poses[0], meant)) << located.out;
+  }
+}
+
 TEST_F(SymmetricTargetTest, AmbiguousNearDoesNotDecide) {
   // A rotation by 80 deg about the normal of the target is 80 deg from one pose and 100 deg from the other.
-  const std::string rough = Numbers(Rotated(truth_[0], Eigen::Vector3d::UnitZ(), 80));
+  Rigid3d near = Rotated(truth_[0], Eigen::Vector3d::UnitZ(), 80);
+  near.translation.z() += 0.5;
+  const std::string rough = Numbers(near);
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), "--near", rough});
   EXPECT_EQ(located.status, 1);
   EXPECT_THAT(located.err, StartsWith("heba: error: " + Image(0) + ": --near does not decide between the 2 possible "));
-  EXPECT_THAT(located.err, HasSubstr("it must be nearer to one of them by 30 deg"));
+  EXPECT_THAT(located.err, HasSubstr(" mm and 80.")) << located.err;
+  EXPECT_THAT(located.err,
+              HasSubstr("it must be within 36 mm of one of them, or within 75 deg and nearer to it than to "
+                        "the others by 30 deg"));
   EXPECT_EQ(std::count(located.err.begin(), located.err.end(), '\n'), 1) << located.err;
   EXPECT_EQ(PrintedPoses(located.out).size(), 2U);
 }
@@ -165,6 +182,21 @@ TEST_F(SymmetricTargetTest, PixelsOnTheTargetAreUnambiguous) {
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), "--pixels", "400,300"});
   EXPECT_EQ(located.status, 0) << located.err;
   EXPECT_THAT(located.out, HasSubstr("mm in the base"));
+}
+
+TEST_F(SymmetricTargetTest, PixelsOnAPlaneInTheBaseNeedNoImage) {
+  const std::vector<std::string> flags = {"--pixels", "400,300", "--plane", "0,0,1,100 mm"};
+  const auto locate = [&](std::vector<std::string> words) {
+    words.insert(words.end(), flags.begin(), flags.end());
+    return RunHeba(words);
+  };
+  const CommandResult without = locate({"locate", Path("run")});
+  const CommandResult with = locate({"locate", Path("run"), Image(0)});
+  EXPECT_EQ(without.status, 0) << without.err;
+  ASSERT_EQ(with.status, 0) << with.err;
+  EXPECT_THAT(without.out, StartsWith("pixels:\n"));
+  EXPECT_EQ(without.out.substr(without.out.find('\n')), with.out.substr(with.out.find('\n')));
+  EXPECT_THAT(RunHeba({"locate", Path("run"), "--pixels", "400,300"}).err, HasSubstr("needs an IMAGE"));
 }
 
 TEST_F(SymmetricTargetTest, RefusesInvalidOrUselessNear) {

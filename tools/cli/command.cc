@@ -149,14 +149,14 @@ int Dispatch(const std::vector<std::string>& words) {
     return kDone;
   }
   const std::vector<std::string> arguments = ParseFlags(*command, rest);
-  const bool takes_many = command->arguments.ends_with("...");
+  const bool takes_many = command->arguments.find("...") != std::string::npos;
   const std::vector<std::string> forms = Split(command->arguments, ' ');
   const auto num_optional =
       std::count_if(forms.begin(), forms.end(), [](const std::string& form) { return form.starts_with("["); });
   const size_t num_needed = forms.size() - static_cast<size_t>(num_optional);
   if (arguments.size() < num_needed || (!takes_many && arguments.size() > forms.size())) {
     throw InputError("'heba " + command->name + "' takes " + command->arguments + ", not " +
-                     std::to_string(arguments.size()) + " arguments");
+                     std::to_string(arguments.size()) + (arguments.size() == 1 ? " argument" : " arguments"));
   }
   return command->run(arguments);
 }

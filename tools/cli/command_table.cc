@@ -45,12 +45,17 @@ bool IsFlagGiven(const std::string& name) {
   return !info.is_default;
 }
 
-CommandFlag FlagOf(const std::string& name) {
+CommandFlag FlagOf(const std::string& name, const std::string& command) {
   gflags::CommandLineFlagInfo info;
   CHECK(gflags::GetCommandLineFlagInfo(FlagVariable(name).c_str(), &info)) << name;
-  const size_t end = info.description.find('|');
-  CHECK(end != std::string::npos) << name;
-  CommandFlag flag{name, info.type, info.description.substr(0, end), info.description.substr(end + 1)};
+  const std::vector<std::string> parts = Split(info.description, '|');
+  CHECK(parts.size() >= 2) << name;
+  CommandFlag flag{name, info.type, parts[0], parts[1]};
+  for (size_t i = 2; i < parts.size(); ++i) {
+    const size_t colon = parts[i].find(": ");
+    CHECK(colon != std::string::npos) << name;
+    if (parts[i].substr(0, colon) == command) flag.text = parts[i].substr(colon + 2);
+  }
   for (const auto& [letter, of] : kLetters) {
     if (of == name) flag.letter = letter;
   }

@@ -29,7 +29,8 @@ const std::vector<Command>& Commands();
 std::string FlagVariable(std::string name);
 // Returns whether a flag is on the command line, if only with its default.
 bool IsFlagGiven(const std::string& name);
-CommandFlag FlagOf(const std::string& name);
+// Returns a flag with its text for a command; with its general text if there is no command or none of its own.
+CommandFlag FlagOf(const std::string& name, const std::string& command = "");
 // Returns the name of the flag with this short form; empty if there is none.
 std::string FlagOfLetter(char letter);
 // Returns the forms of a flag with its value, such as "-o, --out PATH".

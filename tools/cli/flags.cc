@@ -9,12 +9,26 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 
-// A description consists of the kind of value that the flag takes, a |, and the help text.
-DEFINE_string(out, "", "PATH|file or folder for the results");
+// A description consists of the kind of value that the flag takes, a |, and the help text. Texts for single commands
+// follow, each after a | and the command's name and a colon.
+DEFINE_string(out, "",
+              "PATH|file or folder for the results"
+              "|init: the config to write; default: FOLDER/config.yaml"
+              "|run: folder for the results; default: runs/NAME beside the config"
+              "|compare: folder for the tables and the page; default: they are not written"
+              "|detect: folder for the images with the detections; default: detections/NAME beside the config"
+              "|target: the sheet, .svg, .pdf or .png; with --suggest, the target, .yaml"
+              "|simulate: folder for the data set"
+              "|study: folder for the results; default: studies/NAME beside the study"
+              "|import: folder for heba's own files"
+              "|export: file for the result, or folder with --to all; default: standard output"
+              "|correct: file for the poses");
 DEFINE_int32(jobs, 0, "N|number of threads; 0 for one per processor");
 DEFINE_bool(quiet, false, "|no progress and no table");
 DEFINE_string(shard, "", "I/N|run part I, from 0 to N - 1, of N parts");
-DEFINE_string(set, "", "KEY=VALUE|overrides the config, such as refine.loss=none; may be given several times");
+DEFINE_string(set, "",
+              "KEY=VALUE|overrides the config, such as refine.loss=none; may be given several times"
+              "|simulate: overrides the scene, such as motion.captures=30; may be given several times");
 DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
 DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with this verdict, or a worse one, ends with exit status 1");
 DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all writes every format into the folder --out");
@@ -24,7 +38,9 @@ DEFINE_string(child, "", "FRAME|the camera's frame; default: camera_optical_fram
 DEFINE_string(child_is, "",
               "FRAME|optical (z forward), body (x forward, same origin), or the optical frame's pose in the child, "
               "x,y,z,qx,qy,qz,qw in m");
-DEFINE_bool(inverse, false, "|export the pose of the parent in the child; correct: the poses to command");
+DEFINE_bool(inverse, false,
+            "|export the pose of the parent in the child"
+            "|correct: the poses are those to reach, and those to command are computed");
 DEFINE_string(units, "m", "UNIT|length unit of the format matrix: m or mm");
 DEFINE_string(pose, "", "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas");
 DEFINE_string(
@@ -34,17 +50,22 @@ DEFINE_string(
 DEFINE_string(
     near, "",
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
-    "if that contains joints): decides between the poses of a target with a symmetry");
+    "if that contains joints): decides between the poses of a target with a symmetry, by its position or by its "
+    "rotation, one of which may be unknown");
 DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
 DEFINE_string(target, "",
-              "TARGET.yaml|the target in the images of a folder without a known format; init: or its keys, such as "
-              "'{type: chessboard, rows: 6, columns: 9, square: 25 mm}'");
+              "TARGET.yaml|the target in the images of a folder without a known format"
+              "|init: the target in the images, or its keys, such as '{type: chessboard, rows: 6, columns: 9, square: "
+              "25 mm}'; default: found");
 DEFINE_string(images, "", "PATH|the folder of the images; default: the one with the most images");
 DEFINE_string(poses, "", "PATH|the file or folder of the robot poses; default: found");
-DEFINE_string(camera, "", "PATH|the camera file; init: default: found, or estimated from the captures");
+DEFINE_string(camera, "",
+              "PATH|the camera file; default: found, or estimated from the captures"
+              "|target: the file of the camera that is to see the proposed target");
 DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agreement of images and poses");
-DEFINE_string(pixels, "", "U,V;U,V|pixels of the image to locate instead of the target");
+DEFINE_string(pixels, "",
+              "U,V;U,V|pixels to locate instead of the target; without an image if --plane names a plane in the base");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");

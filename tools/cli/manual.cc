@@ -54,7 +54,7 @@ std::string CommandPage(const Command& command) {
                      Roff(command.arguments) + "\n[\\fB\\-\\-flags\\fR]\n";
   if (!command.flags.empty()) page += ".SH OPTIONS\n";
   for (const std::string& name : command.flags) {
-    const CommandFlag flag = FlagOf(name);
+    const CommandFlag flag = FlagOf(name, command.name);
     page += ".TP\n.B " + Roff(FlagForm(flag)) + "\n" + Roff(flag.text) + "\n";
   }
   return page + ExitStatus() + ".SH SEE ALSO\n.BR heba (1)\n";
@@ -142,7 +142,7 @@ std::string ZshCompletion(const std::vector<std::string>& /*arguments*/) {
   for (const Command& command : Commands()) {
     text += "    " + command.name + ")\n      _arguments";
     for (const std::string& name : command.flags) {
-      const CommandFlag flag = FlagOf(name);
+      const CommandFlag flag = FlagOf(name, command.name);
       const std::string value = flag.value.empty() ? "" : ":" + ZshText(flag.value) + ":_files";
       const std::string explained = "[" + ZshText(flag.text) + "]" + value + "'";
       text += " \\\n        '--" + name + (flag.value.empty() ? "" : "=") + explained;
@@ -168,7 +168,7 @@ std::string CommandHelp(const Command& command) {
   std::string text =
       "usage: heba " + command.name + " " + command.arguments + " [--flags]\n\n" + command.summary + "\n\n";
   for (const std::string& name : command.flags) {
-    const CommandFlag flag = FlagOf(name);
+    const CommandFlag flag = FlagOf(name, command.name);
     text += ForTerminal("  " + PadRight(FlagForm(flag), 21) + " " + flag.text + "\n");
   }
   return text;

@@ -321,6 +321,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
   reader.Finish();
   const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, *config);
+  config->num_images = seen.size();
   std::vector<bool> has_row(seen.size(), false);
   std::vector<bool> is_excluded(seen.size(), false);
   for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
@@ -329,6 +330,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     const bool is_row_excluded = excluded.count(rows[i].image) > 0;
     if (!image_of_row[i]) {
       if (is_row_excluded) continue;
+      config->poses_without_image.push_back(rows[i].image);
       config->data.left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
       continue;
     }
@@ -341,6 +343,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     if (is_excluded[i]) {
       config->data.left_out.push_back({seen[i].name, "left out by captures.exclude"});
     } else if (!has_row[i]) {
+      config->images_without_pose.push_back(seen[i].name);
       config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
     }
   }

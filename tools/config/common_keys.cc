@@ -7,9 +7,25 @@
 namespace heba {
 namespace fs = std::filesystem;
 
+namespace {
+
+// Throws InputError if `value`, the mapping of a key, states single keys over a file that a layer below names: those of
+// the file are not merged with it.
+void RefuseKeysOverFile(const MapReader& reader, const std::string& key, const ConfigValue& value) {
+  if (!value.IsMap() || value.node()["type"].IsDefined() || value.node()["target_type"].IsDefined()) return;
+  for (const ConfigValue& layer : reader.value().Layers()) {
+    const ConfigValue below(layer.node()[key], layer.file(), key);
+    if (!below.node().IsDefined() || !below.IsText()) continue;
+    value.Fail("the target is the file " + below.AsPath().string() + ", whose keys are edited there");
+  }
+}
+
+}  // namespace
+
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
   // A target that states its type replaces the one of the base file, because another type has other keys.
   const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
+  RefuseKeysOverFile(reader, key, value);
   MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
   reader.Record(key, target_reader.used());

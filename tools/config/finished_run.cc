@@ -14,7 +14,15 @@ const RobotSummary* FinishedRun::FindArm() const {
   return is_estimated ? &*result.robot : nullptr;
 }
 
-FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
+std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
+  std::error_code error;
+  const bool is_result = run.filename() == "result.json" && std::filesystem::is_regular_file(run, error);
+  if (!is_result) return run;
+  return run.has_parent_path() ? run.parent_path() : std::filesystem::path(".");
+}
+
+FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
+  const std::filesystem::path folder = RunFolderOf(path);
   FinishedRun run;
   run.result = ReadResult(folder / "result.json");
   if (FindRefined(run.result) == nullptr) {

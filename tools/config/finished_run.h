@@ -23,8 +23,11 @@ struct FinishedRun {
   const RobotSummary* FindArm() const;
 };
 
+// Returns the folder of a run that is named by its folder or by the result.json in it.
+std::filesystem::path RunFolderOf(const std::filesystem::path& run);
+
 // Throws InputError if the folder has no refined estimate from images or corners.
-FinishedRun ReadFinishedRun(const std::filesystem::path& folder);
+FinishedRun ReadFinishedRun(const std::filesystem::path& path);
 
 // Throws InputError, which begins with `image`, if an image does not have the size of those of the run.
 void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image);

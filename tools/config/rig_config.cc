@@ -13,6 +13,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/image_list.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
@@ -22,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>& settings) {
+  RefuseFolder(path, FileKind::kRunConfig);
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
 }
@@ -273,7 +275,9 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   RigConfig config;
   config.file = path;
   RigDataset& data = config.data;
-  MapReader reader(ReadConfigFile(path, settings));
+  const ConfigValue value = ReadConfigFile(path, settings);
+  RefuseOtherKind(value, path, FileKind::kRunConfig);
+  MapReader reader(value);
   data.name = ReadFolderName(reader, path.stem().string());
   data.about = ReadAbout(reader);
   for (const char* key : {"target", "camera", "setup"}) {

@@ -5,6 +5,7 @@
 
 #include "heba/detection.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/scene_config.h"
@@ -13,6 +14,7 @@ namespace heba {
 namespace {
 
 ConfigValue ReadSceneFile(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  RefuseFolder(path, FileKind::kScene);
   const ConfigValue file = ReadYamlFileOverBases(path, {});
   return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
 }
@@ -95,7 +97,9 @@ bool IsRigScene(const std::filesystem::path& path, const std::vector<std::string
 
 RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings) {
   RigSceneConfig scene;
-  MapReader reader(ReadSceneFile(path, settings));
+  const ConfigValue value = ReadSceneFile(path, settings);
+  RefuseOtherKind(value, path, FileKind::kScene);
+  MapReader reader(value);
   ReadSceneRobots(reader, &scene);
   ReadSceneCameras(reader, &scene);
   ReadSceneTargets(reader, &scene);

@@ -11,6 +11,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
@@ -248,6 +249,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.file = path;
   config.options.choose = {};
   config.options.choose_camera_model = false;
+  RefuseFolder(path, FileKind::kRunConfig);
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
   if (HasRigKeys(value)) {
@@ -255,6 +257,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
                      ": is the config of a rig (cameras, targets, robots), which only 'heba run' reads; this command "
                      "needs a config of one camera and one target");
   }
+  RefuseOtherKind(value, path, FileKind::kRunConfig);
   MapReader reader(value);
   config.data.name = ReadFolderName(reader, path.stem().string());
   config.data.about = ReadAbout(reader);

@@ -31,6 +31,9 @@ struct RunConfig {
   // Otherwise the target is in a file of its own, in an imported data set, or in Kalibr's keys.
   bool has_target_keys = false;
   std::filesystem::path poses_file;
+  size_t num_images = 0;  // Of the images (or corners, or poses of the target), with and without a robot pose.
+  std::vector<std::string> images_without_pose;
+  std::vector<std::string> poses_without_image;
   PoseReading pose_reading;
   std::vector<std::vector<double>> pose_numbers;  // Per capture, as in the poses file.
   std::optional<ImportedSet> imported;            // The data set of another project that the captures are from.

@@ -8,6 +8,7 @@
 #include "heba/detection.h"
 #include "heba/io/camera_file.h"
 #include "heba/robot/arm_table.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 
@@ -76,8 +77,11 @@ Camera ReadSceneCamera(MapReader& reader) {
 }
 
 SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  RefuseFolder(path, FileKind::kScene);
   const ConfigValue file = ReadYamlFileOverBases(path, {});
-  return ReadScene(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+  const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+  RefuseOtherKind(value, path, FileKind::kScene);
+  return ReadScene(value);
 }
 
 SceneConfig ReadScene(const ConfigValue& value) {

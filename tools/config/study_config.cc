@@ -11,6 +11,7 @@
 #include "heba/detection.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
+#include "tools/config/file_kind.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
@@ -136,7 +137,10 @@ void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Se
 
 StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   StudyConfig study;
-  MapReader reader(ReadYamlFile(path));
+  RefuseFolder(path, FileKind::kStudy);
+  const ConfigValue file = ReadYamlFile(path);
+  RefuseOtherKind(file, path, FileKind::kStudy);
+  MapReader reader(file);
   study.name = ReadFolderName(reader, path.stem().string());
   study.num_trials = reader.Int("trials", {1, 100000000}, 300);
   study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));

@@ -310,10 +310,44 @@ GuessedTable GuessPoseFormats(const fs::path& poses) {
   return {};
 }
 
+std::string FaultOfDecimalCommas(const fs::path& poses) {
+  fs::path file = poses;
+  try {
+    std::error_code error;
+    if (fs::is_directory(poses, error)) {
+      const std::vector<fs::path> files = PoseFilesOf(poses);
+      if (files.empty()) return "";
+      file = files.front();
+    }
+    for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+      // A comma between fields would leave more than two parts, or none that is a number.
+      const char separator = line.text.find(';') != std::string::npos    ? ';'
+                             : line.text.find('\t') != std::string::npos ? '\t'
+                                                                         : ' ';
+      std::vector<std::string> with_comma;
+      for (const std::string& part : Split(line.text, separator)) {
+        std::string field = Trim(part);
+        if (field.ends_with(',')) field.pop_back();
+        const size_t comma = field.find(',');
+        if (comma == std::string::npos || comma + 1 == field.size()) continue;
+        if (field.find_first_not_of("+-.0123456789eE", comma + 1) != std::string::npos) continue;
+        if (IsNumber(std::string(field).replace(comma, 1, "."))) with_comma.push_back(field);
+      }
+      constexpr size_t kNumbersOfAPlace = 3;
+      if (with_comma.size() < kNumbersOfAPlace) continue;
+      return file.string() + ":" + std::to_string(line.number) + ": " + Quoted(with_comma.front()) +
+             " is not a number; use a decimal point";
+    }
+  } catch (const InputError&) {
+    // A file that cannot be read as text has no numbers with commas.
+  }
+  return "";
+}
+
 std::string PoseFormatSetting(const PoseFormat& format) { return "captures.pose_format=" + PoseFormatText(format); }
 
 std::optional<GuessedReading> GuessReading(const fs::path& config, const std::vector<std::string>& settings,
-                                           int num_threads, Verbosity verbosity) {
+                                           int num_threads, Verbosity verbosity, Examine examine) {
   std::vector<PoseFormat> formats;
   try {
     const ConfigValue file = ReadYamlFileOverBases(config, {"name", "output"});
@@ -333,7 +367,7 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
     for (int round = 0; round < 2; ++round) {
       const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
       if (!read) return first;
-      guessed.diagnosis = Diagnose(*read, num_threads, verbosity);
+      guessed.diagnosis = Diagnose(*read, num_threads, verbosity, examine);
       const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
       guessed.fits = fit && fit->fits;
       if (!fit || PoseFormatText(fit->format) == PoseFormatText(guessed.format)) break;

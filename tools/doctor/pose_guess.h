@@ -24,6 +24,10 @@ struct GuessedTable {
 // determined from the file.
 GuessedTable GuessPoseFormats(const std::filesystem::path& poses);
 
+// Describes the first number with a decimal comma in a table of poses, or in the first file of a folder, as the fault
+// of its line; empty if there is none.
+std::string FaultOfDecimalCommas(const std::filesystem::path& poses);
+
 // Returns the setting (--set) that makes a config read its poses in this format.
 std::string PoseFormatSetting(const PoseFormat& format);
 
@@ -38,7 +42,7 @@ struct GuessedReading {
 // poses are no table of numbers, or if the config has further faults.
 std::optional<GuessedReading> GuessReading(const std::filesystem::path& config,
                                            const std::vector<std::string>& settings, int num_threads,
-                                           Verbosity verbosity);
+                                           Verbosity verbosity, Examine examine = Examine::kInputsAndResult);
 
 // Describes a format in words: "6 numbers per pose: x, y, z in mm and euler_zyx in deg".
 std::string ReadingInWords(const PoseFormat& format);

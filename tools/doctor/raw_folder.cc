@@ -53,11 +53,13 @@ bool IsTarget(const fs::path& file) {
   });
 }
 
+// Returns the text of a config. Paths in it are relative to `config`, or absolute if that is empty.
 std::string ConfigText(const RawFolder& raw, const PoseFormat& format, const std::optional<Setup>& setup,
                        const fs::path& config, const std::vector<std::string>& remarks) {
   const auto path = [&](const fs::path& file) {
+    const fs::path whole = fs::weakly_canonical(file);
     return QuotedForYaml(
-        fs::weakly_canonical(file).lexically_proximate(fs::weakly_canonical(config.parent_path())).string());
+        (config.empty() ? whole : whole.lexically_proximate(fs::weakly_canonical(config.parent_path()))).string());
   };
   std::map<std::string, std::string> values = {{"captures.images", path(raw.images)},
                                                {"captures.poses", path(raw.poses)},
@@ -85,16 +87,19 @@ PoseFormat NamedFormat(const PoseFormat& format, const fs::path& poses) {
   return format;
 }
 
+// The best reading of the poses under one setup.
 struct Trial {
   Setup setup = Setup::kEyeToHand;
-  PoseFormat format;
-  double misfit_m = 0;
-  std::string misfit;
-};
+  GuessedReading reading;
 
-std::string TrialInWords(const Trial& trial) {
-  return std::string(SetupName(trial.setup)) + ": robot and images differ by " + trial.misfit;
-}
+  double MisfitM() const {
+    const std::optional<PoseFit>& fit = reading.diagnosis.pose_fit;
+    return fit ? fit->misfit_m : std::numeric_limits<double>::infinity();
+  }
+  std::string InWords() const {
+    return std::string(SetupName(setup)) + ": robot and images differ by " + reading.diagnosis.pose_fit->misfit;
+  }
+};
 
 // A temporary folder for a trial config.
 class TrialFolder {
@@ -116,15 +121,92 @@ class TrialFolder {
   fs::path path_;
 };
 
-// Explains why no reading fits in either setup: by the config's fault, if it has one.
-std::string WhyNoReading(const fs::path& trial) {
+// Returns the fault of a trial config as one of the user's files: without the name of the trial config, and with paths
+// as the user knows them.
+std::string InPathsOfUser(const std::string& fault, const fs::path& trial, const RawFolder& raw) {
+  std::string text = fault;
+  if (text.starts_with(trial.string() + ":")) text = text.substr(text.find(": ") + 2);
+  std::vector<fs::path> known = {raw.poses, raw.images};
+  if (raw.target) known.push_back(*raw.target);
+  if (raw.camera) known.push_back(*raw.camera);
+  for (const fs::path& path : known) {
+    const std::string whole = fs::weakly_canonical(path).string();
+    for (size_t at = text.find(whole); at != std::string::npos; at = text.find(whole, at + path.string().size())) {
+      text.replace(at, whole.size(), path.string());
+    }
+  }
+  return text;
+}
+
+// Explains why the trial config cannot be read; empty if it can be.
+std::string FaultOfTrial(const fs::path& trial, const RawFolder& raw) {
   try {
     ReadRunConfig(trial);
   } catch (const InputError& fault) {
-    return std::string("the data set cannot be read: ") + fault.what();
+    return "the data set cannot be read: " + InPathsOfUser(fault.what(), trial, raw);
   }
-  return "no format that was tried fits the images; set setup in the config and run 'heba doctor' on it to learn "
-         "more";
+  return "";
+}
+
+bool IsOfTarget(const Symptom& symptom) {
+  return symptom.code == SymptomCode("target") || symptom.code == SymptomCode("target_scale");
+}
+
+// Adds the faults and the counts that the best of the trials shows.
+void AddSymptoms(const Diagnosis& diagnosis, RawConfig* made) {
+  if (const std::string fault = FirstWrong(diagnosis); !fault.empty()) made->warnings.push_back(fault);
+  for (const Symptom& symptom : diagnosis.symptoms) {
+    if (symptom.code == SymptomCode("unpaired") && symptom.severity == Severity::kRemark)
+      made->remarks.push_back(symptom.what);
+  }
+}
+
+// Describes trials of which none fits. `fault`: why none could be made.
+void DescribeMisfit(const RawFolder& raw, const std::vector<Trial>& trials, const std::string& fault, RawConfig* made) {
+  const std::string guessed =
+      "the poses contain " + ReadingInWords(raw.format) + ", guessed from the size of the numbers";
+  if (!raw.target) {
+    made->remarks.push_back(guessed +
+                            ": name the target and the setup in the config, and 'heba doctor' compares every reading "
+                            "with the images; or import with --target FILE");
+    return;
+  }
+  if (!fault.empty()) {
+    made->warnings.push_back(fault);
+  } else if (!trials.empty()) {
+    AddSymptoms(trials.front().reading.diagnosis, made);
+  }
+  if (made->warnings.empty()) {
+    made->warnings.push_back("no format of the poses that was tried fits the images" +
+                             std::string(raw.setup ? " with setup: " + std::string(SetupName(*raw.setup)) : ""));
+  }
+  const bool is_compared = !trials.empty() && trials.front().reading.diagnosis.pose_fit;
+  made->remarks.push_back(guessed + (is_compared ? ": no format that was tried fits the images" : "") +
+                          (raw.setup ? "" : "; the setup is left open"));
+}
+
+// Describes trials that fit, the best one first.
+void DescribeFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is_decided, RawConfig* made) {
+  const Diagnosis& diagnosis = trials.front().reading.diagnosis;
+  AddSymptoms(diagnosis, made);
+  const bool is_other_target = std::any_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsOfTarget);
+  made->remarks.push_back("the poses contain " + ReadingInWords(trials.front().reading.format) +
+                          ", which fits the images" + (is_other_target ? " if the target is corrected" : "") + "; " +
+                          trials.front().InWords() + (trials.size() > 1 ? ", and " + trials.back().InWords() : ""));
+  if (!is_decided) made->warnings.emplace_back("both setups fit equally well: set setup in the config");
+  if (!raw.setup) {
+    made->remarks.emplace_back(
+        "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
+        "one");
+  }
+}
+
+// Returns the remarks as comments of the config.
+std::vector<std::string> CommentsOf(const RawConfig& made) {
+  std::vector<std::string> comments;
+  for (const std::string& warning : made.warnings) comments.push_back("Warning: " + warning);
+  comments.insert(comments.end(), made.remarks.begin(), made.remarks.end());
+  return comments;
 }
 
 }  // namespace
@@ -169,11 +251,17 @@ RawFolder FindRawFiles(const fs::path& folder, const RawFolder& given) {
     raw.poses = source;
     raw.format = table.formats.front();
   }
+  if (!raw.format.columns.empty()) return raw;
+  for (const fs::path& source : sources) {
+    raw.poses_fault = FaultOfDecimalCommas(source);
+    if (!raw.poses_fault.empty()) break;
+  }
   return raw;
 }
 
 std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
   const RawFolder raw = FindRawFiles(folder, {});
+  if (raw.num_images > 0 && !raw.poses_fault.empty()) throw InputError(raw.poses_fault);
   if (raw.num_images == 0 || raw.poses.empty()) return std::nullopt;
   return raw;
 }
@@ -189,41 +277,42 @@ RawConfig ConfigOf(const RawFolder& raw, const fs::path& config, int num_threads
   const TrialFolder folder;
   const fs::path trial = folder.config();
   std::vector<Trial> trials;
+  std::string fault;
   for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
-    if (!target || (raw.setup && setup != *raw.setup)) continue;
-    WriteFileAtomically(trial, ConfigText(raw, raw.format, setup, trial, {}));
-    const std::optional<GuessedReading> reading = GuessReading(trial, {}, num_threads, Verbosity::kQuiet);
-    if (!reading || !reading->fits) continue;
-    const PoseFit& fit = *reading->diagnosis.pose_fit;
-    trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
+    if (!target || !fault.empty() || (raw.setup && setup != *raw.setup)) continue;
+    WriteFileAtomically(trial, ConfigText(raw, raw.format, setup, {}, {}));
+    fault = FaultOfTrial(trial, raw);
+    if (!fault.empty()) continue;
+    std::optional<GuessedReading> reading = GuessReading(trial, {}, num_threads, Verbosity::kQuiet, Examine::kInputs);
+    if (reading) trials.push_back({setup, std::move(*reading)});
   }
-  std::sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) { return a.misfit_m < b.misfit_m; });
-  // Two setups with similar misfits are not distinguished.
-  constexpr double kDecidedly = 2.5;
-  const bool is_decided =
-      trials.size() == 1 || (trials.size() > 1 && trials[1].misfit_m > kDecidedly * trials[0].misfit_m);
-  std::optional<Setup> setup = raw.setup;
+  // Trials that fit come first.
+  std::stable_sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) {
+    return std::pair(!a.reading.fits, a.MisfitM()) < std::pair(!b.reading.fits, b.MisfitM());
+  });
+  made.setup = raw.setup;
   PoseFormat format = raw.format;
-  if (trials.empty()) {
-    made.remarks.push_back(
-        "the poses contain " + ReadingInWords(raw.format) + ", guessed from the size of the numbers: " +
-        (target ? WhyNoReading(trial)
-                : "name the target and the setup in the config, and 'heba doctor' compares every reading with "
-                  "the images; or import with --target FILE"));
+  if (trials.empty() || !trials.front().reading.fits) {
+    DescribeMisfit(raw, trials, fault, &made);
   } else {
-    if (is_decided) setup = trials.front().setup;
-    format = trials.front().format;
-    made.remarks.push_back("the poses contain " + ReadingInWords(format) + ", which fits the images; " +
-                           TrialInWords(trials.front()) +
-                           (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
-    if (!setup) made.remarks.emplace_back("both setups fit equally well: set setup in the config");
-    if (!raw.setup)
-      made.remarks.emplace_back(
-          "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
-          "one");
+    std::erase_if(trials, [](const Trial& one) { return !one.reading.fits; });
+    // Two setups with similar misfits are not distinguished.
+    constexpr double kDecidedly = 2.5;
+    const bool is_decided = raw.setup || trials.size() == 1 || trials[1].MisfitM() > kDecidedly * trials[0].MisfitM();
+    if (is_decided) made.setup = trials.front().setup;
+    format = trials.front().reading.format;
+    made.fits = is_decided;
+    DescribeFit(raw, trials, is_decided, &made);
   }
-  made.text = ConfigText(raw, NamedFormat(format, raw.poses), setup, config, made.remarks);
+  made.text = ConfigText(raw, NamedFormat(format, raw.poses), made.setup, config, CommentsOf(made));
   return made;
+}
+
+std::string RemarksText(const RawConfig& made) {
+  std::string text;
+  for (const std::string& warning : made.warnings) text += "warning: " + warning + "\n";
+  for (const std::string& remark : made.remarks) text += "remark: " + remark + "\n";
+  return text;
 }
 
 }  // namespace heba

@@ -46,6 +46,7 @@ inline constexpr std::string_view kSymptomCodes[] = {
     "motion",
     "little_rotation",
     "same_picture",
+    "unpaired",
     "repeated_image",
     "same_pose",
     "swapped",

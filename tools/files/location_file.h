@@ -14,11 +14,11 @@ namespace heba {
 // "reason"}: the pose base_from_gripper of the images, the same corrected by the estimated errors of the arm, and why
 // it was not corrected. An image has {"image", "located", "reason", "points", "target_points", "rms_px", "poses",
 // "chosen", "command", "commands", "command_reason", "pixels"}. `poses` are all poses of the target that fit, each
-// {"base_from_target": POSE, "near_deg", "sigma": SIGMAS, "postures": POSTURES}; `chosen` is the index of the one that
-// is meant, or null. A pixel has {"pixel": [u, v], "in_base_m": [x, y, z], "sigma", "postures"}. `command` is the pose
-// to command in the configuration of the captures, `commands` those in all configurations, or null: {"configuration",
-// "reason", "base_from_gripper": POSE, "joints": [{"name", "value", "unit"}], "from_target_mm", "from_target_deg",
-// "extrapolated", "sigma"}.
+// {"base_from_target": POSE, "near_deg", "near_mm", "sigma": SIGMAS, "postures": POSTURES}; `chosen` is the index of
+// the one that is meant, or null. A pixel has {"pixel": [u, v], "in_base_m": [x, y, z], "sigma", "postures"}. `command`
+// is the pose to command in the configuration of the captures, `commands` those in all configurations, or null:
+// {"configuration", "reason", "base_from_gripper": POSE, "joints": [{"name", "value", "unit"}], "from_target_mm",
+// "from_target_deg", "extrapolated", "sigma"}.
 //
 // POSE: {"parent", "child", "translation_m", "quaternion_xyzw", "matrix"}; the matrix has 4 x 4 numbers, its
 // translation in m. SIGMAS: one sigma along (and about) the base's x, y, z, {"total_mm", "calibration_mm", "image_mm",

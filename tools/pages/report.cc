@@ -13,6 +13,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
@@ -170,7 +171,7 @@ std::string MethodsSection(const RunResult& result) {
                                    "hold-out, deg", "AX-XB, mm",     "board, mm"};
   if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
   std::string without;
-  for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
+  for (const auto& [reason, methods] : MethodsWithoutResult(result, HandEyeMethodNames())) {
     without += Paragraph(methods + ": no result, " + reason);
   }
   return PageSection(

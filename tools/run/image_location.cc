@@ -188,8 +188,11 @@ ImageLocation LocateInImage(const LocationRequest& request, const std::string& i
     PossiblePose pose{located, {}};
     if (request.arm) pose.postures = FindPostures(*request.arm, located.base_from_target);
     location.possible.push_back(std::move(pose));
-    if (request.near) location.near_angles_rad.push_back(AngleRad(located.base_from_target, *request.near));
+    if (!request.near) continue;
+    location.near_angles_rad.push_back(AngleRad(located.base_from_target, *request.near));
+    location.near_distances_m.push_back(DistanceM(located.base_from_target, *request.near));
   }
+  location.least_distance_m = LeastDistanceM(*possible);
   if (possible->size() == 1) {
     location.chosen = 0;
   } else if (request.near) {

@@ -93,10 +93,13 @@ struct ImageLocation {
   std::string image;
   size_t num_points = 0;  // The number of the target's points in the image.
   size_t num_target_points = 0;
-  std::vector<PossiblePose> possible;   // Empty if the target cannot be located, or if pixels are asked for.
-  std::optional<size_t> chosen;         // The index of the pose that is meant; nothing if none is.
-  std::vector<double> near_angles_rad;  // Rotations between LocationRequest::near and the possible poses.
-  std::optional<Reach> reach;           // The reach of the chosen pose, if the run has estimated the errors of an arm.
+  std::vector<PossiblePose> possible;  // Empty if the target cannot be located, or if pixels are asked for.
+  std::optional<size_t> chosen;        // The index of the pose that is meant; nothing if none is.
+  // Rotations and distances between LocationRequest::near and the possible poses.
+  std::vector<double> near_angles_rad;
+  std::vector<double> near_distances_m;
+  double least_distance_m = 0;  // LeastDistanceM of the possible poses.
+  std::optional<Reach> reach;   // The reach of the chosen pose, if the run has estimated the errors of an arm.
   std::vector<PixelPosition> pixels;
   std::string fault;  // Why nothing is located; empty otherwise.
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <iterator>
 #include <limits>
 #include <string_view>
@@ -97,18 +98,39 @@ FindingText IntrinsicsNotIncluded(const Finding& finding) {
   return {text, ""};
 }
 
+// Formats an amount with two digits, or with as many more as show on which side of `limit` it lies.
+std::string AmountBeside(double amount, double limit) {
+  constexpr int kMostDigits = 9;
+  int digits = 2;
+  const auto is_shown = [&] {
+    const double shown = std::strtod(ShownAmount(amount, digits).c_str(), nullptr);
+    return (shown > limit) == (amount > limit) && shown != limit;
+  };
+  while (digits < kMostDigits && !is_shown()) ++digits;
+  return ShownAmount(amount, digits);
+}
+
+// Names what is missed; everything if all is met.
 FindingText Required(const Finding& finding) {
   const double within_mm = Number(finding, "required_mm");
-  std::string text = "a target located at " + Name(finding, "place") + " has an error of up to " +
-                     Amount(finding, "reached_mm") + " mm with a confidence of " +
-                     Significant(100 * Number(finding, "confidence"), 3) + " %; " + Significant(within_mm, 3) +
-                     " mm are required";
-  if (Is(finding, "hold_out", "known")) {
-    text += ", and on held-out captures the target is off by " + Amount(finding, "held_out_mm") + " mm (RMS)";
-  }
-  return {text, Number(finding, "reached_mm") > within_mm
-                    ? "take more captures, with larger rotations of the gripper and a larger range of distances"
-                    : "check the captures with the largest errors; calibrate the robot"};
+  const double reached_mm = Number(finding, "reached_mm");
+  const double held_out_mm = Number(finding, "held_out_mm");
+  const bool has_hold_out = Is(finding, "hold_out", "known");
+  const bool is_reach_missed = reached_mm > within_mm;
+  const bool is_hold_out_missed = has_hold_out && held_out_mm > within_mm;
+  const std::string place = Name(finding, "place");
+  const std::string hold_out =
+      "on held-out captures the target is off by " + AmountBeside(held_out_mm, within_mm) + " mm (RMS)";
+  const std::string required = Significant(within_mm, 3) + " mm are required";
+  const std::string repeat = "check the captures with the largest errors; calibrate the robot";
+  if (is_hold_out_missed && !is_reach_missed) return {hold_out + "; " + required + " at " + place, repeat};
+  const std::string text = "a target located at " + place + " has an error of up to " +
+                           AmountBeside(reached_mm, within_mm) + " mm with a confidence of " +
+                           Significant(100 * Number(finding, "confidence"), 3) + " %; " + required;
+  const bool is_hold_out_named = has_hold_out && (is_hold_out_missed || !is_reach_missed);
+  return {text + (is_hold_out_named ? ", and " + hold_out : ""),
+          is_reach_missed ? "take more captures, with larger rotations of the gripper and a larger range of distances"
+                          : repeat};
 }
 
 FindingText HoldOutErrors(const Finding& finding) {

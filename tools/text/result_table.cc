@@ -47,7 +47,7 @@ std::string NoiseLine(const Solution& solution, const std::optional<double>& hol
 
 }  // namespace
 
-std::string ResultTable(const RunResult& result, Colour colour) {
+std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const bool ansi = colour == Colour::kAnsi;
   const std::string bold = ansi ? "\x1b[1m" : "";
   const std::string plain = ansi ? "\x1b[0m" : "";
@@ -101,7 +101,8 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     if (is_last) table += plain;
     table += "\n";
   }
-  for (const auto& [reason, methods] : MethodsWithoutResult(result)) table += methods + ": no result, " + reason + "\n";
+  for (const auto& [reason, methods] : MethodsWithoutResult(result, asked_for))
+    table += methods + ": no result, " + reason + "\n";
   // The refinement of the reprojection error.
   const Estimate* refined = FindRefined(result);
   if (refined == nullptr) {

@@ -6,6 +6,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "solvers/closed_form/hand_eye_method.h"
 
 namespace heba {
 namespace {
@@ -44,10 +45,15 @@ std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vect
   return methods_of;
 }
 
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result) {
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
+                                                                      const std::vector<std::string>& asked_for) {
   std::vector<MethodReason> methods;
   for (const Estimate& estimate : result.estimates) {
-    if (!estimate.ok) methods.emplace_back(estimate.method, estimate.reason);
+    if (estimate.ok) continue;
+    const HandEyeMethod* const method = FindHandEyeMethod(estimate.method);
+    const bool suits = method == nullptr || method->motion == MethodMotion::kAny;
+    const bool is_asked_for = std::find(asked_for.begin(), asked_for.end(), estimate.method) != asked_for.end();
+    if (suits || is_asked_for) methods.emplace_back(estimate.method, estimate.reason);
   }
   return GroupedByReason(methods);
 }

@@ -18,8 +18,10 @@ std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 // Returns each reason once, with the methods that give it, separated by commas. `methods`: each method and its reason.
 using MethodReason = std::pair<std::string, std::string>;
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods);
-// Groups the methods of a result that have no estimate.
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result);
+// Groups the methods of a result that have no estimate. A method for a motion that was not made is left out unless it
+// is one of `asked_for`.
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
+                                                                      const std::vector<std::string>& asked_for = {});
 
 int NumUsedCaptures(const RunResult& result);
 

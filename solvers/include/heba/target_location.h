@@ -72,12 +72,22 @@ PositionCovariance CovarianceOfReach(const Solution& solution, const LocatedTarg
                                      const Eigen::Vector3d& point_in_gripper = Eigen::Vector3d::Zero(),
                                      const Eigen::Vector3d& point_in_target = Eigen::Vector3d::Zero());
 
-// A rough rotation decides between two rotations if it is nearer to one of them by at least this much.
+// A rough rotation decides between two rotations if it is nearer to one of them by at least this much, and not farther
+// from it than kMaxRoughRotationRad.
 inline constexpr double kMinRotationGapRad = DegToRad(30);
+inline constexpr double kMaxRoughRotationRad = DegToRad(75);
+// A rough position decides if it is within this share of the distance between one pose and its nearest neighbour.
+inline constexpr double kRoughPositionShare = 0.25;
+// A position that decides for another pose than the rotation prevails if the rotation is farther off than this.
+inline constexpr double kCloseRotationRad = DegToRad(30);
 
-// Returns the index in `possible` of the pose whose rotation is nearest to that of `rough`, or nothing if another one
-// is less than kMinRotationGapRad farther away. The translations are not compared, because the symmetries of a target
-// are rotations that differ by 90 deg or more.
+// Returns the least distance between the origins of two poses; 0 for fewer than two.
+double LeastDistanceM(const std::vector<LocatedTarget>& possible);
+
+// Returns the index in `possible` of the pose that `rough` is near to: the one whose origin it is close to
+// (kRoughPositionShare), or else the one whose rotation it is close to (kMinRotationGapRad, kMaxRoughRotationRad). One
+// of the two may thus be unknown. Returns nothing if neither decides, or if they decide for different poses and the
+// rotation is close (kCloseRotationRad). A single pose is returned whatever `rough` is.
 std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough);
 
 // The plane n . p = distance, for points p in the base.

@@ -110,6 +110,36 @@ TEST(LocatePixelTest, FailsIfTheRayMissesThePlane) {
   EXPECT_NE(LocatePixel(Setup::kEyeToHand, solution, middle, behind, Rigid3d()).reason(), "");
 }
 
+// The variance along the normal of a plane is zero, which rounding must not make negative.
+TEST(LocatePixelTest, HasNoNegativeVarianceAlongTheNormal) {
+  const TestScene scene = MakeTestScene(1);
+  Solution solution;
+  solution.hand_eye = scene.hand_eye;
+  solution.camera = scene.camera;
+  solution.pixel_sigma_px = 0.1;
+  solution.covariance.layout.AddPose(kHandEyeBlock, "the hand-eye", "the camera's");
+  solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(6, 6);
+  const Rigid3d& camera = scene.hand_eye.camera_mount_from_camera;
+  const Eigen::Vector3d ahead = camera.rotation * Eigen::Vector3d::UnitZ();
+  Eigen::Index axis = 0;
+  ahead.cwiseAbs().maxCoeff(&axis);
+  const Eigen::Vector3d normal = Eigen::Vector3d::Unit(axis);
+  const Plane plane{normal, normal.dot(camera.translation + 0.8 * ahead)};
+  for (int u = 0; u < 10; ++u) {
+    for (int v = 0; v < 10; ++v) {
+      const Eigen::Vector2d pixel(scene.camera.params[2] + 10 * u, scene.camera.params[3] + 10 * v);
+      const Outcome<LocatedPoint> located = LocatePixel(Setup::kEyeToHand, solution, pixel, plane, Rigid3d());
+      ASSERT_TRUE(located.ok()) << located.reason();
+      const PositionCovariance& covariance = located->covariance;
+      for (const Eigen::Matrix3d& part : {covariance.by_calibration_m2, covariance.by_image_m2}) {
+        EXPECT_GE(part.diagonal().minCoeff(), 0);
+        // Rounding leaves less than a nanometre.
+        EXPECT_LT(part(axis, axis), 1e-18);
+      }
+    }
+  }
+}
+
 // A target of 8 x 6 points that is printed 1 % too wide and 2 % too high looks the same after a rotation by 180 deg.
 TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
   TestSceneOptions options;
@@ -170,9 +200,27 @@ TEST(FindMeantPoseTest, ReturnsNothingForAnAmbiguousRotation) {
   EXPECT_EQ(meant(76), std::nullopt);
   EXPECT_EQ(meant(104), std::nullopt);
   EXPECT_EQ(meant(106), 1U);
+  // Rotations farther than 75 deg from both poses do not decide.
+  EXPECT_EQ(FindMeantPose(possible, Rigid3d(ExpRotation({kPi / 2, 0, 0}), Eigen::Vector3d(1, 2, 3))), std::nullopt);
   EXPECT_EQ(FindMeantPose({}, Rigid3d()), std::nullopt);
   possible.pop_back();
   EXPECT_EQ(meant(170), 0U);
+}
+
+// The position decides if it is near, even with a rotation that is not known.
+TEST(FindMeantPoseTest, DecidesByPositionOrByRotation) {
+  std::vector<LocatedTarget> possible(2);
+  possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d(0.1, 0, 0));
+  const auto meant = [&](double angle_deg, double x_m) {
+    return FindMeantPose(possible, Rigid3d(ExpRotation({0, 0, DegToRad(angle_deg)}), Eigen::Vector3d(x_m, 0, 0)));
+  };
+  EXPECT_EQ(meant(90, 0.024), 0U);
+  EXPECT_EQ(meant(90, 0.026), std::nullopt);
+  EXPECT_EQ(meant(90, 0.1), 1U);
+  EXPECT_EQ(meant(20, 5), 0U);
+  // The rotation of the other pose is 40 deg off, and then 20 deg.
+  EXPECT_EQ(meant(40, 0.1), 1U);
+  EXPECT_EQ(meant(20, 0.1), std::nullopt);
 }
 
 TEST(LocateFewPointsTest, FailsForTooFewPoints) {

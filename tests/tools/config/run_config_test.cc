@@ -132,6 +132,21 @@ TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
   EXPECT_EQ(config.data.left_out.size(), 2u);
 }
 
+// Keys that are set one by one are merged with those of a mapping, but not with those of a file.
+TEST_F(RunConfigTest, SingleKeysOfATargetFileCannotBeSet) {
+  Write("sheet.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
+  Write("with_file.yaml",
+        "setup: eye_in_hand\ntarget: sheet.yaml\ncaptures: {images: images, poses: poses.csv, pose_format: ros}\n");
+  EXPECT_EQ(
+      InputErrorOf([&] { Read("with_file.yaml", {"target.square=25 mm"}); }),
+      "--set: target: the target is the file " + (folder_ / "sheet.yaml").string() + ", whose keys are edited there");
+  EXPECT_EQ(Read("cell.yaml", {"target.square=25 mm"}).data.target->points()[1].in_target.x(), 0.025);
+  EXPECT_EQ(Read("with_file.yaml", {"target={type: chessboard, rows: 5, columns: 8, square: 25 mm}"})
+                .data.target->points()[1]
+                .in_target.x(),
+            0.025);
+}
+
 TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {
   const std::string unknown = ErrorOf(std::string(kCell) + "refne: {}\n");
   EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: unknown key 'refne'"));

@@ -144,9 +144,23 @@ TEST_F(RawFolderTest, SaysWhyTheDataSetCannotBeRead) {
   Write("sheet.yaml", kTarget);
   const RawConfig made = ConfigOf(*FindRawFolder(folder_.path()), folder_ / "cell.yaml", 1);
   EXPECT_THAT(made.text, HasSubstr("target: \"sheet.yaml\"\n"));
-  ASSERT_THAT(made.remarks, SizeIs(1));
-  EXPECT_THAT(made.remarks[0], HasSubstr("the data set cannot be read: "));
-  EXPECT_THAT(made.remarks[0], HasSubstr("has 4 rows without an image column for 3 images"));
+  ASSERT_THAT(made.warnings, SizeIs(1));
+  EXPECT_EQ(made.warnings[0], "the data set cannot be read: " + (folder_ / "robot.txt").string() +
+                                  ": has 4 rows without an image column for 3 images; the counts must agree, or name "
+                                  "the image of each row");
+  EXPECT_FALSE(made.fits);
+}
+
+TEST_F(RawFolderTest, ReportsDecimalCommas) {
+  WriteImages("", 4);
+  Write("robot.txt", "100,5; 200,5; 300,5; 10,5; 20,5; 30,5\n");
+  EXPECT_EQ(InputErrorOf([&] { FindRawFolder(folder_.path()); }),
+            (folder_ / "robot.txt").string() + ":1: '100,5' is not a number; use a decimal point");
+  Write("robot.txt", "notes\n100,5 200,5 300,5 10,5 20,5 30,5\n");
+  EXPECT_THAT(FindRawFiles(folder_.path(), {}).poses_fault, HasSubstr("robot.txt:2: '100,5' is not a number"));
+  // Commas between whole numbers separate fields.
+  Write("robot.txt", kKukaPoses);
+  EXPECT_EQ(FindRawFiles(folder_.path(), {}).poses_fault, "");
 }
 
 TEST_F(RawFolderTest, AFaultOfTheTargetIsReportedFirst) {

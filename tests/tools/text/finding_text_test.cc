@@ -47,8 +47,17 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
       {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 2}, {"held_out_mm", 0.3}, {"confidence", 0.95}},
                  {{"place", "the working point"}, {"hold_out", "known"}}),
        "a target located at the working point has an error of up to 2.0 mm with a confidence of 95.0 %; 1.00 mm are "
-       "required, and on held-out captures the target is off by 0.30 mm (RMS)",
+       "required",
        "take more captures, with larger rotations of the gripper and a larger range of distances"},
+      {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 1.0004}, {"held_out_mm", 1.02}, {"confidence", 0.95}},
+                 {{"place", "the working point"}, {"hold_out", "known"}}),
+       "a target located at the working point has an error of up to 1.0004 mm with a confidence of 95.0 %; 1.00 mm are "
+       "required, and on held-out captures the target is off by 1.02 mm (RMS)",
+       "take more captures, with larger rotations of the gripper and a larger range of distances"},
+      {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 0.5}, {"held_out_mm", 1.3}, {"confidence", 0.95}},
+                 {{"place", "the working point"}, {"hold_out", "known"}}),
+       "on held-out captures the target is off by 1.3 mm (RMS); 1.00 mm are required at the working point",
+       "check the captures with the largest errors; calibrate the robot"},
       {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 0.5}, {"held_out_mm", 0}, {"confidence", 0.95}},
                  {{"place", "the working point"}, {"hold_out", "unknown"}}),
        "a target located at the working point has an error of up to 0.50 mm with a confidence of 95.0 %; 1.00 mm are "

@@ -70,6 +70,17 @@ TEST(ResultTableTest, MethodsWithoutAResultSayWhyOnceForAReason) {
   EXPECT_THAT(table, HasSubstr("\ntsai, park: no result, one axis only\n"));
 }
 
+// A method for a motion of its own does not seem to have failed unless it was asked for.
+TEST(ResultTableTest, MethodsForAnotherMotionAreListedIfAskedFor) {
+  Estimate two_step = EstimateOf("two_step", 0.5);
+  two_step.ok = false;
+  two_step.reason = "no capture has the role home";
+  const RunResult result = ResultOf({two_step, EstimateOf("shah", 1)});
+  EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("two_step")));
+  EXPECT_THAT(ResultTable(result, Colour::kPlain, {"two_step", "shah"}),
+              HasSubstr("\ntwo_step: no result, no capture has the role home\n"));
+}
+
 TEST(ResultTableTest, TrueErrorsAreThereOnlyWithATruth) {
   Estimate estimate = EstimateOf("shah", 1);
   EXPECT_THAT(ResultTable(ResultOf({estimate}), Colour::kPlain), Not(HasSubstr("true err")));

@@ -7,6 +7,7 @@
 #include "heba/io/result_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/finished_run.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/comparison.h"
 #include "tools/text/console.h"
@@ -15,8 +16,9 @@ namespace heba {
 namespace {
 
 // Returns the folder itself if it is a run, or the runs in a batch's folder, sorted by name.
-std::vector<std::filesystem::path> RunsIn(const std::filesystem::path& folder) {
+std::vector<std::filesystem::path> RunsIn(const std::filesystem::path& path) {
   namespace fs = std::filesystem;
+  const fs::path folder = RunFolderOf(path);
   std::error_code error;
   if (fs::exists(folder / "result.json", error) || !fs::is_directory(folder, error)) return {folder};
   std::vector<fs::path> runs;

@@ -12,6 +12,7 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/finished_run.h"
 #include "tools/config/robot_section.h"
 #include "tools/text/console.h"
 
@@ -48,7 +49,7 @@ Outcome<Rigid3d> Corrected(const RobotSummary& robot, const Rigid3d& given, cons
 
 int RunCommand_correct(const std::vector<std::string>& arguments) {
   if (FLAGS_out.empty()) throw InputError("'heba correct' needs --out FILE");
-  const fs::path run = arguments[0];
+  const fs::path run = RunFolderOf(arguments[0]);
   const fs::path poses_file = arguments[1];
   std::error_code no_file;
   const fs::path out_folder = fs::absolute(FLAGS_out).parent_path();

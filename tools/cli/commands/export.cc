@@ -15,6 +15,7 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
+#include "tools/config/finished_run.h"
 
 namespace heba {
 namespace {
@@ -102,6 +103,11 @@ ExportRequest RequestAskedFor(const fs::path& run) {
     std::cerr << "heba: warning: the run's poses are those of a Universal Robots controller, in its frame base; "
                  "base_link of ROS is rotated by 180 deg about z relative to it, so name the parent base"
               << std::endl;
+  }
+  if (FLAGS_child_is.empty() && FLAGS_child.ends_with("_link")) {
+    std::cerr << "heba: warning: " << FLAGS_child << " is by its name the body frame of a camera (x forward), but this "
+              << "is the pose of the optical frame (z forward): --child-is body exports that of the body frame, and "
+              << "--child-is optical confirms the optical one" << std::endl;
   }
   if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
@@ -227,9 +233,8 @@ int ExportOfRig(const fs::path& file) {
 int RunCommand_export(const std::vector<std::string>& arguments) {
   const bool all = FLAGS_to == "all";
   const ExportFormat* format = all ? nullptr : &FormatAskedFor();
-  const fs::path result_file = fs::path(arguments[0]) / "result.json";
-  if (IsRigResult(result_file)) return ExportOfRig(result_file);
-  const fs::path run = arguments[0];
+  const fs::path run = RunFolderOf(arguments[0]);
+  if (IsRigResult(run / "result.json")) return ExportOfRig(run / "result.json");
   const ExportRequest request = RequestAskedFor(run);
   if (all) return ExportAll(request);
   if (FLAGS_units != "m" && format->name != "matrix") {

@@ -146,8 +146,7 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   if (FLAGS_quiet) return kDone;
   std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " + raw->images.string() +
                        ", poses in " + raw->poses.string() + "\n";
-  for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
-  std::cout << ForTerminal(report) << "written: " << (output / "config.yaml").string() << std::endl;
+  std::cout << ForTerminal(report + RemarksText(made)) << "written: " << (output / "config.yaml").string() << std::endl;
   return kDone;
 }
 

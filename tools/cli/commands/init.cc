@@ -80,6 +80,27 @@ void RefuseToReplace(const fs::path& file) {
     throw InputError(file.string() + ": exists already; remove it, or name another file (--out)");
 }
 
+// Returns where to write the target's keys: target.yaml beside the config, or a file that is named after the config if
+// that one has other content.
+fs::path TargetFileFor(const fs::path& config, const std::string& text) {
+  const fs::path file = config.parent_path() / "target.yaml";
+  std::error_code error;
+  const auto is_other = [&](const fs::path& path) { return fs::exists(path, error) && ReadTextFile(path) != text; };
+  if (!is_other(file)) return file;
+  const fs::path named = config.parent_path() / (config.stem().string() + ".target.yaml");
+  if (is_other(named)) RefuseToReplace(named);
+  return named;
+}
+
+// Throws InputError unless a table of poses was found.
+void CheckPoses(const fs::path& folder, const RawFolder& raw) {
+  if (!raw.format.columns.empty()) return;
+  if (!raw.poses_fault.empty()) throw InputError(raw.poses_fault);
+  throw InputError((raw.poses.empty() ? folder.string() + ": contains no table of robot poses; name it (--poses)"
+                                      : raw.poses.string() + ": is no table of robot poses") +
+                   "; 'heba help poses' describes what it may contain");
+}
+
 }  // namespace
 
 int RunCommand_init(const std::vector<std::string>& arguments) {
@@ -109,11 +130,7 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
     throw InputError((raw.images.empty() ? folder : raw.images).string() +
                      ": contains no images; name their folder (--images)");
   }
-  if (raw.poses.empty()) {
-    throw InputError(
-        folder.string() +
-        ": contains no table of robot poses; name it (--poses); 'heba help poses' describes what it may contain");
-  }
+  CheckPoses(folder, raw);
   std::string target_text = has_keys ? FLAGS_target + "\n" : "";
   const bool can_ask = isatty(STDIN_FILENO) == 1;
   if (!can_ask && !raw.target && !has_keys) {
@@ -133,18 +150,17 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   }
   if (!target_text.empty()) {
     ParseTarget(target_text);  // A fault is reported before a file is written.
-    raw.target = config.parent_path() / "target.yaml";
-    RefuseToReplace(*raw.target);
+    raw.target = TargetFileFor(config, target_text);
     WriteFileAtomically(*raw.target, target_text);
   }
   const RawConfig made = ConfigOf(raw, config, NumThreads());
   WriteFileAtomically(config, made.text);
-  std::string report;
-  for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
-  std::cout << ForTerminal(report) << "written: " << config.string();
+  std::cout << ForTerminal(RemarksText(made)) << "written: " << config.string();
   if (!target_text.empty()) std::cout << ", " << raw.target->string();
-  std::cout << "\nnext: heba run " << config.string() << std::endl;
-  return kDone;
+  // The doctor needs a setup, even if the images do not determine it.
+  const std::string next = made.fits && made.warnings.empty() ? "heba run " : "heba doctor ";
+  std::cout << "\nnext: " << next << config.string() << (made.setup ? "" : " --set setup=eye_to_hand") << std::endl;
+  return made.fits ? kDone : kWorkFailed;
 }
 
 }  // namespace heba

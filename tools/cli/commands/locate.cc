@@ -209,13 +209,26 @@ ImageLocation LocateInFile(const FinishedRun& run, const LocationRequest& reques
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
-  if (IsRigResult(std::filesystem::path(arguments[0]) / "result.json")) return LocateWithRig(arguments);
-  const FinishedRun run = ReadFinishedRun(arguments[0]);
+  if (IsRigResult(RunFolderOf(arguments[0]) / "result.json")) return LocateWithRig(arguments);
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
+  if (images.empty() && (FLAGS_pixels.empty() || FLAGS_plane == "target")) {
+    throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
+  }
+  const FinishedRun run = ReadFinishedRun(arguments[0]);
   const LocationRequest request = RequestFor(run, images.size());
   std::vector<ImageLocation> locations;
   std::vector<std::string> undecided;
   int status = kDone;
+  // Pixels on a plane in the base need no image.
+  if (images.empty()) {
+    locations.push_back(LocateInImage(request, "", {}));
+    const ImageLocation& location = locations.back();
+    if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
+    if (!location.IsLocated()) {
+      PrintError(LocationFault(location));
+      status = kWorkFailed;
+    }
+  }
   for (const std::string& image : images) {
     bool is_readable = true;
     locations.push_back(LocateInFile(run, request, image, &is_readable));

@@ -55,7 +55,10 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
     PrintError(config_path + ": " + result.reason());
     return kWorkFailed;
   }
-  return Finish(config_path, ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain), output,
+  // A method that the config names is one that the user expects.
+  std::vector<std::string> asked_for = config.options.methods;
+  asked_for.push_back(config.options.seed);
+  return Finish(config_path, ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain, asked_for), output,
                 result->verdict, fail_on);
 }
 

@@ -17,6 +17,7 @@
 #include "tools/cli/command.h"
 #include "tools/cli/command_table.h"
 #include "tools/cli/flags.h"
+#include "tools/config/file_kind.h"
 #include "tools/text/console.h"
 #include "tools/text/target_symmetry.h"
 
@@ -143,7 +144,13 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   options.dpi = FLAGS_dpi;
   if (const std::string faults = OnOneLine(options.Check()); !faults.empty()) throw InputError("--dpi: " + faults);
   if (!FLAGS_paper.empty()) options.paper = ParsePaper();
-  MapReader reader(ReadYamlFile(arguments[0]));
+  // The keys of a target may take the place of its file.
+  const bool has_keys = arguments[0].find('{') != std::string::npos;
+  const std::string name = has_keys ? "target" : arguments[0];
+  if (!has_keys) RefuseFolder(name, FileKind::kTarget);
+  const ConfigValue value = has_keys ? ParseYaml(arguments[0], name) : ReadYamlFile(name);
+  RefuseOtherKind(value, name, FileKind::kTarget);
+  MapReader reader(value);
   const std::unique_ptr<Target> target = CreateTarget(reader);
   options.title = TargetTitle(*target, reader.used());
   options.config = TargetConfigLine(reader.used());
@@ -158,9 +165,9 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
             << ShownSize(sheet.page_mm) << ", " << sheet.points.size()
             << " points; print at 100 % and check both rulers\n"
             << json.string() << ": the positions of the points" << std::endl;
-  if (num_pages > 1) WarnOfPages(arguments[0], *target, sheet);
+  if (num_pages > 1) WarnOfPages(name, *target, sheet);
   if (target->Symmetries().size() > 1) {
-    std::cerr << "heba: warning: " << arguments[0] << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
+    std::cerr << "heba: warning: " << name << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
               << std::endl;
   }
   return kDone;

@@ -54,6 +54,28 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   return symptoms;
 }
 
+// Reports images without a pose and poses without an image.
+std::vector<Symptom> Unpaired(const RunConfig& config) {
+  const auto named = [](const std::vector<std::string>& names) {
+    constexpr size_t kMostNamed = 4;
+    const std::vector<std::string> first(
+        names.begin(), names.begin() + static_cast<std::ptrdiff_t>(std::min(names.size(), kMostNamed)));
+    return Join(first, ", ") + (names.size() > kMostNamed ? ", ..." : "");
+  };
+  std::vector<std::string> texts;
+  if (const auto& names = config.images_without_pose; !names.empty()) {
+    texts.push_back(std::to_string(names.size()) + " of " + std::to_string(config.num_images) +
+                    (names.size() == 1 ? " images has" : " images have") + " no robot pose (" + named(names) + ")");
+  }
+  if (const auto& names = config.poses_without_image; !names.empty()) {
+    texts.push_back(std::to_string(names.size()) + (names.size() == 1 ? " robot pose has" : " robot poses have") +
+                    " no image (" + named(names) + ")");
+  }
+  if (texts.empty()) return {};
+  return {{Severity::kRemark, "unpaired", Join(texts, "; ") + "; what is unpaired is not used",
+           "complete the poses file if these captures are wanted; list them in captures.exclude if not"}};
+}
+
 // Returns the distance between two poses of a target in the unit of PoseConsistency::misfit_m: a rotation counts as
 // the displacement that it causes at the target.
 double ApartM(const Rigid3d& camera_from_target, const Rigid3d& other) {
@@ -103,7 +125,8 @@ double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, con
 }  // namespace
 
 std::vector<Symptom> Check_captures(Examination* examination) {
-  std::vector<Symptom> symptoms = SharedImages(examination);
+  std::vector<Symptom> symptoms = Unpaired(examination->config);
+  for (Symptom& symptom : SharedImages(examination)) symptoms.push_back(std::move(symptom));
   const std::vector<ExaminedView>& views = examination->views;
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
   if (!consistency) return symptoms;
