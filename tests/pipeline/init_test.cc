@@ -59,6 +59,23 @@ TEST_F(InitTest, WritesAConfigThatRuns) {
   EXPECT_EQ(ReadAll(folder_ / "cell/config.yaml"), config);
 }
 
+TEST_F(InitTest, WritesBothFilesOrNone) {
+  // An image that cannot be read ends the trials after the target was written.
+  std::vector<fs::path> images;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_ / "cell/images"))
+    images.push_back(entry.path());
+  WriteAll(*std::min_element(images.begin(), images.end()), "");
+  const CommandResult made = Init({"--target", kTarget});
+  EXPECT_EQ(made.status, 2);
+  EXPECT_FALSE(fs::exists(folder_ / "cell/target.yaml"));
+  EXPECT_FALSE(fs::exists(folder_ / "cell/config.yaml"));
+  // A fault of the camera is reported before anything is written.
+  WriteAll(folder_ / "bad.yaml", "{model: pinhole, image_size: [640, 480], fx: -600, fy: 600, cx: 320, cy: 240}\n");
+  const CommandResult camera = Init({"--target", kTarget, "--camera", (folder_ / "bad.yaml").string()});
+  EXPECT_EQ(camera.status, 2);
+  EXPECT_FALSE(fs::exists(folder_ / "cell/target.yaml"));
+}
+
 TEST_F(InitTest, SaysWhatIsMissing) {
   EXPECT_THAT(Init({}).err, HasSubstr("contains no target file; name it (--target TARGET.yaml) or state the keys"));
   EXPECT_THAT(Init({"--target", "{type: chessbord}"}).err, HasSubstr("did you mean 'chessboard'?"));

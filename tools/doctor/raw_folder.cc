@@ -59,7 +59,8 @@ std::string ConfigText(const RawFolder& raw, const PoseFormat& format, const std
   const auto path = [&](const fs::path& file) {
     const fs::path whole = fs::weakly_canonical(file);
     return QuotedForYaml(
-        (config.empty() ? whole : whole.lexically_proximate(fs::weakly_canonical(config.parent_path()))).string());
+        (config.empty() ? whole : whole.lexically_proximate(fs::weakly_canonical(fs::absolute(config).parent_path())))
+            .string());
   };
   std::map<std::string, std::string> values = {{"captures.images", path(raw.images)},
                                                {"captures.poses", path(raw.poses)},

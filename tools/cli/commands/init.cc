@@ -11,6 +11,7 @@
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/data/setup.h"
+#include "heba/io/camera_file.h"
 #include "heba/io/import.h"
 #include "heba/target.h"
 #include "tools/cli/command.h"
@@ -116,7 +117,10 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   RawFolder given;
   if (!FLAGS_images.empty()) given.images = Existing("images", FLAGS_images);
   if (!FLAGS_poses.empty()) given.poses = Existing("poses", FLAGS_poses);
-  if (!FLAGS_camera.empty()) given.camera = Existing("camera", FLAGS_camera);
+  if (!FLAGS_camera.empty()) {
+    given.camera = Existing("camera", FLAGS_camera);
+    ReadCameraFile(*given.camera);  // A fault is reported before a file is written.
+  }
   if (!FLAGS_setup.empty()) {
     given.setup = FindSetup(FLAGS_setup);
     if (!given.setup) {
@@ -148,13 +152,22 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
         SetupNames(), true);
     if (!answer.empty()) raw.setup = FindSetup(answer);
   }
+  fs::path new_target;
   if (!target_text.empty()) {
     ParseTarget(target_text);  // A fault is reported before a file is written.
     raw.target = TargetFileFor(config, target_text);
+    if (!fs::exists(*raw.target, error)) new_target = *raw.target;
     WriteFileAtomically(*raw.target, target_text);
   }
-  const RawConfig made = ConfigOf(raw, config, NumThreads());
-  WriteFileAtomically(config, made.text);
+  RawConfig made;
+  try {
+    made = ConfigOf(raw, config, NumThreads());
+    WriteFileAtomically(config, made.text);
+  } catch (...) {
+    // Both files are written, or none.
+    if (!new_target.empty()) fs::remove(new_target, error);
+    throw;
+  }
   std::cout << ForTerminal(RemarksText(made)) << "written: " << config.string();
   if (!target_text.empty()) std::cout << ", " << raw.target->string();
   // The doctor needs a setup, even if the images do not determine it.

@@ -209,11 +209,15 @@ ImageLocation LocateInFile(const FinishedRun& run, const LocationRequest& reques
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
-  if (IsRigResult(RunFolderOf(arguments[0]) / "result.json")) return LocateWithRig(arguments);
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
-  if (images.empty() && (FLAGS_pixels.empty() || FLAGS_plane == "target")) {
-    throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
-  }
+  const auto require_image = [&] {
+    if (images.empty()) {
+      throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
+    }
+  };
+  if (FLAGS_pixels.empty()) require_image();
+  if (IsRigResult(RunFolderOf(arguments[0]) / "result.json")) return LocateWithRig(arguments);
+  if (FLAGS_plane == "target") require_image();
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const LocationRequest request = RequestFor(run, images.size());
   std::vector<ImageLocation> locations;
