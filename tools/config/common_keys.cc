@@ -32,6 +32,11 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
   return target;
 }
 
+bool HoldsTargetKeys(MapReader& reader, const std::string& key) {
+  const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
+  return value.IsMap() && MapReader(value).Has("type");
+}
+
 std::string ReadFolderName(MapReader& reader, const std::string& fallback) {
   const std::string name = reader.Text("name", fallback);
   constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.

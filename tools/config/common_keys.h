@@ -16,6 +16,8 @@ namespace heba {
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
+// Returns whether `key`, a target, holds the target in heba's keys (RunConfig::has_target_keys).
+bool HoldsTargetKeys(MapReader& reader, const std::string& key);
 // Reads the key `name`, which must be able to name a folder.
 std::string ReadFolderName(MapReader& reader, const std::string& fallback);
 // Reads the key `about`: the user's own texts, for the record.

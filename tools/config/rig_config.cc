@@ -28,18 +28,22 @@ ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>&
   return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
 }
 
-// The poses of one arm.
+// The rows of one arm's poses file, with base_from_gripper for a pose.
 struct ArmRows {
+  std::string section;
   fs::path file;
+  PoseReading reading;
   std::vector<PoseRow> rows;
 };
 
-ArmRows ReadArm(MapReader& reader, const std::vector<std::string>& cameras, RigConfig* config) {
+ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras,
+                RigConfig* config) {
   ArmRows arm;
+  arm.section = section;
   arm.file = reader.Path("poses");
-  const PoseReading reading = ReadPoseReading(reader);
-  arm.rows = ReadPoses(arm.file, reading.format, cameras);
-  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(reading, row.pose);
+  arm.reading = ReadPoseReading(reader);
+  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras);
+  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
   std::error_code error;
   if (fs::is_directory(arm.file, error)) {
     for (const fs::path& file : PoseFilesOf(arm.file)) config->data_files.push_back(file);
@@ -138,7 +142,7 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
   if (!root.Has("robots")) {
     config->data.rig.robots = {"robot"};
     MapReader captures(root.Get("captures"));
-    arms.push_back(ReadArm(captures, cameras, config));
+    arms.push_back(ReadArm(captures, "captures", cameras, config));
     captures.Find("exclude");
     captures.Finish();
     root.Record("captures", captures.used());
@@ -148,7 +152,7 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
   config->data.rig.robots = NamesIn(section, "left");
   for (const std::string& name : config->data.rig.robots) {
     MapReader reader(section.Get(name));
-    arms.push_back(ReadArm(reader, cameras, config));
+    arms.push_back(ReadArm(reader, "robots." + name, cameras, config));
     reader.Finish();
     section.Record(name, reader.used());
   }
@@ -193,6 +197,7 @@ void ReadTargets(MapReader& root, RigConfig* config) {
     std::tie(target.mount, target.mount_name) = ReadMount(reader, data.rig.robots);
     data.targets.push_back(ReadTarget(reader, "target"));
     config->targets_used.push_back(YAML::Dump(reader.used()["target"]));
+    config->has_target_keys.push_back(HoldsTargetKeys(reader, "target"));
     reader.Finish();
     section.Record(name, reader.used());
     data.rig.targets.push_back(std::move(target));
@@ -296,27 +301,31 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   std::vector<std::string> names;
   for (size_t i = 0; i < first.rows.size(); ++i) names.push_back(CaptureName(first.rows[i], i));
   const std::set<std::string> excluded = ReadExcluded(reader, names);
-  for (size_t i = 0; i < names.size(); ++i) {
-    data.captures.push_back({names[i], {first.rows[i].pose}, {}});
+  std::vector<std::vector<size_t>> rows_of_arms;
+  for (const ArmRows& arm : arms) {
+    rows_of_arms.push_back(MatchRows(first, arm));
+    config.arms.push_back({arm.section, arm.file, arm.reading, {}});
   }
-  for (size_t r = 1; r < arms.size(); ++r) {
-    const std::vector<size_t> places = MatchRows(first, arms[r]);
-    for (size_t i = 0; i < places.size(); ++i) {
-      data.captures[i].base_from_gripper.push_back(arms[r].rows[places[i]].pose);
-    }
-  }
+  std::vector<std::vector<fs::path>> images_of_cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
-    const std::vector<fs::path> paired = PairImages(first, images[c], c, cameras[c], &data.left_out);
-    for (size_t i = 0; i < paired.size(); ++i) data.captures[i].images.push_back(paired[i]);
+    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], &data.left_out));
   }
-  std::erase_if(data.captures, [&](const RigRecording& capture) {
+  for (size_t i = 0; i < names.size(); ++i) {
+    RigRecording capture{names[i], {}, {}};
+    for (const std::vector<fs::path>& of_camera : images_of_cameras) capture.images.push_back(of_camera[i]);
     const bool has_none =
         std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
     const bool is_excluded = excluded.contains(capture.name);
     if (is_excluded) data.left_out.push_back({capture.name, "left out by captures.exclude"});
     if (has_none && !is_excluded) data.left_out.push_back({capture.name, "no camera has an image of it"});
-    return has_none || is_excluded;
-  });
+    if (has_none || is_excluded) continue;
+    for (size_t r = 0; r < arms.size(); ++r) {
+      const PoseRow& row = arms[r].rows[rows_of_arms[r][i]];
+      capture.base_from_gripper.push_back(row.pose);
+      config.arms[r].numbers.push_back(row.numbers);
+    }
+    data.captures.push_back(std::move(capture));
+  }
   if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);

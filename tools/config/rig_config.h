@@ -8,14 +8,25 @@
 
 #include "heba/config/yaml_reader.h"
 #include "heba/rig_run.h"
+#include "tools/config/run_config.h"
 
 namespace heba {
+
+// The poses of one arm as its file has them.
+struct RigArmPoses {
+  std::string section;  // The section of the config that names the file, such as robots.left.
+  std::filesystem::path file;
+  PoseReading reading;
+  std::vector<std::vector<double>> numbers;  // One list per capture.
+};
 
 struct RigConfig {
   std::filesystem::path file;
   RigDataset data;  // Without RigDataset::truth, which is read when the run begins.
   RigRunOptions options;
+  std::vector<RigArmPoses> arms;                  // One per arm.
   std::vector<std::string> targets_used;          // Each target with every default filled in, as YAML.
+  std::vector<bool> has_target_keys;              // One per target: RunConfig::has_target_keys.
   std::vector<std::filesystem::path> data_files;  // The files with the poses.
   std::optional<std::filesystem::path> truth;
   std::filesystem::path output;

@@ -40,8 +40,7 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
   }
   if (!config->data.target) {
     config->data.target = ReadTarget(root, "target");
-    const ConfigValue value = root.Get("target").DownTo({"type", "target_type"});
-    config->has_target_keys = value.IsMap() && MapReader(value).Has("type");
+    config->has_target_keys = HoldsTargetKeys(root, "target");
   }
   config->target_used = YAML::Dump(root.used()["target"]);
   std::set<int> known;
@@ -254,8 +253,8 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
   if (HasRigKeys(value)) {
     throw InputError(path.string() +
-                     ": is the config of a rig (cameras, targets, robots), which only 'heba run' reads; this command "
-                     "needs a config of one camera and one target");
+                     ": is the config of a rig (cameras, targets, robots); this command needs a config of one camera "
+                     "and one target");
   }
   RefuseOtherKind(value, path, FileKind::kRunConfig);
   MapReader reader(value);

@@ -14,10 +14,13 @@ const char* GradeOf(const Symptom& symptom) { return symptom.severity == Severit
 std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
   const auto num_wrong = static_cast<size_t>(diagnosis.NumWrong());
   const size_t num_remarks = diagnosis.symptoms.size() - num_wrong;
-  std::string text = name + ": " + std::to_string(diagnosis.num_captures) + " captures, " +
-                     std::to_string(diagnosis.num_seen) + " of them determine a pose of the target; " +
-                     (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
-                     std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
+  const std::string seen = std::to_string(diagnosis.num_seen) + " of ";
+  std::string text =
+      name + ": " + std::to_string(diagnosis.num_captures) + " captures, " +
+      (diagnosis.num_images > 0 ? seen + std::to_string(diagnosis.num_images) + " images determine a pose of a target; "
+                                : seen + "them determine a pose of the target; ") +
+      (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
+      std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
   // Only the first of many similar symptoms are printed, with their cure once.
   constexpr size_t kMostAlike = 4;
   size_t alike = 0;
@@ -48,6 +51,7 @@ std::string DiagnosisToJson(const std::string& name, const Diagnosis& diagnosis)
   json["heba"] = Version();
   json["name"] = name;
   json["captures"] = diagnosis.num_captures;
+  if (diagnosis.num_images > 0) json["images"] = diagnosis.num_images;
   json["seen"] = diagnosis.num_seen;
   json["wrong"] = diagnosis.NumWrong();
   json["remarks"] = static_cast<int>(diagnosis.symptoms.size()) - diagnosis.NumWrong();

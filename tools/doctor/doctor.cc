@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tools/doctor/examination.h"
+#include "tools/text/finding_text.h"
 
 namespace heba {
 
@@ -33,11 +34,13 @@ bool Has(const Diagnosis& diagnosis, SymptomCode code) {
 
 int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
 
-Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine) {
+Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine,
+                   const std::vector<std::string>& other_codes) {
   Examination examination;
   examination.config = config;
   examination.num_threads = num_threads;
   examination.verbosity = verbosity;
+  examination.other_codes = other_codes;
   Diagnosis diagnosis;
   diagnosis.num_captures = static_cast<int>(config.data.captures.size());
   if (!config.data.target_poses.empty()) {
@@ -60,8 +63,19 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
     examination.found_wrong = diagnosis.NumWrong() > 0;
   }
   diagnosis.pose_fit = examination.pose_fit;
-  std::stable_partition(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsWrong);
+  SortBySeverity(&diagnosis);
   return diagnosis;
+}
+
+Symptom SymptomOf(const Finding& finding) {
+  Finding described = finding;
+  Describe(&described);
+  return {finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark, SymptomCode::OfFinding(finding),
+          std::move(described.text), std::move(described.action), FindingWords(finding).settings};
+}
+
+void SortBySeverity(Diagnosis* diagnosis) {
+  std::stable_partition(diagnosis->symptoms.begin(), diagnosis->symptoms.end(), IsWrong);
 }
 
 std::string FirstWrong(const Diagnosis& diagnosis) {

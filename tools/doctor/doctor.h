@@ -14,7 +14,8 @@ namespace heba {
 
 struct Diagnosis {
   int num_captures = 0;
-  int num_seen = 0;  // Number of captures with a pose of the target.
+  int num_images = 0;  // Number of images of all cameras of a rig; 0 for one camera.
+  int num_seen = 0;    // Number of captures (images, for a rig) with a pose of a target.
   // Faults precede remarks; a fault that hides others precedes them.
   std::vector<Symptom> symptoms;
   std::optional<PoseFit> pose_fit;
@@ -24,9 +25,15 @@ struct Diagnosis {
 // The scope of an examination: the inputs alone, or also the result that they lead to.
 enum class Examine { kInputs, kInputsAndResult };
 
-// Diagnoses a data set. Throws InputError if the images cannot be read.
+// Diagnoses a data set. `other_codes`: Examination::other_codes. Throws InputError if the images cannot be read.
 Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity,
-                   Examine examine = Examine::kInputsAndResult);
+                   Examine examine = Examine::kInputsAndResult, const std::vector<std::string>& other_codes = {});
+
+// Puts faults before remarks; the order is otherwise kept.
+void SortBySeverity(Diagnosis* diagnosis);
+
+// Returns a finding of a run as a symptom.
+Symptom SymptomOf(const Finding& finding);
 
 // Returns the first fault as a clause with its cure; empty if there is none.
 std::string FirstWrong(const Diagnosis& diagnosis);

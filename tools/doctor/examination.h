@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "heba/detection.h"
@@ -37,6 +38,8 @@ struct Examination {
   bool found_wrong = false;  // Whether a check before found a fault.
   // Set by the check of the poses; not set if neither images nor motion determine it.
   std::optional<PoseFit> pose_fit;
+  // The codes (Target::Codes) of the other targets that the images may show, which are not this one.
+  std::vector<std::string> other_codes;
   int num_threads = 1;
   Verbosity verbosity = Verbosity::kNormal;
 };

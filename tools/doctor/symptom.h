@@ -29,6 +29,7 @@ inline constexpr std::string_view kSymptomCodes[] = {
     "pose_units",
     "pose_direction",
     "rotation_inverse",
+    "mount",
     "pairing",
     "target_scale",
     "poses_unexplained",

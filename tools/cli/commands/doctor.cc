@@ -7,9 +7,11 @@
 #include "heba/base/error.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/diagnosis_output.h"
 #include "tools/doctor/pose_guess.h"
+#include "tools/doctor/rig_doctor.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -39,6 +41,11 @@ void Print(const std::string& name, const Diagnosis& diagnosis) {
 
 int RunCommand_doctor(const std::vector<std::string>& arguments) {
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  if (IsRigConfig(arguments[0], Settings())) {
+    const RigConfig rig = ReadRigConfig(arguments[0], Settings());
+    Print(rig.data.name, Diagnose(rig, NumThreads(), verbosity));
+    return kDone;
+  }
   std::optional<RunConfig> config;
   std::string fault;
   try {

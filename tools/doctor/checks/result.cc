@@ -2,9 +2,9 @@
 #include <utility>
 
 #include "heba/run.h"
+#include "tools/doctor/doctor.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/text/finding_text.h"
 
 namespace heba {
 
@@ -27,10 +27,7 @@ std::vector<Symptom> Check_result(Examination* examination) {
   std::vector<Symptom> symptoms;
   for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood) continue;
-    const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
-    FindingText words = FindingWords(finding);
-    symptoms.push_back({severity, SymptomCode::OfFinding(finding), std::move(words.text), std::move(words.action),
-                        std::move(words.settings)});
+    symptoms.push_back(SymptomOf(finding));
   }
   return symptoms;
 }

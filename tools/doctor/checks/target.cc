@@ -70,8 +70,16 @@ size_t NumPoints(const std::vector<CaptureDetection>& detections) {
   return num_points;
 }
 
-// Returns the targets that this one may have been confused with, those that more of the images indicate first.
-std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
+bool HasAnyCode(const Target& target, const std::vector<std::string>& codes) {
+  const std::vector<std::string> own = target.Codes();
+  return std::any_of(own.begin(), own.end(), [&](const std::string& code) {
+    return std::find(codes.begin(), codes.end(), code) != codes.end();
+  });
+}
+
+// Returns the targets that this one may have been confused with, those that more of the images indicate first, without
+// those that have one of `other_codes`.
+std::vector<OtherTarget> OtherTargets(const RunConfig& config, const std::vector<std::string>& other_codes) {
   std::vector<std::pair<int, TargetSettings>> counted;
   for (const Capture& capture : config.data.captures) {
     for (const TargetSettings& settings : config.data.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
@@ -87,15 +95,17 @@ std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
   std::stable_sort(counted.begin(), counted.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::vector<OtherTarget> others;
   for (const auto& [count, settings] : counted) {
-    if (std::optional<OtherTarget> other = WithSettings(config, settings)) others.push_back(std::move(*other));
+    std::optional<OtherTarget> other = WithSettings(config, settings);
+    if (other && !HasAnyCode(*other->target, other_codes)) others.push_back(std::move(*other));
   }
   return others;
 }
 
 // Returns, among the targets that this one may be confused with, the one with the most points in the sample's images;
 // nothing if these are not decidedly more than `num_now` points.
-std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, int num_threads) {
-  std::vector<OtherTarget> others = OtherTargets(sample);
+std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<std::string>& other_codes,
+                                     size_t num_now, int num_threads) {
+  std::vector<OtherTarget> others = OtherTargets(sample, other_codes);
   for (size_t i = 0; i < sample.data.captures.size() && !others.empty(); ++i) {
     ParallelFor(static_cast<int>(others.size()), num_threads, [&](int k) {
       OtherTarget& other = others[static_cast<size_t>(k)];
@@ -159,7 +169,8 @@ std::vector<Symptom> Check_target(Examination* examination) {
   // A few images come first, because searching all of them for the wrong target may take long.
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
-  const RunConfig sample = Sample(config, kSome);
+  constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
+  const RunConfig sample = Sample(config, examination->other_codes.empty() ? kSome : kMore);
   const std::vector<CaptureDetection> few =
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const auto detect_all = [&] {
@@ -171,7 +182,8 @@ std::vector<Symptom> Check_target(Examination* examination) {
     const size_t num_now = examination->detections.empty()
                                ? NumPoints(few)
                                : NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
-    const std::optional<OtherTarget> other = FindOther(sample, num_now, examination->num_threads);
+    const std::optional<OtherTarget> other =
+        FindOther(sample, examination->other_codes, num_now, examination->num_threads);
     if (!other) return std::nullopt;
     config.data.target = other->target;
     config.target_used = other->used;

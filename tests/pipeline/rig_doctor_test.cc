@@ -1,0 +1,190 @@
+// Runs the doctor on the data set of a rig that was spoiled on purpose: it must name the cause first, and the camera,
+// the target or the arm that has it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "heba/base/text.h"
+#include "heba/io/pose_file.h"
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Matcher;
+using testing::Not;
+
+constexpr const char* kScene = R"(
+cameras:
+  left:
+    mount: world
+    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, 175 deg]}
+    camera: &camera {model: brown4, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240, distortion: [-0.08, 0.05, 0, 0]}
+  right:
+    mount: world
+    pose: {translation: [700 mm, 550 mm, 600 mm], rpy: [-105 deg, 0 deg, 165 deg]}
+    camera: *camera
+  wrist:
+    mount: gripper
+    pose: {translation: [60 mm, 0 mm, 40 mm], rpy: [5 deg, -5 deg, 90 deg]}
+    camera: *camera
+targets:
+  plate:
+    mount: gripper
+    pose: {translation: [0 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 deg]}
+    target: {type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_4X4_250}
+  wall:
+    mount: world
+    pose: {translation: [900 mm, -400 mm, 200 mm], rpy: [180 deg, 0 deg, 0 deg]}
+    target: {type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, dictionary: DICT_4X4_250, first_marker: 100}
+motion: {captures: 16, distance: 700 mm, tilt: 30 deg}
+image: {noise: 2 grey}
+robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
+)";
+
+// The rig as it was rendered, shared by all tests.
+class RigDoctorTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new fs::path(TestFolder("rig_doctor"));
+    WriteAll(*folder_ / "scene.yaml", kScene);
+    fs::create_directory(*folder_ / "cache");
+    const CommandResult made =
+        RunHeba({"simulate", (*folder_ / "scene.yaml").string(), "--out", (*folder_ / "rig").string(), "--quiet"});
+    ASSERT_EQ(made.status, 0) << made.err;
+  }
+  static void TearDownTestSuite() {
+    fs::remove_all(*folder_);
+    delete folder_;
+  }
+
+  static fs::path Rig() { return *folder_ / "rig"; }
+
+  // The tests share the detections.
+  static std::string Cache() { return "HEBA_CACHE=" + ShellQuoted((*folder_ / "cache").string()); }
+
+  // Runs the doctor with these settings (--set).
+  static CommandResult Doctor(const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments = {"doctor", (Rig() / "config.yaml").string(), "--quiet"};
+    for (const std::string& setting : settings) {
+      arguments.emplace_back("--set");
+      arguments.push_back(setting);
+    }
+    return RunHeba(arguments, Cache());
+  }
+
+  // Returns the first symptom and its cure: from "1." to "2.", on one line.
+  static std::string First(const CommandResult& doctor) {
+    EXPECT_EQ(doctor.status, 0) << doctor.err;
+    const size_t begin = doctor.out.find("\n1. ");
+    if (begin == std::string::npos) return "";
+    std::string line;
+    for (const char c : doctor.out.substr(begin + 1, doctor.out.find("\n2. ") - begin - 1)) {
+      if (c != '\n') line += c;
+      if (c == '\n') line += ' ';
+    }
+    return line;
+  }
+
+  // Copies the images of a camera with the name of each changed, and returns the setting that selects them.
+  static std::string Renamed(const std::string& camera, const std::string& as,
+                             const std::function<std::string(const std::string&)>& name_of) {
+    const fs::path copies = *folder_ / as;
+    fs::create_directory(copies);
+    for (const fs::directory_entry& entry : fs::directory_iterator(Rig() / camera)) {
+      fs::copy_file(entry.path(), copies / name_of(entry.path().filename().string()));
+    }
+    return "cameras." + camera + ".images=" + copies.string();
+  }
+
+  static fs::path* folder_;
+};
+fs::path* RigDoctorTest::folder_ = nullptr;
+
+TEST_F(RigDoctorTest, FindsNothingWrongWithAGoodRig) {
+  const CommandResult doctor = Doctor({});
+  EXPECT_THAT(doctor.out, HasSubstr("16 captures, ")) << doctor.err;
+  EXPECT_THAT(doctor.out, HasSubstr("of 48 images determine a pose of a target; nothing is wrong")) << doctor.out;
+}
+
+TEST_F(RigDoctorTest, NamesTheCameraWhoseImagesAreShifted) {
+  const std::string images = Renamed("right", "shifted", [](const std::string& name) {
+    const int number = std::stoi(name);
+    char next[16];
+    std::snprintf(next, sizeof(next), "%03d.png", (number + 1) % 16);
+    return std::string(next);
+  });
+  EXPECT_THAT(First(Doctor({images})), AllOf(HasSubstr("wrong [pairing]: camera right"), HasSubstr("1 row"),
+                                             HasSubstr("cameras.right.images"), Not(HasSubstr("left"))));
+}
+
+TEST_F(RigDoctorTest, NamesTheSwappedImagesOfOneCamera) {
+  const std::string images = Renamed("right", "swapped", [](const std::string& name) {
+    if (name == "001.png") return std::string("006.png");
+    return name == "006.png" ? std::string("001.png") : name;
+  });
+  EXPECT_THAT(First(Doctor({images})),
+              AllOf(HasSubstr("wrong [swapped]: camera right"), HasSubstr("001.png and 006.png are swapped")));
+}
+
+TEST_F(RigDoctorTest, NamesAWrongMount) {
+  EXPECT_THAT(First(Doctor({"cameras.wrist.mount=world"})),
+              AllOf(HasSubstr("wrong [mount]: camera wrist (world) and target wall (world)"),
+                    HasSubstr("cameras.wrist.mount")));
+}
+
+TEST_F(RigDoctorTest, NamesTheFormatOfPosesOnceForAllCameras) {
+  std::vector<PoseRow> rows = ReadPoseFile(Rig() / "poses.csv", *FindPoseFormat("ros"));
+  const PoseFormat written{"", {"x", "y", "z", "q0", "q1", "q2", "q3"}, "m", "quaternion_wxyz", ""};
+  WriteAll(*folder_ / "wxyz.csv", PoseFileText(rows, written));
+  const std::string declared =
+      "captures.pose_format={columns: [x, y, z, q0, q1, q2, q3], translation: m, rotation: quaternion_xyzw}";
+  const CommandResult doctor = Doctor({"captures.poses=" + (*folder_ / "wxyz.csv").string(), declared});
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [rotation_format]: cameras left, right, wrist"),
+                                   HasSubstr("set captures.pose_format")));
+  EXPECT_THAT(doctor.out, HasSubstr("1 wrong"));
+}
+
+TEST_F(RigDoctorTest, NamesTheTargetOfAnotherSize) {
+  const CommandResult doctor =
+      Doctor({"targets.plate.target={type: charuco, rows: 5, columns: 7, square: 36 mm, marker: 26.4 mm, dictionary: "
+              "DICT_4X4_250}"});
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [target_scale]: cameras left, right, target plate"),
+                                   HasSubstr("measure the target"), HasSubstr("0.83")));
+}
+
+TEST_F(RigDoctorTest, NamesTheCameraWithOtherIntrinsics) {
+  WriteAll(
+      *folder_ / "other.yaml",
+      "model: brown4\nimage_size: [640, 480]\nfx: 900\nfy: 900\ncx: 320\ncy: 240\ndistortion: [-0.08, 0.05, 0, 0]\n");
+  const std::string first = First(Doctor({"cameras.left.intrinsics=" + (*folder_ / "other.yaml").string()}));
+  EXPECT_THAT(first, AllOf(HasSubstr("camera left"), HasSubstr("cameras.left.intrinsics")));
+}
+
+TEST_F(RigDoctorTest, NamesTheWrongTarget) {
+  const CommandResult doctor =
+      Doctor({"targets.wall.target={type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, dictionary: "
+              "DICT_4X4_250, first_marker: 200}"});
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [target]: camera wrist, target wall"),
+                                   HasSubstr("first_marker: 100"), HasSubstr("set in the target")));
+}
+
+TEST_F(RigDoctorTest, TellsProgramsTheSettingOfTheRig) {
+  const CommandResult doctor =
+      RunHeba({"doctor", (Rig() / "config.yaml").string(), "--quiet", "--json", "--set",
+               "targets.wall.target={type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, dictionary: "
+               "DICT_4X4_250, first_marker: 200}"},
+              Cache());
+  ASSERT_EQ(doctor.status, 0) << doctor.err;
+  const nlohmann::json json = nlohmann::json::parse(doctor.out);
+  EXPECT_EQ(json["captures"], 16);
+  EXPECT_EQ(json["images"], 48);
+  ASSERT_GE(json["symptoms"].size(), 1U);
+  EXPECT_EQ(json["symptoms"][0]["settings"][0]["key"], "targets.wall.target.first_marker");
+  EXPECT_EQ(json["symptoms"][0]["settings"][0]["value"], "100");
+}
+
+}  // namespace
+}  // namespace heba
