@@ -70,30 +70,11 @@ ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& ou
           std::filesystem::absolute(output).lexically_normal()};
 }
 
-// Explains why a run failed: the first fault that the doctor finds, because it is the cause, then how the calibration
-// ended. A text that both contain is given once.
-std::string WithDiagnosis(const std::string& reason, const RunConfig& config, int num_threads) {
-  const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
-  if (diagnosis.NumWrong() == 0) return reason;
-  const Symptom& first = diagnosis.symptoms.front();
-  if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
-  return "heba doctor: " + FirstWrong(diagnosis) + "; the calibration itself ended with: " + reason;
-}
-
 // Inserts the doctor's first fault before the findings of a result that is bad.
 void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
   if (result->verdict.grade != Grade::kBad) return;
-  const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
-  if (diagnosis.NumWrong() == 0) return;
-  const Symptom& first = diagnosis.symptoms.front();
-  Finding cause{Grade::kBad, std::string(first.code.name())};
-  cause.is_cause = true;
-  cause.text = first.what;
-  cause.action = first.cure;
-  // The run may have found the same fault itself.
-  std::erase_if(result->observations, [&](const Finding& finding) { return finding.code == cause.code; });
-  result->observations.insert(result->observations.begin(), std::move(cause));
+  InsertCause(Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs), &result->observations);
   result->verdict = JudgeRun(*result);
 }
 
@@ -171,7 +152,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
   }
   Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
   if (result || result.reason() == kCancelled) return result;
-  return Failure{WithDiagnosis(result.reason(), config, num_threads)};
+  return Failure{WithDiagnosis(result.reason(), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
 }
 
 }  // namespace heba

@@ -8,6 +8,7 @@
 #include "heba/io/rig_result_file.h"
 #include "heba/rig_run.h"
 #include "tools/batch/run_inputs.h"
+#include "tools/doctor/rig_doctor.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
@@ -71,13 +72,18 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
   ProgressObserver observer(console->verbosity());
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
-  if (!run) return Failure{run.reason()};
+  const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
+  if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
   NoteDetections(data, run->detections, console);
   RigResult& result = run->result;
   for (const RigImageResult& image : result.images) {
     if (!image.reason.empty() && !image.targets.empty()) {
       console->Note(data.name + ": " + image.capture + ", camera " + image.camera + ": " + image.reason);
     }
+  }
+  if (result.verdict.grade == Grade::kBad) {
+    InsertCause(diagnose(), &result.observations);
+    result.verdict = JudgeRig(result);
   }
   DescribeAll(&result.verdict.findings);
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);

@@ -84,4 +84,22 @@ std::string FirstWrong(const Diagnosis& diagnosis) {
   return first.what + (first.cure.empty() ? "" : "; " + first.cure);
 }
 
+std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis) {
+  if (diagnosis.NumWrong() == 0) return reason;
+  const Symptom& first = diagnosis.symptoms.front();
+  if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
+  return "heba doctor: " + FirstWrong(diagnosis) + "; the calibration itself ended with: " + reason;
+}
+
+void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
+  if (diagnosis.NumWrong() == 0) return;
+  const Symptom& first = diagnosis.symptoms.front();
+  Finding cause{Grade::kBad, std::string(first.code.name())};
+  cause.is_cause = true;
+  cause.text = first.what;
+  cause.action = first.cure;
+  std::erase_if(*findings, [&](const Finding& finding) { return finding.code == cause.code; });
+  findings->insert(findings->begin(), std::move(cause));
+}
+
 }  // namespace heba

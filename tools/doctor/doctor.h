@@ -38,4 +38,12 @@ Symptom SymptomOf(const Finding& finding);
 // Returns the first fault as a clause with its cure; empty if there is none.
 std::string FirstWrong(const Diagnosis& diagnosis);
 
+// Explains why a run failed: the first fault that the doctor finds, because it is the cause, then how the calibration
+// ended. A text that both contain is given once.
+std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis);
+
+// Inserts the first fault, if there is one, before the findings of a run, as their cause. A finding with the same code
+// is replaced.
+void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings);
+
 }  // namespace heba

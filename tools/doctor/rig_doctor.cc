@@ -398,7 +398,7 @@ std::vector<Symptom> SymptomsOfRig(const RigConfig& config, const std::vector<De
 
 }  // namespace
 
-Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity) {
+Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity, Examine examine) {
   std::vector<DetectFunction> detect;
   for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
   ProgressObserver observer(verbosity);
@@ -425,7 +425,7 @@ Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity
     diagnosis.symptoms.push_back(std::move(symptom));
   }
   for (Symptom& symptom : Unpaired(config.data.left_out)) diagnosis.symptoms.push_back(std::move(symptom));
-  if (diagnosis.NumWrong() == 0) {
+  if (diagnosis.NumWrong() == 0 && examine == Examine::kInputsAndResult) {
     for (Symptom& symptom : SymptomsOfRig(config, detect, num_threads)) {
       diagnosis.symptoms.push_back(std::move(symptom));
     }

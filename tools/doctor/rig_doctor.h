@@ -10,6 +10,7 @@ namespace heba {
 // Diagnoses the data set of a rig. Pairs of a camera and a target that one arm moves against each other are diagnosed
 // as a data set of one camera; a symptom that all pairs of an arm or of a target share is reported once. If nothing is
 // wrong with them, the findings of the adjustment of all follow. Throws InputError if the images cannot be read.
-Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity);
+Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity,
+                   Examine examine = Examine::kInputsAndResult);
 
 }  // namespace heba
