@@ -11,19 +11,20 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
+bool IsCamchainFile(const fs::path& file) { return IsChainOfSeveral(BeginningOf(file)); }
+
 // Returns the camchain of several cameras that a file is, or the only one of a folder; empty if there is none.
 fs::path CamchainOf(const fs::path& source) {
   std::error_code error;
+  if (!fs::is_directory(source, error)) return IsCamchainFile(source) ? source : fs::path();
   std::vector<fs::path> files;
-  if (!fs::is_directory(source, error)) files.push_back(source);
   for (const fs::directory_entry& entry : fs::directory_iterator(source, error)) {
     const std::string name = entry.path().filename().string();
     if (entry.is_directory(error) || HasImageSuffix(entry.path()) || name.ends_with(".csv")) return {};
-    if (name.find("camchain") != std::string::npos && (name.ends_with(".yaml") || name.ends_with(".yml"))) {
-      files.push_back(entry.path());
-    }
+    const bool is_named_so = name.find("camchain") != std::string::npos && name.ends_with(".yaml");
+    if (is_named_so && IsCamchainFile(entry.path())) files.push_back(entry.path());
   }
-  return files.size() == 1 && IsChainOfSeveral(BeginningOf(files.front())) ? files.front() : fs::path();
+  return files.size() == 1 ? files.front() : fs::path();
 }
 
 bool Matches(const fs::path& source) { return !CamchainOf(source).empty(); }
