@@ -414,7 +414,7 @@ TEST(ImportRigTest, SaysWhatIsWrongWithACamchain) {
     return InputErrorOf([&] { ImportRig(folder / "chain.yaml", "kalibr"); });
   };
   EXPECT_THAT(error_of(With(kChain, "cam1", "cam2")), testing::HasSubstr("where cam1 is expected"));
-  EXPECT_THAT(error_of(With(kChain, "T_cn_cnm1", "T_cam_imu")), testing::HasSubstr("'T_cn_cnm1' is missing"));
+  EXPECT_THAT(error_of(With(kChain, "T_cn_cnm1", "T_others")), testing::HasSubstr("'T_cn_cnm1' is missing"));
   EXPECT_THAT(error_of(With(kChain, "[1.0, 0.0, 0.0, -0.11]", "[2.0, 0.0, 0.0, -0.11]")),
               testing::HasSubstr("chain.yaml:14: cam1.T_cn_cnm1: the matrix is not a rotation"));
   EXPECT_THAT(error_of("imu0: {}\n"), testing::HasSubstr("no cameras called cam0"));
