@@ -121,7 +121,7 @@ std::map<long, PosedImage> PosedImagesOf(const fs::path& camera, std::vector<std
     if (!is_new) throw InputError(image.string() + ": has the same number as " + other->second.image.string());
   }
   if (num_without_pose > 0) {
-    remarks->push_back(std::to_string(num_without_pose) + " images of " + camera.filename().string() +
+    remarks->push_back(std::to_string(num_without_pose) + " images in " + (camera / "image").string() +
                        " have no pose of their number and are left out");
   }
   return posed;
