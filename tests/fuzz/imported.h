@@ -16,4 +16,16 @@ inline void CheckImported(const ImportedSet& set) {
   }
 }
 
+inline void CheckImported(const std::optional<ImportedRig>& rig) {
+  if (!rig) return;
+  Require(!rig->cameras.empty(), "a rig has cameras");
+  for (const ImportedCamera& camera : rig->cameras) {
+    Require(!camera.mount_from_camera || camera.mount_from_camera->Matrix().allFinite(), "a pose is finite");
+  }
+  for (const ImportedRigCapture& capture : rig->captures) {
+    Require(capture.base_from_gripper.Matrix().allFinite(), "a pose is finite");
+    Require(capture.images.size() == rig->cameras.size(), "one entry for each camera");
+  }
+}
+
 }  // namespace heba

@@ -55,7 +55,7 @@ std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
 std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
   const fs::path source = reader->Path("data");
-  std::vector<std::string> formats = ImportFormatNames();
+  std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
   const std::string format = reader->Choice("format", formats, "auto");
   config->imported = ImportDataSet(source, format == "auto" ? "" : format);

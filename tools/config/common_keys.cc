@@ -81,9 +81,20 @@ CameraKeys ReadCameraKeys(MapReader& reader) {
     if (keys.model == "auto") keys.model.clear();
   }
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
-    const fs::path path = reader.Path("intrinsics");
+    fs::path path;
+    std::string name;
+    if (file->IsMap()) {
+      // A mapping replaces the file that a layer below names.
+      MapReader choice(file->DownTo({"file"}));
+      path = choice.Path("file");
+      name = choice.Text("camera");
+      choice.Finish();
+      reader.Record("intrinsics", choice.used());
+    } else {
+      path = reader.Path("intrinsics");
+    }
     keys.source = path.string();
-    keys.camera = AsModel(ReadCameraFile(path), keys.model, *file);
+    keys.camera = AsModel(ReadCameraFile(path, name), keys.model, *file);
   }
   return keys;
 }

@@ -23,7 +23,7 @@ std::string ReadFolderName(MapReader& reader, const std::string& fallback);
 // Reads the key `about`: the user's own texts, for the record.
 std::vector<std::pair<std::string, std::string>> ReadAbout(MapReader& root);
 
-// The keys `model` and `intrinsics` of a camera.
+// The keys `model` and `intrinsics` of a camera: a file, or {file, camera} with the name of the one that is meant.
 struct CameraKeys {
   std::optional<Camera> camera;  // As the model, if one is named.
   std::string source;            // The file of the camera.

@@ -11,12 +11,17 @@
 
 namespace heba {
 
-Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name) {
+Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name, const std::string& camera_name) {
   std::vector<std::string> descriptions;
   for (const CameraFormat& format : CameraFormats()) {
     descriptions.emplace_back(format.description);
     if (!format.reader.matches(text)) continue;
-    Camera camera = format.reader.read(text, name);
+    if (!camera_name.empty() && format.reader.read_named == nullptr) {
+      throw InputError(name.string() + ": contains one camera without a name, so that none is called " +
+                       Quoted(camera_name));
+    }
+    Camera camera =
+        camera_name.empty() ? format.reader.read(text, name) : format.reader.read_named(text, name, camera_name);
     Camera checked = camera;
     if (camera.width_px == 0 && camera.height_px == 0) checked.width_px = checked.height_px = 1;
     std::string faults = CheckCamera(checked);
@@ -28,7 +33,9 @@ Camera ParseCameraFile(const std::string& text, const std::filesystem::path& nam
                    ": contains no camera in a format that heba reads; one of: " + Join(descriptions, "; "));
 }
 
-Camera ReadCameraFile(const std::filesystem::path& path) { return ParseCameraFile(ReadTextFile(path), path); }
+Camera ReadCameraFile(const std::filesystem::path& path, const std::string& camera) {
+  return ParseCameraFile(ReadTextFile(path), path, camera);
+}
 
 Camera ReadCamera(const ConfigValue& value) {
   MapReader reader(value);
@@ -64,13 +71,13 @@ Camera ReadCamera(const ConfigValue& value) {
 }
 
 std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path& path) {
-  const Camera camera = ReadCameraFile(path);
   const std::string text = ReadTextFile(path);
   const CameraFormat* own = nullptr;
   for (const CameraFormat& format : CameraFormats()) {
     if (own == nullptr && format.reader.matches(text)) own = &format;
   }
   if (own == nullptr || own->name != "native") return std::nullopt;
+  const Camera camera = ParseCameraFile(text, path);
   MapReader reader(ParseYaml(text, path));
   const std::optional<ConfigValue> std_value = reader.Find("std");
   if (!std_value || std_value->node().IsNull()) return std::nullopt;

@@ -16,10 +16,12 @@ class ConfigValue;
 
 // Reads a file in any format of camera_formats.def. The camera passes CheckCamera with one exception: OpenCV's files
 // may lack an image size; width_px and height_px are then 0, and the caller takes them from the images. Throws
-// InputError with the file and, if it is known, the line.
-Camera ReadCameraFile(const std::filesystem::path& path);
+// InputError with the file and, if it is known, the line. `camera` is the name of the camera that is meant in a file of
+// several (cam1 in Kalibr's camchain); it may be empty if the file has one camera only, and must be if the format gives
+// its camera no name.
+Camera ReadCameraFile(const std::filesystem::path& path, const std::string& camera = "");
 // Parses text; `name` is the name of the file in messages.
-Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name);
+Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name, const std::string& camera = "");
 
 // Returns one sigma of each parameter, as a file in heba's own format may contain them under `std`. A sigma that is
 // null or missing is infinite: the parameter is unknown. Returns nothing if the file has another format or no `std`.

@@ -18,6 +18,8 @@ struct CameraReader {
   bool (*matches)(const std::string& text);
   // Returns the camera. InputErrors call the file `name`. The values are not yet checked (CheckCamera).
   Camera (*read)(const std::string& text, const std::filesystem::path& name);
+  // Likewise, for a format that holds several cameras: returns the one called `camera`. Null for all others.
+  Camera (*read_named)(const std::string& text, const std::filesystem::path& name, const std::string& camera) = nullptr;
 };
 
 struct CameraFormat {

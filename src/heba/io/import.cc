@@ -1,6 +1,7 @@
 #include "heba/io/import.h"
 
 #include <algorithm>
+#include <cctype>
 
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
@@ -22,6 +23,12 @@ const std::vector<ImportFormat>& ImportFormats() {
 
 std::vector<std::string> ImportFormatNames() { return NamesOf(ImportFormats()); }
 
+std::vector<std::string> DataSetFormatNames() {
+  std::vector<ImportFormat> formats = ImportFormats();
+  std::erase_if(formats, [](const ImportFormat& format) { return format.reader.read == nullptr; });
+  return NamesOf(formats);
+}
+
 const ImportFormat* FindImportFormat(const std::filesystem::path& source) {
   const auto found = std::find_if(ImportFormats().begin(), ImportFormats().end(),
                                   [&](const ImportFormat& format) { return format.reader.matches(source); });
@@ -30,7 +37,7 @@ const ImportFormat* FindImportFormat(const std::filesystem::path& source) {
 
 namespace {
 
-ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view name) {
+const ImportFormat& FindFormat(const std::filesystem::path& source, std::string_view name) {
   std::error_code error;
   if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
   const ImportFormat* format = name.empty() ? FindImportFormat(source) : FindEntry(ImportFormats(), name);
@@ -41,26 +48,53 @@ ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view na
     throw InputError(source.string() +
                      ": is not a data set in a known format; one of: " + Join(ImportFormatNames(), ", "));
   }
-  ImportedSet set = format->reader.read(source);
-  set.format = format->name;
+  return *format;
+}
+
+ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view name) {
+  const ImportFormat& format = FindFormat(source, name);
+  if (format.reader.read == nullptr) {
+    throw InputError(source.string() + ": the format " + std::string(format.name) +
+                     " has cameras but no captures; 'heba import' writes a config of a rig from it");
+  }
+  ImportedSet set = format.reader.read(source);
+  set.format = format.name;
   return set;
+}
+
+std::optional<ImportedRig> FindAndReadRig(const std::filesystem::path& source, std::string_view name) {
+  const ImportFormat& format = FindFormat(source, name);
+  if (format.reader.read_rig == nullptr) return std::nullopt;
+  std::optional<ImportedRig> rig = format.reader.read_rig(source);
+  if (rig) rig->format = format.name;
+  return rig;
+}
+
+// Throws InputError if the camera is faulty.
+void Check(const Camera& camera, const std::string& where) {
+  std::string faults = CheckCamera(camera);
+  std::replace(faults.begin(), faults.end(), '\n', ';');
+  if (!faults.empty()) throw InputError(where + ": " + faults);
+}
+
+// Calls a function that reads `source`. A data set may name a file whose existence cannot even be checked.
+template <class Read>
+auto WithFileErrors(const std::filesystem::path& source, const Read& read) {
+  try {
+    return read();
+  } catch (const std::filesystem::filesystem_error& fault) {
+    throw InputError(source.string() + ": " + Quoted(fault.path1().string()) + ": " + fault.code().message());
+  }
 }
 
 }  // namespace
 
 ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view name) {
-  ImportedSet set;
-  try {
-    set = FindAndRead(source, name);
-  } catch (const std::filesystem::filesystem_error& fault) {
-    // A data set may name a file whose existence cannot even be checked.
-    throw InputError(source.string() + ": " + Quoted(fault.path1().string()) + ": " + fault.code().message());
-  }
+  ImportedSet set = WithFileErrors(source, [&] { return FindAndRead(source, name); });
   if (set.camera) {
     Camera checked = *set.camera;
     if (checked.width_px == 0 && checked.height_px == 0) checked.width_px = checked.height_px = 1;
-    const std::string faults = CheckCamera(checked);
-    if (!faults.empty()) throw InputError(source.string() + ": the camera: " + faults);
+    Check(checked, source.string() + ": the camera");
   }
   if (set.captures.empty()) throw InputError(source.string() + ": contains no captures");
   std::vector<std::string> names;
@@ -69,6 +103,21 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
   const auto twice = std::adjacent_find(names.begin(), names.end());
   if (twice != names.end()) throw InputError(source.string() + ": two captures have the name " + Quoted(*twice));
   return set;
+}
+
+std::optional<ImportedRig> ImportRig(const std::filesystem::path& source, std::string_view name) {
+  std::optional<ImportedRig> rig = WithFileErrors(source, [&] { return FindAndReadRig(source, name); });
+  if (!rig) return rig;
+  for (const ImportedCamera& camera : rig->cameras) {
+    const bool is_plain = std::all_of(camera.name.begin(), camera.name.end(),
+                                      [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
+    if (!is_plain) {
+      throw InputError(source.string() + ": a config cannot have a camera called " + Quoted(camera.name) +
+                       "; a name has letters, digits, _ and - only");
+    }
+    if (camera.camera) Check(*camera.camera, source.string() + ": the camera " + camera.name);
+  }
+  return rig;
 }
 
 }  // namespace heba

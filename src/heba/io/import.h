@@ -39,13 +39,41 @@ struct ImportedSet {
   std::vector<std::string> remarks;          // Remarks for the user on how the data were interpreted.
 };
 
-// The functions that a file in import_formats/ provides.
+// One camera of a rig.
+struct ImportedCamera {
+  std::string name;                          // Letters, digits, _ and -.
+  std::optional<Camera> camera;              // With the size of its images.
+  std::filesystem::path images;              // The folder with its images; empty if the data set has none.
+  std::optional<Rigid3d> mount_from_camera;  // The true pose.
+};
+
+// What the cameras of a rig recorded at one pose of the arm.
+struct ImportedRigCapture {
+  Rigid3d base_from_gripper;
+  std::vector<std::string> images;  // File names, one for each camera; empty for a camera without an image.
+};
+
+// A data set of several cameras, one arm and one target. It may consist of cameras alone.
+struct ImportedRig {
+  std::string format;
+  std::optional<Setup> setup;  // That of all cameras; empty if the files do not contain it.
+  std::vector<ImportedCamera> cameras;
+  std::string target_name;
+  std::string target;  // Target file (YAML); empty if the files do not describe the target.
+  std::vector<ImportedRigCapture> captures;
+  std::vector<std::filesystem::path> files;  // All files that were read, except the images.
+  std::vector<std::string> remarks;          // Remarks for the user on how the data were interpreted.
+};
+
+// The functions that a file in import_formats/ provides. Both `read` functions convert the poses to the members'
+// directions, in metres, and throw InputError on a fault.
 struct ImportReader {
   // Returns whether a file or folder appears to have this format; it may still be faulty.
   bool (*matches)(const std::filesystem::path& source);
-  // Reads the data set and converts its poses to base_from_gripper and camera_from_target, in metres. Throws InputError
-  // on a fault.
+  // Reads a data set of one camera, or the first camera of several. Null if the format has no captures.
   ImportedSet (*read)(const std::filesystem::path& source);
+  // Reads all cameras; nothing if the source has only one. Null if the format has one camera always.
+  std::optional<ImportedRig> (*read_rig)(const std::filesystem::path& source) = nullptr;
 };
 
 struct ImportFormat {
@@ -57,6 +85,8 @@ struct ImportFormat {
 // Returns all formats, in the order of import_formats.def.
 const std::vector<ImportFormat>& ImportFormats();
 std::vector<std::string> ImportFormatNames();
+// Returns the names of the formats that ImportDataSet reads.
+std::vector<std::string> DataSetFormatNames();
 
 // Returns the first format that recognises a file or folder; null if none does.
 const ImportFormat* FindImportFormat(const std::filesystem::path& source);
@@ -64,5 +94,8 @@ const ImportFormat* FindImportFormat(const std::filesystem::path& source);
 // Reads a file or folder. `format` is the name of a format, or empty to recognise it. Throws InputError if the format
 // is unknown, or if the data set is faulty or contains no captures.
 ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view format);
+
+// Reads the file or folder of a rig likewise; nothing if it is a data set of one camera.
+std::optional<ImportedRig> ImportRig(const std::filesystem::path& source, std::string_view format);
 
 }  // namespace heba

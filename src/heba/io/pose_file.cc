@@ -349,13 +349,14 @@ std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseF
 }
 
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,
-                         const std::vector<std::string>& extra_columns) {
+                         const std::vector<std::string>& extra_columns, const std::vector<std::string>& cameras) {
   const bool with_images = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.image.empty(); });
   const bool with_roles =
       std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.role != CaptureRole::kNone; });
   std::vector<std::string> names;
   if (with_images) names.emplace_back("image");
   if (with_roles) names.emplace_back("role");
+  for (const std::string& camera : cameras) names.push_back(Field("image." + camera));
   for (const std::string& column : format.columns) names.push_back(Field(column));
   names.insert(names.end(), extra_columns.begin(), extra_columns.end());
   std::string text = Join(names, ",") + "\n";
@@ -363,6 +364,8 @@ std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& for
     std::vector<std::string> fields;
     if (with_images) fields.push_back(Field(row.image));
     if (with_roles) fields.emplace_back(RoleName(row.role));
+    CHECK(cameras.empty() || row.images.size() == cameras.size());
+    for (size_t c = 0; c < cameras.size(); ++c) fields.push_back(Field(row.images[c]));
     for (const double number : NumbersFromPose(format, row.pose)) fields.push_back(RoundTrip(number));
     CHECK_EQ(row.extras.size(), extra_columns.size());
     for (const double number : row.extras) fields.push_back(RoundTrip(number));

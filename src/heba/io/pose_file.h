@@ -51,8 +51,9 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
 std::string WithoutBrackets(std::string_view line);
 
 // Returns the text of such a file, with full precision. Columns that are empty in all rows are left out. Every row must
-// have numbers for `extra_columns`.
+// have numbers for `extra_columns`, and an image or an empty text for each of `cameras`.
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,
-                         const std::vector<std::string>& extra_columns = {});
+                         const std::vector<std::string>& extra_columns = {},
+                         const std::vector<std::string>& cameras = {});
 
 }  // namespace heba

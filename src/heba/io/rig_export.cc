@@ -15,8 +15,8 @@ struct CamerasFormat {
 constexpr CamerasFormat kCamerasFormats[] = {
     {"urdf", &ExportCameras_urdf}, {"ros2", &ExportCameras_ros2}, {"kalibr", &ExportCameras_kalibr}};
 
-ExportedFile FileOf(const std::string& name, const Outcome<std::string>& text) {
-  return text ? ExportedFile{name, *text, ""} : ExportedFile{name, "", text.reason()};
+ExportedFile FileOf(const std::string& name, const Outcome<std::string>& text, const std::string& camera) {
+  return text ? ExportedFile{name, *text, "", camera} : ExportedFile{name, "", text.reason(), camera};
 }
 
 }  // namespace
@@ -48,14 +48,15 @@ std::vector<ExportedFile> ExportRig(const ExportFormat& format, const std::vecto
                                     const RigResult& result) {
   std::vector<ExportedFile> files;
   for (size_t c = 0; c < cameras.size(); ++c) {
-    files.push_back(FileOf(result.rig.cameras[c].name + "." + format.file_name, ExportText(format, cameras[c])));
+    const std::string& camera = result.rig.cameras[c].name;
+    files.push_back(FileOf(camera + "." + format.file_name, ExportText(format, cameras[c]), camera));
   }
   for (const CamerasFormat& entry : kCamerasFormats) {
     if (format.name == entry.name && cameras.size() > 1) {
       constexpr std::string_view kCamera = "camera.";
       const bool is_of_camera = format.file_name.starts_with(kCamera);
       files.push_back(FileOf("cameras." + (is_of_camera ? format.file_name.substr(kCamera.size()) : format.file_name),
-                             entry.write(cameras)));
+                             entry.write(cameras), ""));
     }
   }
   return files;

@@ -14,6 +14,7 @@ struct ExportedFile {
   std::string name;
   std::string text;    // Empty if the format cannot hold the camera, or these cameras.
   std::string reason;  // Why not, in words.
+  std::string camera;  // The camera whose file this is; empty for the file with all.
 };
 
 // Returns the pose and the intrinsics of each camera, in base_link or tool0 or, if there are several arms, in

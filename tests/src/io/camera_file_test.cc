@@ -455,5 +455,39 @@ TEST(KalibrCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(Kalibr("scaramuzza", "300, 301, 320, 240")), HasSubstr("one of: pinhole, ds, eucm, omni"));
 }
 
+// A chain of two cameras; the second is a fisheye camera.
+std::string Chain() {
+  const std::string second = Kalibr("pinhole", "500, 501, 320, 240", "equidistant", "0.1, 0, 0, 0");
+  return Kalibr("pinhole", "300, 301, 320, 240", "radtan", "-0.1, 0.02, 0.001, 0.002") +
+         "cam1:" + second.substr(second.find(':') + 1) +
+         "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  - [0.0, 1.0, 0.0, 0.002]\n  - [0.0, 0.0, 1.0, 0.0]\n"
+         "  - [0.0, 0.0, 0.0, 1.0]\n";
+}
+
+TEST(KalibrCameraFile, ReadsTheCameraOfAChainThatIsNamed) {
+  EXPECT_EQ(ParseCameraFile(Chain(), "camera", "cam0").model, "brown4") << "radtan has no k3";
+  const Camera second = ParseCameraFile(Chain(), "camera", "cam1");
+  EXPECT_EQ(second.model, "kannala_brandt4");
+  EXPECT_THAT(second.params, ElementsAre(500, 501, 320, 240, 0.1, 0, 0, 0));
+  // A fault of another camera does not matter.
+  const std::string faulty = With(Chain(), "intrinsics: [300, 301, 320, 240]", "intrinsics: [300]");
+  EXPECT_EQ(ParseCameraFile(faulty, "camera", "cam1").params, second.params);
+  EXPECT_EQ(ParseCameraFile(Kalibr("ds", "-0.2, 0.6, 300, 301, 320, 240"), "camera", "cam0").model, "double_sphere");
+}
+
+TEST(KalibrCameraFile, NamesTheCamerasOfAChain) {
+  EXPECT_THAT(ErrorOf(Chain()), HasSubstr("several cameras, cam0, cam1; state the one"));
+  const auto error_of = [](const std::string& text, const std::string& camera) {
+    return InputErrorOf([&] { ParseCameraFile(text, "camera", camera); });
+  };
+  EXPECT_THAT(error_of(Chain(), "cam2"), HasSubstr("'cam2' is unknown; one of: cam0, cam1"));
+  EXPECT_THAT(error_of(kOwn, "cam0"), HasSubstr("one camera without a name"));
+  const std::string alone =
+      "intrinsics: [300, 301, 320, 240]\ndistortion_model: radtan\n"
+      "distortion_coeffs: [0, 0, 0, 0]\nresolution: [640, 480]\n";
+  EXPECT_EQ(Parse(alone).params[0], 300);
+  EXPECT_THAT(error_of(alone, "cam0"), HasSubstr("its camera has no name"));
+}
+
 }  // namespace
 }  // namespace heba

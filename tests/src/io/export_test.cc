@@ -164,7 +164,8 @@ TEST(ExportTest, CamerasRoundTripThroughKalibr) {
     const Camera camera = ParseCameraFile(Exported("kalibr", request), "export");
     EXPECT_EQ(camera.width_px, request.camera.width_px) << model;
     std::vector<double> wanted = request.camera.params;
-    if (camera.model == "brown5") wanted.resize(camera.params.size(), 0);
+    // Kalibr's lens is brown4, which pinhole and a brown5 without k3 become.
+    if (camera.model == "brown4") wanted.resize(camera.params.size(), 0);
     EXPECT_EQ(camera.params, wanted) << model;
   }
 }
@@ -173,6 +174,7 @@ TEST(ExportTest, RefusesWhatAFormatCannotHold) {
   ExportRequest request = TestRequest(Rigid3d());
   request.camera.params[8] = 0.01;
   EXPECT_THAT(Refusal("kalibr", request), HasSubstr("k3 is 0.01"));
+  EXPECT_THAT(Refusal("kalibr", request), HasSubstr("calibrate it with the model brown4"));
   request.camera.params[8] = 0;
   EXPECT_EQ(Refusal("kalibr", request), "");
   EXPECT_THAT(Refusal("mrcal", TestRequest(Rigid3d(), "kannala_brandt4")), HasSubstr("kannala_brandt4"));

@@ -40,6 +40,12 @@ Rigid3d InMm(Rigid3d pose) {
   pose.translation *= 1000;
   return pose;
 }
+// Returns `text` with the first occurrence of `from` replaced by `to`.
+std::string With(std::string text, const std::string& from, const std::string& to) {
+  const size_t at = text.find(from);
+  CHECK(at != std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
 // Returns the homogeneous matrix as four lines of four numbers.
 std::string MatrixLines(const Rigid3d& pose, const std::string& between) {
   const std::vector<std::string> n = Texts(*FindPoseFormat("matrix"), pose);
@@ -247,6 +253,173 @@ TEST_P(ImportTest, TruncatedFilesAreInputErrors) {
 
 INSTANTIATE_TEST_SUITE_P(, ImportTest, testing::ValuesIn(Peers()),
                          [](const auto& peer) { return peer.param.format + "_" + std::to_string(peer.index); });
+
+// Rigs.
+
+const char* const kMchecInfo =
+    "number_of_cameras: 3\ncamera_folder_prefix: camera\npattern_type: checkerboard\nnumber_of_rows: 4\n"
+    "number_of_columns: 3\nsize: 0.05\nresize_factor: 1\nvisual_error: 1\ncalibration_setup: 1\n";
+
+std::string MchecIntrinsics(const std::string& centre) {
+  return "fx: 1371.0\nfy: 1371.0\n" + centre + "has_dist_coeff: 0\nimg_width: 1920\nimg_height: 1080\n";
+}
+
+void WriteMchecCapture(const fs::path& camera, const std::string& image, const std::string& pose,
+                       const Rigid3d& value) {
+  Write(camera / "image" / image, "x");
+  Write(camera / "pose" / pose, MatrixLines(value, ","));
+}
+
+// Writes two cameras of the three that are stated: the first sees the captures 0, 1 and 7, the second 1 and 9, in files
+// with other names. A pose is kGripper moved by as many centimetres as its number.
+Rigid3d Moved(Rigid3d pose, double x_m) {
+  pose.translation.x() += x_m;
+  return pose;
+}
+Rigid3d PoseOfNumber(int number) { return Moved(kGripper, 0.01 * number); }
+void WriteMchec(const fs::path& folder) {
+  Write(folder / "CalibrationInfo.yaml", kMchecInfo);
+  Write(folder / "camera1/intrinsic_pars_file.yaml", MchecIntrinsics("cx: 960\ncy: 540\n"));
+  Write(folder / "camera2/intrinsic_pars_file.yaml", MchecIntrinsics("cx: 960.5\ncy: 540.5\n"));
+  for (const int number : {0, 1, 7}) {
+    const std::string name = "000" + std::to_string(number);
+    WriteMchecCapture(folder / "camera1", name + ".png", name + ".csv", PoseOfNumber(number));
+  }
+  for (const int number : {1, 9}) {
+    const std::string name = "000" + std::to_string(number);
+    WriteMchecCapture(folder / "camera2", "sample_" + name + ".jpg", name + ".csv", PoseOfNumber(number));
+  }
+  Write(folder / "camera2/image/sample_0100.jpg", "x");
+  Write(folder / "gt_cam1.csv", MatrixLines(kTarget, " "));
+  Write(folder / "GT/gt_cam2.csv", MatrixLines(kGripper, " "));
+}
+
+TEST(ImportRigTest, MatchesTheImagesOfSeveralCamerasByTheirNumbers) {
+  const TempFolder folder;
+  WriteMchec(folder.path());
+  const std::optional<ImportedRig> rig = ImportRig(folder.path(), "");
+  ASSERT_TRUE(rig.has_value());
+  EXPECT_EQ(rig->format, "mchec");
+  EXPECT_EQ(rig->setup, Setup::kEyeToHand);
+  ASSERT_EQ(rig->cameras.size(), 2U);
+  EXPECT_EQ(rig->cameras[1].name, "camera2");
+  EXPECT_EQ(rig->cameras[1].images, folder / "camera2/image");
+  std::vector<std::vector<std::string>> images;
+  for (const ImportedRigCapture& capture : rig->captures) images.push_back(capture.images);
+  EXPECT_EQ(images, (std::vector<std::vector<std::string>>{
+                        {"0000.png", ""}, {"0001.png", "sample_0001.jpg"}, {"0007.png", ""}, {"", "sample_0009.jpg"}}));
+  const int numbers[] = {0, 1, 7, 9};
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_LT(DistanceM(rig->captures[i].base_from_gripper, PoseOfNumber(numbers[i])), 1e-12) << i;
+    EXPECT_LT(AngleRad(rig->captures[i].base_from_gripper, PoseOfNumber(numbers[i])), 1e-7) << i;
+  }
+  EXPECT_LT(DistanceM(*rig->cameras[0].mount_from_camera, kTarget), 1e-12);
+  EXPECT_LT(DistanceM(*rig->cameras[1].mount_from_camera, kGripper), 1e-12);
+  const std::string remarks = Join(rig->remarks, "\n");
+  EXPECT_THAT(remarks, testing::HasSubstr("camera2/image have no pose of their number"));
+  EXPECT_THAT(remarks, testing::HasSubstr("left out: camera3"));
+}
+
+// A centre that is counted from the corner or from 1 becomes that of heba's pixels; any other principal point stays.
+TEST(ImportRigTest, ConvertsTheStatedCentreOfTheImage) {
+  const TempFolder folder;
+  WriteMchec(folder.path());
+  const std::optional<ImportedRig> rig = ImportRig(folder.path(), "");
+  ASSERT_TRUE(rig.has_value());
+  for (const ImportedCamera& camera : rig->cameras) {
+    EXPECT_EQ(camera.camera->params, (std::vector<double>{1371, 1371, 959.5, 539.5})) << camera.name;
+  }
+  for (const char* centre : {"cx: 960\ncy: 540.5\n", "cx: 934.5\ncy: 529.0\n", "cx: 959.5\ncy: 539.5\n"}) {
+    Write(folder / "camera1/intrinsic_pars_file.yaml", MchecIntrinsics(centre));
+    const std::vector<double> params = ImportRig(folder.path(), "")->cameras[0].camera->params;
+    EXPECT_EQ("cx: " + RoundTrip(params[2]) + "\n", std::string(centre).substr(0, std::string(centre).find('\n') + 1));
+  }
+}
+
+TEST(ImportRigTest, ReadsOneCameraFromItsFolder) {
+  const TempFolder folder;
+  WriteMchec(folder.path());
+  EXPECT_FALSE(ImportRig(folder / "camera2", "").has_value());
+  EXPECT_EQ(ImportDataSet(folder / "camera2", "").captures.size(), 2U);
+  EXPECT_EQ(ImportDataSet(folder.path(), "").captures.size(), 3U);
+}
+
+TEST(ImportRigTest, RefusesPosesThatContradictEachOther) {
+  const TempFolder folder;
+  WriteMchec(folder.path());
+  // The record of another camera may differ by the rounding of its file, not by a millimetre.
+  WriteMchecCapture(folder / "camera2", "sample_0001.jpg", "0001.csv", Moved(PoseOfNumber(1), 1e-8));
+  EXPECT_EQ(ImportRig(folder.path(), "")->captures.size(), 4U);
+  WriteMchecCapture(folder / "camera2", "sample_0001.jpg", "0001.csv", Moved(PoseOfNumber(1), 1e-3));
+  const std::string error = InputErrorOf([&] { ImportRig(folder.path(), ""); });
+  EXPECT_THAT(error, testing::HasSubstr("camera2/pose/0001.csv: is 1.0 mm and 0 deg from"));
+  EXPECT_THAT(error, testing::HasSubstr("camera1/pose/0001.csv"));
+}
+
+TEST(ImportRigTest, FaultsAreInputErrors) {
+  const TempFolder folder;
+  WriteMchec(folder.path());
+  Write(folder / "camera1/image/left_7.png", "x");
+  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }), testing::HasSubstr("has the same number as"));
+  fs::remove(folder / "camera1/image/left_7.png");
+  Write(folder / "camera1/intrinsic_pars_file.yaml", "fx: 0\nfy: 0\ncx: 1\ncy: 1\nimg_width: 2\nimg_height: 2\n");
+  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }),
+              testing::HasSubstr("the camera camera1: fx and fy must be positive"));
+  fs::remove_all(folder / "camera1");
+  fs::remove_all(folder / "camera2");
+  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }),
+              testing::HasSubstr("no folder cameraN has images with poses"));
+  for (const std::string& text :
+       {std::string("number_of_cameras: 2\n"), std::string(), With(kMchecInfo, "0.05", "x")}) {
+    Write(folder / "CalibrationInfo.yaml", text);
+    EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }), testing::HasSubstr("CalibrationInfo.yaml"));
+  }
+}
+
+const char* const kChain =
+    "cam0:\n  camera_model: pinhole\n  intrinsics: [700, 701, 640, 360]\n  distortion_model: radtan\n"
+    "  distortion_coeffs: [-0.1, 0.02, 0.0003, -0.0002]\n  resolution: [1280, 720]\n"
+    "cam1:\n  camera_model: pinhole\n  intrinsics: [710, 711, 640, 360]\n  distortion_model: radtan\n"
+    "  distortion_coeffs: [-0.1, 0.02, 0.0003, -0.0002]\n  resolution: [1280, 720]\n"
+    "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  - [0.0, 0.0, -1.0, 0.02]\n  - [0.0, 1.0, 0.0, 0.3]\n"
+    "  - [0.0, 0.0, 0.0, 1.0]\n";
+
+TEST(ImportRigTest, ReadsTheCamerasOfACamchain) {
+  const TempFolder folder;
+  Write(folder / "bag-camchain.yaml", kChain);
+  for (const fs::path& source : {folder.path(), folder / "bag-camchain.yaml"}) {
+    const std::optional<ImportedRig> rig = ImportRig(source, "");
+    ASSERT_TRUE(rig.has_value()) << source;
+    EXPECT_EQ(rig->format, "kalibr");
+    ASSERT_EQ(rig->cameras.size(), 2U);
+    EXPECT_EQ(rig->cameras[1].name, "cam1");
+    EXPECT_EQ(rig->cameras[1].camera->params[0], 710);
+    EXPECT_TRUE(rig->captures.empty());
+    EXPECT_FALSE(rig->setup.has_value());
+    // The inverse of T_cn_cnm1: R = Rx(90 deg), so that -R' t = (0.11, -0.3, 0.02).
+    ASSERT_EQ(rig->remarks.size(), 1U);
+    EXPECT_THAT(rig->remarks[0], testing::HasSubstr("cam1 in camera cam0 is at [110.000, -300.000, 20.000] mm, "
+                                                    "quaternion xyzw [-0.707107, 0.000000, 0.000000, 0.707107]"));
+  }
+  EXPECT_THAT(InputErrorOf([&] { ImportDataSet(folder.path(), ""); }), testing::HasSubstr("no captures"));
+  // A recording of the user's own may have a camchain beside its images.
+  Write(folder / "0.png", "x");
+  EXPECT_EQ(FindImportFormat(folder.path()), nullptr);
+}
+
+TEST(ImportRigTest, SaysWhatIsWrongWithACamchain) {
+  const TempFolder folder;
+  const auto error_of = [&](const std::string& text) {
+    Write(folder / "chain.yaml", text);
+    return InputErrorOf([&] { ImportRig(folder / "chain.yaml", "kalibr"); });
+  };
+  EXPECT_THAT(error_of(With(kChain, "cam1", "cam2")), testing::HasSubstr("where cam1 is expected"));
+  EXPECT_THAT(error_of(With(kChain, "T_cn_cnm1", "T_others")), testing::HasSubstr("'T_cn_cnm1' is missing"));
+  EXPECT_THAT(error_of(With(kChain, "[1.0, 0.0, 0.0, -0.11]", "[2.0, 0.0, 0.0, -0.11]")),
+              testing::HasSubstr("chain.yaml:14: cam1.T_cn_cnm1: the matrix is not a rotation"));
+  EXPECT_THAT(error_of("imu0: {}\n"), testing::HasSubstr("no cameras called cam0"));
+  EXPECT_THAT(error_of(With(kChain, "700, 701", "-700, 701")), testing::HasSubstr("the camera cam0: fx and fy"));
+}
 
 TEST(ImportCornersTest, MrcalCornersKeepTheirIds) {
   const TempFolder folder;

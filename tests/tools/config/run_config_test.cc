@@ -50,6 +50,30 @@ TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
   EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, gravity]")), HasSubstr("gravity needs geometry beside it"));
 }
 
+TEST_F(RunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
+  const auto entry = [](const std::string& focal) {
+    return "{intrinsics: [" + focal +
+           ", 500, 320, 240], distortion_model: radtan, distortion_coeffs: [0.1, 0, 0, 0], "
+           "resolution: [640, 480]}\n";
+  };
+  Write("chain.yaml", "cam0: " + entry("500") + "cam1: " + entry("510"));
+  const std::string cell = kCell;
+  Write("named.yaml", cell + "camera: {intrinsics: {file: chain.yaml, camera: cam1}}\n");
+  const RunConfig named = Read("named.yaml");
+  EXPECT_EQ(named.data.camera->params[0], 510);
+  EXPECT_EQ(named.data.camera->model, "brown4");
+  // The config as used names it too.
+  Write("used.yaml", named.used);
+  EXPECT_EQ(Read("used.yaml").data.camera->params[0], 510);
+  EXPECT_EQ(Read("named.yaml", {"camera.intrinsics.camera=cam0"}).data.camera->params[0], 500);
+  EXPECT_EQ(Read("named.yaml", {"camera.model=brown5"}).data.camera->params.size(), 9U);
+  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: chain.yaml}\n"), HasSubstr("several cameras, cam0, cam1"));
+  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: {file: chain.yaml}}\n"),
+              HasSubstr("wrong.yaml:4: camera.intrinsics: 'camera' is missing"));
+  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: {file: chain.yaml, camera: cam1, cam: 1}}\n"),
+              HasSubstr("unknown key 'cam'"));
+}
+
 TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
   const std::string cell = kCell;
   const auto with = [&](const std::string& noise, const std::string& robot = "") {

@@ -182,10 +182,18 @@ int ExportOfRig(const fs::path& file) {
     if (FLAGS_to != "all" && format.name != FormatAskedFor().name) continue;
     for (ExportedFile& exported : ExportRig(format, cameras, result)) files.push_back(std::move(exported));
   }
-  const bool has_any =
-      std::any_of(files.begin(), files.end(), [](const ExportedFile& exported) { return !exported.text.empty(); });
-  if (!has_any) {
-    PrintError(file.string() + ": " + files.front().reason);
+  // A format that was asked for by its name must hold every camera, as with one camera.
+  std::vector<std::string> refused;
+  std::string reason;
+  for (const ExportedFile& exported : files) {
+    if (!exported.text.empty() || exported.camera.empty()) continue;
+    if (refused.empty()) reason = exported.reason;
+    refused.push_back(exported.camera);
+  }
+  if (FLAGS_to != "all" && !refused.empty()) {
+    const std::vector<std::string> others(refused.begin() + 1, refused.end());
+    PrintError(file.string() + ": camera " + refused.front() + ": " + reason +
+               (others.empty() ? "" : "; nor does the format hold " + Join(others, ", ")));
     return kWorkFailed;
   }
   if (FLAGS_out.empty() && FLAGS_to != "all") {

@@ -17,7 +17,8 @@ Outcome<Camera> ForKalibr(const Camera& camera) {
   for (size_t i = 8; is_polynomial && i < camera.params.size(); ++i) {
     if (camera.params[i] == 0) continue;
     return Failure{"Kalibr's lens has k1, k2, p1 and p2 only, and this camera's " + camera.Model().param_names()[i] +
-                   " is " + Significant(camera.params[i], 3) + ", not 0; export as camera_info or opencv"};
+                   " is " + Significant(camera.params[i], 3) +
+                   ", not 0; calibrate it with the model brown4, which has none, or export as camera_info or opencv"};
   }
   return Failure{"Kalibr has no equivalent of the camera model " + camera.model + "; export as opencv"};
 }
@@ -49,7 +50,7 @@ Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& came
   for (size_t c = 0; c < cameras.size(); ++c) {
     const ExportRequest& request = cameras[c];
     const Outcome<std::string> lines = CameraLines(request);
-    if (!lines) return Failure{lines.reason()};
+    if (!lines) return Failure{(cameras.size() > 1 ? request.child_frame + ": " : "") + lines.reason()};
     if (request.parent_frame != cameras.front().parent_frame) {
       return Failure{"a camchain holds cameras on one mount, and these are on " + cameras.front().parent_frame +
                      " and on " + request.parent_frame};

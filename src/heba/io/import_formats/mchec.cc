@@ -1,9 +1,16 @@
-// Multi-Camera-Hand-Eye-Calibration: CalibrationInfo.yaml and cameraN/{image/0000.png, pose/0000.csv,
-// intrinsic_pars_file.yaml}. The source is either this folder, whose first camera is read, or the folder of one camera
-// in it. Poses are 4 x 4 (m), the gripper in the base. calibration_setup 0 is eye-in-hand.
+// Multi-Camera-Hand-Eye-Calibration, also the form of the METRIC data set: CalibrationInfo.yaml and
+// cameraN/{image/0000.png, pose/0000.csv, intrinsic_pars_file.yaml}, and the true poses in gt_camN.csv or
+// GT/gt_camN.csv if they are known. The source is either this folder or the folder of one camera in it. Poses are 4 x 4
+// (m), the gripper in the base; the true ones are those of the cameras in the base. calibration_setup 0 is eye-in-hand.
+// Images and poses belong together by the numbers in their names, and so do the images of all cameras.
+#include <algorithm>
+#include <map>
+
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
+#include "heba/io/pose_source.h"
 
 namespace heba {
 namespace {
@@ -23,13 +30,32 @@ bool Matches(const fs::path& source) {
   return fs::is_directory(source, error) && !RootOf(source).empty();
 }
 
-Camera ReadCamera(const fs::path& file) {
+// Moves a principal point that is stated as the exact centre of the image to that centre in heba's pixels. A lens has
+// never its axis there; simulators do, and count from the image's corner (half its width) or from 1 (Gazebo, half a
+// pixel more).
+void MoveStatedCentre(Camera* camera, std::vector<std::string>* remarks, const std::string& where) {
+  const Eigen::Vector2d size(camera->width_px, camera->height_px);
+  const Eigen::Vector2d stated(camera->params[2], camera->params[3]);
+  const Eigen::Vector2d centre = (size.array() - 1) / 2;
+  for (const double first : {0.5, 1.0}) {
+    if (stated != Eigen::Vector2d(centre.array() + first)) continue;
+    camera->params[2] = centre.x();
+    camera->params[3] = centre.y();
+    remarks->push_back(where + ": the principal point " + RoundTrip(stated.x()) + ", " + RoundTrip(stated.y()) +
+                       " is the centre of the image counted from " + (first == 1.0 ? "1" : "the corner") +
+                       "; read as " + RoundTrip(centre.x()) + ", " + RoundTrip(centre.y()) +
+                       " from the centre of the first pixel");
+  }
+}
+
+Camera ReadCamera(const fs::path& file, std::vector<std::string>* remarks, const std::string& where) {
   MapReader reader(ReadYamlFile(file));
   Camera camera{"pinhole", 0, 0, {}};
   for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Number(key));
   constexpr IntRange kSizes = {1, 100000};
   camera.width_px = reader.Int("img_width", kSizes);
   camera.height_px = reader.Int("img_height", kSizes);
+  MoveStatedCentre(&camera, remarks, where);
   if (reader.Int("has_dist_coeff", {0, 1}, 0) == 0) return camera;
   camera.model = "rational8";
   for (const char* key : {"dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2", "dist_k3", "dist_k4", "dist_k5"}) {
@@ -39,49 +65,189 @@ Camera ReadCamera(const fs::path& file) {
   return simpler ? *simpler : camera;
 }
 
-ImportedSet Read(const fs::path& source) {
-  ImportedSet set;
-  const fs::path root = RootOf(source);
-  if (root.empty()) {
-    throw InputError(source.string() + ": contains no CalibrationInfo.yaml, and neither does its parent folder");
-  }
-  const fs::path info = root / "CalibrationInfo.yaml";
-  set.files.push_back(info);
-  MapReader reader(ReadYamlFile(info));
-  set.setup = reader.Int("calibration_setup", {0, 1}) == 0 ? Setup::kEyeInHand : Setup::kEyeToHand;
+// What CalibrationInfo.yaml states.
+struct Info {
+  fs::path file;
+  Setup setup = Setup::kEyeToHand;
+  std::string target;  // Empty if its type is unknown.
+  int num_cameras = 1;
+  std::string prefix;  // Of the cameras' folders.
+};
+
+Info ReadInfo(const fs::path& root, std::vector<std::string>* remarks) {
+  Info info;
+  info.file = root / "CalibrationInfo.yaml";
+  MapReader reader(ReadYamlFile(info.file));
+  info.setup = reader.Int("calibration_setup", {0, 1}) == 0 ? Setup::kEyeInHand : Setup::kEyeToHand;
   constexpr IntRange kCounts = {2, 1000};
   const std::string pattern = reader.Text("pattern_type", "checkerboard");
   if (pattern == "checkerboard") {
-    set.target = ChessboardYaml(reader.Int("number_of_rows", kCounts), reader.Int("number_of_columns", kCounts),
-                                reader.Number("size"));
+    info.target = ChessboardYaml(reader.Int("number_of_rows", kCounts), reader.Int("number_of_columns", kCounts),
+                                 reader.Number("size"));
   } else {
-    set.remarks.push_back("the pattern, " + Quoted(pattern) + ", is unknown; name the target in the config");
+    remarks->push_back("the pattern, " + Quoted(pattern) + ", is unknown; name the target in the config");
   }
-  const int num_cameras = reader.Int("number_of_cameras", {1, 1000}, 1);
+  info.num_cameras = reader.Int("number_of_cameras", {1, 1000}, 1);
+  info.prefix = reader.Text("camera_folder_prefix", "camera");
+  return info;
+}
+
+// An image and the file of the pose at which it was taken.
+struct PosedImage {
+  fs::path image;
+  fs::path pose;
+};
+
+// Returns the images of a camera's folder that have a pose, by their numbers.
+std::map<long, PosedImage> PosedImagesOf(const fs::path& camera, std::vector<std::string>* remarks) {
+  std::map<long, fs::path> poses;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(camera / "pose", error)) {
+    const std::optional<long> number = NumberInName(entry.path().stem().string());
+    if (!number || entry.path().extension() != ".csv") continue;
+    const auto [other, is_new] = poses.emplace(*number, entry.path());
+    if (!is_new) throw InputError(entry.path().string() + ": has the same number as " + other->second.string());
+  }
+  std::map<long, PosedImage> posed;
+  int num_without_pose = 0;
+  for (const fs::path& image : ImagesOf(camera / "image")) {
+    const std::optional<long> number = NumberInName(image.stem().string());
+    const auto pose = number ? poses.find(*number) : poses.end();
+    if (pose == poses.end()) {
+      ++num_without_pose;
+      continue;
+    }
+    const auto [other, is_new] = posed.emplace(*number, PosedImage{image, pose->second});
+    if (!is_new) throw InputError(image.string() + ": has the same number as " + other->second.image.string());
+  }
+  if (num_without_pose > 0) {
+    remarks->push_back(std::to_string(num_without_pose) + " images in " + (camera / "image").string() +
+                       " have no pose of their number and are left out");
+  }
+  return posed;
+}
+
+Rigid3d ReadPose(const fs::path& file) { return PoseOfMatrix(NumbersOfFile(file), 1, file.string()); }
+
+fs::path RootOrFail(const fs::path& source) {
+  const fs::path root = RootOf(source);
+  if (!root.empty()) return root;
+  throw InputError(source.string() + ": contains no CalibrationInfo.yaml, and neither does its parent folder");
+}
+
+ImportedSet Read(const fs::path& source) {
+  ImportedSet set;
+  const fs::path root = RootOrFail(source);
+  const Info info = ReadInfo(root, &set.remarks);
+  set.files.push_back(info.file);
+  set.setup = info.setup;
+  set.target = info.target;
   const bool is_root = fs::equivalent(root, source);
-  const fs::path camera = is_root ? root / (reader.Text("camera_folder_prefix", "camera") + "1") : fs::path(source);
-  if (is_root && num_cameras > 1) {
-    set.remarks.push_back("of " + std::to_string(num_cameras) +
-                          " cameras the first one is read; name a camera's folder for another");
+  const fs::path camera = is_root ? root / (info.prefix + "1") : fs::path(source);
+  if (is_root && info.num_cameras > 1) {
+    set.remarks.push_back("of " + std::to_string(info.num_cameras) +
+                          " cameras the first one is read; name a camera's folder for another, or 'heba import' all");
   }
   const fs::path intrinsics = camera / "intrinsic_pars_file.yaml";
   if (fs::exists(intrinsics)) {
-    set.camera = ReadCamera(intrinsics);
+    set.camera = ReadCamera(intrinsics, &set.remarks, "camera");
     set.files.push_back(intrinsics);
   }
-  for (const fs::path& image : ImagesOf(camera / "image")) {
-    const fs::path pose = camera / "pose" / (image.stem().string() + ".csv");
-    if (!fs::exists(pose)) continue;
-    set.files.push_back(pose);
-    ImportedCapture capture = CaptureOf(image, 0);
-    capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(pose), 1, pose.string());
+  for (const auto& [number, posed] : PosedImagesOf(camera, &set.remarks)) {
+    set.files.push_back(posed.pose);
+    ImportedCapture capture = CaptureOf(posed.image, 0);
+    capture.base_from_gripper = ReadPose(posed.pose);
     set.captures.push_back(std::move(capture));
   }
   return set;
 }
 
+// The pose of a capture and the file that states it.
+struct CapturePose {
+  fs::path file;
+  ImportedRigCapture capture;
+};
+
+// Adds the images of the camera with this index to the captures of their numbers. The cameras' own records of a pose
+// may differ by the noise of the arm's encoders; the first one holds.
+void AddImages(const std::map<long, PosedImage>& images, size_t camera, std::map<long, CapturePose>* captures) {
+  constexpr double kSameM = 0.1e-3;
+  const double same_rad = DegToRad(0.01);
+  for (const auto& [number, posed] : images) {
+    const Rigid3d pose = ReadPose(posed.pose);
+    const auto [found, is_new] = captures->emplace(number, CapturePose{posed.pose, {pose, {}}});
+    const Rigid3d& other = found->second.capture.base_from_gripper;
+    const double distance_m = DistanceM(other, pose);
+    const double angle_rad = AngleRad(other, pose);
+    if (distance_m > kSameM || angle_rad > same_rad) {
+      throw InputError(posed.pose.string() + ": is " + Significant(1000 * distance_m, 2) + " mm and " +
+                       Significant(RadToDeg(angle_rad), 2) + " deg from " + found->second.file.string() +
+                       ", but images of one number belong to one pose of the robot; import the cameras one by one");
+    }
+    std::vector<std::string>& names = found->second.capture.images;
+    names.resize(std::max(names.size(), camera + 1));
+    names[camera] = posed.image.filename().string();
+  }
+}
+
+// Returns the file with the true pose of a camera; empty if there is none.
+fs::path TruthOf(const fs::path& root, int number) {
+  const std::string name = "gt_cam" + std::to_string(number) + ".csv";
+  std::error_code error;
+  for (const fs::path& file : {root / name, root / "GT" / name}) {
+    if (fs::is_regular_file(file, error)) return file;
+  }
+  return {};
+}
+
+std::optional<ImportedRig> ReadRig(const fs::path& source) {
+  ImportedRig rig;
+  const fs::path root = RootOrFail(source);
+  const Info info = ReadInfo(root, &rig.remarks);
+  if (!fs::equivalent(root, source) || info.num_cameras == 1) return std::nullopt;
+  rig.files.push_back(info.file);
+  rig.setup = info.setup;
+  rig.target_name = "chessboard";
+  rig.target = info.target;
+  std::map<long, CapturePose> captures;
+  std::vector<std::string> absent;
+  for (int number = 1; number <= info.num_cameras; ++number) {
+    const std::string name = info.prefix + std::to_string(number);
+    const std::map<long, PosedImage> images = PosedImagesOf(root / name, &rig.remarks);
+    if (images.empty()) {
+      absent.push_back(name);
+      continue;
+    }
+    AddImages(images, rig.cameras.size(), &captures);
+    for (const auto& [place, posed] : images) rig.files.push_back(posed.pose);
+    ImportedCamera& camera = rig.cameras.emplace_back();
+    camera.name = name;
+    camera.images = root / name / "image";
+    const fs::path intrinsics = root / name / "intrinsic_pars_file.yaml";
+    if (fs::exists(intrinsics)) {
+      camera.camera = ReadCamera(intrinsics, &rig.remarks, name);
+      rig.files.push_back(intrinsics);
+    }
+    const fs::path truth = TruthOf(root, number);
+    if (!truth.empty() && info.setup == Setup::kEyeToHand) {
+      camera.mount_from_camera = ReadPose(truth);
+      rig.files.push_back(truth);
+    }
+  }
+  if (rig.cameras.empty()) {
+    throw InputError(info.file.string() + ": states " + std::to_string(info.num_cameras) + " cameras, but no folder " +
+                     info.prefix + "N has images with poses of their numbers");
+  }
+  if (!absent.empty()) rig.remarks.push_back("no images with poses, left out: " + Join(absent, ", "));
+  for (auto& [number, capture] : captures) {
+    capture.capture.images.resize(rig.cameras.size());
+    rig.captures.push_back(std::move(capture.capture));
+  }
+  return rig;
+}
+
 }  // namespace
 
-ImportReader ImportReader_mchec() { return {Matches, Read}; }
+ImportReader ImportReader_mchec() { return {Matches, Read, ReadRig}; }
 
 }  // namespace heba
