@@ -253,9 +253,10 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
   if (HasRigKeys(value)) {
-    throw InputError(path.string() +
-                     ": is the config of a rig (cameras, targets, robots), which only 'heba run' reads; this command "
-                     "needs a config of one camera and one target");
+    throw InputError(
+        path.string() +
+        ": is the config of a rig (cameras, targets, robots); this command needs a config of one camera and "
+        "one target ('heba run' and 'heba detect' read both)");
   }
   RefuseOtherKind(value, path, FileKind::kRunConfig);
   MapReader reader(value);
