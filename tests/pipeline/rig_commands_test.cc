@@ -183,5 +183,21 @@ TEST_F(RigCommandsTest, CompareTakesTheRunOfOneCameraByItsName) {
   EXPECT_FALSE(fs::exists(Path("mixed")));
 }
 
+// A finished rig is named by its folder or by its result.json.
+TEST_F(RigCommandsTest, LocateTakesTheFileOfTheResult) {
+  const std::string image = "wrist=" + Path("cell/wrist/000.png");
+  const std::string row = ReadAll(Path("cell/poses.csv"));
+  const std::string first = row.substr(row.find("000.png,") + 8);
+  const std::string pose = "--pose=" + first.substr(0, first.find('\n'));
+  const CommandResult of_folder = RunHeba({"locate", Path("run"), image, pose});
+  EXPECT_EQ(of_folder.status, 0) << of_folder.err;
+  EXPECT_THAT(of_folder.out, StartsWith("target plate in world, by wrist\n"));
+  const CommandResult of_file = RunHeba({"locate", Path("run/result.json"), image, pose});
+  EXPECT_EQ(of_file.status, 0) << of_file.err;
+  EXPECT_EQ(of_file.out, of_folder.out);
+  EXPECT_THAT(RunHeba({"locate", Path("run"), image}).err,
+              HasSubstr("--pose: camera wrist is carried by the arm robot"));
+}
+
 }  // namespace
 }  // namespace heba

@@ -38,7 +38,7 @@ void NoteDetections(const RigDataset& data, const std::vector<RigDetection>& det
 }  // namespace
 
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
-                                  Console* console) {
+                                  Console* console, RunObserver* listener) {
   // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
@@ -48,7 +48,7 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   RigRunOptions options = config.options;
   options.num_threads = num_threads;
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
-  ProgressObserver observer(console->verbosity());
+  SharedObserver<ProgressObserver> observer(listener, console->verbosity());
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
   if (!run) return Failure{run.reason()};
   NoteDetections(data, run->detections, console);
