@@ -24,7 +24,7 @@ void SetSigmas(const Eigen::Matrix<double, 6, 6>& covariance, CellCamera* camera
 }
 
 // Returns a pose of a run; nothing if it has none of this name. The pose of camera a in b is that of b in a, inverted.
-std::optional<UncertainPose> FindPose(const CellResult& run, const CellPoseName& name) {
+std::optional<UncertainPose> FindPose(const ComparedCell& run, const CellPoseName& name) {
   for (const CellPose& pose : run.poses) {
     if (pose.name == name) return pose.parent_from_child;
     if (name.kind != CellPoseKind::kCameraInCamera) continue;
@@ -37,7 +37,7 @@ std::optional<UncertainPose> FindPose(const CellResult& run, const CellPoseName&
   return std::nullopt;
 }
 
-std::vector<CellDifference> DifferencesOf(const std::vector<CellResult>& runs, size_t first, size_t second) {
+std::vector<CellDifference> DifferencesOf(const std::vector<ComparedCell>& runs, size_t first, size_t second) {
   std::vector<CellDifference> differences;
   for (const CellPose& pose : runs[first].poses) {
     const std::optional<UncertainPose> other = FindPose(runs[second], pose.name);
@@ -51,8 +51,8 @@ std::vector<CellDifference> DifferencesOf(const std::vector<CellResult>& runs, s
 // Throws InputError if the runs cannot be compared.
 void CheckRuns(const RigComparison& comparison) {
   const auto several = std::find_if(comparison.runs.begin(), comparison.runs.end(),
-                                    [](const CellResult& run) { return run.arms.size() > 1; });
-  for (const CellResult& run : comparison.runs) {
+                                    [](const ComparedCell& run) { return run.arms.size() > 1; });
+  for (const ComparedCell& run : comparison.runs) {
     if (several == comparison.runs.end() || (!run.arms.empty() && run.arms.front() == several->arms.front())) continue;
     throw InputError(run.label + ": its world is the base of " +
                      (run.arms.empty() ? "an arm without a name" : "arm " + run.arms.front()) + ", but that of " +
@@ -60,7 +60,7 @@ void CheckRuns(const RigComparison& comparison) {
                      "; runs are compared that name the same arm first");
   }
   if (comparison.runs.size() < 2) return;
-  std::vector<const CellResult*> without;
+  std::vector<const ComparedCell*> without;
   for (size_t i = 0; i < comparison.runs.size(); ++i) {
     const bool is_compared =
         std::any_of(comparison.differences.begin(), comparison.differences.end(),
@@ -68,7 +68,7 @@ void CheckRuns(const RigComparison& comparison) {
     if (!is_compared) without.push_back(&comparison.runs[i]);
   }
   // The run of one camera is named first, because it may have left a rig without another run.
-  for (const CellResult* run : without) {
+  for (const ComparedCell* run : without) {
     if (!run->arms.empty()) continue;
     throw InputError(run->label + ": is the run of one camera; a rig beside it needs a " +
                      run->poses.front().name.Text() + ", which it is compared with");
@@ -80,17 +80,17 @@ void CheckRuns(const RigComparison& comparison) {
 }
 
 // Names the cameras, targets and arms that some rigs lack.
-std::string MissingFinding(const std::vector<CellResult>& runs) {
+std::string MissingFinding(const std::vector<ComparedCell>& runs) {
   std::vector<std::string> parts;
   std::vector<CellPoseName> known;
-  for (const CellResult& run : runs) {
+  for (const ComparedCell& run : runs) {
     for (const CellPose& pose : run.poses) {
       // A pose between cameras is missing because one of the cameras is.
       if (pose.name.kind == CellPoseKind::kCameraInCamera) continue;
       if (std::find(known.begin(), known.end(), pose.name) != known.end()) continue;
       known.push_back(pose.name);
       std::vector<std::string> without;
-      for (const CellResult& other : runs) {
+      for (const ComparedCell& other : runs) {
         if (!other.arms.empty() && !FindPose(other, pose.name)) without.push_back(other.label);
       }
       if (!without.empty()) parts.push_back(pose.name.Text() + " (not in " + Join(without, ", ") + ")");
@@ -128,7 +128,7 @@ std::string CamerasTable(const RigComparison& comparison) {
                       PadLeft("hold-out", 9) + PadLeft("hold-out", 9) + PadLeft("sigma", 8) + PadLeft("sigma", 8) +
                       "\n" + PadRight("", kRunWidth + 1 + kCameraWidth) + PadLeft("px rms", 10) + PadLeft("px rms", 9) +
                       PadLeft("mm rms", 9) + PadLeft("mm", 8) + PadLeft("deg", 8) + "\n";
-  for (const CellResult& run : comparison.runs) {
+  for (const ComparedCell& run : comparison.runs) {
     for (const CellCamera& camera : run.cameras) {
       table += PadRight(ShortenedAtStart(run.label, kRunWidth), kRunWidth) + " " +
                PadRight(ShortenedAtStart(camera.name, kCameraWidth), kCameraWidth) +
@@ -190,8 +190,8 @@ std::string CellPoseName::Text() const {
   return "base of arm " + child + " in " + parent;
 }
 
-CellResult CellOf(const std::string& label, const RigResult& result) {
-  CellResult cell;
+ComparedCell CellOf(const std::string& label, const RigResult& result) {
+  ComparedCell cell;
   cell.label = label;
   cell.grade = result.verdict.grade;
   cell.seconds = result.timing.total_s;
@@ -218,12 +218,12 @@ CellResult CellOf(const std::string& label, const RigResult& result) {
   return cell;
 }
 
-CellResult CellOf(const std::string& label, const RunResult& result) {
+ComparedCell CellOf(const std::string& label, const RunResult& result) {
   const Estimate* const refined = FindRefined(result);
   if (refined == nullptr) throw InputError(label + ": has no refined estimate, which is compared with rigs");
   const Solution& solution = *refined->solution;
   const Eigen::Matrix<double, 6, 6> covariance = solution.covariance.matrix.topLeftCorner<6, 6>();
-  CellResult cell;
+  ComparedCell cell;
   cell.label = label;
   cell.grade = result.verdict.grade;
   cell.seconds = result.timing.total_s;
@@ -237,7 +237,7 @@ CellResult CellOf(const std::string& label, const RunResult& result) {
   return cell;
 }
 
-RigComparison CompareRigs(std::vector<CellResult> runs) {
+RigComparison CompareRigs(std::vector<ComparedCell> runs) {
   RigComparison comparison;
   comparison.runs = std::move(runs);
   for (size_t first = 0; first < comparison.runs.size(); ++first) {
@@ -262,7 +262,7 @@ std::string RigComparisonRunsCsv(const RigComparison& comparison) {
   std::string csv =
       "run,camera,verdict,reprojection_rms_px,holdout_rms_px,holdout_target_mm,holdout_target_deg,std_translation_mm,"
       "std_rotation_deg,seconds\n";
-  for (const CellResult& run : comparison.runs) {
+  for (const ComparedCell& run : comparison.runs) {
     for (const CellCamera& camera : run.cameras) {
       csv += CsvField(run.label) + "," + CsvField(camera.name) + "," + std::string(GradeName(run.grade)) + "," +
              Exact(camera.reprojection_rms_px) + "," + Exact(camera.holdout_rms_px) + "," +
@@ -297,7 +297,7 @@ std::string RigComparisonPage(const RigComparison& comparison) {
   Json bars = Json::array();
   std::vector<FigureRow> charted;
   std::vector<std::vector<PageCell>> rows;
-  for (const CellResult& run : comparison.runs) {
+  for (const ComparedCell& run : comparison.runs) {
     for (const CellCamera& camera : run.cameras) {
       const std::string label = run.label + ", " + camera.name;
       charted.push_back({label, camera.holdout_rms_px, camera.reprojection_rms_px});

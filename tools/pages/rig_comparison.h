@@ -47,7 +47,7 @@ struct CellPose {
 };
 
 // What a run states about a cell.
-struct CellResult {
+struct ComparedCell {
   std::string label;  // The name of the run, or its folder if names are not unique.
   Grade grade = Grade::kGood;
   std::vector<std::string> arms;  // The world is the base of the first. Empty for the run of one camera.
@@ -56,10 +56,10 @@ struct CellResult {
   double seconds = 0;
 };
 
-CellResult CellOf(const std::string& label, const RigResult& result);
+ComparedCell CellOf(const std::string& label, const RigResult& result);
 // Returns the only camera, under the name of the run. Throws InputError, which begins with `label`, if there is no
 // refined estimate.
-CellResult CellOf(const std::string& label, const RunResult& result);
+ComparedCell CellOf(const std::string& label, const RunResult& result);
 
 // The difference of one pose between two runs.
 struct CellDifference : PoseDifference {
@@ -69,7 +69,7 @@ struct CellDifference : PoseDifference {
 };
 
 struct RigComparison {
-  std::vector<CellResult> runs;
+  std::vector<ComparedCell> runs;
   // Of each pair of runs, in the order of the first run's poses.
   std::vector<CellDifference> differences;
   std::vector<std::string> findings;  // Sentences in plain words, the most important first.
@@ -77,7 +77,7 @@ struct RigComparison {
 
 // Throws InputError if a run has several arms and the first arm of another one has not the name of its first, because
 // they would have different worlds, or if a run has no pose in common with any other.
-RigComparison CompareRigs(std::vector<CellResult> runs);
+RigComparison CompareRigs(std::vector<ComparedCell> runs);
 
 std::string RigComparisonTable(const RigComparison& comparison);  // Returns the tables for the terminal.
 std::string RigComparisonRunsCsv(const RigComparison& comparison);

@@ -121,7 +121,7 @@ TEST(CompareRigsTest, PosesInTheWorldHaveTheUncertaintyOfTheBase) {
   const double distance_m = 0.5;
   RigResult rig = RigOf({.arms = {"left", "right"}});
   rig.solution.poses.mount_from_camera[1] = Shifted(distance_m);
-  const CellResult cell = CellOf("a", rig);
+  const ComparedCell cell = CellOf("a", rig);
   ASSERT_THAT(cell.cameras, SizeIs(2));
   EXPECT_NEAR(cell.cameras[0].sigma_mm, 1000 * std::sqrt(3) * kSigmaM, 1e-9);
   const double lever_m = distance_m * kSigmaRad;
@@ -142,7 +142,7 @@ TEST(CompareRigsTest, BasesOfArmsAreCompared) {
 TEST(CompareRigsTest, OrderOfTheCamerasDoesNotMatter) {
   const Rigid3d moved(ExpRotation({0.3, -0.2, 0.5}), {0.2, 0.1, -0.3});
   const Rigid3d other = moved * Rigid3d(ExpRotation({0.001, 0, 0}), {0.001, 0, 0});
-  const CellResult first = CellOf("a", RigOf({.world_from_camera = moved}));
+  const ComparedCell first = CellOf("a", RigOf({.world_from_camera = moved}));
   RigResult swapped = RigOf({.world_from_camera = other});
   std::swap(swapped.rig.cameras[0], swapped.rig.cameras[1]);
   std::swap(swapped.solution.poses.mount_from_camera[0], swapped.solution.poses.mount_from_camera[1]);
@@ -217,7 +217,7 @@ TEST(RigComparisonOutputTest, TablesAndFilesHaveEveryFigure) {
 }
 
 TEST(RigComparisonOutputTest, TheTerminalShowsTheThreePairsThatDifferMost) {
-  std::vector<CellResult> runs;
+  std::vector<ComparedCell> runs;
   for (int i = 0; i < 4; ++i) {
     runs.push_back(CellOf("r" + std::to_string(i), RigOf({.world_from_camera = Shifted(2e-3 * i * i)})));
   }

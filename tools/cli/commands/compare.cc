@@ -85,7 +85,7 @@ ComparisonOutput OutputOf(const RigComparison& comparison) {
 // Compares the runs by their cells if one of them is a rig.
 ComparisonOutput Compare(const std::vector<FinishedResult>& runs) {
   if (std::any_of(runs.begin(), runs.end(), [](const FinishedResult& run) { return run.is_rig(); })) {
-    std::vector<CellResult> cells;
+    std::vector<ComparedCell> cells;
     for (const FinishedResult& run : runs) {
       cells.push_back(std::visit([&](const auto& result) { return CellOf(run.label, result); }, run.result));
     }
