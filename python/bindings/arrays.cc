@@ -2,6 +2,11 @@
 
 namespace heba {
 
+cv::Mat MatOf(const GreyArray& grey) {
+  return {static_cast<int>(grey.shape(0)), static_cast<int>(grey.shape(1)), CV_8UC1,
+          const_cast<uint8_t*>(grey.data())};  // NOLINT(cppcoreguidelines-pro-type-const-cast): detectors only read.
+}
+
 std::vector<Rigid3d> PosesFrom(const DoubleArray& matrices) {
   const auto numbers = matrices.unchecked<3>();
   std::vector<Rigid3d> poses;

@@ -4,7 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include <opencv2/core/mat.hpp>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -24,14 +23,6 @@
 
 namespace heba {
 namespace {
-
-using GreyArray = pybind11::array_t<uint8_t, pybind11::array::c_style>;
-
-// Returns the image without a copy of its pixels.
-cv::Mat MatOf(const GreyArray& grey) {
-  return {static_cast<int>(grey.shape(0)), static_cast<int>(grey.shape(1)), CV_8UC1,
-          const_cast<uint8_t*>(grey.data())};  // NOLINT(cppcoreguidelines-pro-type-const-cast): detectors only read.
-}
 
 // The ids, the pixels (n x 2) and the positions on the target (n x 3) of the points that an image shows.
 pybind11::tuple Detected(const Target& target, const Detection& detection) {

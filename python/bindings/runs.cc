@@ -11,13 +11,17 @@
 
 #include "heba/base/error.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/batch/pipeline.h"
+#include "tools/batch/rig_pipeline.h"
+#include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/doctor.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
+#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
@@ -28,16 +32,23 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
                               const pybind11::object& progress) {
   PythonObserver observer(progress);
   std::filesystem::path output;
-  Outcome<RunResult> result = Failure{""};
-  {
-    const pybind11::gil_scoped_release release;
-    const RunConfig config = ReadRunConfig(config_path, settings);
+  std::optional<std::string> failure;
+  const auto run = [&](const auto& config, const auto& pipeline) {
     output = out ? std::filesystem::absolute(*out) : config.output;
     Console console(Verbosity::kQuiet);
-    result = RunPipeline(config, output, num_threads, &console, &observer);
+    const auto result = pipeline(config, output, num_threads, &console, &observer);
+    if (!result) failure = result.reason();
+  };
+  {
+    const pybind11::gil_scoped_release release;
+    if (IsRigConfig(config_path, settings)) {
+      run(ReadRigConfig(config_path, settings), &RunRigPipeline);
+    } else {
+      run(ReadRunConfig(config_path, settings), &RunPipeline);
+    }
   }
   observer.RethrowIfRaised();
-  if (!result) throw InputError(config_path.string() + ": " + result.reason());
+  if (failure) throw InputError(config_path.string() + ": " + *failure);
   return output;
 }
 
@@ -63,6 +74,7 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
 
 std::string TableOf(const std::filesystem::path& result_file) {
   const pybind11::gil_scoped_release release;
+  if (IsRigResult(result_file)) return RigTable(ReadRigResult(result_file), Colour::kPlain);
   return ResultTable(ReadResult(result_file), Colour::kPlain);
 }
 

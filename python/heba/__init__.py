@@ -9,7 +9,7 @@ the optical one (x right, y down, z forward).
 >>> print(result.verdict["grade"], result.hand_eye)
 """
 
-from ._calibration import Detection, Location, Symptom, calibrate, detect, doctor, locate, run
+from ._calibration import Detection, Location, RigLocation, Symptom, calibrate, detect, doctor, locate, run
 from ._heba import Error, __version__
 from ._opencv import (
     CALIB_HAND_EYE_ANDREFF,
@@ -26,6 +26,7 @@ from ._opencv import (
     methods,
 )
 from ._result import Result
+from ._rig_result import RelativePose, RigArm, RigCamera, RigResult, RigTarget
 
 __all__ = [
     "CALIB_HAND_EYE_ANDREFF",
@@ -38,7 +39,13 @@ __all__ = [
     "Detection",
     "Error",
     "Location",
+    "RelativePose",
     "Result",
+    "RigArm",
+    "RigCamera",
+    "RigLocation",
+    "RigResult",
+    "RigTarget",
     "Symptom",
     "__version__",
     "calibrate",

@@ -8,14 +8,16 @@ import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Callable, Iterator, Mapping, Sequence
+from typing import Any, Callable, Iterator, Mapping, Sequence, Union, overload
 
 from . import _heba
 from ._arrays import grey_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
 from ._result import Result
+from ._rig_result import RigResult
 
+Image = Union["np.ndarray", str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], object]
 
 
@@ -48,6 +50,27 @@ class Location:
 
 
 @dataclass(frozen=True)
+class RigLocation:
+    """A target that the cameras of a rig located together.
+
+    Attributes:
+        target: Its name.
+        cameras: The names of the cameras that see it.
+        world_from_target: The target's pose in the world, which is the base of the first arm, 4 x 4, m.
+        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the target's frame.
+        rms_px: The RMS of the points of all cameras.
+        num_symmetries: The number of orientations in which the target looks the same; the pose is one of them.
+    """
+
+    target: str
+    cameras: tuple[str, ...]
+    world_from_target: np.ndarray
+    covariance: np.ndarray
+    rms_px: float
+    num_symmetries: int
+
+
+@dataclass(frozen=True)
 class Symptom:
     """A finding of the doctor. `code` is the same in every version; `cure` may be empty.
 
@@ -68,7 +91,7 @@ def run(
     out: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Result:
+) -> Result | RigResult:
     """Runs the calibration of a config, as `heba run` does, and writes the same folder.
 
     Args:
@@ -80,12 +103,15 @@ def run(
         progress: Is called with the stage ("detection", "second detection", "hold-out"), the steps that are done and
             their number. An exception that it raises ends the run.
 
+    Returns:
+        A RigResult for the config of a rig, otherwise a Result.
+
     Raises:
         heba.Error: The input is wrong, or the result cannot be trusted.
     """
     with _config_file(config) as file:
         folder = _heba.run(file, list(settings), out, _threads(threads), progress)
-    return Result.read(folder)
+    return RigResult.read(folder) if _heba.is_rig_run(folder) else Result.read(folder)
 
 
 def doctor(
@@ -111,35 +137,80 @@ def detect(image: np.ndarray | str | os.PathLike[str], target: Mapping[str, Any]
     return Detection(*_heba.detect_file(image, yaml))
 
 
+@overload
+def locate(
+    run_folder: str | os.PathLike[str] | Result, image: Image, *, pose: Any = None, joints: Sequence[float] = ()
+) -> list[Location]: ...
+
+
+@overload
+def locate(
+    run_folder: str | os.PathLike[str] | RigResult, image: Mapping[str, Image], *, pose: Any = None
+) -> list[RigLocation]: ...
+
+
 @needs_numpy
 def locate(
-    run_folder: str | os.PathLike[str] | Result,
-    image: np.ndarray | str | os.PathLike[str],
+    run_folder: str | os.PathLike[str] | Result | RigResult,
+    image: Image | Mapping[str, Image],
     *,
     pose: Any = None,
     joints: Sequence[float] = (),
-) -> list[Location]:
-    """Locates the target of a run in the robot's base, with its uncertainty.
+) -> list[Location] | list[RigLocation]:
+    """Locates the target of a run in the robot's base, or those of a rig in the world, with their uncertainty.
 
     Args:
         run_folder: The folder of a run, or its result.
-        image: As in detect.
-        pose: For a camera on the robot: base_from_gripper of the image, 4 x 4, as the robot states it.
+        image: As in detect. For a rig: the images of its cameras, recorded at once, by the names of the cameras.
+        pose: For a camera on the robot: base_from_gripper of the image, 4 x 4, as the robot states it. For a rig with
+            several arms: a dictionary of these poses by the names of the arms; only arms that carry a camera need one.
         joints: The positions of the arm's joints at that pose (rad or m), if the run has estimated the errors of an arm
             whose configuration the pose does not tell.
 
     Returns:
         The pose; several for a target that looks the same after a rotation. The first has its x axis most along that
-        of the base.
+        of the base. For a rig: the targets that the images show, each located by all cameras that see it.
+
+    Raises:
+        heba.Error: The input is wrong, or no target is located.
     """
-    folder = run_folder.folder if isinstance(run_folder, Result) else Path(run_folder)
+    folder = Path(run_folder) if isinstance(run_folder, (str, os.PathLike)) else run_folder.folder
     if folder is None:
         raise Error("a result of arrays has no folder; locate needs one of a run")
-    base_from_gripper = None if pose is None else poses_from(pose, "pose")
-    if base_from_gripper is not None and len(base_from_gripper) != 1:
-        raise Error("pose: must be one 4 x 4 matrix")
-    grey, file = (grey_from(image, "image"), "") if isinstance(image, np.ndarray) else (None, image)
-    return [Location(*found) for found in _heba.locate(folder, grey, file, base_from_gripper, list(joints))]
+    if isinstance(run_folder, RigResult) or _heba.is_rig_run(folder):
+        return _locate_by_rig(folder, image, pose, joints)
+    if isinstance(image, Mapping):
+        raise Error("image: the run has one camera; one image is needed, no dictionary")
+    base_from_gripper = None if pose is None else _one_pose(pose, "pose")
+    return [Location(*found) for found in _heba.locate(folder, *_image(image, "image"), base_from_gripper, list(joints))]
+
+
+def _locate_by_rig(
+    folder: Path, images: Image | Mapping[str, Image], pose: Any, joints: Sequence[float]
+) -> list[RigLocation]:
+    if not isinstance(images, Mapping) or not images:
+        raise Error("image: the run is that of a rig; a dictionary of images by the names of its cameras is needed")
+    if len(joints) > 0:
+        raise Error("joints: the errors of an arm are not estimated with a rig; leave joints out")
+    poses = pose if isinstance(pose, Mapping) else {} if pose is None else {"": pose}
+    found = _heba.locate_by_rig(
+        folder,
+        [(name, *_image(image, f"image of camera {name}")) for name, image in images.items()],
+        [(name, _one_pose(one, f"pose {name}".rstrip())) for name, one in poses.items()],
+    )
+    return [RigLocation(target, tuple(cameras), *figures) for target, cameras, *figures in found]
+
+
+def _one_pose(value: Any, name: str) -> np.ndarray:
+    poses = poses_from(value, name)
+    if len(poses) != 1:
+        raise Error(f"{name}: must be one 4 x 4 matrix")
+    return poses
+
+
+def _image(image: Image, name: str) -> tuple[np.ndarray | None, str | os.PathLike[str]]:
+    """Returns a grey image, or the path of a file."""
+    return (grey_from(image, name), "") if isinstance(image, np.ndarray) else (None, image)
 
 
 @needs_numpy

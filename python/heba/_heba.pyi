@@ -24,6 +24,12 @@ def locate(
     base_from_gripper: np.ndarray | None,
     joints: Sequence[float],
 ) -> list[tuple[np.ndarray, np.ndarray, float]]: ...
+def is_rig_run(folder: str | Path) -> bool: ...
+def locate_by_rig(
+    folder: str | Path,
+    images: Sequence[tuple[str, np.ndarray | None, str | Path]],
+    base_from_gripper: Sequence[tuple[str, np.ndarray]],
+) -> list[tuple[str, list[str], np.ndarray, np.ndarray, float, int]]: ...
 def calibrate(
     setup: str,
     target: str,

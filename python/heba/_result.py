@@ -6,14 +6,18 @@ import json
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from . import _heba
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
 
 
-def _matrix(pose: dict[str, Any]) -> np.ndarray:
+Kind = TypeVar("Kind", bound="RunFolder")
+
+
+def matrix_of(pose: dict[str, Any]) -> np.ndarray:
+    """Returns the 4 x 4 matrix of a pose as result.json has it."""
     x, y, z, w = pose["quaternion_xyzw"]
     matrix = np.eye(4)
     matrix[:3, :3] = [
@@ -25,13 +29,15 @@ def _matrix(pose: dict[str, Any]) -> np.ndarray:
     return matrix
 
 
-class Result:
-    """The contents of result.json, whose keys and units the manual lists.
+class RunFolder:
+    """The contents of a result.json, whose keys and units the manual lists: what `Result` and `RigResult` share.
 
     Attributes:
         data: The whole file as Python's dictionaries and lists.
         folder: The folder of the run, with report.html; None for a calibration from arrays.
     """
+
+    _schema: str
 
     def __init__(self, text: str, folder: Path | None = None) -> None:
         self._text = text
@@ -39,15 +45,42 @@ class Result:
         self.folder = folder
 
     @classmethod
-    def read(cls, folder: str | os.PathLike[str]) -> "Result":
+    def read(cls: type[Kind], folder: str | os.PathLike[str]) -> Kind:
         """Reads the result of a run from its folder."""
         file = Path(folder) / "result.json"
         try:
-            return cls(file.read_text(encoding="utf-8"), Path(folder))
+            result = cls(file.read_text(encoding="utf-8"), Path(folder))
         except FileNotFoundError:
             raise Error(f"{file}: there is no such file") from None
         except json.JSONDecodeError as error:
             raise Error(f"{file}:{error.lineno}: {error.msg}") from None
+        schema = result.data.get("schema")
+        if schema != cls._schema:
+            raise Error(f"{file}: has the schema {schema!r}, not {cls._schema!r}, which heba.{cls.__name__} reads")
+        return result
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """The grade ("good", "doubtful" or "bad") and the findings, each with its code, text and action."""
+        return self.data["verdict"]
+
+    def table(self) -> str:
+        """Returns the table that `heba run` prints."""
+        if self.folder is not None:
+            return _heba.table(self.folder / "result.json")
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "result.json"
+            file.write_text(self._text, encoding="utf-8")
+            return _heba.table(file)
+
+    def __repr__(self) -> str:
+        return f"<heba.{type(self).__name__} {self.data['name']!r}: {self.verdict['grade']}>"
+
+
+class Result(RunFolder):
+    """The result of a run with one camera and one target."""
+
+    _schema = "heba/result/1"
 
     def estimate(self, method: str | None = None) -> dict[str, Any]:
         """Returns the refined estimate, or the one of a method, as in result.json.
@@ -66,13 +99,13 @@ class Result:
     @needs_numpy
     def hand_eye(self) -> np.ndarray:
         """The camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
-        return _matrix(self.estimate()["hand_eye"])
+        return matrix_of(self.estimate()["hand_eye"])
 
     @property
     @needs_numpy
     def board(self) -> np.ndarray:
         """The target's pose, 4 x 4, m: gripper_from_target or base_from_target."""
-        return _matrix(self.estimate()["board"])
+        return matrix_of(self.estimate()["board"])
 
     @property
     @needs_numpy
@@ -82,20 +115,3 @@ class Result:
         if covariance is None:
             return None
         return np.array(covariance["matrix"])[:6, :6]
-
-    @property
-    def verdict(self) -> dict[str, Any]:
-        """The grade ("good", "doubtful" or "bad") and the findings, each with its code, text and action."""
-        return self.data["verdict"]
-
-    def table(self) -> str:
-        """Returns the table that `heba run` prints."""
-        if self.folder is not None:
-            return _heba.table(self.folder / "result.json")
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "result.json"
-            file.write_text(self._text, encoding="utf-8")
-            return _heba.table(file)
-
-    def __repr__(self) -> str:
-        return f"<heba.Result {self.data['name']!r}: {self.verdict['grade']}>"

@@ -188,7 +188,10 @@ TEST_F(JsonOutputTest, DetectCountsPoints) {
   EXPECT_EQ(json["residuals"]["relative_to"], "given_camera");
   EXPECT_EQ(json["images"].size(), 8U);
   const CommandResult loud = RunHeba({"detect", Path("data/config.yaml"), "--out", Path("detections")});
+  EXPECT_EQ(json["target_points"], 35);
   for (const Json& image : json["images"]) {
+    EXPECT_TRUE(image["camera"].is_null());  // Cameras and targets of a rig have names.
+    EXPECT_TRUE(image["target"].is_null());
     EXPECT_TRUE(image["detected"].get<bool>());
     EXPECT_THAT(loud.out, HasSubstr(image["image"].get<std::string>() + ": 35 of 35 points, " +
                                     Significant(image["rms_px"], 3) + " px rms"));

@@ -22,6 +22,38 @@ seed: 3
 """
 
 
+RIG_CAMERA = "{model: brown5, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240, distortion: [-0.08, 0.05, 0, 0, 0]}"
+RIG_SCENE = f"""
+cameras:
+  left:
+    mount: world
+    pose: {{translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, 175 deg]}}
+    camera: {RIG_CAMERA}
+  right:
+    mount: world
+    pose: {{translation: [700 mm, 550 mm, 600 mm], rpy: [-105 deg, 0 deg, 165 deg]}}
+    camera: {RIG_CAMERA}
+  wrist:
+    mount: gripper
+    pose: {{translation: [60 mm, 0 mm, 40 mm], rpy: [5 deg, -5 deg, 90 deg]}}
+    camera: {RIG_CAMERA}
+targets:
+  plate:
+    mount: gripper
+    pose: {{translation: [0 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 deg]}}
+    target: {{type: charuco, rows: 6, columns: 8, square: 22 mm, marker: 16 mm, dictionary: DICT_4X4_250}}
+  wall:
+    mount: world
+    pose: {{translation: [900 mm, -400 mm, 200 mm], rpy: [180 deg, 0 deg, 0 deg]}}
+    target: {{type: charuco, rows: 6, columns: 8, square: 30 mm, marker: 22 mm, dictionary: DICT_4X4_250,
+              first_marker: 100}}
+motion: {{captures: 12, distance: 600 mm, tilt: 30 deg}}
+image: {{noise: 2 grey}}
+robot_noise: {{translation: 0.1 mm, rotation: 0.02 deg}}
+seed: 2
+"""
+
+
 def program(*arguments):
     return subprocess.run([PROGRAM, *map(str, arguments)], check=True, capture_output=True, text=True)
 
@@ -43,6 +75,15 @@ def cell(tmp_path_factory):
 def carried(tmp_path_factory):
     """The folder of a rendered cell whose robot carries the camera."""
     return simulate(tmp_path_factory.mktemp("carried"), "eye_in_hand", 60)
+
+
+@pytest.fixture(scope="session")
+def rig_cell(tmp_path_factory):
+    """The folder of a rendered cell with two fixed cameras, one on the gripper, a target on the gripper and one on a wall."""
+    folder = tmp_path_factory.mktemp("rig")
+    (folder / "scene.yaml").write_text(RIG_SCENE)
+    program("simulate", folder / "scene.yaml", "--out", folder / "cell", "--quiet")
+    return folder / "cell"
 
 
 @pytest.fixture(scope="session")

@@ -78,29 +78,6 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   result->verdict = JudgeRun(*result);
 }
 
-// Shows the progress on the console and tells a listener, which may be null, about the stages.
-class SharedObserver final : public ConsoleObserver {
- public:
-  SharedObserver(const Dataset& dataset, Console* console, RunObserver* listener)
-      : ConsoleObserver(dataset, console), listener_(listener) {}
-  void OnStage(RunStage stage, int num_steps) override {
-    ConsoleObserver::OnStage(stage, num_steps);
-    if (listener_ != nullptr) listener_->OnStage(stage, num_steps);
-  }
-  void OnStep(RunStage stage) override {
-    ConsoleObserver::OnStep(stage);
-    if (listener_ != nullptr) listener_->OnStep(stage);
-  }
-  void OnStageEnd(RunStage stage) override {
-    ConsoleObserver::OnStageEnd(stage);
-    if (listener_ != nullptr) listener_->OnStageEnd(stage);
-  }
-  bool IsCancelled() override { return listener_ != nullptr && listener_->IsCancelled(); }
-
- private:
-  RunObserver* listener_;
-};
-
 Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener) {
   const auto start = std::chrono::steady_clock::now();
@@ -112,7 +89,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   RunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = CachedDetection(data, config.target_used);
-  SharedObserver observer(data, console, listener);
+  SharedObserver<ConsoleObserver> observer(listener, data, console);
   const Outcome<RunOutput> run = Run(data, options, &observer);
   if (!run) return Failure{run.reason()};
   const bool has_images = data.target_poses.empty();

@@ -36,31 +36,10 @@ void NoteDetections(const RigDataset& data, const std::vector<RigDetection>& det
   }
 }
 
-// Writes the detections of each camera and target as those of a run.
-void WriteDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
-                     const std::filesystem::path& folder) {
-  std::filesystem::create_directory(folder);
-  for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
-    for (size_t t = 0; t < data.targets.size(); ++t) {
-      std::vector<Capture> captures;
-      std::vector<CaptureDetection> of_pair;
-      for (const RigDetection& detection : detections) {
-        if (detection.camera != c || detection.target != t) continue;
-        Capture& capture = captures.emplace_back();
-        capture.image = data.captures[detection.capture].images[c];
-        capture.name = capture.image.filename().string();
-        of_pair.push_back(detection.detection);
-      }
-      WriteFileAtomically(folder / (data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json"),
-                          DetectionsToJson(captures, of_pair));
-    }
-  }
-}
-
 }  // namespace
 
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
-                                  Console* console) {
+                                  Console* console, RunObserver* listener) {
   // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
@@ -70,7 +49,7 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   RigRunOptions options = config.options;
   options.num_threads = num_threads;
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
-  ProgressObserver observer(console->verbosity());
+  SharedObserver<ProgressObserver> observer(listener, console->verbosity());
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
   const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
   if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
@@ -87,7 +66,7 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   }
   DescribeAll(&result.verdict.findings);
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
-  WriteDetections(data, run->detections, folder.staging() / "detections");
+  WriteRigDetections(data, run->detections, folder.staging() / "detections");
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
   WriteFileAtomically(folder.staging() / "report.html",
                       RigReportPage(data, *run,

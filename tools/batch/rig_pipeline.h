@@ -13,9 +13,10 @@
 namespace heba {
 
 // Detects, calibrates, evaluates and writes the run's folder completely or not at all. Throws InputError for wrong
-// input. Returns a Failure, and writes no folder, if the result cannot be trusted.
+// input. `listener`, which may be null, is told about the stages and can cancel the run. Returns a Failure, and writes
+// no folder, if the result cannot be trusted.
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
-                                  Console* console);
+                                  Console* console, RunObserver* listener = nullptr);
 
 // Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.

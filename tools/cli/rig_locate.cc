@@ -12,11 +12,11 @@
 #include "heba/detection.h"
 #include "heba/io/result_file.h"
 #include "heba/io/result_json.h"
-#include "heba/rig_location.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_rig.h"
+#include "tools/run/rig_image_location.h"
 #include "tools/text/console.h"
 #include "tools/text/result_text.h"
 
@@ -62,19 +62,8 @@ std::vector<std::optional<Rigid3d>> PosesOfFlag(const FinishedRig& rig) {
   return poses;
 }
 
-// Returns the pose of each arm; the identity for those that carry none of these cameras. Throws InputError if one that
-// does has no pose.
 std::vector<Rigid3d> PosesFor(const FinishedRig& rig, const std::vector<size_t>& cameras) {
-  const std::vector<std::optional<Rigid3d>> given = PosesOfFlag(rig);
-  std::vector<Rigid3d> poses;
-  for (const std::optional<Rigid3d>& pose : given) poses.push_back(pose.value_or(Rigid3d()));
-  for (const size_t camera : cameras) {
-    const RigCamera& of_rig = rig.result.rig.cameras[camera];
-    if (of_rig.mount.part == Mount::Part::kBase || given[of_rig.mount.robot]) continue;
-    throw InputError("--pose: camera " + of_rig.name + " is carried by the arm " +
-                     rig.result.rig.robots[of_rig.mount.robot] + ", whose pose is needed");
-  }
-  return poses;
+  return PosesForCameras(rig.result.rig, cameras, PosesOfFlag(rig), "--pose");
 }
 
 std::string SigmasText(const Eigen::Matrix3d& covariance, double unit) {
@@ -147,7 +136,7 @@ int LocatePoint(const FinishedRig& rig) {
 int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images) {
   const RigResult& result = rig.result;
   std::vector<size_t> cameras;
-  std::vector<std::vector<CameraObservations>> seen(rig.targets.size());
+  std::vector<RigSighting> sightings;
   for (const std::string& text : images) {
     const auto [camera, path] = NamedValue("an image", text, CameraNames(result), "CAMERA=IMAGE");
     if (std::find(cameras.begin(), cameras.end(), camera) != cameras.end()) {
@@ -156,22 +145,17 @@ int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images
     cameras.push_back(camera);
     const Camera& of_camera = result.solution.cameras[camera];
     for (size_t t = 0; t < rig.targets.size(); ++t) {
-      const CaptureDetection detection =
-          DetectCapture(*rig.targets[t], path, ImageSize{of_camera.width_px, of_camera.height_px});
-      if (detection.detection.ids.size() < 4) continue;
-      seen[t].push_back(
-          {camera, ApplyShape(ObservationsOf(*rig.targets[t], detection.detection), result.solution.shapes[t])});
+      sightings.push_back(
+          {camera, t,
+           DetectCapture(*rig.targets[t], path, ImageSize{of_camera.width_px, of_camera.height_px}).detection});
     }
   }
-  const std::vector<Rigid3d> poses = PosesFor(rig, cameras);
   std::string text;
   Json list = Json::array();
-  for (size_t t = 0; t < rig.targets.size(); ++t) {
+  for (const auto& [t, seen_by, located] : LocateTargetsInRig(result, rig.targets, sightings, PosesFor(rig, cameras))) {
     const std::string& name = result.rig.targets[t].name;
-    if (seen[t].empty()) continue;
-    const Outcome<RigLocation> located = LocateInRig(result.rig, result.solution, seen[t], poses);
     std::vector<std::string> by;
-    for (const CameraObservations& view : seen[t]) by.push_back(result.rig.cameras[view.camera].name);
+    for (const size_t camera : seen_by) by.push_back(result.rig.cameras[camera].name);
     if (!located) {
       text += "target " + name + ": " + located.reason() + "\n";
       continue;

@@ -4,10 +4,12 @@
 #include "heba/io/rig_result_file.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/finished_run.h"
 
 namespace heba {
 
-FinishedRig ReadFinishedRig(const std::filesystem::path& folder) {
+FinishedRig ReadFinishedRig(const std::filesystem::path& path) {
+  const std::filesystem::path folder = RunFolderOf(path);
   FinishedRig rig;
   rig.result = ReadRigResult(folder / "result.json");
   MapReader config(ReadYamlFile(folder / "config.yaml"));

@@ -17,7 +17,7 @@ struct FinishedRig {
   std::vector<PoseReading> pose_readings;  // One per arm.
 };
 
-// Throws InputError if the folder cannot be read.
-FinishedRig ReadFinishedRig(const std::filesystem::path& folder);
+// Reads the folder of a run, or the one of its result.json. Throws InputError if it cannot be read.
+FinishedRig ReadFinishedRig(const std::filesystem::path& path);
 
 }  // namespace heba

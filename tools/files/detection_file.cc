@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/json_reader.h"
 
@@ -27,6 +28,26 @@ std::string DetectionsToJson(const std::vector<Capture>& captures, const std::ve
                                     {"reason", detections[i].detection.reason}});
   }
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void WriteRigDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
+                        const std::filesystem::path& folder) {
+  std::filesystem::create_directory(folder);
+  for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
+    for (size_t t = 0; t < data.targets.size(); ++t) {
+      std::vector<Capture> captures;
+      std::vector<CaptureDetection> of_pair;
+      for (const RigDetection& detection : detections) {
+        if (detection.camera != c || detection.target != t) continue;
+        Capture& capture = captures.emplace_back();
+        capture.image = data.captures[detection.capture].images[c];
+        capture.name = capture.image.filename().string();
+        of_pair.push_back(detection.detection);
+      }
+      WriteFileAtomically(folder / (data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json"),
+                          DetectionsToJson(captures, of_pair));
+    }
+  }
 }
 
 std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path) {

@@ -8,6 +8,7 @@
 
 #include "heba/data/dataset.h"
 #include "heba/detection.h"
+#include "heba/rig_run.h"
 
 namespace heba {
 
@@ -15,8 +16,13 @@ namespace heba {
 // "pixels": [[u, v], ...], "reason"}]}. Pixel (0, 0) is the centre of the first pixel.
 std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections);
 
-// Reads such a file: the name and detection of each capture, without covariances. `schema` and `reason` may be missing.
-// Throws InputError if the file is malformed or has another schema.
+// Writes the detections of a rig into a folder, which must not exist: a file CAMERA.TARGET.json for each pair, with the
+// images of that camera. Throws OutputError if a file cannot be written.
+void WriteRigDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
+                        const std::filesystem::path& folder);
+
+// Reads a file of detections: the name and detection of each capture, without covariances. `schema` and `reason` may be
+// missing. Throws InputError if the file is malformed or has another schema.
 std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path);
 
 }  // namespace heba

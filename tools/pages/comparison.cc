@@ -1,55 +1,37 @@
 #include "tools/pages/comparison.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <map>
 
-#include <Eigen/Cholesky>
 #include <nlohmann/json.hpp>
 
-#include "heba/base/distributions.h"
 #include "heba/base/median.h"
 #include "heba/base/text.h"
-#include "heba/base/units.h"
 #include "tools/pages/page.h"
 #include "tools/pages/static_chart.h"
+#include "tools/text/difference_text.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
 
-constexpr double kSignificant = 0.01;
+UncertainPose HandEyeOf(const Estimate& refined) {
+  const Covariance& covariance = refined.solution->covariance;
+  return {refined.hand_eye.camera_mount_from_camera, covariance.matrix.topLeftCorner<6, 6>(),
+          refined.solution->covariance_dof};
+}
 
 // Returns nothing unless both runs have the same setup and a refined pose with a covariance.
-std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs, size_t first, size_t second) {
+std::optional<PairDifference> PairOf(const std::vector<ComparedRun>& runs, size_t first, size_t second) {
   const RunResult& a = runs[first].result;
   const RunResult& b = runs[second].result;
   const Estimate* refined_a = FindRefined(a);
   const Estimate* refined_b = FindRefined(b);
   if (a.setup != b.setup || refined_a == nullptr || refined_b == nullptr) return std::nullopt;
-  const Covariance& covariance_a = refined_a->solution->covariance;
-  const Covariance& covariance_b = refined_b->solution->covariance;
-  const Rigid3d& x_a = refined_a->hand_eye.camera_mount_from_camera;
-  const Rigid3d& x_b = refined_b->hand_eye.camera_mount_from_camera;
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const Matrix6 covariance = covariance_a.matrix.topLeftCorner<6, 6>() + covariance_b.matrix.topLeftCorner<6, 6>();
-  const Tangent6 difference = LocalCoordinates(x_a, x_b);
-  const Tangent6 scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
-  if (!scale.allFinite()) return std::nullopt;
-  const Matrix6 scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
-  const Tangent6 scaled_difference = scale.cwiseProduct(difference);
-  const double statistic = scaled_difference.dot(scaled.ldlt().solve(scaled_difference));
-  PairDifference pair;
-  pair.first = first;
-  pair.second = second;
-  pair.distance_mm = 1000 * DistanceM(x_a, x_b);
-  pair.angle_deg = RadToDeg(AngleRad(x_a, x_b));
-  pair.sigma_mm = 1000 * std::sqrt(covariance.diagonal().head<3>().sum());
-  pair.sigma_deg = RadToDeg(std::sqrt(covariance.diagonal().tail<3>().sum()));
-  pair.p_value =
-      FisherTail(statistic / 6, 6, std::min(refined_a->solution->covariance_dof, refined_b->solution->covariance_dof));
-  return pair;
+  const std::optional<PoseDifference> difference = DifferenceOf(HandEyeOf(*refined_a), HandEyeOf(*refined_b));
+  if (!difference) return std::nullopt;
+  return PairDifference{*difference, first, second};
 }
 
 // Compares the error of the refinement with the best closed form of each run. The best closed form is selected by its
@@ -80,29 +62,15 @@ std::optional<double> TrueDeg(const Errors& errors) {
   return errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt;
 }
 
-std::string AgreementFinding(const Comparison& comparison, const std::string& what,
+// Words the agreement of the pairs that `concerns` selects.
+std::string AgreementOfPairs(const Comparison& comparison, const std::string& what,
                              const std::function<bool(const PairDifference&)>& concerns) {
-  int num_pairs = 0;
-  int num_different = 0;
-  const PairDifference* worst = nullptr;
+  std::vector<NamedDifference> differences;
   for (const PairDifference& pair : comparison.pairs) {
     if (!concerns(pair)) continue;
-    ++num_pairs;
-    num_different += pair.p_value < kSignificant ? 1 : 0;
-    if (worst == nullptr || pair.p_value < worst->p_value) worst = &pair;
+    differences.push_back({comparison.runs[pair.first].label + " and " + comparison.runs[pair.second].label, pair});
   }
-  if (worst == nullptr) return "";
-  const std::string extreme = comparison.runs[worst->first].label + " and " + comparison.runs[worst->second].label +
-                              " are " + Significant(worst->distance_mm, 2) + " mm and " +
-                              Significant(worst->angle_deg, 2) + " deg apart (one sigma " +
-                              Significant(worst->sigma_mm, 2) + " mm, " + Significant(worst->sigma_deg, 2) +
-                              " deg; chance " + ShownChance(worst->p_value) + ")";
-  if (num_different == 0) {
-    return what + " agree within their uncertainties in all " + std::to_string(num_pairs) +
-           " pairs; the least likely: " + extreme;
-  }
-  return what + " differ by more than their uncertainties in " + std::to_string(num_different) + " of " +
-         std::to_string(num_pairs) + " pairs; the worst: " + extreme;
+  return AgreementFinding(what, differences);
 }
 
 std::vector<std::string> FindingsOf(const Comparison& comparison) {
@@ -132,10 +100,10 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
   }
   const auto target_of = [&](size_t run) { return comparison.runs[run].result.target_type; };
   const std::string same =
-      AgreementFinding(comparison, "hand-eye poses from targets of one type",
+      AgreementOfPairs(comparison, "hand-eye poses from targets of one type",
                        [&](const PairDifference& pair) { return target_of(pair.first) == target_of(pair.second); });
   const std::string across =
-      AgreementFinding(comparison, "hand-eye poses from targets of different types",
+      AgreementOfPairs(comparison, "hand-eye poses from targets of different types",
                        [&](const PairDifference& pair) { return target_of(pair.first) != target_of(pair.second); });
   for (const std::string& finding : {across, same}) {
     if (!finding.empty()) findings.push_back(finding);
@@ -186,8 +154,6 @@ RunLine LineOf(const RunResult& result) {
   return line;
 }
 
-std::string Agreement(const PairDifference& pair) { return pair.p_value < kSignificant ? "differ" : "agree"; }
-
 }  // namespace
 
 Comparison CompareRuns(std::vector<ComparedRun> runs) {
@@ -195,7 +161,7 @@ Comparison CompareRuns(std::vector<ComparedRun> runs) {
   comparison.runs = std::move(runs);
   for (size_t first = 0; first < comparison.runs.size(); ++first) {
     for (size_t second = first + 1; second < comparison.runs.size(); ++second) {
-      const std::optional<PairDifference> pair = DifferenceOf(comparison.runs, first, second);
+      const std::optional<PairDifference> pair = PairOf(comparison.runs, first, second);
       if (pair) comparison.pairs.push_back(*pair);
     }
   }

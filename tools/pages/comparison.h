@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/pose_difference.h"
 
 namespace heba {
 
@@ -16,18 +17,9 @@ struct ComparedRun {
 };
 
 // The difference between the refined hand-eye poses of two runs of the same setup.
-struct PairDifference {
+struct PairDifference : PoseDifference {
   size_t first = 0;  // Index into the compared runs.
   size_t second = 0;
-  double distance_mm = 0;
-  double angle_deg = 0;
-  // One sigma of distance and angle, from the sum of the covariances of both runs.
-  double sigma_mm = 0;
-  double sigma_deg = 0;
-  // The probability of a difference at least as large between two runs that measure the same pose: Hotelling's test
-  // of all six coordinates with the sum of the two covariances. It assumes that the runs share no captures and uses
-  // the smaller number of degrees of freedom of the two.
-  double p_value = 1;
 };
 
 struct Comparison {

@@ -29,27 +29,9 @@ std::string SizeText(const ImageSize& size) {
   return std::to_string(size.width_px) + " x " + std::to_string(size.height_px) + " px";
 }
 
-// Sets the sizes of the cameras to those of their images. Throws InputError if a given camera is for another size.
-void FitCameras(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {
-  for (size_t c = 0; c < rig->cameras.size(); ++c) {
-    const auto first = std::find_if(detections.begin(), detections.end(),
-                                    [&](const RigDetection& detection) { return detection.camera == c; });
-    if (first == detections.end()) continue;
-    Camera& camera = rig->cameras[c].camera;
-    const ImageSize seen{first->detection.width_px, first->detection.height_px};
-    const ImageSize stated{camera.width_px, camera.height_px};
-    if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
-      throw InputError(dataset.camera_sources[c] + ": is for images of " + SizeText(stated) + ", but those of camera " +
-                       rig->cameras[c].name + " are " + SizeText(seen) + "; provide the intrinsics of that resolution");
-    }
-    camera.width_px = seen.width_px;
-    camera.height_px = seen.height_px;
-  }
-}
-
 RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
   RigProblem rig = dataset.rig;
-  FitCameras(dataset, detections, &rig);
+  FitCamerasToImages(dataset, detections, &rig);
   for (size_t t = 0; t < rig.targets.size(); ++t) {
     rig.targets[t].shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
     rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
@@ -276,6 +258,23 @@ std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector
                      SizeText(first_size) + "; all images of a camera must have one resolution");
   }
   return detections;
+}
+
+void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {
+  for (size_t c = 0; c < rig->cameras.size(); ++c) {
+    const auto first = std::find_if(detections.begin(), detections.end(),
+                                    [&](const RigDetection& detection) { return detection.camera == c; });
+    if (first == detections.end()) continue;
+    Camera& camera = rig->cameras[c].camera;
+    const ImageSize seen{first->detection.width_px, first->detection.height_px};
+    const ImageSize stated{camera.width_px, camera.height_px};
+    if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
+      throw InputError(dataset.camera_sources[c] + ": is for images of " + SizeText(stated) + ", but those of camera " +
+                       rig->cameras[c].name + " are " + SizeText(seen) + "; provide the intrinsics of that resolution");
+    }
+    camera.width_px = seen.width_px;
+    camera.height_px = seen.height_px;
+  }
 }
 
 std::string WhyNotToldApart(const RigDataset& dataset) {

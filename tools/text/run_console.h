@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "heba/run.h"
 #include "tools/text/console.h"
@@ -20,6 +21,32 @@ class ProgressObserver : public RunObserver {
  private:
   Verbosity verbosity_;
   std::optional<Progress> progress_;
+};
+
+// Shows the progress as an observer of type `Shown` does, and tells a listener, which may be null, about the stages;
+// the listener can cancel the run. `arguments` are those of `Shown`.
+template <class Shown>
+class SharedObserver final : public Shown {
+ public:
+  template <class... Arguments>
+  explicit SharedObserver(RunObserver* listener, Arguments&&... arguments)
+      : Shown(std::forward<Arguments>(arguments)...), listener_(listener) {}
+  void OnStage(RunStage stage, int num_steps) override {
+    Shown::OnStage(stage, num_steps);
+    if (listener_ != nullptr) listener_->OnStage(stage, num_steps);
+  }
+  void OnStep(RunStage stage) override {
+    Shown::OnStep(stage);
+    if (listener_ != nullptr) listener_->OnStep(stage);
+  }
+  void OnStageEnd(RunStage stage) override {
+    Shown::OnStageEnd(stage);
+    if (listener_ != nullptr) listener_->OnStageEnd(stage);
+  }
+  bool IsCancelled() override { return listener_ != nullptr && listener_->IsCancelled(); }
+
+ private:
+  RunObserver* listener_;
 };
 
 // Adds notes on the run to the console. `dataset` and `console` must outlive it.

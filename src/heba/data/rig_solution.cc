@@ -7,30 +7,77 @@
 namespace heba {
 namespace {
 
-// A camera, target or base: its name, its mount, and its pose in the mount.
+// A camera, target or base: its name, its mount, and its pose in the world or, if a gripper carries it, in the gripper.
 struct Placed {
   std::string name;
   Mount mount;
-  PoseByUnknowns mount_from_placed;
+  PoseByUnknowns root_from_placed;
 };
 
-std::vector<RelativePose> RelativePoses(const std::vector<Placed>& placed, const RigProblem& problem,
-                                        const RigSolution& solution) {
+// `block` is the name of the pose among the unknowns; empty if it is none.
+Placed Place(const std::string& name, const Mount& mount, const Rigid3d& mount_from_placed, const std::string& block,
+             const RigProblem& problem, const RigSolution& solution) {
   const UnknownLayout& layout = solution.covariance.layout;
-  // The bases cancel for two that are on one gripper.
-  const auto root_from = [&](const Placed& one) {
-    if (one.mount.part == Mount::Part::kGripper) return one.mount_from_placed;
-    return UnknownPose(solution.poses.world_from_base[one.mount.robot], layout,
-                       BaseBlock(problem.robots[one.mount.robot])) *
-           one.mount_from_placed;
-  };
+  const PoseByUnknowns in_mount = UnknownPose(mount_from_placed, layout, block);
+  if (mount.part == Mount::Part::kGripper) return {name, mount, in_mount};
+  return {name, mount,
+          UnknownPose(solution.poses.world_from_base[mount.robot], layout, BaseBlock(problem.robots[mount.robot])) *
+              in_mount};
+}
+
+std::vector<Placed> PlacedCameras(const RigProblem& problem, const RigSolution& solution) {
+  std::vector<Placed> placed;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const RigCamera& camera = problem.cameras[c];
+    placed.push_back(Place(camera.name, camera.mount, solution.poses.mount_from_camera[c], CameraPoseBlock(camera),
+                           problem, solution));
+  }
+  return placed;
+}
+
+std::vector<Placed> PlacedTargets(const RigProblem& problem, const RigSolution& solution) {
+  std::vector<Placed> placed;
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const RigTarget& target = problem.targets[t];
+    placed.push_back(Place(target.name, target.mount, solution.poses.mount_from_target[t], TargetPoseBlock(target),
+                           problem, solution));
+  }
+  return placed;
+}
+
+std::vector<Placed> PlacedBases(const RigProblem& problem, const RigSolution& solution) {
+  std::vector<Placed> placed;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    placed.push_back(Place(problem.robots[r], {r, Mount::Part::kBase}, Rigid3d(), "", problem, solution));
+  }
+  return placed;
+}
+
+RelativePose PoseOf(const std::string& parent, const std::string& child, const PoseByUnknowns& parent_from_child,
+                    const RigSolution& solution) {
+  return {parent, child, parent_from_child.pose,
+          parent_from_child.by_unknowns * solution.covariance.matrix * parent_from_child.by_unknowns.transpose()};
+}
+
+std::vector<RelativePose> PosesInRoots(const std::vector<Placed>& placed, const RigProblem& problem,
+                                       const RigSolution& solution) {
+  std::vector<RelativePose> poses;
+  for (const Placed& one : placed) {
+    const bool is_carried = one.mount.part == Mount::Part::kGripper;
+    poses.push_back(
+        PoseOf(is_carried ? MountText(problem.robots, one.mount) : "world", one.name, one.root_from_placed, solution));
+  }
+  return poses;
+}
+
+std::vector<RelativePose> RelativePoses(const std::vector<Placed>& placed, const RigSolution& solution) {
   std::vector<RelativePose> relative;
   for (size_t a = 0; a < placed.size(); ++a) {
     for (size_t b = a + 1; b < placed.size(); ++b) {
+      // The bases cancel for two that are on one gripper.
       if (MovesAgainst(placed[a].mount, placed[b].mount)) continue;
-      const PoseByUnknowns a_from_b = Inverse(root_from(placed[a])) * root_from(placed[b]);
-      relative.push_back({placed[a].name, placed[b].name, a_from_b.pose,
-                          a_from_b.by_unknowns * solution.covariance.matrix * a_from_b.by_unknowns.transpose()});
+      relative.push_back(PoseOf(placed[a].name, placed[b].name,
+                                Inverse(placed[a].root_from_placed) * placed[b].root_from_placed, solution));
     }
   }
   return relative;
@@ -85,35 +132,30 @@ PoseByUnknowns operator*(const PoseByUnknowns& a_from_b, const PoseByUnknowns& b
   return {a_from_b.pose * b_from_c.pose, Adjoint(Inverse(b_from_c.pose)) * a_from_b.by_unknowns + b_from_c.by_unknowns};
 }
 
+std::vector<RelativePose> CameraPoses(const RigProblem& problem, const RigSolution& solution) {
+  return PosesInRoots(PlacedCameras(problem, solution), problem, solution);
+}
+
+std::vector<RelativePose> TargetPoses(const RigProblem& problem, const RigSolution& solution) {
+  return PosesInRoots(PlacedTargets(problem, solution), problem, solution);
+}
+
+std::vector<RelativePose> BasePoses(const RigProblem& problem, const RigSolution& solution) {
+  std::vector<RelativePose> poses = PosesInRoots(PlacedBases(problem, solution), problem, solution);
+  poses.erase(poses.begin());
+  return poses;
+}
+
 std::vector<RelativePose> RelativeCameraPoses(const RigProblem& problem, const RigSolution& solution) {
-  std::vector<Placed> placed;
-  for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    const RigCamera& camera = problem.cameras[c];
-    placed.push_back(
-        {camera.name, camera.mount,
-         UnknownPose(solution.poses.mount_from_camera[c], solution.covariance.layout, CameraPoseBlock(camera))});
-  }
-  return RelativePoses(placed, problem, solution);
+  return RelativePoses(PlacedCameras(problem, solution), solution);
 }
 
 std::vector<RelativePose> RelativeTargetPoses(const RigProblem& problem, const RigSolution& solution) {
-  std::vector<Placed> placed;
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    const RigTarget& target = problem.targets[t];
-    placed.push_back(
-        {target.name, target.mount,
-         UnknownPose(solution.poses.mount_from_target[t], solution.covariance.layout, TargetPoseBlock(target))});
-  }
-  return RelativePoses(placed, problem, solution);
+  return RelativePoses(PlacedTargets(problem, solution), solution);
 }
 
 std::vector<RelativePose> RelativeBasePoses(const RigProblem& problem, const RigSolution& solution) {
-  std::vector<Placed> placed;
-  for (size_t r = 0; r < problem.robots.size(); ++r) {
-    placed.push_back(
-        {problem.robots[r], {r, Mount::Part::kBase}, UnknownPose(Rigid3d(), solution.covariance.layout, "")});
-  }
-  return RelativePoses(placed, problem, solution);
+  return RelativePoses(PlacedBases(problem, solution), solution);
 }
 
 }  // namespace heba

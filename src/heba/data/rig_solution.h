@@ -72,6 +72,11 @@ struct RelativePose {
   Rigid3d parent_from_child;
   Eigen::Matrix<double, 6, 6> covariance;
 };
+// Return the poses of all cameras, and of all targets, in the world or, if a gripper carries them, in that gripper, and
+// the poses of all bases but the first in the world. `parent` is "world" or MountText of the gripper.
+std::vector<RelativePose> CameraPoses(const RigProblem& problem, const RigSolution& solution);
+std::vector<RelativePose> TargetPoses(const RigProblem& problem, const RigSolution& solution);
+std::vector<RelativePose> BasePoses(const RigProblem& problem, const RigSolution& solution);
 // Return the poses of all pairs of cameras, of targets and of bases whose relative pose is constant: those on one
 // gripper, or both on bases. The covariance is that of the pose itself; it is smaller than the sum of those of its two
 // ends, which are correlated.

@@ -247,7 +247,8 @@ RunResult ReadResult(const std::filesystem::path& path) {
   const std::string schema = reader.Get("schema").Text();
   if (schema == "heba/rig/1") {
     reader.Fail(
-        "is the result of a rig; this command needs that of one camera ('heba export' and 'heba locate' read both)");
+        "is the result of a rig; this command needs that of one camera ('heba compare', 'heba export' and 'heba "
+        "locate' read both)");
   }
   if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
   RunResult result;

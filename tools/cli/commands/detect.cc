@@ -7,6 +7,7 @@
 #include "heba/base/parallel.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/homography.h"
+#include "heba/rig_run.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/initial/target_pose.h"
@@ -14,6 +15,7 @@
 #include "targets/render/overlay.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
@@ -25,20 +27,45 @@
 
 namespace heba {
 namespace {
+namespace fs = std::filesystem;
 
-// Returns the camera of the config, or one that is estimated from these images; nothing if there are too few of them.
-std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
-  if (config.data.camera) return config.data.camera;
-  const std::vector<View> views = ViewsOf(config.data, detections);
+// An image, and what was detected of each target in it.
+struct SearchedImage {
+  std::string name;
+  fs::path file;
+  std::vector<CaptureDetection> of_targets;
+};
+
+// The images of one camera.
+struct SearchedCamera {
+  std::string name;             // Empty for the only camera.
+  std::optional<Camera> given;  // For images of this size.
+  std::string model;            // Of the camera that is estimated if none is given; empty: it is to be chosen.
+  std::vector<SearchedImage> images;
+};
+
+using TargetList = std::vector<std::shared_ptr<const Target>>;
+
+// Returns the camera that is given, or one that is estimated from these images; nothing if there are too few of them.
+std::optional<Camera> FittedCamera(const SearchedCamera& camera, const TargetList& targets) {
+  if (camera.given) return camera.given;
+  std::vector<View> views;
+  for (const SearchedImage& image : camera.images) {
+    for (size_t t = 0; t < targets.size(); ++t) {
+      if (image.of_targets[t].detection.ids.empty()) continue;
+      View& view = views.emplace_back();
+      view.observations = ObservationsOf(*targets[t], image.of_targets[t].detection);
+    }
+  }
   if (views.empty()) return std::nullopt;
-  const int width_px = detections.front().width_px;
-  const int height_px = detections.front().height_px;
-  if (config.options.choose_camera_model) {
+  const int width_px = camera.images.front().of_targets.front().width_px;
+  const int height_px = camera.images.front().of_targets.front().height_px;
+  if (camera.model.empty()) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, width_px, height_px);
     return choice ? std::optional(choice->camera) : std::nullopt;
   }
-  const Outcome<Camera> camera = EstimateIntrinsics(views, config.options.camera_model, width_px, height_px);
-  return camera ? std::optional(*camera) : std::nullopt;
+  const Outcome<Camera> estimated = EstimateIntrinsics(views, camera.model, width_px, height_px);
+  return estimated ? std::optional(*estimated) : std::nullopt;
 }
 
 // Returns the distances of the points from the best-fitting target: under the camera if there is one, otherwise under
@@ -61,54 +88,115 @@ std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const O
   return residuals;
 }
 
-}  // namespace
-
-int RunCommand_detect(const std::vector<std::string>& arguments) {
-  namespace fs = std::filesystem;
-  RunConfig config = ReadRunConfig(arguments[0], Settings());
-  for (const Capture& capture : config.data.captures) {
-    if (capture.image.empty()) throw InputError(arguments[0] + ": capture " + capture.name + " has no image");
+// Draws the points of each target into the images of a camera, in a new folder, and returns their summary.
+CameraDetections DrawDetections(const SearchedCamera& camera, const TargetList& targets,
+                                const std::vector<SearchedTarget>& names, const fs::path& folder) {
+  const std::optional<Camera> fitted = FittedCamera(camera, targets);
+  CameraDetections summary;
+  summary.camera = camera.name;
+  if (fitted) {
+    summary.fit = camera.given ? CameraDetections::Fit::kGivenCamera : CameraDetections::Fit::kEstimatedCamera;
+    summary.camera_model = fitted->model;
   }
-  const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
-  const fs::path output = FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.data.name
-                                            : fs::path(FLAGS_out);
-  StagedFolder folder(output, "detections");
-  CheckCameraByHeader(config.data);
-  ProgressObserver observer(verbosity);
-  const std::vector<CaptureDetection> detections =
-      DetectCaptures(config.data, CachedDetection(config.data, config.target_used), NumThreads(), &observer);
-  FitCameraToImages(detections.front(), &config.data);
-  const std::optional<Camera> camera = FittedCamera(config, detections);
-  DetectionSummary summary;
-  summary.name = config.data.name;
-  summary.num_target_points = config.data.target->points().size();
-  summary.folder = output;
-  if (camera) {
-    summary.fit = config.data.camera ? DetectionSummary::Fit::kGivenCamera : DetectionSummary::Fit::kEstimatedCamera;
-    summary.camera_model = camera->model;
-  }
-  fs::create_directory(folder.staging() / "overlays");
-  summary.images.resize(config.data.captures.size());
-  ParallelFor(static_cast<int>(config.data.captures.size()), NumThreads(), [&](int index) {
-    const size_t i = static_cast<size_t>(index);
-    const Observations observations = ObservationsOf(*config.data.target, detections[i].detection);
-    const std::optional<Points2> residuals = FitResiduals(camera, observations);
-    ImageDetections& image = summary.images[i];
-    image.image = config.data.captures[i].name;
-    image.num_points = static_cast<size_t>(observations.size());
-    image.reason = detections[i].detection.reason;
-    if (residuals) image.rms_px = SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
-    OverlayOptions options;
-    options.caption = DetectionLine(summary, image);
-    if (residuals) {
-      // The RMS length of the arrows is at most 30 px: the distortion, which a homography does not explain, would
-      // otherwise cover the image.
-      options.magnification = std::min(options.magnification, 30.0 / std::max(*image.rms_px, 1e-9));
+  fs::create_directories(folder);
+  summary.images.resize(camera.images.size());
+  ParallelFor(static_cast<int>(camera.images.size()), NumThreads(), [&](int index) {
+    const SearchedImage& image = camera.images[static_cast<size_t>(index)];
+    ImageDetections& of_image = summary.images[static_cast<size_t>(index)];
+    of_image.image = image.name;
+    std::vector<OverlayPoints> drawn;
+    for (size_t t = 0; t < targets.size(); ++t) {
+      const Detection& detection = image.of_targets[t].detection;
+      OverlayPoints points;
+      points.observations = ObservationsOf(*targets[t], detection);
+      points.residuals = FitResiduals(fitted, points.observations);
+      TargetDetections of_target;
+      of_target.num_points = static_cast<size_t>(points.observations.size());
+      of_target.reason = detection.reason;
+      if (points.residuals) {
+        of_target.rms_px = SquaredErrors{points.residuals->squaredNorm(), points.observations.size()}.RmsPx();
+        // The RMS length of the arrows is at most 30 px: the distortion, which a homography does not explain, would
+        // otherwise cover the image.
+        points.magnification = std::min(points.magnification, 30.0 / std::max(*of_target.rms_px, 1e-9));
+      }
+      points.caption = (t == 0 ? image.name + ": " : "") + DetectionLine(names[t], of_target);
+      drawn.push_back(std::move(points));
+      of_image.targets.push_back(std::move(of_target));
     }
-    const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.data.captures[i].image), observations, residuals, options);
-    WriteImage(folder.staging() / "overlays" / (config.data.captures[i].name + ".png"), overlay);
+    WriteImage(folder / (image.name + ".png"), DrawOverlay(ReadGreyImage(image.file), drawn));
   });
-  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.data.captures, detections));
+  return summary;
+}
+
+// The images of all cameras that a config names.
+struct SearchedImages {
+  TargetList targets;
+  std::vector<SearchedTarget> target_names;
+  std::vector<SearchedCamera> cameras;
+};
+
+// Detects the target in the images of a config of one camera, and writes detections.json into the folder.
+SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
+  Dataset data = config.data;
+  CheckCameraByHeader(data);
+  const std::vector<CaptureDetection> detections =
+      DetectCaptures(data, CachedDetection(data, config.target_used), NumThreads(), observer);
+  FitCameraToImages(detections.front(), &data);
+  WriteFileAtomically(folder / "detections.json", DetectionsToJson(data.captures, detections));
+  SearchedCamera camera;
+  camera.given = data.camera;
+  if (!config.options.choose_camera_model) camera.model = config.options.camera_model;
+  for (size_t i = 0; i < detections.size(); ++i) {
+    camera.images.push_back({data.captures[i].name, data.captures[i].image, {detections[i]}});
+  }
+  return {{data.target}, {{"", data.target->points().size()}}, {std::move(camera)}};
+}
+
+// Detects all targets in the images of all cameras of a rig, and writes the folder detections into the folder.
+SearchedImages Search(const RigConfig& config, const fs::path& folder, RunObserver* observer) {
+  const RigDataset& data = config.data;
+  std::vector<DetectFunction> detect;
+  for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
+  const std::vector<RigDetection> detections = DetectRig(data, detect, NumThreads(), observer);
+  RigProblem rig = data.rig;
+  FitCamerasToImages(data, detections, &rig);
+  WriteRigDetections(data, detections, folder / "detections");
+  SearchedImages searched{data.targets, {}, {}};
+  for (size_t t = 0; t < data.targets.size(); ++t) {
+    searched.target_names.push_back({rig.targets[t].name, data.targets[t]->points().size()});
+  }
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    SearchedCamera& camera = searched.cameras.emplace_back();
+    camera.name = rig.cameras[c].name;
+    camera.model = rig.cameras[c].camera.model;
+    if (data.has_camera[c]) camera.given = rig.cameras[c].camera;
+  }
+  for (const RigDetection& detection : detections) {
+    SearchedCamera& camera = searched.cameras[detection.camera];
+    // The detections of the targets in one image follow one another.
+    if (detection.target == 0) {
+      const fs::path& image = data.captures[detection.capture].images[detection.camera];
+      camera.images.push_back({image.filename().string(), image, {}});
+    }
+    camera.images.back().of_targets.push_back(detection.detection);
+  }
+  return searched;
+}
+
+// Detects, draws, and writes the folder of the results. Returns the exit status.
+template <class Config>
+int DetectByConfig(const std::string& path, const Config& config) {
+  const std::string& name = config.data.name;
+  const fs::path output =
+      FLAGS_out.empty() ? fs::absolute(path).parent_path() / "detections" / name : fs::path(FLAGS_out);
+  StagedFolder folder(output, "detections");
+  ProgressObserver observer(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  const SearchedImages searched = Search(config, folder.staging(), &observer);
+  DetectionSummary summary{name, searched.target_names, {}, output};
+  for (const SearchedCamera& camera : searched.cameras) {
+    summary.cameras.push_back(
+        DrawDetections(camera, searched.targets, searched.target_names, folder.staging() / "overlays" / camera.name));
+  }
   folder.Commit();
   if (FLAGS_json) {
     std::cout << DetectionSummaryToJson(summary) << std::flush;
@@ -116,8 +204,21 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
     std::cout << ForTerminal(DetectionText(summary)) << "images: " << (output / "overlays").string() << std::endl;
   }
   if (summary.NumSeen() > 0) return kDone;
-  PrintError(arguments[0] + ": the target was not detected in any image");
+  PrintError(path + (searched.targets.size() > 1 ? ": no target was" : ": the target was not") +
+             " detected in any image");
   return kWorkFailed;
+}
+
+}  // namespace
+
+int RunCommand_detect(const std::vector<std::string>& arguments) {
+  const std::string& path = arguments[0];
+  if (IsRigConfig(path, Settings())) return DetectByConfig(path, ReadRigConfig(path, Settings()));
+  const RunConfig config = ReadRunConfig(path, Settings());
+  for (const Capture& capture : config.data.captures) {
+    if (capture.image.empty()) throw InputError(path + ": capture " + capture.name + " has no image");
+  }
+  return DetectByConfig(path, config);
 }
 
 }  // namespace heba

@@ -68,6 +68,10 @@ struct RigRunOutput {
 std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
                                     int num_threads, RunObserver* observer);
 
+// Sets the sizes of the cameras of `rig`, which are those of the data set, to those of their images. Throws InputError
+// if a given camera is for images of another size.
+void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig);
+
 // Detects, calibrates and assesses the result on held-out captures. `observer` may be null; it is told about the stages
 // only. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if the data
 // set is incomplete or an image cannot be read.

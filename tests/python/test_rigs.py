@@ -1,0 +1,181 @@
+"""Runs with rigs and location with their results, beside the program's own results."""
+
+import json
+import subprocess
+
+import conftest
+import numpy as np
+import pytest
+
+import heba
+
+@pytest.fixture(scope="module")
+def rig_run(rig_cell, tmp_path_factory):
+    """The folder that `heba run` writes for the cell."""
+    out = tmp_path_factory.mktemp("rig_program") / "run"
+    conftest.program("run", rig_cell / "config.yaml", "--out", out, "--quiet")
+    return out
+
+
+def without_times(data):
+    """Returns the contents of result.json as text, without the times that the work took."""
+    data = dict(data)
+    del data["timing_s"]
+    data["solve"] = {key: value for key, value in data["solve"].items() if key != "seconds"}
+    return json.dumps(data)
+
+
+def seen_by_all(rig_run):
+    """Returns the name of a capture in which the fixed cameras see the plate."""
+    entries = json.loads((rig_run / "result.json").read_text())["captures"]
+    whole = {(entry["camera"], entry["capture"]) for entry in entries if entry["points"] == 35}
+    return min(name for camera, name in whole if camera == "left" and ("right", name) in whole)
+
+
+def test_run_writes_what_the_program_writes(rig_cell, rig_run, tmp_path):
+    told = []
+    result = heba.run(
+        rig_cell / "config.yaml", out=tmp_path / "run", threads=1, progress=lambda *step: told.append(step)
+    )
+    assert isinstance(result, heba.RigResult)
+    program = json.loads((rig_run / "result.json").read_text())
+    assert without_times(result.data) == without_times(program)
+    assert {file.name for file in (tmp_path / "run").iterdir()} == {file.name for file in rig_run.iterdir()}
+    assert result.verdict == program["verdict"]
+    assert "camera right in camera left\n" in result.table()
+    assert ("detection", 72, 72) in told and ("hold-out", 5, 5) in told
+    assert repr(result) == "<heba.RigResult 'config': good>"
+
+
+def test_progress_can_end_a_run(rig_cell, tmp_path):
+    class Stop(Exception):
+        pass
+
+    def stop(stage, done, total):
+        raise Stop
+
+    with pytest.raises(Stop):
+        heba.run(rig_cell / "config.yaml", out=tmp_path / "stopped", progress=stop)
+    assert not (tmp_path / "stopped").exists()
+
+
+def test_poses_have_names_and_covariances(rig_cell, rig_run):
+    result = heba.RigResult.read(rig_run)
+    truth = json.loads((rig_cell / "truth.json").read_text())
+    assert list(result.cameras) == ["left", "right", "wrist"]
+    assert list(result.targets) == ["plate", "wall"]
+    left = result.cameras["left"]
+    assert (left.mount, result.cameras["wrist"].mount, result.targets["plate"].mount) == ("world", "gripper", "gripper")
+    assert left.camera["model"] == "brown5"
+    for name, group in (("left", "cameras"), ("wrist", "cameras"), ("plate", "targets")):
+        placed = getattr(result, group)[name]
+        entry = result.data[group][name]["pose"]
+        sigmas = entry["std_translation_m"] + entry["std_rotation_rad"]
+        assert np.allclose(np.sqrt(np.diag(placed.covariance)), sigmas, rtol=1e-9)
+        error = placed.pose[:3, 3] - truth[group][name]["pose"]["translation_m"]
+        assert np.linalg.norm(error) < 5 * np.linalg.norm(entry["std_translation_m"])
+    arm = result.robots["robot"]
+    assert np.array_equal(arm.pose, np.eye(4)) and arm.covariance is None and arm.noise["mm"] > 0
+
+
+def test_relative_poses_are_known_in_both_orders(rig_run):
+    result = heba.RigResult.read(rig_run)
+    poses = {name: camera.pose for name, camera in result.cameras.items()}
+    forth, back = result.relative("left", "right"), result.relative("right", "left")
+    assert np.abs(forth.pose - np.linalg.inv(poses["left"]) @ poses["right"]).max() < 1e-12
+    assert np.abs(forth.pose @ back.pose - np.eye(4)).max() < 1e-12
+    assert np.array_equal(forth.covariance, result.data["relative"][0]["covariance"])
+    # Cameras beside each other share the errors of the arm: their pose in each other is better known than in the world.
+    assert np.trace(forth.covariance[:3, :3]) < np.trace(result.cameras["right"].covariance[:3, :3])
+    # The covariance of the inverse, by samples of small motions on the right of the pose.
+    samples = np.random.default_rng(1).multivariate_normal(np.zeros(6), forth.covariance, 20000)
+    inverses = np.array([tangent_of(np.linalg.inv(back.pose) @ np.linalg.inv(forth.pose @ motion(x))) for x in samples])
+    expected = np.sqrt(np.diag(back.covariance))
+    # 20000 samples estimate a sigma to 0.5 %; six times that.
+    assert np.allclose(inverses.std(axis=0), expected, rtol=0.03)
+    with pytest.raises(heba.Error, match="constant"):
+        result.relative("left", "wrist")
+    with pytest.raises(heba.Error, match="did you mean 'right'"):
+        result.relative("left", "rigth")
+
+
+def motion(tangent):
+    """Returns the pose of a small motion, to first order."""
+    x, y, z = tangent[3:]
+    pose = np.eye(4)
+    pose[:3, :3] += [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+    pose[:3, 3] = tangent[:3]
+    return pose
+
+
+def tangent_of(pose):
+    skew = (pose[:3, :3] - pose[:3, :3].T) / 2
+    return np.array([*pose[:3, 3], skew[2, 1], skew[0, 2], skew[1, 0]])
+
+
+def test_location_is_that_of_the_program(rig_cell, rig_run):
+    name = seen_by_all(rig_run)
+    images = {camera: rig_cell / camera / name for camera in ("left", "right")}
+    printed = conftest.program("locate", rig_run, *(f"{camera}={image}" for camera, image in images.items()), "--json")
+    expected = json.loads(printed.stdout)["targets"][0]
+    located = heba.locate(rig_run, images)
+    assert [(one.target, one.cameras, one.num_symmetries) for one in located] == [("plate", ("left", "right"), 1)]
+    assert np.allclose(located[0].world_from_target[:3, 3], expected["pose"]["translation_m"], rtol=0, atol=1e-12)
+    sigmas = np.sqrt(np.diag(located[0].covariance))
+    assert np.allclose(1000 * sigmas[:3], expected["sigma"]["total"]["mm"], rtol=1e-9)
+    assert np.allclose(np.rad2deg(sigmas[3:]), expected["sigma"]["total"]["deg"], rtol=1e-9)
+    assert located[0].rms_px == pytest.approx(expected["rms_px"])
+    # The target is where the arm holds it.
+    names, poses = conftest.read_poses(rig_cell / "poses.csv")
+    held = poses[names.index(name)] @ heba.RigResult.read(rig_run).targets["plate"].pose
+    assert np.linalg.norm(located[0].world_from_target[:3, 3] - held[:3, 3]) < 1e-3
+    # Arrays in place of files, and one camera alone, which is less certain.
+    cv2 = pytest.importorskip("cv2")
+    greys = {camera: cv2.imread(str(image), cv2.IMREAD_GRAYSCALE) for camera, image in images.items()}
+    of_arrays = heba.locate(heba.RigResult.read(rig_run), greys)[0]
+    assert np.array_equal(of_arrays.world_from_target, located[0].world_from_target)
+    alone = heba.locate(rig_run, {"left": greys["left"]})[0]
+    assert alone.cameras == ("left",)
+    assert np.trace(alone.covariance[:3, :3]) > np.trace(located[0].covariance[:3, :3])
+    with pytest.raises(heba.Error, match="left.*640 x 479.*640 x 480"):
+        heba.locate(rig_run, {"left": greys["left"][:-1]})
+
+
+def test_a_carried_camera_needs_the_pose_of_its_arm(rig_cell, rig_run):
+    names, poses = conftest.read_poses(rig_cell / "poses.csv")
+    image = rig_cell / "wrist" / names[0]
+    located = heba.locate(rig_run, {"wrist": image}, pose=poses[0])[0]
+    held = poses[0] @ heba.RigResult.read(rig_run).targets["plate"].pose
+    assert np.linalg.norm(located.world_from_target[:3, 3] - held[:3, 3]) < 1e-3
+    by_name = heba.locate(rig_run, {"wrist": image}, pose={"robot": poses[0]})[0]
+    assert np.array_equal(by_name.world_from_target, located.world_from_target)
+    with pytest.raises(heba.Error, match="camera wrist is carried by the arm robot, whose pose is needed"):
+        heba.locate(rig_run, {"wrist": image})
+    with pytest.raises(heba.Error, match="did you mean 'robot'"):
+        heba.locate(rig_run, {"wrist": image}, pose={"robt": poses[0]})
+
+
+def test_wrong_input_is_one_line(rig_cell, rig_run, program_run, cell, tmp_path):
+    image = rig_cell / "left" / seen_by_all(rig_run)
+    calls = [
+        ("dictionary of images", lambda: heba.locate(rig_run, image)),
+        ("one image is needed", lambda: heba.locate(program_run, {"left": image})),
+        ("did you mean 'left'", lambda: heba.locate(rig_run, {"lefd": image})),
+        ("joints", lambda: heba.locate(rig_run, {"left": image}, joints=[0])),
+        ("heba/rig/1", lambda: heba.Result.read(rig_run)),
+        ("heba/result/1", lambda: heba.RigResult.read(program_run)),
+        ("no target was detected", lambda: heba.locate(rig_run, {"left": np.zeros((480, 640), np.uint8)})),
+    ]
+    for words, call in calls:
+        with pytest.raises(heba.Error, match=words) as raised:
+            call()
+        assert "\n" not in str(raised.value)
+    # The line of a config's fault is the program's.
+    config = rig_cell / "wrong.yaml"
+    config.write_text((rig_cell / "config.yaml").read_text().replace("mount: gripper", "mount: griper", 1))
+    with pytest.raises(subprocess.CalledProcessError) as ended:
+        conftest.program("run", config, "--out", tmp_path / "wrong", "--quiet")
+    with pytest.raises(heba.Error) as raised:
+        heba.run(config, out=tmp_path / "wrong")
+    assert "".join(ended.value.stderr.split()) == "".join(f"heba: error: {raised.value}".split())
+    assert not (tmp_path / "wrong").exists()

@@ -1,0 +1,41 @@
+// Locates the targets that images of a rig's cameras, recorded at one pose of the arms, show together.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/rig_location.h"
+#include "heba/target.h"
+
+namespace heba {
+
+// The detection of one target in the image of one camera.
+struct RigSighting {
+  size_t camera = 0;
+  size_t target = 0;
+  Detection detection;
+};
+
+struct RigTargetLocation {
+  size_t target = 0;
+  std::vector<size_t> cameras;  // Those that see enough points of it.
+  Outcome<RigLocation> located = Failure{"not located"};
+};
+
+// Returns the location of each target of which a camera sees at least four points. `targets` has those of the result,
+// `base_from_gripper` the pose of each arm.
+std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
+                                                  const std::vector<std::shared_ptr<const Target>>& targets,
+                                                  const std::vector<RigSighting>& sightings,
+                                                  const std::vector<Rigid3d>& base_from_gripper);
+
+// Returns the pose of each arm for images of these cameras: the given one, or the identity if it carries none of them.
+// Throws InputError, which begins with `what`, if an arm that carries one of the cameras has no pose.
+std::vector<Rigid3d> PosesForCameras(const RigProblem& rig, const std::vector<size_t>& cameras,
+                                     const std::vector<std::optional<Rigid3d>>& base_from_gripper,
+                                     const std::string& what);
+
+}  // namespace heba
