@@ -186,7 +186,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   // The chain does not estimate intrinsics.
   const Eigen::VectorXd error = ErrorOf(cell, solution->covariance.layout, *solution, drawn);
   estimate.error = WithoutEffects(solution->covariance.layout, error);
-  estimate.has_effects = solution->shared_effects != nullptr;
+  if (cell.robot && method == kBundleMethod) estimate.has_effects = solution->shared_effects != nullptr;
   const Eigen::VectorXd scaled_error = scale.cwiseProduct(error);
   const double squares =
       scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
@@ -292,6 +292,11 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
 }
 
 std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<std::vector<TrialEstimate>>& trials) {
+  return SummariseTrials(trials, [&](const Eigen::VectorXd& squares) { return FromMeanSquares(cell, squares); });
+}
+
+std::vector<MethodSummary> SummariseTrials(const std::vector<std::vector<TrialEstimate>>& trials,
+                                           const std::function<StudyErrors(const Eigen::VectorXd&)>& errors_of) {
   CHECK(!trials.empty());
   std::vector<MethodSummary> summaries;
   for (const TrialEstimate& first : trials.front()) {
@@ -302,6 +307,7 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
     int num_with_covariance = 0;
     int num_right = 0;
     int num_chosen = 0;
+    int num_tried_effects = 0;
     int num_with_effects = 0;
     PlaceErrors inside;
     PlaceErrors outside;
@@ -327,7 +333,10 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
         ++num_chosen;
         num_right += *estimate->has_right_model ? 1 : 0;
       }
-      num_with_effects += estimate->has_effects ? 1 : 0;
+      if (estimate->has_effects) {
+        ++num_tried_effects;
+        num_with_effects += *estimate->has_effects ? 1 : 0;
+      }
       AddTo(estimate->inside, &inside);
       AddTo(estimate->outside, &outside);
       if (estimate->pixel_sigma_px) pixel_sigmas.push_back(*estimate->pixel_sigma_px);
@@ -338,13 +347,11 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
     }
     const int num_good = summary.num_trials - summary.num_failed;
     if (num_good > 0) {
-      summary.rms = FromMeanSquares(cell, squares / num_good);
+      summary.rms = errors_of(squares / num_good);
       summary.axxb_mean_mm /= num_good;
     }
     if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
-    if (cell.robot && first.method == kBundleMethod && num_with_covariance > 0) {
-      summary.estimated_effects = static_cast<double>(num_with_effects) / num_good;
-    }
+    if (num_tried_effects > 0) summary.estimated_effects = static_cast<double>(num_with_effects) / num_tried_effects;
     if (inside.num > 0) {
       summary.rms.inside_m = std::sqrt(inside.sum_m2 / inside.num);
       summary.coverage_inside = static_cast<double>(inside.num_covered) / inside.num;

@@ -2,6 +2,7 @@
 // error that any unbiased estimator can have (the Cramer-Rao bound).
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -60,7 +61,7 @@ struct PlaceErrors {
 };
 
 // Errors of one estimate, in the tangent spaces of the child frames (m, rad): hand-eye pose (6), board pose (6), then
-// the free intrinsics.
+// the free intrinsics. In the study of a rig, an estimate is that of one pose (6).
 struct TrialEstimate {
   std::string method;
   bool ok = false;
@@ -73,7 +74,7 @@ struct TrialEstimate {
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;
   // The figures below exist for refinements in a cell whose robot has systematic errors.
-  bool has_effects = false;  // Whether such errors were estimated.
+  std::optional<bool> has_effects;  // Whether such errors were estimated.
   PlaceErrors inside;
   PlaceErrors outside;
 };
@@ -86,8 +87,8 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
 struct StudyErrors {
   double hand_eye_m = 0;
   double hand_eye_rad = 0;
-  double board_m = 0;
-  double board_rad = 0;
+  std::optional<double> board_m;  // Not set for the poses of a rig, whose errors are in hand_eye_m and hand_eye_rad.
+  std::optional<double> board_rad;
   std::optional<double> focal_px;  // RMS over fx and fy; not set unless both are free.
   // The predicted target at the places inside and outside the captured configurations; not set if there are none.
   std::optional<double> inside_m;
@@ -118,7 +119,11 @@ struct MethodSummary {
   std::optional<RobotNoise> robot_noise;
 };
 
-// Summarises trials, in the order of the first trial's methods.
+// Summarises trials, in the order of the first trial's methods. `errors_of` returns the errors that belong to the mean
+// squared error of each unknown (TrialEstimate::error).
+std::vector<MethodSummary> SummariseTrials(const std::vector<std::vector<TrialEstimate>>& trials,
+                                           const std::function<StudyErrors(const Eigen::VectorXd&)>& errors_of);
+// Likewise, for the trials of a cell.
 std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<std::vector<TrialEstimate>>& trials);
 
 }  // namespace heba

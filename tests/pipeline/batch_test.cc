@@ -323,6 +323,36 @@ TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
   fs::remove_all(folder);
 }
 
+// The same for a rig, of which every pose has its rows.
+TEST(StudyTest, ShardsOfARigTogetherGiveTheSameBytes) {
+  const fs::path folder = TestFolder("rig_study_shards");
+  const std::string scene = (fs::path(HEBA_SOURCE_DIR) / "configs" / "rig" / "scene.yaml").string();
+  WriteAll(folder / "study.yaml", "trials: 2\nscenes: {cell: " + scene +
+                                      "}\ncaptures: [8, 10]\npixel_noise: [0.1 px, 0.2 px]\n"
+                                      "robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}\n");
+  const auto study = [&](const char* out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"study", (folder / "study.yaml").string(), "--out", (folder / out).string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunHeba(arguments);
+  };
+  EXPECT_EQ(study("whole", {"--jobs", "2"}).status, 0);
+  EXPECT_EQ(study("parts", {"--shard", "1/2", "--jobs", "1"}).status, 0);
+  EXPECT_FALSE(fs::exists(folder / "parts" / "study.csv"));
+  const CommandResult merged = study("parts", {"--resume", "--jobs", "1"});
+  EXPECT_EQ(merged.status, 0);
+  EXPECT_THAT(merged.err, HasSubstr("2 of 4 cells were already complete"));
+  for (const char* file : {"study.csv", "study.txt"}) {
+    EXPECT_EQ(ReadAll(folder / "parts" / file), ReadAll(folder / "whole" / file)) << file;
+  }
+  const std::string csv = ReadAll(folder / "whole" / "study.csv");
+  // A header, and for each of four cells the rows of four poses and two estimators.
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + 4 * 4 * 2);
+  EXPECT_THAT(csv, HasSubstr("camera right in camera left"));
+  EXPECT_TRUE(fs::exists(folder / "whole" / "pose_mm_1.svg"));
+  EXPECT_THAT(ReadAll(folder / "whole" / "study.html"), HasSubstr("camera wrist in gripper"));
+  fs::remove_all(folder);
+}
+
 // Compares four runs: the table, the findings and the files.
 TEST(CompareTest, ReportsTheGainOfRefinementAndTheAgreementOfPoses) {
   const Cell cell = MakeCell("compare");

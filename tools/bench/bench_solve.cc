@@ -30,6 +30,7 @@
 #include "solvers/initial/intrinsics.h"
 #include "tools/bench/opencv_calibration.h"
 #include "tools/bench/textbook_refinement.h"
+#include "tools/bench/textbook_rig.h"
 #include "tools/bench/workloads.h"
 
 DEFINE_int32(repeats, 5, "measurements of each workload; the median is printed");
@@ -182,6 +183,102 @@ void BenchRefinement() {
   std::printf("\n");
 }
 
+RigOptions BenchRigOptions() {
+  LimitSimd(Simd::kAvx512);
+  RigOptions options;
+  options.loss = LossKind::kNone;
+  options.pixel_noise_px = kBenchNoisePx;
+  options.robot = BundleOptions::Robot::kGivenNoise;
+  options.robot_noise = kBenchRobot;
+  return options;
+}
+
+Measured RunRig(const BenchRig& rig) {
+  const RigOptions options = BenchRigOptions();
+  Measured measured;
+  std::optional<Outcome<RigSolution>> solution;
+  measured.seconds = SecondsOf([&] { solution = RefineRig(rig.problem, rig.start, options); });
+  CHECK(solution->ok()) << solution->reason();
+  measured.iterations = (*solution)->convergence.iterations;
+  return measured;
+}
+
+TextbookRigState TextbookStart(const BenchRig& rig) {
+  TextbookRigState start;
+  start.poses = rig.start;
+  for (const RigCamera& camera : rig.problem.cameras) start.cameras.push_back(camera.camera);
+  start.corrections.assign(rig.problem.captures.size(), std::vector<Rigid3d>(rig.problem.robots.size()));
+  return start;
+}
+
+Measured RunTextbookRig(const BenchRig& rig) {
+  const TextbookRigState start = TextbookStart(rig);
+  Measured measured;
+  TextbookRigResult result;
+  measured.seconds = SecondsOf([&] {
+    result = RefineRigAsInTextbooks(rig.problem, start, {kBenchNoisePx, kBenchRobot});
+  });
+  CHECK(result.converged);
+  measured.iterations = result.iterations;
+  return measured;
+}
+
+// Prints how far apart the estimates of both programs are, and the cost of both as the textbook program computes it.
+void PrintAgreement(const BenchRig& rig) {
+  const Outcome<RigSolution> ours = RefineRig(rig.problem, rig.start, BenchRigOptions());
+  CHECK(ours.ok()) << ours.reason();
+  // With its default tolerance, the textbook program ends a tenth of a sigma before its minimum.
+  TextbookRigOptions options{kBenchNoisePx, kBenchRobot};
+  options.function_tolerance = 1e-14;
+  const TextbookRigResult textbook = RefineRigAsInTextbooks(rig.problem, TextbookStart(rig), options);
+  TextbookRigState state{ours->poses, ours->cameras, {}};
+  for (const RigCaptureOutcome& capture : ours->captures) state.corrections.push_back(capture.corrections);
+  options.max_iterations = 0;
+  const double our_cost = RefineRigAsInTextbooks(rig.problem, state, options).initial_cost;
+  double most_sigmas = 0;
+  for (size_t c = 0; c < rig.problem.cameras.size(); ++c) {
+    const auto covariance = PoseCovarianceOf(ours->covariance, CameraPoseBlock(rig.problem.cameras[c]));
+    const Tangent6 apart =
+        LocalCoordinates(ours->poses.mount_from_camera[c], textbook.state.poses.mount_from_camera[c]);
+    most_sigmas = std::max(most_sigmas, apart.cwiseQuotient(covariance->diagonal().cwiseSqrt()).cwiseAbs().maxCoeff());
+  }
+  std::printf("cost of heba %.6f, of the textbook program %.6f; the camera poses are at most %.1e sigma apart\n\n",
+              our_cost, textbook.final_cost, most_sigmas);
+  std::fflush(stdout);
+}
+
+// A rig beside the textbook program, with the corrections of the arm's poses and all intrinsics unknown.
+void BenchRigAgainstTextbook() {
+  constexpr int kSide = 12;
+  constexpr int kNumCameras = 4;
+  for (const int num_captures : {100, 1000}) {
+    const BenchRig rig = MakeBenchRig(kNumCameras, num_captures, kSide);
+    std::printf(
+        "| %d x %d points x %d cameras, %d observations | ms | its | ms/it | ns/o/i | MB | x textb | x textb/it |\n",
+        num_captures, kSide * kSide, kNumCameras, rig.num_observations);
+    std::printf("|---|---|---|---|---|---|---|---|\n");
+    std::optional<Measured> textbook;
+    const auto print = [&](const char* program, const Measured& measured) {
+      if (!textbook) textbook = measured;
+      const double per_iteration = measured.seconds / measured.iterations;
+      std::printf("| %s | %.1f | %.0f | %.2f | %.1f | %.1f | %.1f | %.1f |\n", program, 1e3 * measured.seconds,
+                  measured.iterations, 1e3 * per_iteration, 1e9 * per_iteration / rig.num_observations,
+                  measured.memory_mb, textbook->seconds / measured.seconds,
+                  textbook->seconds / textbook->iterations / per_iteration);
+      std::fflush(stdout);
+    };
+    // One measurement is enough where it takes minutes.
+    const auto of_textbook = [&] { return RunTextbookRig(rig); };
+    print("textbook Ceres", num_captures < 1000 ? Median(of_textbook) : InOwnProcess(of_textbook));
+    print("heba", Median([&] { return RunRig(rig); }));
+    std::printf("\n");
+    InOwnProcess([&] {
+      PrintAgreement(rig);
+      return Measured();
+    });
+  }
+}
+
 // A rig's cost per observation and iteration, beside that of a single camera with the same noise.
 void BenchRigs() {
   std::printf("| captures x points x cameras | ms | its | ns/o/i | MB | x single |\n|---|---|---|---|---|---|\n");
@@ -202,24 +299,11 @@ void BenchRigs() {
           num_captures * kSide * kSide);
     for (const int num_cameras : {1, 2, 4}) {
       const BenchRig rig = MakeBenchRig(num_cameras, num_captures, kSide);
-      print(captures + std::to_string(num_cameras), Median([&] {
-              LimitSimd(Simd::kAvx512);
-              RigOptions options;
-              options.loss = LossKind::kNone;
-              options.pixel_noise_px = kBenchNoisePx;
-              options.robot = BundleOptions::Robot::kGivenNoise;
-              options.robot_noise = kBenchRobot;
-              Measured measured;
-              std::optional<Outcome<RigSolution>> solution;
-              measured.seconds = SecondsOf([&] { solution = RefineRig(rig.problem, rig.start, options); });
-              CHECK(solution->ok()) << solution->reason();
-              measured.iterations = (*solution)->convergence.iterations;
-              return measured;
-            }),
-            rig.num_observations);
+      print(captures + std::to_string(num_cameras), Median([&] { return RunRig(rig); }), rig.num_observations);
     }
   }
   std::printf("\n");
+  BenchRigAgainstTextbook();
 }
 
 void PrintRow(const char* workload, const char* program, const Measured& measured, double reference_s) {

@@ -99,23 +99,30 @@ CameraKeys ReadCameraKeys(MapReader& reader) {
   return keys;
 }
 
-std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback) {
-  std::vector<ParameterGroup> groups = fallback;
-  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
-    groups.clear();
-    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
-    for (const ConfigValue& item : free->AsList()) {
-      const std::string name = item.AsChoice(names);
-      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
-      if (std::find(groups.begin(), groups.end(), group) != groups.end()) item.Fail("is listed twice");
-      groups.push_back(group);
-    }
+std::vector<ParameterGroup> ReadParameterGroups(const ConfigValue& value) {
+  std::vector<ParameterGroup> groups;
+  const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+  for (const ConfigValue& item : value.AsList()) {
+    const std::string name = item.AsChoice(names);
+    const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+    if (std::find(groups.begin(), groups.end(), group) != groups.end()) item.Fail("is listed twice");
+    groups.push_back(group);
   }
-  YAML::Node used(YAML::NodeType::Sequence);
+  return groups;
+}
+
+YAML::Node ParameterGroupsNode(const std::vector<ParameterGroup>& groups) {
+  YAML::Node node(YAML::NodeType::Sequence);
   for (const ParameterGroup group : groups) {
-    used.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
+    node.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
   }
-  reader.Record("intrinsics", used);
+  return node;
+}
+
+std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback) {
+  const std::optional<ConfigValue> free = reader.Find("intrinsics");
+  const std::vector<ParameterGroup> groups = free ? ReadParameterGroups(*free) : fallback;
+  reader.Record("intrinsics", ParameterGroupsNode(groups));
   return groups;
 }
 

@@ -35,6 +35,9 @@ Camera AsModel(const Camera& camera, const std::string& model, const ConfigValue
 
 // Reads the key `intrinsics` of `refine`, the groups of free parameters: a list without repetitions.
 std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback);
+// Reads such a list, and returns its node in a config as used.
+std::vector<ParameterGroup> ReadParameterGroups(const ConfigValue& value);
+YAML::Node ParameterGroupsNode(const std::vector<ParameterGroup>& groups);
 
 // The key `target_shape` of `refine`.
 struct FreeShape {

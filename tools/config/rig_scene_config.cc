@@ -47,8 +47,10 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
     scene->poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
     scene->options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : DefaultHome());
     reader.Finish();
+    section.Record(name, reader.used());
   }
   section.Finish();
+  root.Record("robots", section.used());
 }
 
 void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
@@ -65,11 +67,14 @@ void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
       const int from = moved.Int("from", {0, 10000});
       scene->motions.push_back({scene->rig.cameras.size(), static_cast<size_t>(from), ReadPoseKey(moved, "by")});
       moved.Finish();
+      reader.Record("moved", moved.used());
     }
     reader.Finish();
+    section.Record(name, reader.used());
     scene->rig.cameras.push_back(std::move(camera));
   }
   section.Finish();
+  root.Record("cameras", section.used());
 }
 
 void ReadSceneTargets(MapReader& root, RigSceneConfig* scene) {
@@ -84,9 +89,11 @@ void ReadSceneTargets(MapReader& root, RigSceneConfig* scene) {
     scene->targets_used.push_back(reader.used()["target"]);
     target.shape = DesignedShape(AllPoints(*scene->targets.back()).points_in_target);
     reader.Finish();
+    section.Record(name, reader.used());
     scene->rig.targets.push_back(std::move(target));
   }
   section.Finish();
+  root.Record("targets", section.used());
 }
 
 }  // namespace
@@ -96,9 +103,13 @@ bool IsRigScene(const std::filesystem::path& path, const std::vector<std::string
 }
 
 RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings) {
-  RigSceneConfig scene;
   const ConfigValue value = ReadSceneFile(path, settings);
   RefuseOtherKind(value, path, FileKind::kScene);
+  return ReadRigScene(value);
+}
+
+RigSceneConfig ReadRigScene(const ConfigValue& value) {
+  RigSceneConfig scene;
   MapReader reader(value);
   ReadSceneRobots(reader, &scene);
   ReadSceneCameras(reader, &scene);
@@ -107,6 +118,7 @@ RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector
   ReadMotion(motion, &scene.options.motion);
   if (scene.options.motion.num_captures == 0) motion.Get("captures").Fail("must be at least 1");
   motion.Finish();
+  reader.Record("motion", motion.used());
   const std::string motion_faults = scene.options.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);
   ReadRendering(reader, &scene.image);

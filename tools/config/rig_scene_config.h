@@ -33,7 +33,7 @@ struct RigSceneConfig {
   PoseFormat pose_format;
   bool give_camera = true;  // Whether the data set's config names the true cameras, or leaves them to be estimated.
   uint64_t seed = 1;
-  YAML::Node used;  // The scene with every default of its top level and of its poses filled in.
+  YAML::Node used;  // The scene with every default filled in, without the names of files.
 };
 
 // Returns whether a scene is that of a rig: whether it has `cameras`, `targets` or `robots`.
@@ -42,6 +42,8 @@ bool IsRigScene(const std::filesystem::path& path, const std::vector<std::string
 // Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError on
 // any error.
 RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+// Reads a scene from a mapping within another file.
+RigSceneConfig ReadRigScene(const ConfigValue& value);
 
 // Returns the targets as the simulation sees them.
 std::vector<SimulatedTarget> SimulatedTargets(const RigSceneConfig& scene);

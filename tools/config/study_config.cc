@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
@@ -12,6 +13,8 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/file_kind.h"
+#include "tools/config/rig_keys.h"
+#include "tools/config/rig_scene_config.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
@@ -24,8 +27,15 @@ namespace {
 struct NamedScene {
   std::string name;
   ConfigValue place;
-  SceneConfig scene;
+  std::variant<SceneConfig, RigSceneConfig> scene;
 };
+
+std::variant<SceneConfig, RigSceneConfig> ReadAnyScene(const ConfigValue& value) {
+  if (value.IsMap() ? HasRigKeys(value) : IsRigScene(value.AsPath())) {
+    return value.IsMap() ? ReadRigScene(value) : ReadRigScene(value.AsPath());
+  }
+  return value.IsMap() ? ReadScene(value) : ReadSceneConfig(value.AsPath());
+}
 
 // Reads a mapping from names to scenes, each a file or a mapping itself.
 std::vector<NamedScene> ReadScenes(MapReader& reader) {
@@ -37,8 +47,8 @@ std::vector<NamedScene> ReadScenes(MapReader& reader) {
   for (const auto& entry : value.node()) {
     const std::string name = entry.first.as<std::string>();
     const ConfigValue scene = scenes.Get(name);
-    result.push_back({name, scene, scene.IsMap() ? ReadScene(scene) : ReadSceneConfig(scene.AsPath())});
-    used[name] = result.back().scene.used;
+    result.push_back({name, scene, ReadAnyScene(scene)});
+    used[name] = std::visit([](const auto& any) { return any.used; }, result.back().scene);
   }
   reader.Record("scenes", used);
   return result;
@@ -114,23 +124,229 @@ BundleOptions::Robot RobotModel(const std::string& name) {
   return name == "given" ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kEstimatedNoise;
 }
 
+// Reads the free intrinsics: one list of groups, or a list of such lists to vary.
+std::vector<std::vector<ParameterGroup>> ReadIntrinsics(MapReader& reader) {
+  const std::optional<ConfigValue> value = reader.Find("intrinsics");
+  const std::vector<ConfigValue> items = value && value->IsList() ? value->AsList() : std::vector<ConfigValue>();
+  if (items.empty() || !items.front().IsList()) return {ReadFreeIntrinsics(reader, {})};
+  return ReadList<std::vector<ParameterGroup>>(reader, "intrinsics", {}, &ReadParameterGroups, &ParameterGroupsNode);
+}
+
+std::vector<RigEstimator> ReadEstimators(MapReader& reader) {
+  const std::vector<std::string> names(kRigEstimatorNames.begin(), kRigEstimatorNames.end());
+  std::vector<RigEstimator> known;
+  return ReadList<RigEstimator>(
+      reader, "estimators", RigStudyCell().estimators,
+      [&](const ConfigValue& value) {
+        const std::string name = value.AsChoice(names);
+        const auto estimator = static_cast<RigEstimator>(std::find(names.begin(), names.end(), name) - names.begin());
+        if (std::find(known.begin(), known.end(), estimator) != known.end()) value.Fail("is listed twice");
+        known.push_back(estimator);
+        return estimator;
+      },
+      [](RigEstimator estimator) { return YAML::Node(kRigEstimatorNames[static_cast<size_t>(estimator)]); });
+}
+
 // A cell under construction.
+template <class Cell>
 struct Variant {
-  StudyCell cell;
+  Cell cell;
   StudyLabels labels;
 };
 
 // Replaces each variant by as many as there are values, in their order, and sets one value in each.
-template <class T, class Set>
-void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Set& set) {
-  std::vector<Variant> varied;
-  for (const Variant& variant : *variants) {
+template <class T, class Cell, class Set>
+void Vary(const std::vector<T>& values, std::vector<Variant<Cell>>* variants, const Set& set) {
+  std::vector<Variant<Cell>> varied;
+  for (const Variant<Cell>& variant : *variants) {
     for (const T& value : values) {
       varied.push_back(variant);
       set(value, &varied.back());
     }
   }
   *variants = std::move(varied);
+}
+
+// The values of all lists, and what all cells have in common.
+struct StudyGrid {
+  std::vector<double> pixel_sigmas;
+  std::vector<RobotNoise> robot_noises;
+  std::vector<int> captures;  // Zero stands for those of the scene.
+  std::vector<double> outliers;
+  std::vector<double> wrongs;
+  std::vector<std::string> robot_models;
+  std::vector<std::string> kinematics;
+  std::vector<TargetShape> target_shapes;
+  std::vector<std::vector<ParameterGroup>> intrinsics;
+  std::vector<RigEstimator> estimators;
+  bool chooses_shape = true;
+  std::optional<bool> give_camera;  // If not set, each scene decides.
+  CalibrationOptions options;
+};
+
+template <class Cell>
+void AddCells(std::vector<Variant<Cell>> variants, StudyConfig* study) {
+  for (Variant<Cell>& variant : variants) {
+    study->cells.emplace_back(std::move(variant.cell));
+    study->labels.push_back(std::move(variant.labels));
+  }
+}
+
+void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_captures, SceneConfig scene,
+                    StudyConfig* study) {
+  const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
+  if (num_captures > 0) {
+    if (num_captures < num_two_step) named.place.Fail("has more captures in its two-step motion than requested");
+    scene.motion.num_captures = num_captures - num_two_step;
+  }
+  Rng rng(scene.seed);
+  StudyCell cell;
+  cell.camera = scene.camera;
+  cell.hand_eye = scene.hand_eye;
+  cell.target = AllPoints(*scene.target);
+  if (scene.arm) {
+    const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
+    if (failure) named.place.Fail(failure->reason);
+  } else {
+    const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+    if (!poses) named.place.Fail(poses.reason());
+    cell.poses = *poses;
+  }
+  cell.options = grid.options;
+  cell.options.setup = scene.setup;
+  cell.num_repeats = scene.num_repeats;
+  cell.options.symmetries = {Rigid3d()};
+  cell.options.camera_model = scene.camera.model;
+  cell.options.width_px = scene.camera.width_px;
+  cell.options.height_px = scene.camera.height_px;
+  if (grid.give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
+  cell.options.choose.target_shape = grid.chooses_shape;
+  cell.options.shape = DesignedShape(cell.target.points_in_target);
+  cell.shape = cell.options.shape;
+  std::vector<Variant<StudyCell>> variants = {{cell, {}}};
+  StudyLabels& labels = variants.front().labels;
+  labels.scene = named.name;
+  labels.setup = scene.setup;
+  labels.num_captures = static_cast<int>(cell.poses.size());
+  labels.num_points = cell.target.size();
+  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, auto* variant) {
+    variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
+  });
+  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, auto* variant) {
+    variant->cell.robot_noise = variant->labels.robot_noise = noise;
+    variant->cell.options.bundle.robot_noise = noise;
+  });
+  Vary(grid.target_shapes, &variants, [](const TargetShape& shape, auto* variant) {
+    variant->cell.shape.params = variant->labels.shape_params = shape.params;
+  });
+  Vary(grid.outliers, &variants,
+       [](double share, auto* variant) { variant->cell.outlier_points = variant->labels.outlier_points = share; });
+  Vary(grid.wrongs, &variants,
+       [](double share, auto* variant) { variant->cell.wrong_captures = variant->labels.wrong_captures = share; });
+  Vary(grid.robot_models, &variants, [](const std::string& model, auto* variant) {
+    variant->labels.robot_model = model;
+    variant->cell.options.bundle.robot = RobotModel(model);
+    variant->cell.options.choose.robot_noise = model == "auto";
+  });
+  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, auto* variant) {
+    variant->cell.options.bundle.free_intrinsics = variant->labels.free_intrinsics = groups;
+  });
+  if (scene.arm) {
+    Vary(grid.kinematics, &variants, [&](const std::string& model, auto* variant) {
+      const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
+      if (kind == Kinematics::kGravity && scene.arm->nominal.load == nullptr) {
+        named.place.Fail("has an arm whose links have no known masses, so that kinematics: gravity is not possible");
+      }
+      const std::vector<std::shared_ptr<const SharedEffects>> errors =
+          CandidateArmErrors(scene.arm->nominal, kind, variant->cell.poses.size());
+      variant->labels.kinematics = model;
+      variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
+      if (model == "auto") {
+        variant->cell.options.choose.effects = errors;
+      } else if (!errors.empty()) {
+        variant->cell.options.bundle.effects = errors.front();
+      }
+    });
+  }
+  AddCells(std::move(variants), study);
+}
+
+// Returns the number with the noun: "1 arm", "2 targets".
+std::string Counted(size_t number, const std::string& noun) {
+  return std::to_string(number) + " " + noun + (number == 1 ? "" : "s");
+}
+
+void AddRigCells(const StudyGrid& grid, const NamedScene& named, int num_captures, RigSceneConfig scene,
+                 StudyConfig* study) {
+  if (!scene.motions.empty()) {
+    const std::string& camera = scene.rig.cameras[scene.motions.front().camera].name;
+    named.place.Fail("moves camera " + camera + " during the captures, which a study does not simulate");
+  }
+  if (num_captures > 0) scene.options.motion.num_captures = num_captures;
+  Rng rng(scene.seed);
+  RigStudyCell cell;
+  cell.rig = scene.rig;
+  cell.poses = scene.poses;
+  cell.targets = SimulatedTargets(scene);
+  cell.simulation = scene.options;
+  const Outcome<std::vector<ArmPoses>> arms =
+      SimulateArmPoses(scene.rig, scene.poses, cell.targets, scene.options, &rng);
+  if (!arms) named.place.Fail(arms.reason());
+  cell.arms = *arms;
+  if (grid.give_camera.value_or(scene.give_camera)) cell.options.has_camera.assign(scene.rig.cameras.size(), true);
+  cell.options.choose_target_shape = grid.chooses_shape;
+  cell.options.adjustment.loss = grid.options.bundle.loss;
+  cell.estimators = grid.estimators;
+  std::vector<Variant<RigStudyCell>> variants = {{cell, {}}};
+  StudyLabels& labels = variants.front().labels;
+  labels.scene = named.name;
+  labels.rig = Counted(scene.rig.cameras.size(), "camera") + ", " + Counted(scene.rig.targets.size(), "target") + ", " +
+               Counted(scene.rig.robots.size(), "arm");
+  labels.num_captures = static_cast<int>(cell.arms.size());
+  for (const SimulatedTarget& target : cell.targets) {
+    labels.num_points += static_cast<int>(target.points_in_target.cols());
+  }
+  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, auto* variant) {
+    variant->cell.simulation.noise_px = variant->labels.pixel_sigma_px = sigma_px;
+  });
+  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, auto* variant) {
+    variant->cell.simulation.robot_noise = variant->labels.robot_noise = noise;
+    variant->cell.options.adjustment.robot_noise = noise;
+  });
+  Vary(grid.robot_models, &variants, [](const std::string& model, auto* variant) {
+    variant->labels.robot_model = model;
+    variant->cell.options.adjustment.robot = RobotModel(model);
+  });
+  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, auto* variant) {
+    variant->labels.free_intrinsics = groups;
+    for (RigCamera& camera : variant->cell.rig.cameras) camera.free_intrinsics = groups;
+  });
+  AddCells(std::move(variants), study);
+}
+
+// Refuses values that have no effect on the scenes.
+void RefuseUnused(const StudyGrid& grid, const std::vector<NamedScene>& scenes, MapReader& reader) {
+  const auto rig = std::find_if(scenes.begin(), scenes.end(), [](const NamedScene& named) {
+    return std::holds_alternative<RigSceneConfig>(named.scene);
+  });
+  if (rig == scenes.end()) {
+    if (grid.estimators != RigStudyCell().estimators) {
+      reader.Get("estimators").Fail("is for rigs; no scene has 'cameras' and 'targets'");
+    }
+    return;
+  }
+  const auto is_zero = [](double share) { return share == 0; };
+  const std::pair<const char*, bool> unused[] = {
+      {"outlier_points", !std::all_of(grid.outliers.begin(), grid.outliers.end(), is_zero)},
+      {"wrong_captures", !std::all_of(grid.wrongs.begin(), grid.wrongs.end(), is_zero)},
+      {"target_shape", std::any_of(grid.target_shapes.begin(), grid.target_shapes.end(),
+                                   [](const TargetShape& shape) { return shape.params != TargetShape().params; })},
+      {"kinematics", grid.kinematics != std::vector<std::string>{"auto"}},
+      {"methods", !grid.options.methods.empty()},
+      {"start", grid.options.seed != kBestSeed}};
+  for (const auto& [key, is_used] : unused) {
+    if (is_used) reader.Get(key).Fail("is for scenes of one camera; scene " + Quoted(rig->name) + " is a rig");
+  }
 }
 
 }  // namespace
@@ -150,43 +366,40 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
     if (!(sigma_px > 0)) value.Fail("must be greater than zero");
     return sigma_px;
   };
-  const std::vector<double> pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, read_pixel_sigma, PixelsNode);
-  const std::vector<RobotNoise> robot_noises =
-      ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise, NoiseNode);
-  std::vector<int> captures = ReadList<int>(
+  StudyGrid grid;
+  grid.pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, read_pixel_sigma, PixelsNode);
+  grid.robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise, NoiseNode);
+  grid.captures = ReadList<int>(
       reader, "captures", {},
       [](const ConfigValue& value) {
         return value.AsInt({3, 10000});
       },
       [](int num_captures) { return YAML::Node(num_captures); });
-  if (captures.empty()) captures = {0};  // Each scene has as many as its motion states.
-  const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare, ShareNode);
-  const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare, ShareNode);
-  const std::vector<std::string> robot_models = ReadList<std::string>(
+  if (grid.captures.empty()) grid.captures = {0};  // Each scene has as many as its motion states.
+  grid.outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare, ShareNode);
+  grid.wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare, ShareNode);
+  grid.robot_models = ReadList<std::string>(
       reader, "robot_model", {"auto"},
       [](const ConfigValue& value) {
         return value.AsChoice({"exact", "given", "estimated", "auto"});
       },
       [](const std::string& model) { return YAML::Node(model); });
-  const std::vector<std::string> kinematics = ReadList<std::string>(
+  grid.kinematics = ReadList<std::string>(
       reader, "kinematics", {"auto"},
       [](const ConfigValue& value) {
         return value.AsChoice({"none", "auto", "offsets", "geometry", "gravity"});
       },
       [](const std::string& model) { return YAML::Node(model); });
-  const std::vector<TargetShape> target_shapes =
-      ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape, ShapeNode);
-  const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
-  // If left out, each scene decides.
-  std::optional<bool> give_camera;
-  if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
-  CalibrationOptions options;
-  options.methods = ReadMethods(reader);
+  grid.target_shapes = ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape, ShapeNode);
+  grid.chooses_shape = reader.Choice("shape_model", {"none", "auto"}, "auto") == "auto";
+  if (reader.Has("give_camera")) grid.give_camera = reader.Bool("give_camera", true);
+  grid.estimators = ReadEstimators(reader);
+  grid.options.methods = ReadMethods(reader);
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
-  options.seed = reader.Choice("start", seeds, kBestSeed);
-  options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
-  options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, {});
+  grid.options.seed = reader.Choice("start", seeds, kBestSeed);
+  grid.options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  grid.intrinsics = ReadIntrinsics(reader);
   if (reader.Has("output")) {
     study.output = reader.Path("output");
   } else {
@@ -200,86 +413,13 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
     return std::string(emitter.c_str()) + "\n";
   }();
 
+  RefuseUnused(grid, scenes, reader);
   for (const NamedScene& named : scenes) {
-    for (const int num_captures : captures) {
-      SceneConfig scene = named.scene;
-      const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
-      if (num_captures > 0) {
-        if (num_captures < num_two_step) named.place.Fail("has more captures in its two-step motion than requested");
-        scene.motion.num_captures = num_captures - num_two_step;
-      }
-      Rng rng(scene.seed);
-      StudyCell cell;
-      cell.camera = scene.camera;
-      cell.hand_eye = scene.hand_eye;
-      cell.target = AllPoints(*scene.target);
-      if (scene.arm) {
-        const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
-        if (failure) named.place.Fail(failure->reason);
+    for (const int num_captures : grid.captures) {
+      if (const auto* scene = std::get_if<SceneConfig>(&named.scene)) {
+        AddCameraCells(grid, named, num_captures, *scene, &study);
       } else {
-        const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
-        if (!poses) named.place.Fail(poses.reason());
-        cell.poses = *poses;
-      }
-      cell.options = options;
-      cell.options.setup = scene.setup;
-      cell.num_repeats = scene.num_repeats;
-      cell.options.symmetries = {Rigid3d()};
-      cell.options.camera_model = scene.camera.model;
-      cell.options.width_px = scene.camera.width_px;
-      cell.options.height_px = scene.camera.height_px;
-      if (give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
-      cell.options.choose.target_shape = shape_model == "auto";
-      cell.options.shape = DesignedShape(cell.target.points_in_target);
-      cell.shape = cell.options.shape;
-      std::vector<Variant> variants = {{cell, {}}};
-      StudyLabels& labels = variants.front().labels;
-      labels.scene = named.name;
-      labels.setup = scene.setup;
-      labels.num_captures = static_cast<int>(cell.poses.size());
-      labels.num_points = cell.target.size();
-      Vary(pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
-        variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
-      });
-      Vary(robot_noises, &variants, [](const RobotNoise& noise, Variant* variant) {
-        variant->cell.robot_noise = variant->labels.robot_noise = noise;
-        variant->cell.options.bundle.robot_noise = noise;
-      });
-      Vary(target_shapes, &variants, [](const TargetShape& shape, Variant* variant) {
-        variant->cell.shape.params = variant->labels.shape_params = shape.params;
-      });
-      Vary(outliers, &variants, [](double share, Variant* variant) {
-        variant->cell.outlier_points = variant->labels.outlier_points = share;
-      });
-      Vary(wrongs, &variants, [](double share, Variant* variant) {
-        variant->cell.wrong_captures = variant->labels.wrong_captures = share;
-      });
-      Vary(robot_models, &variants, [](const std::string& model, Variant* variant) {
-        variant->labels.robot_model = model;
-        variant->cell.options.bundle.robot = RobotModel(model);
-        variant->cell.options.choose.robot_noise = model == "auto";
-      });
-      if (scene.arm) {
-        Vary(kinematics, &variants, [&](const std::string& model, Variant* variant) {
-          const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
-          if (kind == Kinematics::kGravity && scene.arm->nominal.load == nullptr) {
-            named.place.Fail(
-                "has an arm whose links have no known masses, so that kinematics: gravity is not possible");
-          }
-          const std::vector<std::shared_ptr<const SharedEffects>> errors =
-              CandidateArmErrors(scene.arm->nominal, kind, variant->cell.poses.size());
-          variant->labels.kinematics = model;
-          variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
-          if (model == "auto") {
-            variant->cell.options.choose.effects = errors;
-          } else if (!errors.empty()) {
-            variant->cell.options.bundle.effects = errors.front();
-          }
-        });
-      }
-      for (Variant& variant : variants) {
-        study.cells.push_back(std::move(variant.cell));
-        study.labels.push_back(std::move(variant.labels));
+        AddRigCells(grid, named, num_captures, std::get<RigSceneConfig>(named.scene), &study);
       }
     }
   }

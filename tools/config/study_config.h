@@ -4,9 +4,11 @@
 #include <array>
 #include <filesystem>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "solvers/calibration/study.h"
+#include "solvers/rig/rig_study.h"
 
 namespace heba {
 
@@ -14,6 +16,8 @@ namespace heba {
 struct StudyLabels {
   std::string scene;
   Setup setup = Setup::kEyeToHand;
+  std::string rig;   // For a rig, which has no setup: "3 cameras, 2 targets, 1 arm".
+  std::string pose;  // For a rig, once it was run: the pose whose errors are stated, as StudiedRigPoses calls it.
   int num_captures = 0;
   int num_points = 0;
   double pixel_sigma_px = 0;
@@ -23,14 +27,17 @@ struct StudyLabels {
   double wrong_captures = 0;
   std::string robot_model;  // The refinement's model of the robot: exact | given | estimated | auto.
   std::string kinematics;   // Which errors of the arm it estimates: none | auto | offsets | geometry; empty: no arm.
+  std::vector<ParameterGroup> free_intrinsics;  // What the refinement estimates of the cameras.
 };
+
+using AnyStudyCell = std::variant<StudyCell, RigStudyCell>;
 
 struct StudyConfig {
   std::string name;
   int num_trials = 0;
   uint64_t seed = 1;
   std::vector<StudyLabels> labels;  // One per cell.
-  std::vector<StudyCell> cells;
+  std::vector<AnyStudyCell> cells;
   std::filesystem::path output;
   // The study as used, as YAML that can be read from any folder. Every default is filled in: `captures` and
   // `give_camera` in the scenes if the study leaves them out.

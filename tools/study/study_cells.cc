@@ -1,6 +1,7 @@
 #include "tools/study/study_cells.h"
 
 #include <system_error>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -19,10 +20,9 @@ using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 Json ErrorsJson(const StudyErrors& errors) {
-  Json json = {{"hand_eye_m", errors.hand_eye_m},
-               {"hand_eye_rad", errors.hand_eye_rad},
-               {"board_m", errors.board_m},
-               {"board_rad", errors.board_rad}};
+  Json json = {{"hand_eye_m", errors.hand_eye_m}, {"hand_eye_rad", errors.hand_eye_rad}};
+  if (errors.board_m) json["board_m"] = *errors.board_m;
+  if (errors.board_rad) json["board_rad"] = *errors.board_rad;
   if (errors.focal_px) json["focal_px"] = *errors.focal_px;
   if (errors.inside_m) json["inside_m"] = *errors.inside_m;
   if (errors.outside_m) json["outside_m"] = *errors.outside_m;
@@ -33,8 +33,8 @@ StudyErrors ReadErrors(const JsonReader& reader) {
   StudyErrors errors;
   errors.hand_eye_m = reader.Get("hand_eye_m").Number();
   errors.hand_eye_rad = reader.Get("hand_eye_rad").Number();
-  errors.board_m = reader.Get("board_m").Number();
-  errors.board_rad = reader.Get("board_rad").Number();
+  if (reader.Has("board_m")) errors.board_m = reader.Get("board_m").Number();
+  if (reader.Has("board_rad")) errors.board_rad = reader.Get("board_rad").Number();
   if (reader.Has("focal_px")) errors.focal_px = reader.Get("focal_px").Number();
   if (reader.Has("inside_m")) errors.inside_m = reader.Get("inside_m").Number();
   if (reader.Has("outside_m")) errors.outside_m = reader.Get("outside_m").Number();
@@ -77,54 +77,136 @@ MethodSummary ReadMethod(const JsonReader& reader) {
   return method;
 }
 
-// Returns a digest of everything that the result of a cell depends on.
-std::string MadeFrom(const StudyConfig& study, int index) {
-  const StudyCell& cell = study.cells[static_cast<size_t>(index)];
+// The text of everything that the result of a cell depends on.
+class Content {
+ public:
+  void Add(const std::string& text) { text_ += " " + text; }
+  void Add(double value) { text_ += " " + RoundTrip(value); }
+  void Add(const Rigid3d& pose) {
+    for (int i = 0; i < 3; ++i) Add(pose.translation[i]);
+    for (int i = 0; i < 4; ++i) Add(pose.rotation.coeffs()[i]);
+  }
+  void Add(const Camera& camera) {
+    Add(camera.model);
+    for (const double param : camera.params) Add(param);
+    Add(camera.width_px);
+    Add(camera.height_px);
+  }
+  void Add(const RobotNoise& noise) {
+    Add(noise.translation_m);
+    Add(noise.rotation_rad);
+  }
+  void Add(const std::vector<ParameterGroup>& groups) {
+    for (const ParameterGroup group : groups) Add(static_cast<double>(group));
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+void AddCell(const StudyCell& cell, const StudyLabels& labels, Content* content) {
   const BundleOptions& bundle = cell.options.bundle;
-  std::string text = DigestOfProgram() + " " + std::to_string(study.num_trials) + " " + std::to_string(study.seed);
-  const auto add = [&text](double value) { text += " " + RoundTrip(value); };
-  const auto add_pose = [&](const Rigid3d& pose) {
-    for (int i = 0; i < 3; ++i) add(pose.translation[i]);
-    for (int i = 0; i < 4; ++i) add(pose.rotation.coeffs()[i]);
-  };
-  text += " " + cell.camera.model;
-  for (const double param : cell.camera.params) add(param);
-  add(cell.camera.width_px);
-  add(cell.camera.height_px);
-  add_pose(cell.hand_eye.camera_mount_from_camera);
-  add_pose(cell.hand_eye.target_mount_from_target);
+  content->Add(cell.camera);
+  content->Add(cell.hand_eye.camera_mount_from_camera);
+  content->Add(cell.hand_eye.target_mount_from_target);
   for (Eigen::Index i = 0; i < cell.target.size(); ++i) {
-    for (int k = 0; k < 3; ++k) add(cell.target.points_in_target(k, i));
-    add(cell.target.RadiusM(i));
+    for (int k = 0; k < 3; ++k) content->Add(cell.target.points_in_target(k, i));
+    content->Add(cell.target.RadiusM(i));
   }
   for (const SimulatedPose& pose : cell.poses) {
-    text += " " + std::string(RoleName(pose.role));
-    add_pose(pose.camera_from_target);
+    content->Add(std::string(RoleName(pose.role)));
+    content->Add(pose.camera_from_target);
   }
-  for (const double value : {cell.pixel_sigma_px, cell.robot_noise.translation_m, cell.robot_noise.rotation_rad,
-                             cell.outlier_points, cell.wrong_captures}) {
-    add(value);
-  }
-  text += " " + Join(cell.options.methods, ",") + " " + cell.options.seed + " " +
-          std::string(LossOf(bundle.loss).name) + " " + std::string(SetupName(cell.options.setup)) + " " +
-          cell.options.camera_model;
-  add(cell.options.camera ? 1 : 0);
-  if (cell.num_repeats > 1) add(cell.num_repeats);
-  for (const double param : cell.shape.params) add(param);
-  add(cell.options.choose.robot_noise ? 1 : 0);
-  add(cell.options.choose.target_shape ? 1 : 0);
-  add(static_cast<double>(bundle.robot));
-  add(bundle.robot_noise.translation_m);
-  add(bundle.robot_noise.rotation_rad);
-  for (const ParameterGroup group : bundle.free_intrinsics) add(static_cast<double>(group));
+  content->Add(cell.pixel_sigma_px);
+  content->Add(cell.robot_noise);
+  content->Add(cell.outlier_points);
+  content->Add(cell.wrong_captures);
+  content->Add(Join(cell.options.methods, ",") + " " + cell.options.seed + " " + std::string(LossOf(bundle.loss).name) +
+               " " + std::string(SetupName(cell.options.setup)) + " " + cell.options.camera_model);
+  content->Add(cell.options.camera ? 1 : 0);
+  if (cell.num_repeats > 1) content->Add(cell.num_repeats);
+  for (const double param : cell.shape.params) content->Add(param);
+  content->Add(cell.options.choose.robot_noise ? 1 : 0);
+  content->Add(cell.options.choose.target_shape ? 1 : 0);
+  content->Add(static_cast<double>(bundle.robot));
+  content->Add(bundle.robot_noise);
+  content->Add(bundle.free_intrinsics);
   if (cell.robot) {
-    text += " " + study.labels[static_cast<size_t>(index)].kinematics;
-    for (const EffectGroup& group : cell.robot->errors->groups) add(group.sigma);
-    add(cell.robot->joint_noise_rad);
-    for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) add(by_joints.sum());
-    for (const StudyPlace& place : cell.robot->places) add_pose(place.camera_mount_from_target_mount);
+    content->Add(labels.kinematics);
+    for (const EffectGroup& group : cell.robot->errors->groups) content->Add(group.sigma);
+    content->Add(cell.robot->joint_noise_rad);
+    for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) content->Add(by_joints.sum());
+    for (const StudyPlace& place : cell.robot->places) content->Add(place.camera_mount_from_target_mount);
   }
-  return DigestOf(text);
+}
+
+void AddCell(const RigStudyCell& cell, const StudyLabels& /*labels*/, Content* content) {
+  content->Add("rig");
+  for (const std::string& robot : cell.rig.robots) content->Add(robot);
+  for (const RigCamera& camera : cell.rig.cameras) {
+    content->Add(camera.name + " " + MountText(cell.rig, camera));
+    content->Add(camera.camera);
+    content->Add(camera.free_intrinsics);
+  }
+  for (size_t t = 0; t < cell.rig.targets.size(); ++t) {
+    content->Add(cell.rig.targets[t].name + " " + MountText(cell.rig, cell.rig.targets[t]));
+    for (const double coordinate : cell.targets[t].points_in_target.reshaped()) content->Add(coordinate);
+    content->Add(cell.targets[t].z_out ? 1 : 0);
+  }
+  for (const std::vector<Rigid3d>* poses :
+       {&cell.poses.mount_from_camera, &cell.poses.mount_from_target, &cell.poses.world_from_base}) {
+    for (const Rigid3d& pose : *poses) content->Add(pose);
+  }
+  for (const ArmPoses& arms : cell.arms) {
+    for (const Rigid3d& pose : arms) content->Add(pose);
+  }
+  content->Add(cell.simulation.noise_px);
+  content->Add(cell.simulation.robot_noise);
+  content->Add(cell.simulation.motion.margin_px);
+  const RigOptions& adjustment = cell.options.adjustment;
+  content->Add(std::string(LossOf(adjustment.loss).name));
+  content->Add(static_cast<double>(adjustment.robot));
+  content->Add(adjustment.robot_noise);
+  content->Add(cell.options.choose_target_shape ? 1 : 0);
+  content->Add(static_cast<double>(cell.options.has_camera.size()));
+  for (const RigEstimator estimator : cell.estimators) content->Add(static_cast<double>(estimator));
+}
+
+// Returns a digest of everything that the result of a cell depends on.
+std::string MadeFrom(const StudyConfig& study, int index) {
+  Content content;
+  content.Add(DigestOfProgram() + " " + std::to_string(study.num_trials) + " " + std::to_string(study.seed));
+  const auto place = static_cast<size_t>(index);
+  std::visit([&](const auto& cell) { AddCell(cell, study.labels[place], &content); }, study.cells[place]);
+  return DigestOf(content.text());
+}
+
+Json ResultJson(const CellResult& result) {
+  Json json;
+  if (!result.labels.pose.empty()) json["pose"] = result.labels.pose;
+  if (result.bound) {
+    json["bound"] = ErrorsJson(*result.bound);
+  } else {
+    json["no_bound"] = result.bound.reason();
+  }
+  json["methods"] = Json::array();
+  for (const MethodSummary& method : result.methods) json["methods"].push_back(MethodJson(method));
+  return json;
+}
+
+CellResult ReadResult(const JsonReader& reader, int cell, StudyLabels labels) {
+  CellResult result;
+  result.cell = cell;
+  result.labels = std::move(labels);
+  if (reader.Has("pose")) result.labels.pose = reader.Get("pose").Text();
+  if (reader.Has("bound")) {
+    result.bound = ReadErrors(reader.Get("bound"));
+  } else {
+    result.bound = Failure{reader.Get("no_bound").Text()};
+  }
+  for (const JsonReader& method : reader.Get("methods").List()) result.methods.push_back(ReadMethod(method));
+  return result;
 }
 
 }  // namespace
@@ -144,39 +226,30 @@ StudyCells::StudyCells(const fs::path& folder, const StudyConfig& study) : folde
 
 fs::path StudyCells::FileOf(int cell) const { return folder_ / (std::to_string(cell) + ".json"); }
 
-std::optional<CellResult> StudyCells::Find(int cell) const {
+std::optional<std::vector<CellResult>> StudyCells::Find(int cell) const {
   std::error_code error;
   if (!fs::exists(FileOf(cell), error)) return std::nullopt;
   try {
     const Json json = ReadJsonFile(FileOf(cell), 1 << 20);
     const JsonReader reader(json, FileOf(cell).string());
     if (reader.Get("made_from").Text() != MadeFrom(study_, cell)) return std::nullopt;
-    CellResult result;
-    result.cell = cell;
-    result.labels = study_.labels[static_cast<size_t>(cell)];
-    if (reader.Has("bound")) {
-      result.bound = ReadErrors(reader.Get("bound"));
-    } else {
-      result.bound = Failure{reader.Get("no_bound").Text()};
+    std::vector<CellResult> results;
+    for (const JsonReader& result : reader.Get("results").List()) {
+      results.push_back(ReadResult(result, cell, study_.labels[static_cast<size_t>(cell)]));
     }
-    for (const JsonReader& method : reader.Get("methods").List()) result.methods.push_back(ReadMethod(method));
-    return result;
+    return results;
   } catch (const InputError&) {
     return std::nullopt;  // The file was written by another version or is damaged.
   }
 }
 
-void StudyCells::Keep(const CellResult& result) const {
+void StudyCells::Keep(const std::vector<CellResult>& results) const {
+  const int cell = results.at(0).cell;
   Json json;
-  json["made_from"] = MadeFrom(study_, result.cell);
-  if (result.bound) {
-    json["bound"] = ErrorsJson(*result.bound);
-  } else {
-    json["no_bound"] = result.bound.reason();
-  }
-  json["methods"] = Json::array();
-  for (const MethodSummary& method : result.methods) json["methods"].push_back(MethodJson(method));
-  WriteFileAtomically(FileOf(result.cell), json.dump() + "\n");
+  json["made_from"] = MadeFrom(study_, cell);
+  json["results"] = Json::array();
+  for (const CellResult& result : results) json["results"].push_back(ResultJson(result));
+  WriteFileAtomically(FileOf(cell), json.dump() + "\n");
 }
 
 }  // namespace heba

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <vector>
 
 #include "tools/study/study_report.h"
 
@@ -14,10 +15,11 @@ class StudyCells {
  public:
   StudyCells(const std::filesystem::path& folder, const StudyConfig& study);
 
-  // Returns a cell that the same build of the program has finished with the same content, trials and seed; otherwise
-  // nothing.
-  std::optional<CellResult> Find(int cell) const;
-  void Keep(const CellResult& result) const;
+  // Returns the results of a cell that the same build of the program has finished with the same content, trials and
+  // seed; otherwise nothing.
+  std::optional<std::vector<CellResult>> Find(int cell) const;
+  // Stores the results of one cell.
+  void Keep(const std::vector<CellResult>& results) const;
 
  private:
   std::filesystem::path FileOf(int cell) const;

@@ -51,6 +51,41 @@ bool IsSwept(size_t quantity, size_t swept) {
   return quantity == swept || (swept < kNoQuantity && IsRobotNoise(swept) && IsRobotNoise(quantity));
 }
 
+std::string SetupText(const StudyLabels& labels) {
+  return labels.rig.empty() ? std::string(SetupName(labels.setup)) : labels.rig;
+}
+
+std::string IntrinsicsText(const StudyLabels& labels) {
+  std::vector<std::string> names;
+  for (const ParameterGroup group : labels.free_intrinsics) {
+    names.emplace_back(kParameterGroupNames[static_cast<size_t>(group)]);
+  }
+  return Join(names, "+");
+}
+
+// Returns the errors of the cameras calibrated one by one relative to those of the joint calibration of a rig; nothing
+// unless both were run and succeeded.
+struct Gain {
+  double of_translation = 0;
+  double of_rotation = 0;
+};
+std::optional<Gain> GainOf(const CellResult& result) {
+  const auto find = [&](RigEstimator estimator) {
+    return std::find_if(result.methods.begin(), result.methods.end(), [&](const MethodSummary& method) {
+      return method.method == kRigEstimatorNames[static_cast<size_t>(estimator)] &&
+             method.num_failed < method.num_trials;
+    });
+  };
+  const auto jointly = find(RigEstimator::kJointly);
+  const auto one_by_one = find(RigEstimator::kOneByOne);
+  if (jointly == result.methods.end() || one_by_one == result.methods.end()) return std::nullopt;
+  return Gain{one_by_one->rms.hand_eye_m / jointly->rms.hand_eye_m,
+              one_by_one->rms.hand_eye_rad / jointly->rms.hand_eye_rad};
+}
+bool IsJoint(const MethodSummary& method) {
+  return method.method == kRigEstimatorNames[static_cast<size_t>(RigEstimator::kJointly)];
+}
+
 // Describes a cell without its pixel noise and without the swept quantity.
 std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
   const auto is_swept = [&](std::string_view label) {
@@ -59,7 +94,7 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
     }
     return false;
   };
-  std::string line = labels.scene + " (" + std::string(SetupName(labels.setup));
+  std::string line = labels.scene + " (" + SetupText(labels);
   if (!is_swept("captures")) line += ", " + std::to_string(labels.num_captures) + " captures";
   if (!is_swept("points of the target")) line += ", " + std::to_string(labels.num_points) + " points";
   line += ")";
@@ -77,6 +112,7 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
                    : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
   }
   line += ", refined with robot " + labels.robot_model;
+  if (!labels.free_intrinsics.empty()) line += ", intrinsics " + IntrinsicsText(labels);
   if (!labels.kinematics.empty()) line += ", kinematics " + labels.kinematics;
   if (labels.outlier_points > 0 && !is_swept("outlier points, %")) {
     line += ", " + Significant(100 * labels.outlier_points, 3) + " % outlier points";
@@ -84,6 +120,7 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
   if (labels.wrong_captures > 0 && !is_swept("wrong poses, %")) {
     line += ", " + Significant(100 * labels.wrong_captures, 3) + " % wrong poses";
   }
+  if (!labels.pose.empty()) line += ": " + labels.pose;
   return line;
 }
 
@@ -105,23 +142,70 @@ std::string PlaceLines(const MethodSummary& method, const StudyErrors& bound) {
   return lines;
 }
 
+// Describes one pose of a rig: its bound and its estimators. The line is 80 characters wide.
+std::string RigPoseLines(const CellResult& result) {
+  std::string lines = "  " + result.labels.pose + "\n";
+  const auto figures = [](const StudyErrors& errors) {
+    return PadLeft(Significant(1000 * errors.hand_eye_m, 3), 12) +
+           PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 11);
+  };
+  const StudyErrors& bound = *result.bound;
+  lines += "    " + PadRight("bound", 11) + figures(bound) + "\n";
+  const std::optional<Gain> gain = GainOf(result);
+  for (const MethodSummary& method : result.methods) {
+    lines += "    " + PadRight(method.method, 11);
+    if (method.num_failed < method.num_trials) {
+      lines += figures(method.rms) + PadLeft(Ratio(method.rms.hand_eye_m, bound.hand_eye_m), 9) +
+               PadLeft(Ratio(method.rms.hand_eye_rad, bound.hand_eye_rad), 8) +
+               PadLeft(method.coverage ? Fixed(*method.coverage, 3) : "-", 9);
+      if (gain && IsJoint(method)) {
+        lines += PadLeft(Significant(gain->of_translation, 3), 8) + PadLeft(Significant(gain->of_rotation, 3), 8);
+      }
+    }
+    lines += "\n";
+    if (method.num_failed > 0) {
+      lines += PadRight("", 15) + "failed in " + std::to_string(method.num_failed) + " of " +
+               std::to_string(method.num_trials) + " trials\n";
+    }
+  }
+  return lines;
+}
+
 std::string OrEmpty(const std::optional<double>& value) { return value ? Significant(*value, 8) : ""; }
 
 }  // namespace
 
 std::string StudyTable(const std::vector<CellResult>& results) {
   std::string table;
-  for (const CellResult& result : results) {
-    table += SceneLine(result.labels) + ", pixel noise " + Significant(result.labels.pixel_sigma_px, 3) + " px\n";
+  for (size_t i = 0; i < results.size(); ++i) {
+    const CellResult& result = results[i];
+    const bool is_first = i == 0 || results[i - 1].cell != result.cell;
+    const bool is_last = i + 1 == results.size() || results[i + 1].cell != result.cell;
+    if (is_first) {
+      StudyLabels labels = result.labels;
+      labels.pose.clear();
+      table += SceneLine(labels) + ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px\n";
+    }
     if (!result.bound) {
-      table += "  no bound: " + result.bound.reason() + "\n\n";
+      if (is_first) table += "  no bound: " + result.bound.reason() + "\n\n";
+      continue;
+    }
+    if (!result.labels.pose.empty()) {
+      if (is_first) {
+        table += PadRight("", 15) + PadLeft("error", 23) + PadLeft("error / bound", 17) + PadLeft("95 %", 9) +
+                 PadLeft("gain", 16) + "\n" + PadRight("", 15) + PadLeft("mm", 12) + PadLeft("deg", 11) +
+                 PadLeft("mm", 9) + PadLeft("deg", 8) + PadLeft("holds", 9) + PadLeft("mm", 8) + PadLeft("deg", 8) +
+                 "\n";
+      }
+      table += RigPoseLines(result) + (is_last ? "\n" : "");
       continue;
     }
     // The line is 80 characters wide.
     const auto figures = [](const StudyErrors& errors) {
       return PadLeft(Significant(1000 * errors.hand_eye_m, 3), 9) +
              PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 9) +
-             PadLeft(Significant(1000 * errors.board_m, 3), 9) + PadLeft(Significant(RadToDeg(errors.board_rad), 3), 9);
+             PadLeft(Significant(1000 * errors.board_m.value_or(0), 3), 9) +
+             PadLeft(Significant(RadToDeg(errors.board_rad.value_or(0)), 3), 9);
     };
     table += PadRight("", 13) + PadLeft("hand-eye", 18) + PadLeft("board", 18) + PadLeft("error / bound", 18) +
              PadLeft("95 %", 6) + PadLeft("AX-XB", 7) + "\n" + PadRight("", 13) + PadLeft("mm", 9) + PadLeft("deg", 9) +
@@ -169,17 +253,18 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
       "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,right_model,axxb_"
       "mean_mm,"
       "found_pixel_sigma_px,found_robot_mm,found_robot_deg,kinematics,estimated_effects,inside_mm,bound_inside_mm,"
-      "coverage_inside,outside_mm,bound_outside_mm,coverage_outside\n";
+      "coverage_inside,outside_mm,bound_outside_mm,coverage_outside,pose,intrinsics,gain_mm,gain_deg\n";
   const auto columns = [](const std::optional<StudyErrors>& errors) {
     if (!errors) return std::string(",,,,");
     return Significant(1000 * errors->hand_eye_m, 8) + "," + Significant(RadToDeg(errors->hand_eye_rad), 8) + "," +
-           Significant(1000 * errors->board_m, 8) + "," + Significant(RadToDeg(errors->board_rad), 8) + "," +
-           OrEmpty(errors->focal_px);
+           (errors->board_m ? Significant(1000 * *errors->board_m, 8) : "") + "," +
+           (errors->board_rad ? Significant(RadToDeg(*errors->board_rad), 8) : "") + "," + OrEmpty(errors->focal_px);
   };
   for (const CellResult& result : results) {
     const StudyLabels& labels = result.labels;
     const std::string cell =
-        std::to_string(result.cell) + "," + CsvField(labels.scene) + "," + std::string(SetupName(labels.setup)) + "," +
+        std::to_string(result.cell) + "," + CsvField(labels.scene) + "," +
+        (labels.rig.empty() ? std::string(SetupName(labels.setup)) : "rig") + "," +
         std::to_string(labels.num_captures) + "," + std::to_string(labels.num_points) + "," +
         Significant(labels.pixel_sigma_px, 8) + "," + Significant(1000 * labels.robot_noise.translation_m, 8) + "," +
         Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.shape_params[0], 8) + "," +
@@ -193,7 +278,8 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
              std::to_string(method.num_failed) + "," +
              columns(has_any ? std::optional<StudyErrors>(method.rms) : std::nullopt) + "," + columns(bound) + "," +
              OrEmpty(method.coverage) + "," + OrEmpty(method.right_model) + "," +
-             (has_any ? Significant(method.axxb_mean_mm, 8) : "") + "," + OrEmpty(method.pixel_sigma_px) + ",";
+             (has_any && labels.pose.empty() ? Significant(method.axxb_mean_mm, 8) : "") + "," +
+             OrEmpty(method.pixel_sigma_px) + ",";
       if (method.robot_noise) {
         csv += Significant(1000 * method.robot_noise->translation_m, 8) + "," +
                Significant(RadToDeg(method.robot_noise->rotation_rad), 8);
@@ -206,7 +292,10 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
       const StudyErrors limits = bound.value_or(StudyErrors{});
       csv += "," + labels.kinematics + "," + OrEmpty(method.estimated_effects) + "," + in_mm(method.rms.inside_m) +
              "," + in_mm(limits.inside_m) + "," + OrEmpty(method.coverage_inside) + "," + in_mm(method.rms.outside_m) +
-             "," + in_mm(limits.outside_m) + "," + OrEmpty(method.coverage_outside) + "\n";
+             "," + in_mm(limits.outside_m) + "," + OrEmpty(method.coverage_outside) + "," +
+             CsvField(labels.pose.empty() ? "hand_eye" : labels.pose) + "," + IntrinsicsText(labels) + ",";
+      const std::optional<Gain> gain = IsJoint(method) ? GainOf(result) : std::nullopt;
+      csv += gain ? Significant(gain->of_translation, 8) + "," + Significant(gain->of_rotation, 8) + "\n" : ",\n";
     }
   }
   return csv;
@@ -228,8 +317,9 @@ std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResul
   std::vector<std::string> order;
   std::map<std::string, std::vector<const CellResult*>> groups;
   for (const CellResult& result : results) {
-    std::string key =
-        result.labels.scene + "|" + std::string(SetupName(result.labels.setup)) + "|" + result.labels.robot_model;
+    std::string key = Join({result.labels.scene, SetupText(result.labels), result.labels.pose,
+                            result.labels.robot_model, result.labels.kinematics, IntrinsicsText(result.labels)},
+                           "|");
     for (size_t i = 0; i < kNoQuantity; ++i) {
       if (!IsSwept(i, quantity)) key += "|" + RoundTrip(kQuantities[i].value(result.labels));
     }
@@ -253,6 +343,9 @@ std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResul
   return sweeps;
 }
 
+// Returns whether a method is the one that heba recommends.
+bool IsEmphasised(const MethodSummary& method) { return method.method == kBundleMethod || IsJoint(method); }
+
 using MethodFigure = std::optional<double> (*)(const MethodSummary& method);
 
 std::vector<PlotLine> LinesOf(const std::vector<const CellResult*>& sweep, size_t quantity, MethodFigure figure) {
@@ -264,7 +357,7 @@ std::vector<PlotLine> LinesOf(const std::vector<const CellResult*>& sweep, size_
       auto line =
           std::find_if(lines.begin(), lines.end(), [&](const PlotLine& known) { return known.name == method.method; });
       if (line == lines.end()) {
-        line = lines.insert(lines.end(), {method.method, {}, false, method.method == kBundleMethod});
+        line = lines.insert(lines.end(), {method.method, {}, false, IsEmphasised(method)});
       }
       line->points.emplace_back(kQuantities[quantity].value(result->labels), *value);
     }
@@ -284,7 +377,8 @@ StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quanti
   StudyChart chart{quantity,
                    {TitleOf(sweep.front()->labels, quantity),
                     kQuantities[quantity].label,
-                    "RMS error of the hand-eye translation, mm",
+                    sweep.front()->labels.pose.empty() ? "RMS error of the hand-eye translation, mm"
+                                                       : "RMS error of the translation, mm",
                     {}},
                    kQuantities[quantity].has_zero,
                    false,
@@ -399,13 +493,15 @@ std::string ChartFigure(const StudyChart& chart) {
 }  // namespace
 
 void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder) {
+  const bool has_rig =
+      std::any_of(results.begin(), results.end(), [](const CellResult& result) { return !result.labels.pose.empty(); });
   std::vector<Plot> plots;
   for (const StudyChart& chart : StudyCharts(results)) {
     if (chart.quantity == kPixelNoise && !chart.has_linear_y) plots.push_back(chart.plot);
   }
   for (size_t i = 0; i < plots.size(); ++i) {
     const std::string number = plots.size() > 1 ? "_" + std::to_string(i + 1) : "";
-    WriteFileAtomically(folder / ("hand_eye_mm" + number + ".svg"), LogLogSvg(plots[i]));
+    WriteFileAtomically(folder / ((has_rig ? "pose_mm" : "hand_eye_mm") + number + ".svg"), LogLogSvg(plots[i]));
   }
 }
 
@@ -438,10 +534,21 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
   };
   // There is one table for each scene; the properties that its cells share are its heading.
   std::vector<std::string> order;
+  const std::vector<std::string> head = {"pixel noise, px", "method",      "hand-eye, mm", "deg",
+                                         "mm / bound",      "deg / bound", "board, mm",    "95 % coverage",
+                                         "AX-XB, mm",       "failed",      "trials"};
+  const std::vector<std::string> rig_head = {"pixel noise, px", "method",      "error, mm",     "deg",
+                                             "mm / bound",      "deg / bound", "95 % coverage", "gain, mm",
+                                             "gain, deg",       "failed",      "trials"};
+  std::map<std::string, std::vector<std::string>> head_of;
   std::map<std::string, std::vector<std::vector<PageCell>>> rows_of;
   for (const CellResult& result : results) {
     const std::string scene = SceneLine(result.labels);
-    if (rows_of.count(scene) == 0) order.push_back(scene);
+    const bool is_rig = !result.labels.pose.empty();
+    if (rows_of.count(scene) == 0) {
+      order.push_back(scene);
+      head_of[scene] = is_rig ? rig_head : head;
+    }
     for (const MethodSummary& method : result.methods) {
       const bool has_any = method.num_failed < method.num_trials;
       const StudyErrors& rms = method.rms;
@@ -449,25 +556,32 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
         if (!has_any || !result.bound || !((*result.bound).*member > 0)) return std::nullopt;
         return value / (*result.bound).*member;
       };
-      rows_of[scene].push_back({number(result.labels.pixel_sigma_px),
-                                {method.method, false, {}, method.method == kBundleMethod},
-                                number(has_any ? std::optional<double>(1000 * rms.hand_eye_m) : std::nullopt),
-                                number(has_any ? std::optional<double>(RadToDeg(rms.hand_eye_rad)) : std::nullopt),
-                                number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)),
-                                number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad)),
-                                number(has_any ? std::optional<double>(1000 * rms.board_m) : std::nullopt),
-                                number(method.coverage),
-                                number(has_any ? std::optional<double>(method.axxb_mean_mm) : std::nullopt),
-                                number(method.num_failed),
-                                number(method.num_trials)});
+      const auto if_any = [&](double value) { return number(has_any ? std::optional<double>(value) : std::nullopt); };
+      std::vector<PageCell>& row = rows_of[scene].emplace_back();
+      row = {number(result.labels.pixel_sigma_px),
+             {method.method, false, {}, IsEmphasised(method)},
+             if_any(1000 * rms.hand_eye_m),
+             if_any(RadToDeg(rms.hand_eye_rad)),
+             number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)),
+             number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad))};
+      if (is_rig) {
+        const std::optional<Gain> gain = IsJoint(method) ? GainOf(result) : std::nullopt;
+        row.push_back(number(method.coverage));
+        row.push_back(number(gain ? std::optional<double>(gain->of_translation) : std::nullopt));
+        row.push_back(number(gain ? std::optional<double>(gain->of_rotation) : std::nullopt));
+      } else {
+        row.push_back(if_any(1000 * rms.board_m.value_or(0)));
+        row.push_back(number(method.coverage));
+        row.push_back(if_any(method.axxb_mean_mm));
+      }
+      row.push_back(number(method.num_failed));
+      row.push_back(number(method.num_trials));
     }
   }
   body += Heading("All figures");
   constexpr size_t kFewScenes = 2;
   for (const std::string& scene : order) {
-    const std::string table = HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm / bound",
-                                         "deg / bound", "board, mm", "95 % coverage", "AX-XB, mm", "failed", "trials"},
-                                        rows_of[scene]);
+    const std::string table = HtmlTable(head_of[scene], rows_of[scene]);
     body += order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(scene) + "</h3>\n" + table : Details(scene, table);
   }
   return HtmlPage(title, body, PageWidth::kWide);

@@ -9,6 +9,7 @@
 
 namespace heba {
 
+// The result of a cell with one camera, or of one pose of a rig's cell. The results of one cell are neighbours.
 struct CellResult {
   int cell = 0;  // Index of the cell in the study.
   StudyLabels labels;
@@ -18,12 +19,13 @@ struct CellResult {
 
 std::string StudyTable(const std::vector<CellResult>& results);
 
-// Returns a header and one line for each cell and method. Lengths are in mm, angles in deg, focal lengths in px; a
-// missing figure is empty.
+// Returns a header and one line for each cell, pose and method. Lengths are in mm, angles in deg, focal lengths in px;
+// a missing figure is empty. The columns of the hand-eye pose are those of the column `pose`.
 std::string StudyCsv(const std::vector<CellResult>& results);
 
-// Writes the RMS error of the hand-eye translation against the pixel noise, one SVG file for each combination of
-// scene and other varied quantities. Writes nothing if the pixel noise does not vary.
+// Writes the RMS error of the hand-eye translation, or of the translation of each pose of a rig, against the pixel
+// noise, one SVG file for each combination of scene, pose and other varied quantities. Writes nothing if the pixel
+// noise does not vary.
 void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder);
 
 // Returns a page with plots of every varied quantity and a table row for each cell and method.

@@ -78,8 +78,8 @@ TEST_P(StudyTest, ErrorBoundEqualsItsDefinition) {
   constexpr double kNumeric = 1e-4;  // Relative error of the central differences.
   EXPECT_NEAR(bound->hand_eye_m / std::sqrt(covariance.diagonal().head<3>().sum()), 1, kNumeric);
   EXPECT_NEAR(bound->hand_eye_rad / std::sqrt(covariance.diagonal().segment<3>(3).sum()), 1, kNumeric);
-  EXPECT_NEAR(bound->board_m / std::sqrt(covariance.diagonal().segment<3>(6).sum()), 1, kNumeric);
-  EXPECT_NEAR(bound->board_rad / std::sqrt(covariance.diagonal().tail<3>().sum()), 1, kNumeric);
+  EXPECT_NEAR(*bound->board_m / std::sqrt(covariance.diagonal().segment<3>(6).sum()), 1, kNumeric);
+  EXPECT_NEAR(*bound->board_rad / std::sqrt(covariance.diagonal().tail<3>().sum()), 1, kNumeric);
 }
 
 // 200 trials determine an RMS of three numbers to about 4 % and a coverage of 95 % to 1.5 %; the tolerances are three

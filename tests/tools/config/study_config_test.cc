@@ -2,6 +2,7 @@
 
 #include <fstream>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -23,6 +24,8 @@ constexpr const char* kScene =
     "{setup: eye_to_hand, target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}, camera: {model: pinhole, "
     "image_size: [640, 480], fx: 600, fy: 601, cx: 320, cy: 240}, hand_eye: {translation: [500 mm, 0 mm, 600 mm]}, "
     "board: {translation: [0 mm, 0 mm, 50 mm]}, motion: {captures: 6}}\n";
+
+const StudyCell& CameraCell(const StudyConfig& study, size_t cell) { return std::get<StudyCell>(study.cells.at(cell)); }
 
 class StudyConfigTest : public testing::Test {
  protected:
@@ -56,7 +59,7 @@ TEST_F(StudyConfigTest, FillsInDefaults) {
   EXPECT_EQ(labels.robot_noise.translation_m, 0);
   EXPECT_THAT(labels.shape_params, ElementsAre(1, 1, 0, 0));
   EXPECT_EQ(labels.robot_model, "auto");
-  const StudyCell& cell = study.cells[0];
+  const StudyCell& cell = CameraCell(study, 0);
   EXPECT_THAT(cell.poses, SizeIs(6));
   EXPECT_EQ(cell.pixel_sigma_px, 0.1);
   EXPECT_EQ(cell.outlier_points, 0);
@@ -79,7 +82,7 @@ TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
   EXPECT_EQ(study.num_trials, 20);
   EXPECT_EQ(study.seed, 9u);
   EXPECT_EQ(study.output, folder_ / "results" / "sweep");
-  const CalibrationOptions& options = study.cells.at(0).options;
+  const CalibrationOptions& options = CameraCell(study, 0).options;
   EXPECT_THAT(options.methods, ElementsAre("tsai", "park"));
   EXPECT_EQ(options.seed, "park");
   EXPECT_EQ(options.bundle.loss, LossKind::kHuber);
@@ -93,7 +96,7 @@ TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
       "pixel_noise: 0.3 px\nrobot_noise: {translation: 0.2 mm, rotation: 0.1 deg}\noutlier_points: 0.05\n"
       "wrong_captures: 0.1\ntarget_shape: {scale_x: 1.01, bend_y: 2 mm}\nrobot_model: given\n");
   ASSERT_THAT(study.cells, SizeIs(1));
-  const StudyCell& cell = study.cells[0];
+  const StudyCell& cell = CameraCell(study, 0);
   const StudyLabels& labels = study.labels[0];
   EXPECT_DOUBLE_EQ(cell.pixel_sigma_px, 0.3);
   EXPECT_DOUBLE_EQ(labels.pixel_sigma_px, 0.3);
@@ -116,11 +119,11 @@ TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
 TEST_F(StudyConfigTest, RobotModelsSetTheRefinement) {
   const StudyConfig study = Read("robot_model: [exact, given, estimated, auto]\n");
   ASSERT_THAT(study.cells, SizeIs(4));
-  EXPECT_EQ(study.cells[0].options.bundle.robot, BundleOptions::Robot::kExact);
-  EXPECT_EQ(study.cells[1].options.bundle.robot, BundleOptions::Robot::kGivenNoise);
-  EXPECT_EQ(study.cells[2].options.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
-  for (size_t i = 0; i < 3; ++i) EXPECT_FALSE(study.cells[i].options.choose.robot_noise) << i;
-  EXPECT_TRUE(study.cells[3].options.choose.robot_noise);
+  EXPECT_EQ(CameraCell(study, 0).options.bundle.robot, BundleOptions::Robot::kExact);
+  EXPECT_EQ(CameraCell(study, 1).options.bundle.robot, BundleOptions::Robot::kGivenNoise);
+  EXPECT_EQ(CameraCell(study, 2).options.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
+  for (size_t i = 0; i < 3; ++i) EXPECT_FALSE(CameraCell(study, i).options.choose.robot_noise) << i;
+  EXPECT_TRUE(CameraCell(study, 3).options.choose.robot_noise);
 }
 
 TEST_F(StudyConfigTest, CellsAreAllCombinationsOfTheLists) {
@@ -131,8 +134,8 @@ TEST_F(StudyConfigTest, CellsAreAllCombinationsOfTheLists) {
   std::vector<std::string> cells;
   for (size_t i = 0; i < study.cells.size(); ++i) {
     const StudyLabels& labels = study.labels[i];
-    EXPECT_EQ(study.cells[i].poses.size(), static_cast<size_t>(labels.num_captures));
-    EXPECT_EQ(study.cells[i].pixel_sigma_px, labels.pixel_sigma_px);
+    EXPECT_EQ(CameraCell(study, i).poses.size(), static_cast<size_t>(labels.num_captures));
+    EXPECT_EQ(CameraCell(study, i).pixel_sigma_px, labels.pixel_sigma_px);
     cells.push_back(labels.scene + " " + std::to_string(labels.num_captures) + " " +
                     (labels.pixel_sigma_px < 0.15 ? "0.1" : "0.2"));
   }
@@ -150,10 +153,10 @@ TEST_F(StudyConfigTest, CapturesIncludeTheTwoStepMotion) {
   Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: [5, 8]\n");
   const StudyConfig study = ReadStudyConfig(folder_ / "noise.yaml");
   ASSERT_THAT(study.cells, SizeIs(2));
-  EXPECT_THAT(study.cells[0].poses, SizeIs(5));
-  EXPECT_THAT(study.cells[1].poses, SizeIs(8));
-  EXPECT_EQ(study.cells[1].poses[4].role, CaptureRole::kRotate);
-  EXPECT_EQ(study.cells[1].poses[5].role, CaptureRole::kFree);
+  EXPECT_THAT(CameraCell(study, 0).poses, SizeIs(5));
+  EXPECT_THAT(CameraCell(study, 1).poses, SizeIs(8));
+  EXPECT_EQ(CameraCell(study, 1).poses[4].role, CaptureRole::kRotate);
+  EXPECT_EQ(CameraCell(study, 1).poses[5].role, CaptureRole::kFree);
   Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: 4\n");
   EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
               HasSubstr("scenes.steps: has more captures in its two-step motion than requested"));
@@ -164,9 +167,9 @@ TEST_F(StudyConfigTest, TheSceneDecidesOnTheCameraUnlessTheStudyDoes) {
   std::string scene = kScene;
   scene.replace(scene.find("motion:"), 0, "give_camera: false, ");
   Write("noise.yaml", "scenes:\n  plain: " + scene);
-  EXPECT_FALSE(ReadStudyConfig(folder_ / "noise.yaml").cells.at(0).options.camera.has_value());
+  EXPECT_FALSE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).options.camera.has_value());
   Write("noise.yaml", "scenes:\n  plain: " + scene + "give_camera: true\n");
-  EXPECT_TRUE(ReadStudyConfig(folder_ / "noise.yaml").cells.at(0).options.camera.has_value());
+  EXPECT_TRUE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).options.camera.has_value());
 }
 
 TEST_F(StudyConfigTest, StudyAsUsedReadsBackAsTheSameCells) {
@@ -237,16 +240,112 @@ TEST_F(StudyConfigTest, StudyAsUsedCanBeReadFromItsOutputFolder) {
     EXPECT_EQ(again.labels[i].scene, study.labels[i].scene);
     EXPECT_EQ(again.labels[i].shape_params, study.labels[i].shape_params);
     EXPECT_EQ(again.labels[i].outlier_points, 0.05);
-    EXPECT_EQ(again.cells[i].robot_noise.rotation_rad, study.cells[i].robot_noise.rotation_rad);
-    EXPECT_EQ(again.cells[i].camera.params, study.cells[i].camera.params);
-    EXPECT_EQ(again.cells[i].target.points_in_target, study.cells[i].target.points_in_target);
-    EXPECT_THAT(again.cells[i].options.methods, ElementsAre("tsai"));
-    EXPECT_THAT(again.cells[i].options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal));
-    EXPECT_FALSE(again.cells[i].options.camera.has_value());
-    ASSERT_EQ(again.cells[i].poses.size(), study.cells[i].poses.size());
-    EXPECT_EQ(again.cells[i].poses[0].camera_from_target.translation,
-              study.cells[i].poses[0].camera_from_target.translation);
+    EXPECT_EQ(CameraCell(again, i).robot_noise.rotation_rad, CameraCell(study, i).robot_noise.rotation_rad);
+    EXPECT_EQ(CameraCell(again, i).camera.params, CameraCell(study, i).camera.params);
+    EXPECT_EQ(CameraCell(again, i).target.points_in_target, CameraCell(study, i).target.points_in_target);
+    EXPECT_THAT(CameraCell(again, i).options.methods, ElementsAre("tsai"));
+    EXPECT_THAT(CameraCell(again, i).options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal));
+    EXPECT_FALSE(CameraCell(again, i).options.camera.has_value());
+    ASSERT_EQ(CameraCell(again, i).poses.size(), CameraCell(study, i).poses.size());
+    EXPECT_EQ(CameraCell(again, i).poses[0].camera_from_target.translation,
+              CameraCell(study, i).poses[0].camera_from_target.translation);
   }
+}
+
+// Two cameras beside an arm, whose first one may have more keys.
+std::string RigSceneWith(const std::string& of_left = "") {
+  const std::string camera = "camera: {model: pinhole, image_size: [1280, 960], fx: 1200, fy: 1200, cx: 640, cy: 480}";
+  return "{cameras: {left: {mount: world, pose: {translation: [500 mm, 0 mm, 900 mm], rpy: [180 deg, 0 deg, 0 deg]}, " +
+         camera + of_left +
+         "}, right: {mount: world, pose: {translation: [600 mm, 0 mm, 900 mm], rpy: [180 deg, 0 deg, " + "0 deg]}, " +
+         camera +
+         "}}, targets: {plate: {mount: gripper, pose: {translation: [0 mm, 0 mm, 50 mm]}, target: {type: chessboard, "
+         "rows: 5, columns: 8, square: 20 mm}}}, motion: {captures: 6, distance: 600 mm}}\n";
+}
+
+class RigStudyConfigTest : public StudyConfigTest {
+ protected:
+  StudyConfig ReadRig(const std::string& more, const std::string& scene = RigSceneWith()) const {
+    Write("rig.yaml", "scenes:\n  pair: " + scene + more);
+    return ReadStudyConfig(folder_ / "rig.yaml");
+  }
+};
+
+TEST_F(RigStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
+  const StudyConfig study = ReadRig(
+      "captures: [4, 5]\npixel_noise: [0.1 px, 0.2 px]\nrobot_noise: {translation: 1 mm, rotation: 0.1 deg}\n"
+      "intrinsics: [[], [focal]]\nestimators: one_by_one\nrobot_model: given\nshape_model: none\nloss: none\n"
+      "give_camera: false\n");
+  ASSERT_THAT(study.cells, SizeIs(8));
+  for (size_t i = 0; i < study.cells.size(); ++i) {
+    const auto& cell = std::get<RigStudyCell>(study.cells[i]);
+    const StudyLabels& labels = study.labels[i];
+    EXPECT_EQ(labels.rig, "2 cameras, 1 target, 1 arm");
+    EXPECT_EQ(labels.num_points, 40);
+    EXPECT_EQ(labels.num_captures, i < 4 ? 4 : 5);
+    EXPECT_EQ(cell.arms.size(), static_cast<size_t>(labels.num_captures));
+    EXPECT_EQ(cell.simulation.noise_px, labels.pixel_sigma_px);
+    EXPECT_DOUBLE_EQ(labels.pixel_sigma_px, i % 4 < 2 ? 0.1 : 0.2);
+    EXPECT_DOUBLE_EQ(cell.simulation.robot_noise.translation_m, 1e-3);
+    EXPECT_DOUBLE_EQ(cell.options.adjustment.robot_noise.translation_m, 1e-3);
+    EXPECT_EQ(cell.options.adjustment.robot, BundleOptions::Robot::kGivenNoise);
+    EXPECT_EQ(cell.options.adjustment.loss, LossKind::kNone);
+    EXPECT_FALSE(cell.options.choose_target_shape);
+    EXPECT_THAT(cell.options.has_camera, IsEmpty());
+    EXPECT_THAT(cell.estimators, ElementsAre(RigEstimator::kOneByOne));
+    for (const RigCamera& camera : cell.rig.cameras) {
+      EXPECT_EQ(camera.free_intrinsics.size(), i % 2);
+      EXPECT_EQ(camera.free_intrinsics, labels.free_intrinsics);
+    }
+  }
+}
+
+// The scene in the study as used needs no other file, and a study of both kinds of scenes can be read.
+TEST_F(RigStudyConfigTest, TheStudyAsUsedReadsBackAsTheSame) {
+  Write("plate.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
+  std::string scene = RigSceneWith();
+  const std::string target = "{type: chessboard, rows: 5, columns: 8, square: 20 mm}";
+  scene.replace(scene.find(target), target.size(), "plate.yaml");
+  Write("pair.yaml", scene);
+  Write("rig.yaml", std::string("scenes: {pair: pair.yaml, single: ") + kScene + "}\nintrinsics: [[], [focal]]\n");
+  const StudyConfig study = ReadStudyConfig(folder_ / "rig.yaml");
+  std::filesystem::create_directory(folder_ / "elsewhere");
+  Write("elsewhere/again.yaml", study.used);
+  const StudyConfig again = ReadStudyConfig(folder_ / "elsewhere/again.yaml");
+  ASSERT_THAT(study.cells, SizeIs(4));
+  ASSERT_THAT(again.cells, SizeIs(4));
+  for (size_t i = 0; i < 2; ++i) {
+    const auto& one = std::get<RigStudyCell>(study.cells[i]);
+    const auto& other = std::get<RigStudyCell>(again.cells[i]);
+    EXPECT_EQ(one.targets[0].points_in_target, other.targets[0].points_in_target);
+    EXPECT_EQ(one.rig.cameras[1].camera.params, other.rig.cameras[1].camera.params);
+    EXPECT_EQ(again.labels[i].free_intrinsics, study.labels[i].free_intrinsics);
+    ASSERT_EQ(one.arms.size(), other.arms.size());
+    // A rotation is written as a quaternion, which is normalised when it is read.
+    constexpr double kRoundOffM = 1e-12;
+    EXPECT_LT((one.arms[5][0].translation - other.arms[5][0].translation).norm(), kRoundOffM);
+    EXPECT_THAT(CameraCell(again, 2 + i).options.bundle.free_intrinsics, SizeIs(i));
+  }
+}
+
+TEST_F(RigStudyConfigTest, RefusesWhatARigDoesNotHave) {
+  const auto error_of = [&](const std::string& more, const std::string& scene = RigSceneWith()) {
+    return InputErrorOf([&] { ReadRig(more, scene); });
+  };
+  for (const char* line : {"outlier_points: 0.1", "wrong_captures: [0, 0.1]", "target_shape: {scale_x: 1.01}",
+                           "kinematics: offsets", "methods: [tsai]", "start: park"}) {
+    const std::string key = std::string(line).substr(0, std::string(line).find(':'));
+    EXPECT_THAT(error_of(std::string(line) + "\n"),
+                HasSubstr("rig.yaml:3: " + key + ": is for scenes of one camera; scene 'pair' is a rig"));
+  }
+  EXPECT_THAT(error_of("", RigSceneWith(", moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}")),
+              HasSubstr("rig.yaml:2: scenes.pair: moves camera left during the captures, which a study does not"));
+  std::string near = RigSceneWith();
+  near.replace(near.find("distance: 600 mm"), 16, "distance: 60 mm");
+  EXPECT_THAT(error_of("", near), HasSubstr("rig.yaml:2: scenes.pair: the target does not fit into the image"));
+  std::string loose = RigSceneWith();
+  loose.replace(loose.find("mount: gripper"), 14, "mount: griper");
+  EXPECT_THAT(error_of("", loose), HasSubstr("scenes.pair.targets.plate.mount: 'griper' is unknown"));
 }
 
 struct WrongStudy {
@@ -286,7 +385,12 @@ INSTANTIATE_TEST_SUITE_P(
         WrongStudy{"NoMethod", "methods: []\n", "methods: the list is empty"},
         WrongStudy{"RepeatedIntrinsics", "intrinsics: [focal, focal]\n", "intrinsics[1]: is listed twice"},
         WrongStudy{"Loss", "loss: hubber\n", "loss: 'hubber' is unknown"},
-        WrongStudy{"Intrinsics", "intrinsics: [focus]\n", "intrinsics[0]: 'focus' is unknown"}),
+        WrongStudy{"Intrinsics", "intrinsics: [focus]\n", "intrinsics[0]: 'focus' is unknown"},
+        WrongStudy{"VariedIntrinsics", "intrinsics: [[focal], [focus]]\n", "intrinsics[1][0]: 'focus' is unknown"},
+        WrongStudy{"MixedIntrinsics", "intrinsics: [[focal], focal]\n", "intrinsics[1]: a list is needed"},
+        WrongStudy{"EstimatorsWithoutARig", "estimators: [jointly]\n", "estimators: is for rigs; no scene has"},
+        WrongStudy{"Estimator", "estimators: [joint]\n", "estimators[0]: 'joint' is unknown"},
+        WrongStudy{"RepeatedEstimator", "estimators: [jointly, jointly]\n", "estimators[1]: is listed twice"}),
     [](const auto& wrong) { return wrong.param.name; });
 
 TEST_F(StudyConfigTest, NamesTheSceneThatDoesNotFit) {

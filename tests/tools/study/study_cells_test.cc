@@ -3,6 +3,8 @@
 #include <fstream>
 #include <functional>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -30,10 +32,21 @@ StudyConfig SmallStudy() {
     study.labels.emplace_back();
     study.labels.back().scene = "scene" + std::to_string(i);
   }
+  RigStudyCell rig;
+  rig.rig.robots = {"arm"};
+  rig.rig.cameras = {{"top", {0, Mount::Part::kBase}, Camera{"pinhole", 640, 480, {600, 600, 320, 240}}}};
+  rig.rig.targets = {{"plate", {0, Mount::Part::kGripper}, TargetShape()}};
+  rig.poses = {{Rigid3d()}, {Rigid3d()}, {Rigid3d()}};
+  rig.targets = {{Points3::Zero(3, 4), false}};
+  rig.arms = {{Rigid3d()}, {Rigid3d()}};
+  study.cells.emplace_back(rig);
+  study.labels.emplace_back();
   return study;
 }
 
-CellResult ResultOf(int cell) {
+StudyCell& CameraCell(StudyConfig* study) { return std::get<StudyCell>(study->cells[0]); }
+
+std::vector<CellResult> ResultOf(int cell) {
   CellResult result;
   result.cell = cell;
   result.bound = StudyErrors{1e-3, 2e-3, 3e-3, 4e-3, 0.5, 6e-3, std::nullopt};
@@ -53,8 +66,10 @@ CellResult ResultOf(int cell) {
   method.pixel_sigma_px = 0.11;
   method.robot_noise = RobotNoise{1e-4, 2e-4};
   result.methods.push_back(method);
-  return result;
+  return {result};
 }
+
+RigStudyCell& RigCell(StudyConfig* study) { return std::get<RigStudyCell>(study->cells[2]); }
 
 class StudyCellsTest : public testing::Test {
  protected:
@@ -66,9 +81,11 @@ TEST_F(StudyCellsTest, FindsWhatItKept) {
   const StudyCells cells(folder_ / "study", study_);
   EXPECT_FALSE(cells.Find(1).has_value());
   cells.Keep(ResultOf(1));
-  const std::optional<CellResult> found = cells.Find(1);
-  ASSERT_TRUE(found.has_value());
+  const std::optional<std::vector<CellResult>> results = cells.Find(1);
+  ASSERT_TRUE(results.has_value());
   EXPECT_FALSE(cells.Find(0).has_value());
+  ASSERT_THAT(*results, SizeIs(1));
+  const CellResult* const found = results->data();
   EXPECT_EQ(found->cell, 1);
   EXPECT_EQ(found->labels.scene, "scene1");
   ASSERT_TRUE(found->bound) << found->bound.reason();
@@ -106,11 +123,11 @@ TEST_F(StudyCellsTest, FindsWhatItKept) {
 
 TEST_F(StudyCellsTest, KeepsWhyThereIsNoBound) {
   const StudyCells cells(folder_ / "study", study_);
-  CellResult result = ResultOf(0);
-  result.bound = Failure{"the captures do not determine the unknowns"};
-  cells.Keep(result);
+  std::vector<CellResult> results = ResultOf(0);
+  results[0].bound = Failure{"the captures do not determine the unknowns"};
+  cells.Keep(results);
   ASSERT_TRUE(cells.Find(0).has_value());
-  EXPECT_EQ(cells.Find(0)->bound.reason(), "the captures do not determine the unknowns");
+  EXPECT_EQ(cells.Find(0)->at(0).bound.reason(), "the captures do not determine the unknowns");
 }
 
 TEST_F(StudyCellsTest, AnotherObjectFindsThemInTheSameFolder) {
@@ -136,35 +153,87 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Change{"Trials", [](StudyConfig* study) { study->num_trials = 21; }},
         Change{"Seed", [](StudyConfig* study) { study->seed = 2; }},
-        Change{"PixelNoise", [](StudyConfig* study) { study->cells[0].pixel_sigma_px = 0.11; }},
-        Change{"RobotNoise", [](StudyConfig* study) { study->cells[0].robot_noise.rotation_rad = 1e-9; }},
-        Change{"Outliers", [](StudyConfig* study) { study->cells[0].outlier_points = 0.01; }},
-        Change{"WrongCaptures", [](StudyConfig* study) { study->cells[0].wrong_captures = 0.01; }},
-        Change{"Camera", [](StudyConfig* study) { study->cells[0].camera.params[0] += 1e-6; }},
-        Change{"CameraModel", [](StudyConfig* study) { study->cells[0].options.camera_model = "rational8"; }},
+        Change{"PixelNoise", [](StudyConfig* study) { CameraCell(study).pixel_sigma_px = 0.11; }},
+        Change{"RobotNoise", [](StudyConfig* study) { CameraCell(study).robot_noise.rotation_rad = 1e-9; }},
+        Change{"Outliers", [](StudyConfig* study) { CameraCell(study).outlier_points = 0.01; }},
+        Change{"WrongCaptures", [](StudyConfig* study) { CameraCell(study).wrong_captures = 0.01; }},
+        Change{"Camera", [](StudyConfig* study) { CameraCell(study).camera.params[0] += 1e-6; }},
+        Change{"CameraModel", [](StudyConfig* study) { CameraCell(study).options.camera_model = "rational8"; }},
         Change{"HandEye",
-               [](StudyConfig* study) { study->cells[0].hand_eye.camera_mount_from_camera.translation.x() = 1; }},
-        Change{"Pose", [](StudyConfig* study) { study->cells[0].poses[0].camera_from_target.translation.x() = 1; }},
-        Change{"Role", [](StudyConfig* study) { study->cells[0].poses[0].role = CaptureRole::kNone; }},
-        Change{"Points", [](StudyConfig* study) { study->cells[0].target.points_in_target(0, 0) = 1; }},
-        Change{"Radii", [](StudyConfig* study) { study->cells[0].target.radii_m = Eigen::VectorXd::Ones(1); }},
-        Change{"Shape", [](StudyConfig* study) { study->cells[0].shape.params[0] = 1.01; }},
-        Change{"Methods", [](StudyConfig* study) { study->cells[0].options.methods = {"park"}; }},
-        Change{"Loss", [](StudyConfig* study) { study->cells[0].options.bundle.loss = LossKind::kHuber; }},
-        Change{"Setup", [](StudyConfig* study) { study->cells[0].options.setup = Setup::kEyeInHand; }},
+               [](StudyConfig* study) { CameraCell(study).hand_eye.camera_mount_from_camera.translation.x() = 1; }},
+        Change{"Pose", [](StudyConfig* study) { CameraCell(study).poses[0].camera_from_target.translation.x() = 1; }},
+        Change{"Role", [](StudyConfig* study) { CameraCell(study).poses[0].role = CaptureRole::kNone; }},
+        Change{"Points", [](StudyConfig* study) { CameraCell(study).target.points_in_target(0, 0) = 1; }},
+        Change{"Radii", [](StudyConfig* study) { CameraCell(study).target.radii_m = Eigen::VectorXd::Ones(1); }},
+        Change{"Shape", [](StudyConfig* study) { CameraCell(study).shape.params[0] = 1.01; }},
+        Change{"Methods", [](StudyConfig* study) { CameraCell(study).options.methods = {"park"}; }},
+        Change{"Loss", [](StudyConfig* study) { CameraCell(study).options.bundle.loss = LossKind::kHuber; }},
+        Change{"Setup", [](StudyConfig* study) { CameraCell(study).options.setup = Setup::kEyeInHand; }},
         Change{"RobotModel",
                [](StudyConfig* study) {
-                 study->cells[0].options.choose.robot_noise = !study->cells[0].options.choose.robot_noise;
+                 CameraCell(study).options.choose.robot_noise = !CameraCell(study).options.choose.robot_noise;
                }},
         Change{"Intrinsics",
-               [](StudyConfig* study) { study->cells[0].options.bundle.free_intrinsics = {ParameterGroup::kFocal}; }},
-        Change{"GivenCamera", [](StudyConfig* study) { study->cells[0].options.camera = study->cells[0].camera; }}),
+               [](StudyConfig* study) { CameraCell(study).options.bundle.free_intrinsics = {ParameterGroup::kFocal}; }},
+        Change{"GivenCamera", [](StudyConfig* study) { CameraCell(study).options.camera = CameraCell(study).camera; }}),
+    [](const auto& change) { return change.param.name; });
+
+TEST_F(StudyCellsTest, FindsThePosesOfARigInTheirOrder) {
+  const StudyCells cells(folder_ / "study", study_);
+  std::vector<CellResult> results;
+  for (const char* pose : {"camera top in world", "camera side in camera top"}) {
+    results.push_back(ResultOf(2)[0]);
+    results.back().labels.pose = pose;
+  }
+  StudyErrors bound;
+  bound.hand_eye_m = 1e-3;
+  results[0].bound = bound;
+  cells.Keep(results);
+  const std::optional<std::vector<CellResult>> found = cells.Find(2);
+  ASSERT_TRUE(found.has_value());
+  ASSERT_THAT(*found, SizeIs(2));
+  EXPECT_EQ(found->at(0).labels.pose, "camera top in world");
+  EXPECT_EQ(found->at(1).labels.pose, "camera side in camera top");
+  EXPECT_EQ(found->at(0).bound->hand_eye_m, 1e-3);
+  EXPECT_FALSE(found->at(0).bound->board_m.has_value());
+}
+
+class ChangedRigStudyTest : public StudyCellsTest, public testing::WithParamInterface<Change> {};
+
+TEST_P(ChangedRigStudyTest, DoesNotReuseTheCell) {
+  StudyCells(folder_ / "study", study_).Keep(ResultOf(2));
+  ASSERT_TRUE(StudyCells(folder_ / "study", study_).Find(2).has_value());
+  GetParam().apply(&study_);
+  EXPECT_FALSE(StudyCells(folder_ / "study", study_).Find(2).has_value());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , ChangedRigStudyTest,
+    testing::Values(
+        Change{"PixelNoise", [](StudyConfig* study) { RigCell(study).simulation.noise_px = 0.2; }},
+        Change{"RobotNoise", [](StudyConfig* study) { RigCell(study).simulation.robot_noise.rotation_rad = 1e-9; }},
+        Change{"Margin", [](StudyConfig* study) { RigCell(study).simulation.motion.margin_px += 1; }},
+        Change{"Camera", [](StudyConfig* study) { RigCell(study).rig.cameras[0].camera.params[0] += 1e-6; }},
+        Change{"Name", [](StudyConfig* study) { RigCell(study).rig.cameras[0].name = "side"; }},
+        Change{"Mount", [](StudyConfig* study) { RigCell(study).rig.targets[0].mount.part = Mount::Part::kBase; }},
+        Change{"CameraPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_camera[0].translation.x() = 1; }},
+        Change{"TargetPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_target[0].translation.x() = 1; }},
+        Change{"Arm", [](StudyConfig* study) { RigCell(study).arms[1][0].translation.x() = 1; }},
+        Change{"Points", [](StudyConfig* study) { RigCell(study).targets[0].points_in_target(0, 0) = 1; }},
+        Change{"Intrinsics",
+               [](StudyConfig* study) { RigCell(study).rig.cameras[0].free_intrinsics = {ParameterGroup::kFocal}; }},
+        Change{"GivenCamera", [](StudyConfig* study) { RigCell(study).options.has_camera = {true}; }},
+        Change{"RobotModel",
+               [](StudyConfig* study) { RigCell(study).options.adjustment.robot = BundleOptions::Robot::kExact; }},
+        Change{"Loss", [](StudyConfig* study) { RigCell(study).options.adjustment.loss = LossKind::kNone; }},
+        Change{"Shape", [](StudyConfig* study) { RigCell(study).options.choose_target_shape = false; }},
+        Change{"Estimators", [](StudyConfig* study) { RigCell(study).estimators = {RigEstimator::kOneByOne}; }}),
     [](const auto& change) { return change.param.name; });
 
 // The content of a cell decides, not its neighbours.
 TEST_F(StudyCellsTest, AChangeOfAnotherCellDoesNotMatter) {
   StudyCells(folder_ / "study", study_).Keep(ResultOf(0));
-  study_.cells[1].pixel_sigma_px = 5;
+  std::get<StudyCell>(study_.cells[1]).pixel_sigma_px = 5;
   study_.cells.push_back(study_.cells[1]);
   study_.labels.push_back(study_.labels[1]);
   EXPECT_TRUE(StudyCells(folder_ / "study", study_).Find(0).has_value());

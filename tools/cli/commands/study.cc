@@ -1,15 +1,14 @@
 #include <algorithm>
 #include <iostream>
-#include <mutex>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
-#include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/study_config.h"
 #include "tools/files/result_folder.h"
+#include "tools/study/cell_run.h"
 #include "tools/study/study_cells.h"
 #include "tools/study/study_report.h"
 #include "tools/text/console.h"
@@ -34,17 +33,18 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
   const StudyCells cells(output, study);
   std::vector<CellResult> results;
   std::vector<int> to_do;
+  size_t num_known = 0;
   for (const int cell : CellsOf(shard, static_cast<int>(study.cells.size()))) {
-    std::optional<CellResult> known = FLAGS_resume ? cells.Find(cell) : std::nullopt;
+    const std::optional<std::vector<CellResult>> known = FLAGS_resume ? cells.Find(cell) : std::nullopt;
     if (known) {
-      results.push_back(std::move(*known));
+      results.insert(results.end(), known->begin(), known->end());
+      ++num_known;
     } else {
       to_do.push_back(cell);
     }
   }
-  if (!results.empty() && !FLAGS_quiet) {
-    std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were already complete"
-              << std::endl;
+  if (num_known > 0 && !FLAGS_quiet) {
+    std::cerr << num_known << " of " << num_known + to_do.size() << " cells were already complete" << std::endl;
   }
   // The first trial of a large cell may take a while.
   if (!FLAGS_quiet) {
@@ -54,21 +54,12 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
   Progress progress("trial", static_cast<int64_t>(to_do.size()) * study.num_trials,
                     FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   for (const int index : to_do) {
-    const StudyCell& cell = study.cells[static_cast<size_t>(index)];
-    // Every trial is independent, so the result does not depend on the threads.
-    std::vector<std::vector<TrialEstimate>> trials(static_cast<size_t>(study.num_trials));
-    std::mutex mutex;
-    ParallelFor(study.num_trials, NumThreads(), [&](int trial) {
-      // All cells use the same random numbers in the same trial, so that differences between them are not due to
-      // chance.
-      trials[static_cast<size_t>(trial)] = RunTrial(cell, study.seed, trial);
-      const std::lock_guard<std::mutex> guard(mutex);
-      progress.Step();
-    });
-    results.push_back({index, study.labels[static_cast<size_t>(index)], ErrorBound(cell), Summarise(cell, trials)});
-    cells.Keep(results.back());
+    const std::vector<CellResult> of_cell = RunCell(study, index, NumThreads(), [&] { progress.Step(); });
+    cells.Keep(of_cell);
+    results.insert(results.end(), of_cell.begin(), of_cell.end());
   }
-  std::sort(results.begin(), results.end(), [](const CellResult& a, const CellResult& b) { return a.cell < b.cell; });
+  std::stable_sort(results.begin(), results.end(),
+                   [](const CellResult& a, const CellResult& b) { return a.cell < b.cell; });
   if (is_whole) {
     WriteFileAtomically(output / "config.yaml", study.used);
     WriteFileAtomically(output / "study.txt", StudyTable(results));
