@@ -1,10 +1,11 @@
-#include "solvers/calibration/model_choice.h"
 
+
+#include "solvers/calibration/model_choice.h"
 #include <algorithm>
 #include <cmath>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
@@ -234,55 +235,6 @@ std::optional<size_t> MostLikelyEffects(
   return best;
 }
 
-namespace {
-
-// The captures of a problem at a solution, with the columns of smooth errors.
-struct SmoothLikelihood {
-  std::vector<LinearisedView> views;  // One per robot pose.
-  std::vector<Rigid3d> poses;         // base_from_gripper of each.
-  double pixel_sigma_px = 1;
-  RobotNoise robot;
-  Eigen::Index num_joints = 0;
-
-  // Returns the log-likelihood of smooth errors, whose standard deviations become the most likely ones.
-  double At(SmoothErrors* errors) const {
-    std::vector<LinearisedView> extended = views;
-    const Eigen::Index n = views.front().by_unknowns.cols();
-    const SharedEffects& effects = errors->effects();
-    for (size_t i = 0; i < views.size(); ++i) {
-      extended[i].by_unknowns.conservativeResize(Eigen::NoChange, n + effects.size());
-      extended[i].by_unknowns.rightCols(effects.size()) =
-          views[i].by_effects.leftCols<6>() * errors->GripperByEffects(poses[i]);
-    }
-    std::vector<VarianceGroup> groups = CorrectionGroups(1, robot, true, true, nullptr, num_joints);
-    const size_t first = groups.size();
-    for (const EffectGroup& group : effects.groups) {
-      groups.push_back({VarianceGroup::Kind::kUnknowns, {}, group.sigma * group.sigma, true});
-    }
-    for (Eigen::Index k = 0; k < effects.size(); ++k) {
-      groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);
-    }
-    const VarianceComponents found = EstimateVariances(extended, groups, kRoughVariances);
-    std::vector<double> sigmas;
-    for (size_t g = 0; g < groups.size(); ++g) {
-      groups[g].variance = found.variances[static_cast<Eigen::Index>(g)];
-      constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
-      if (g >= first) sigmas.push_back(std::max(kLeast, std::sqrt(groups[g].variance)));
-    }
-    errors->SetSigmas(sigmas);
-    return RestrictedLogLikelihood(extended, pixel_sigma_px, groups, n + effects.size());
-  }
-};
-
-// Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
-// shorter ones noise.
-bool IsWithinLimits(const SmoothLengths& lengths) {
-  return lengths.translation_m > 0.04 && lengths.translation_m < 4 && lengths.rotation_rad > 0.08 &&
-         lengths.rotation_rad < 4;
-}
-
-}  // namespace
-
 std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
                                                    const BundleOptions& options) {
   CHECK(solution.robot_noise.has_value());
@@ -291,35 +243,15 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
       inliers, solution, CorrectionsOf(solution), FreeOf(solution.camera.Model(), options), LossOf(LossKind::kNone));
   if (!each) return std::nullopt;
   const PoseGroups groups = GroupByRobotPose(inliers.setup, inliers.views);
-  SmoothLikelihood likelihood{
-      StackGroups(*each, groups), {}, solution.pixel_sigma_px, *solution.robot_noise, NumNoisyJoints(inliers.views)};
+  SmoothSearch search{StackGroups(*each, groups),
+                      {},
+                      solution.pixel_sigma_px,
+                      CorrectionGroups(1, *solution.robot_noise, true, true, nullptr, NumNoisyJoints(inliers.views)),
+                      0};
   for (const std::vector<size_t>& group : groups) {
-    likelihood.poses.push_back(
-        BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
+    search.poses.push_back(BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
   }
-  SmoothErrors best(likelihood.poses, {});
-  double best_log_likelihood = likelihood.At(&best);
-  constexpr double kFactor = 2;
-  constexpr int kMostRounds = 4;
-  bool has_improved = true;
-  for (int round = 0; round < kMostRounds && has_improved; ++round) {
-    has_improved = false;
-    for (double SmoothLengths::*const length : {&SmoothLengths::rotation_rad, &SmoothLengths::translation_m}) {
-      for (const double factor : {kFactor, 1 / kFactor}) {
-        SmoothLengths lengths = best.lengths();
-        lengths.*length *= factor;
-        if (!IsWithinLimits(lengths)) continue;
-        SmoothErrors other(likelihood.poses, lengths);
-        const double log_likelihood = likelihood.At(&other);
-        if (!(log_likelihood > best_log_likelihood)) continue;
-        best_log_likelihood = log_likelihood;
-        best = std::move(other);
-        has_improved = true;
-        break;
-      }
-    }
-  }
-  return best;
+  return FindSmoothErrors(search).errors;
 }
 
 Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start, const BundleOptions& options_in,

@@ -166,7 +166,7 @@ std::optional<SolutionRows> RowsOf(const Problem& problem, const Solution& solut
       WithEffectGroups(CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
                                         NumNoisyJoints(problem.views)),
-                       layout, options.effects.get(), solution.effect_sigmas, true, false);
+                       layout.Block(kRobotBlock), options.effects.get(), solution.effect_sigmas, true, false);
   return SolutionRows{std::move(*views), std::move(groups), layout.Block(kTargetBlock).first};
 }
 

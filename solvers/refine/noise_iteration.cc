@@ -35,8 +35,8 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Los
       WithEffectGroups(CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
                                         NumNoisyJoints(fit.problem->views)),
-                       HandEyeUnknowns(fit.state.camera.Model(), free), free.effects.get(), noise.effect_sigmas,
-                       robot_is_free, options.effects_avoid_zero);
+                       HandEyeUnknowns(fit.state.camera.Model(), free).Block(kRobotBlock), free.effects.get(),
+                       noise.effect_sigmas, robot_is_free, options.effects_avoid_zero);
   // The noise of joints is kept from zero beside such effects: few captures leave little to tell it by.
   if (free.effects != nullptr && options.effects_avoid_zero && FirstEffectGroup(groups) > kJointGroup) {
     constexpr double kLeastRad = 1e-6;

@@ -140,7 +140,7 @@ struct ChainRows {
         views(LineariseChain(setup, pairs, Whitenings(pairs), layout, solution)),
         groups(WithEffectGroups(
             CorrectionGroups(solution.pixel_sigma_px * solution.pixel_sigma_px, *solution.robot_noise, true, true),
-            layout, solution.shared_effects.get(), solution.effect_sigmas, true, false)) {}
+            layout.Block(kRobotBlock), solution.shared_effects.get(), solution.effect_sigmas, true, false)) {}
 
   double LogLikelihood() const { return RestrictedLogLikelihood(views, 1, groups, layout.size()); }
 };
@@ -181,7 +181,7 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<LinearisedView> views = LineariseChain(setup, pairs, whitenings, layout, solution);
     const std::vector<VarianceGroup> groups =
-        WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout, effects.get(),
+        WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), robot, effects.get(),
                          solution.effect_sigmas, true, false);
     const VarianceComponents found = EstimateVariances(views, groups);
     variance = found.variances[kPixelGroup];

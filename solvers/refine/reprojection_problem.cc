@@ -59,9 +59,10 @@ void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
   }
 }
 
-double* LoopUnknowns::Block(UnknownOwner owner) const {
-  const auto found = std::find_if(places_.begin(), places_.end(),
-                                  [&](const OwnerBlock& place) { return place.unknowns.owner == owner; });
+double* LoopUnknowns::Block(UnknownOwner owner, size_t index) const {
+  const auto found = std::find_if(places_.begin(), places_.end(), [&](const OwnerBlock& place) {
+    return place.unknowns.owner == owner && place.index == index;
+  });
   CHECK(found != places_.end());
   return blocks_[static_cast<size_t>(found - places_.begin())];
 }
@@ -93,7 +94,8 @@ ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCos
   problem.AddResidualBlock(cost, nullptr, unknowns->blocks());
   for (const BlockPrior& prior : priors) {
     const Eigen::MatrixXd rows = prior.weights.asDiagonal();
-    problem.AddResidualBlock(&prior_costs.emplace_back(rows, prior.mean), nullptr, unknowns->Block(prior.owner));
+    problem.AddResidualBlock(&prior_costs.emplace_back(rows, prior.mean), nullptr,
+                             unknowns->Block(prior.owner, prior.index));
   }
   ceres::Solver::Summary summary;
   if (!priors.empty()) {

@@ -25,8 +25,8 @@ class LoopUnknowns {
   // Adds the blocks to a Ceres problem and holds what is not free. This object must outlive the Ceres problem.
   void AddTo(ceres::Problem* ceres_problem);
   const std::vector<double*>& blocks() const { return blocks_; }
-  // Returns the first block of an owner.
-  double* Block(UnknownOwner owner) const;
+  // Returns the block of an owner with this index among those of its kind.
+  double* Block(UnknownOwner owner, size_t index) const;
   const std::vector<double>& all() const { return all_; }
   // Returns the values, with unit quaternions.
   LoopValues Values() const { return ValuesIn(places_, all_, held_); }
@@ -39,11 +39,12 @@ class LoopUnknowns {
   std::vector<double*> blocks_;
 };
 
-// Prior knowledge of the numbers in the first block of an owner: residuals weights * (x - mean).
+// Prior knowledge of the numbers in one block of an owner: residuals weights * (x - mean).
 struct BlockPrior {
   UnknownOwner owner = UnknownOwner::kCamera;
   Eigen::VectorXd weights;
   Eigen::VectorXd mean;
+  size_t index = 0;  // Among the blocks of its kind of owner.
 };
 
 // Calls ceres::Solve for a problem of `cost` and these priors, from the values of the unknowns, which become those of

@@ -103,6 +103,15 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
   solution.pixel_sigmas_px = fit.noise.pixel_px;
   solution.image_sigmas_px = fit.noise.image_px;
   solution.unmodelled_sigma_px = fit.unmodelled_sigma_px;
+  solution.effects = fit.state.effects;
+  solution.effect_sigmas = fit.noise.effect_sigmas;
+  solution.smooth_noise.resize(problem.robots.size());
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr || effects->kind != SharedEffectsKind::kSmooth) continue;
+    const std::vector<double>& sigmas = fit.noise.effect_sigmas[r];
+    solution.smooth_noise[r] = RobotNoise{sigmas[0], sigmas[1]};
+  }
   solution.robot_noise.resize(problem.robots.size());
   solution.robot_noise_stddev.resize(problem.robots.size());
   const std::vector<size_t> moving = MovingRobots(*fit.problem);
@@ -149,6 +158,16 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   fit.state.poses = start;
   for (const RigCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
   for (const RigTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
+  if (!problem.effects.empty()) {
+    fit.state.effects.resize(problem.robots.size());
+    fit.noise.effect_sigmas.resize(problem.robots.size());
+  }
+  for (size_t r = 0; r < fit.state.effects.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    fit.state.effects[r].setZero(effects->size());
+    for (const EffectGroup& group : effects->groups) fit.noise.effect_sigmas[r].push_back(group.sigma);
+  }
   fit.unmodelled_sigma_px.resize(problem.cameras.size());
   RigPointFlags keep = AllFlags(problem, true);
   UsePoints(problem, keep, &fit);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <set>
 #include <utility>
 
@@ -13,6 +14,7 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
+#include "solvers/rig/rig_smooth_errors.h"
 #include "solvers/rig/rig_start.h"
 #include "solvers/uncertainty/capture_outliers.h"
 
@@ -145,11 +147,43 @@ RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
   return problem;
 }
 
+// Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
+// for them or if the captures show them at 1 %. Returns those that were added.
+std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& options, RigProblem* problem,
+                                             JudgedRig* judged) {
+  constexpr double kLevel = 0.01;
+  constexpr double kNumFigures = 4;  // Two standard deviations and two lengths.
+  const bool has_noise =
+      options.adjustment.robot == BundleOptions::Robot::kEstimatedNoise && !options.adjustment.robot_noise_prior;
+  std::vector<RigSmoothErrors> added;
+  if (options.smooth == SmoothPoseErrors::kNone || !has_noise) return added;
+  RigProblem with_errors = *problem;
+  with_errors.effects.resize(problem->robots.size());
+  for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
+  const RigProblem used = WithoutRejected(Without(*problem, judged->left_out), judged->solution);
+  for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
+    const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kLevel;
+    if (options.smooth == SmoothPoseErrors::kAuto && !is_likely) continue;
+    added.push_back({arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot]});
+    with_errors.effects[arm.robot] = std::make_shared<const SharedEffects>(arm.found.errors.effects());
+    for (RigCapture& capture : with_errors.captures) {
+      capture.effects[arm.robot] = arm.found.errors.EffectAt(capture.base_from_gripper[arm.robot]);
+    }
+  }
+  if (added.empty()) return added;
+  Outcome<JudgedRig> other =
+      RefineWithoutOutliers(with_errors, judged->solution.poses, judged->left_out, options.adjustment);
+  if (!other) return {};
+  *problem = std::move(with_errors);
+  *judged = std::move(*other);
+  return added;
+}
+
 // Describes how an image contradicts the others.
 std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, const ImageIndex& index, double p_value) {
   const RigImage& image = problem.captures[index.capture].images[index.image];
   const Rigid3d predicted = CameraFromTarget(problem, solution.poses, image.camera, image.target,
-                                             problem.captures[index.capture].base_from_gripper);
+                                             WithErrors(problem.captures[index.capture], solution.effects));
   std::optional<TargetPose> seen;
   for (const TargetPose& pose : EstimateTargetPose(solution.cameras[image.camera],
                                                    ApplyShape(image.observations, solution.shapes[image.target]))) {
@@ -229,14 +263,16 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     // A target that differs from its design must not make images outliers.
     RigProblem open = rig;
     for (RigTarget& target : open.targets) target.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
-    judged = RefineWithoutOutliers(open, *start, left_out, options.adjustment);
     for (RigTarget& target : rig.targets) target.free_shape.clear();
-    if (judged) {
-      rig.targets = WithChosenShapes(open, judged->solution).targets;
-      left_out = judged->left_out;
-    }
+    judged = RefineWithoutOutliers(open, *start, left_out, options.adjustment);
+    if (judged) rig.targets = open.targets;
   }
-  judged = RefineWithoutOutliers(rig, judged ? judged->solution.poses : *start, left_out, options.adjustment);
+  if (!judged) judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
+  if (judged && options.choose_target_shape) {
+    rig = WithChosenShapes(std::move(rig), judged->solution);
+    judged = RefineWithoutOutliers(rig, judged->solution.poses, judged->left_out, options.adjustment);
+  }
   if (!judged) {
     calibration.refined = Failure{judged.reason()};
     return calibration;
@@ -259,6 +295,21 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
     if (!finding) continue;
     finding->names.emplace_back("of_target", target.name);
     findings.push_back(std::move(*finding));
+  }
+  for (const RigSmoothErrors& of_arm : calibration.smooth_errors) {
+    const RobotNoise smooth = SmoothNoiseOf(solution, of_arm.robot).value_or(RobotNoise{});
+    const RobotNoise after = solution.robot_noise[of_arm.robot].value_or(RobotNoise{});
+    findings.push_back({Grade::kGood,
+                        FindingCode("smooth_errors"),
+                        {{"smooth_mm", 1000 * smooth.translation_m},
+                         {"smooth_deg", RadToDeg(smooth.rotation_rad)},
+                         {"length_mm", 1000 * of_arm.lengths.translation_m},
+                         {"length_deg", RadToDeg(of_arm.lengths.rotation_rad)},
+                         {"before_mm", 1000 * of_arm.noise_before.translation_m},
+                         {"before_deg", RadToDeg(of_arm.noise_before.rotation_rad)},
+                         {"after_mm", 1000 * after.translation_m},
+                         {"after_deg", RadToDeg(after.rotation_rad)}},
+                        {{"of_arm", problem.robots[of_arm.robot]}}});
   }
   for (const MovedCamera& moved : FindMovedCameras(problem, calibration)) {
     Finding finding{Grade::kBad,

@@ -53,7 +53,7 @@ RigProblem PartOf(RigProblem problem, const std::vector<int>& fold_of, int fold,
 void AddImage(const RigProblem& problem, const RigSolution& solution, const RigImage& image, const RigCapture& capture,
               HeldOutErrors* errors) {
   const Rigid3d predicted =
-      CameraFromTarget(problem, solution.poses, image.camera, image.target, capture.base_from_gripper);
+      CameraFromTarget(problem, solution.poses, image.camera, image.target, WithErrors(capture, solution.effects));
   const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
   const Camera& camera = solution.cameras[image.camera];
   const std::optional<SquaredErrors> pixels = ViewErrors(camera, predicted, shaped);
@@ -76,18 +76,19 @@ void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors
   state.corrections.clear();
   const CaptureGroups groups = GroupByRobotPoses(weighted);
   const std::vector<size_t> moving = MovingRobots(weighted);
-  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}};
+  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
   for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
   const std::optional<LinearisedImages> images =
       LineariseImages(weighted, groups, state, noise, LossOf(LossKind::kNone));
   if (!images) return;
   const Eigen::VectorXd variances = CorrectionVariances(noise, moving.size());
   for (const LinearisedView& view : StackGroups(images->views, images->groups)) {
-    const Eigen::Index rows = view.offset.size();
+    const Eigen::VectorXd residual = ResidualOf(weighted, state, view, Eigen::VectorXd::Zero(variances.size()));
+    const Eigen::Index rows = residual.size();
     const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(rows, rows) +
                                        view.by_effects * variances.asDiagonal() * view.by_effects.transpose() +
                                        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->chi2 += residual.dot(covariance.ldlt().solve(residual)) + view.residual_sum_of_squares;
     errors->dof += static_cast<double>(rows + view.num_residual_dof);
   }
 }

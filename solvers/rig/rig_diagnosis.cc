@@ -83,7 +83,7 @@ std::vector<MovedCamera> FindMovedCameras(const RigProblem& problem, const RigCa
           continue;
         }
         const Rigid3d predicted =
-            CameraFromTarget(problem, solution.poses, c, image.target, problem.captures[i].base_from_gripper);
+            CameraFromTarget(problem, solution.poses, c, image.target, WithErrors(used[i], solution.effects));
         const std::vector<TargetPose> poses =
             EstimateTargetPose(solution.cameras[c], ApplyShape(image.observations, solution.shapes[image.target]));
         const TargetPose* const seen = NearestPose(poses, predicted);

@@ -18,6 +18,9 @@
 namespace heba {
 namespace {
 
+// Effects with a smaller standard deviation, rad or m, count as exact.
+constexpr double kExactEffect = 1e-8;
+
 // The points of each camera.
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
   std::vector<std::vector<const Observations*>> all(problem.cameras.size());
@@ -41,6 +44,27 @@ std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
   return weighted;
 }
 
+// Returns the weights of the priors of an arm's effects.
+Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas) {
+  Eigen::VectorXd weights(effects.size());
+  for (Eigen::Index i = 0; i < weights.size(); ++i) {
+    weights[i] = 1 / sigmas[effects.effects[static_cast<size_t>(i)].group];
+  }
+  return weights;
+}
+
+std::vector<BlockPrior> EffectPriors(const RigProblem& problem, const RigNoise& noise) {
+  std::vector<BlockPrior> priors;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    const size_t index = priors.size();
+    priors.push_back({UnknownOwner::kEffects, EffectWeights(*effects, noise.effect_sigmas[r]),
+                      Eigen::VectorXd::Zero(effects->size()), index});
+  }
+  return priors;
+}
+
 ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const RigOptions& rig_options, RigFit* fit) {
   CapturesCostOptions options;
   options.loss = &loss;
@@ -58,7 +82,8 @@ ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(rig_options.max_iterations);
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
-  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns);
+  ceres::Solver::Summary summary =
+      SolveCaptures(solver_options, &cost, &unknowns, EffectPriors(*fit->problem, fit->noise));
   fit->state = WithValues(std::move(fit->state), unknowns.Values());
   const std::vector<size_t> moving = MovingRobots(*fit->problem);
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();
@@ -109,7 +134,7 @@ void EstimateCameraNoise(const RigFit& fit, const LinearisedImages& images, cons
       const RigImage& image = fit.problem->captures[index.capture].images[index.image];
       if (view.offset.size() <= 6) continue;
       const Eigen::MatrixXd basis = PosePartOf(*fit.problem, image, view);
-      const Eigen::VectorXd residual = view.offset - view.by_effects * corrections;
+      const Eigen::VectorXd residual = ResidualOf(*fit.problem, fit.state, view, corrections);
       const Eigen::MatrixXd predicted = PredictionCovariance(view, posterior, covariance);
       const double pose = (basis.transpose() * residual).squaredNorm();
       const double pose_leverage = (basis.transpose() * predicted * basis).trace();
@@ -143,22 +168,6 @@ struct EstimatedRigNoise {
   double dof = 0;
 };
 
-// The groups of the variances: the pixels, then translation and rotation of each moving arm.
-std::vector<VarianceGroup> VarianceGroupsOf(const RigNoise& noise, const Loss& loss, const RigOptions& options) {
-  const bool is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
-  std::vector<VarianceGroup> groups = {
-      {VarianceGroup::Kind::kPixels, {}, loss.consistency, !options.pixel_noise_px.has_value()}};
-  for (size_t k = 0; k < noise.robots.size(); ++k) {
-    const RobotNoisePrior* const prior = options.robot_noise_prior ? &*options.robot_noise_prior : nullptr;
-    for (const VarianceGroup& of_robot : CorrectionGroups(1, noise.robots[k], false, is_free, prior)) {
-      if (of_robot.kind == VarianceGroup::Kind::kPixels) continue;
-      groups.push_back(of_robot);
-      for (Eigen::Index& column : groups.back().columns) column += 6 * static_cast<Eigen::Index>(k);
-    }
-  }
-  return groups;
-}
-
 // Estimates the noise that explains the residuals best.
 EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
   EstimatedRigNoise result;
@@ -175,7 +184,9 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
     for (size_t c = 0; c < distances.size(); ++c) result.noise.pixel_px[c] = SigmaFromMedian(distances[c]);
   }
   const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
-  const std::vector<VarianceGroup> groups = VarianceGroupsOf(fit.noise, loss, options);
+  const bool robots_are_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
+  const std::vector<VarianceGroup> groups = RigVarianceGroups(
+      *fit.problem, fit.noise, loss.consistency, !options.pixel_noise_px, robots_are_free, options.robot_noise_prior);
   const VarianceComponents found = EstimateVariances(captures, groups);
   for (size_t k = 0; k < fit.noise.robots.size(); ++k) {
     const auto translation = static_cast<Eigen::Index>(1 + 2 * k);
@@ -184,7 +195,14 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
     // Converts the standard deviation of a variance to that of a sigma.
     result.robot_stddev.push_back({0.5 * found.stddev[translation] / robot.translation_m,
                                    0.5 * found.stddev[translation + 1] / robot.rotation_rad, 0});
-    if (options.robot == BundleOptions::Robot::kEstimatedNoise) result.noise.robots[k] = robot;
+    if (robots_are_free) result.noise.robots[k] = robot;
+  }
+  auto group = static_cast<Eigen::Index>(1 + 2 * fit.noise.robots.size());
+  for (std::vector<double>& sigmas : result.noise.effect_sigmas) {
+    for (double& sigma : sigmas) {
+      sigma = std::max(kExactEffect, std::sqrt(found.variances[group]));
+      ++group;
+    }
   }
   result.dof = DegreesOfFreedom(captures, groups, found);
   return result;
@@ -208,6 +226,11 @@ bool NoiseConverged(const RigNoise& noise, const RigNoise& next, NoiseScale scal
   for (size_t k = 0; k < noise.robots.size(); ++k) {
     if (!is_close(noise.robots[k].translation_m, next.robots[k].translation_m, exact.translation_m)) return false;
     if (!is_close(noise.robots[k].rotation_rad, next.robots[k].rotation_rad, exact.rotation_rad)) return false;
+  }
+  for (size_t r = 0; r < noise.effect_sigmas.size(); ++r) {
+    for (size_t g = 0; g < noise.effect_sigmas[r].size(); ++g) {
+      if (!is_close(noise.effect_sigmas[r][g], next.effect_sigmas[r][g], kExactEffect)) return false;
+    }
   }
   return true;
 }
@@ -294,6 +317,40 @@ Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const 
   return tangents;
 }
 
+Eigen::VectorXd ResidualOf(const RigProblem& problem, const RigState& state, const LinearisedView& view,
+                           const Eigen::VectorXd& corrections) {
+  Eigen::VectorXd residual = view.offset - view.by_effects * corrections;
+  const UnknownLayout layout = RigUnknowns(problem);
+  for (size_t r = 0; r < state.effects.size(); ++r) {
+    if (EffectsOf(problem, r) == nullptr) continue;
+    const UnknownBlock block = layout.Block(ErrorsBlock(problem.robots[r]));
+    residual -= view.by_unknowns.middleCols(block.first, block.size) * state.effects[r];
+  }
+  return residual;
+}
+
+std::vector<VarianceGroup> RigVarianceGroups(const RigProblem& problem, const RigNoise& noise, double pixel_variance,
+                                             bool pixel_is_free, bool robots_are_free,
+                                             const std::optional<RobotNoisePrior>& robot_prior) {
+  std::vector<VarianceGroup> groups = {{VarianceGroup::Kind::kPixels, {}, pixel_variance, pixel_is_free}};
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    for (const VarianceGroup& of_robot :
+         CorrectionGroups(1, noise.robots[k], false, robots_are_free, robot_prior ? &*robot_prior : nullptr)) {
+      if (of_robot.kind == VarianceGroup::Kind::kPixels) continue;
+      groups.push_back(of_robot);
+      for (Eigen::Index& column : groups.back().columns) column += 6 * static_cast<Eigen::Index>(k);
+    }
+  }
+  const UnknownLayout layout = RigUnknowns(problem);
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    groups = WithEffectGroups(std::move(groups), layout.Block(ErrorsBlock(problem.robots[r])), effects,
+                              noise.effect_sigmas[r], robots_are_free, true);
+  }
+  return groups;
+}
+
 CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views, const Eigen::VectorXd& variances,
                                 Eigen::Index num_unknowns) {
   const Eigen::Index size = variances.size();
@@ -325,10 +382,18 @@ std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
   const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
   if (!images) return std::nullopt;
   // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
-  return Information{
+  Information information{
       RigUnknowns(*fit.problem),
       MarginalInformation(StackGroups(images->views, images->groups),
                           CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size()), loss.covariance_factor())};
+  for (size_t r = 0; r < fit.problem->robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(*fit.problem, r);
+    if (effects == nullptr) continue;
+    const UnknownBlock block = information.layout.Block(ErrorsBlock(fit.problem->robots[r]));
+    information.matrix.diagonal().segment(block.first, block.size) +=
+        EffectWeights(*effects, fit.noise.effect_sigmas[r]).cwiseAbs2();
+  }
+  return information;
 }
 
 Outcome<RigFit> IterateRig(RigFit fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {

@@ -12,6 +12,7 @@
 #include "solvers/rig/rig_loops.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/linearisation.h"
+#include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
 
@@ -55,6 +56,14 @@ ViewDistances ImageDistances(const RigProblem& problem, const CaptureGroups& gro
 Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view);
 // Returns the tangents of a capture's corrections of the moving arms, joined; zero for exact arms.
 Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const std::vector<size_t>& moving);
+// Returns the whitened residuals of an image at the state's effects and at these tangents of its corrections.
+Eigen::VectorXd ResidualOf(const RigProblem& problem, const RigState& state, const LinearisedView& view,
+                           const Eigen::VectorXd& corrections);
+// Returns the groups of the variances: the pixels, translation and rotation of each moving arm, and the groups of the
+// arms' effects. `pixel_variance`: see VarianceGroup.
+std::vector<VarianceGroup> RigVarianceGroups(const RigProblem& problem, const RigNoise& noise, double pixel_variance,
+                                             bool pixel_is_free, bool robots_are_free,
+                                             const std::optional<RobotNoisePrior>& robot_prior);
 
 // The knowledge about a capture's corrections xi and the unknowns, from all images of a group: the posterior of xi is
 // normal with covariance inverse_normal given the unknowns, and moves with them by -by_unknowns * step.

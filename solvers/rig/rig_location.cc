@@ -46,8 +46,10 @@ Eigen::VectorXd CorrectionSigmas(const RigSolution& solution) {
   for (size_t r = 0; r < solution.robot_noise.size(); ++r) {
     if (!solution.robot_noise[r]) continue;
     const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
-    sigmas.segment<3>(first).setConstant(solution.robot_noise[r]->translation_m);
-    sigmas.segment<3>(first + 3).setConstant(solution.robot_noise[r]->rotation_rad);
+    // The errors at other poses than those of the captures are not known: those that are smooth are noise, too.
+    const RobotNoise smooth = SmoothNoiseOf(solution, r).value_or(RobotNoise{});
+    sigmas.segment<3>(first).setConstant(std::hypot(solution.robot_noise[r]->translation_m, smooth.translation_m));
+    sigmas.segment<3>(first + 3).setConstant(std::hypot(solution.robot_noise[r]->rotation_rad, smooth.rotation_rad));
   }
   return sigmas;
 }

@@ -28,8 +28,12 @@ class RigLoopMaker {
     auto found = patterns_.find(key);
     if (found == patterns_.end()) found = patterns_.emplace(key, PatternOf(image)).first;
     std::vector<Rigid3d> known;
-    for (const size_t robot : found->second.known) known.push_back(capture.base_from_gripper[robot]);
-    return found->second.loop.With(std::move(known));
+    std::vector<std::shared_ptr<const PoseEffect>> effects;
+    for (const size_t robot : found->second.known) {
+      known.push_back(capture.base_from_gripper[robot]);
+      if (EffectsOf(problem_, robot) != nullptr) effects.push_back(capture.effects[robot]);
+    }
+    return found->second.loop.With(std::move(known), std::move(effects));
   }
 
  private:
@@ -44,10 +48,20 @@ class RigLoopMaker {
     if (mount.part == Mount::Part::kBase) return;
     factors->push_back(KnownFactor(Rigid3d()));
     known->push_back(mount.robot);
+    if (EffectsOf(problem_, mount.robot) != nullptr) {
+      factors->push_back(EffectFactor(EffectsIndex(mount.robot), problem_.captures.front().effects[mount.robot]));
+    }
     if (!has_corrections_) return;
     const auto place = std::find(moving_.begin(), moving_.end(), mount.robot);
     CHECK(place != moving_.end());
     factors->push_back(OwnFactor(static_cast<int>(place - moving_.begin())));
+  }
+
+  // Returns the index of an arm among those with effects.
+  int EffectsIndex(size_t robot) const {
+    int index = 0;
+    for (size_t r = 0; r < robot; ++r) index += EffectsOf(problem_, r) != nullptr ? 1 : 0;
+    return index;
   }
 
   Pattern PatternOf(const RigImage& image) const {
@@ -204,6 +218,9 @@ LoopValues RigValues(const RigState& state) {
   values.poses.insert(values.poses.end(), state.poses.world_from_base.begin() + 1, state.poses.world_from_base.end());
   for (const Camera& camera : state.cameras) values.cameras.push_back(camera.params);
   values.targets = state.shapes;
+  for (const Eigen::VectorXd& effects : state.effects) {
+    if (effects.size() > 0) values.effects.push_back(effects);
+  }
   return values;
 }
 
@@ -214,6 +231,10 @@ RigState WithValues(RigState state, const LoopValues& values) {
   for (size_t r = 1; r < state.poses.world_from_base.size(); ++r) state.poses.world_from_base[r] = *pose++;
   for (size_t c = 0; c < state.cameras.size(); ++c) state.cameras[c].params = values.cameras[c];
   state.shapes = values.targets;
+  auto effects = values.effects.begin();
+  for (Eigen::VectorXd& of_robot : state.effects) {
+    if (of_robot.size() > 0) of_robot = *effects++;
+  }
   return state;
 }
 
@@ -223,7 +244,7 @@ Rigid3d PredictedPose(const RigProblem& problem, const RigState& state, const Im
   const std::vector<Rigid3d> none;
   const std::vector<Rigid3d>& corrections = state.corrections.empty() ? none : state.corrections[index.capture];
   return CameraFromTarget(problem, state.poses, image.camera, image.target,
-                          Corrected(capture.base_from_gripper, corrections));
+                          Corrected(WithErrors(capture, state.effects), corrections));
 }
 
 }  // namespace heba

@@ -17,6 +17,7 @@ struct RigState {
   std::vector<TargetShape> shapes;
   // The corrections of the arms' poses: for each capture, one for each arm; empty if the arms are exact.
   std::vector<std::vector<Rigid3d>> corrections;
+  std::vector<Eigen::VectorXd> effects;  // RigSolution::effects.
 };
 
 // The noise that the residuals are whitened with.
@@ -26,6 +27,7 @@ struct RigNoise {
   // moves each point by as much (RMS).
   std::vector<double> image_px;
   std::vector<RobotNoise> robots;  // One per moving arm (MovingRobots); empty if the arms are exact.
+  std::vector<std::vector<double>> effect_sigmas = {};  // RigSolution::effect_sigmas.
 };
 
 // Returns the arms that move a target against a camera in at least one image, in ascending order. Only their noise can
@@ -62,7 +64,7 @@ LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups
 LoopValues RigValues(const RigState& state);
 RigState WithValues(RigState state, const LoopValues& values);
 
-// Returns camera_from_target of an image, with the corrections of its capture.
+// Returns camera_from_target of an image, with the errors and the corrections of its capture.
 Rigid3d PredictedPose(const RigProblem& problem, const RigState& state, const ImageIndex& index);
 
 }  // namespace heba

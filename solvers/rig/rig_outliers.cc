@@ -40,7 +40,7 @@ class ImageTest {
     if (view.offset.size() < 6) return 1;
     // The part of the rows that another pose of the target would explain.
     const Eigen::MatrixXd basis = PosePartOf(problem, image, view);
-    const Tangent6 residual = basis.transpose() * (view.offset - view.by_effects * corrections);
+    const Tangent6 residual = basis.transpose() * ResidualOf(problem, state_, view, corrections);
     const Matrix6 predicted =
         basis.transpose() * PredictionCovariance(view, posterior, solution_.covariance.matrix) * basis;
     const double unmodelled = kUnmodelledPx / solution_.pixel_sigmas_px[image.camera];
@@ -96,7 +96,7 @@ class ImageTest {
 }  // namespace
 
 RigState StateOf(const RigSolution& solution) {
-  RigState state{solution.poses, solution.cameras, solution.shapes, {}};
+  RigState state{solution.poses, solution.cameras, solution.shapes, {}, solution.effects};
   for (const RigCaptureOutcome& capture : solution.captures) {
     if (!capture.corrections.empty()) state.corrections.push_back(capture.corrections);
   }
@@ -104,7 +104,7 @@ RigState StateOf(const RigSolution& solution) {
 }
 
 RigNoise NoiseOf(const RigSolution& solution) {
-  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}};
+  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
   for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
     if (robot) noise.robots.push_back(*robot);
   }
@@ -175,7 +175,7 @@ std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem_in, const Ri
     RigState state = test.state();
     if (!state.corrections.empty()) state.corrections = {state.corrections[i]};
     const auto linearise = [&](const RigCapture& capture) {
-      const RigProblem one{used.robots, used.cameras, used.targets, {capture}};
+      const RigProblem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
       return LineariseCaptures(RigImageLoops(one, {{0}}, state, NoiseOf(solution), test.moving()), RigValues(state), 1,
                                LossOf(LossKind::kNone));
     };

@@ -74,7 +74,7 @@ std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNo
   return groups;
 }
 
-std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
+std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownBlock& block,
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
                                             bool are_free, bool avoid_zero) {
   if (effects == nullptr) return groups;
@@ -83,7 +83,7 @@ std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, c
     groups.push_back({VarianceGroup::Kind::kUnknowns, {}, sigma * sigma, are_free});
     groups.back().avoids_zero = are_free && avoid_zero;
   }
-  const Eigen::Index first = layout.Block(kRobotBlock).first;
+  const Eigen::Index first = block.first;
   for (size_t i = 0; i < effects->effects.size(); ++i) {
     groups[first_group + effects->effects[i].group].columns.push_back(first + static_cast<Eigen::Index>(i));
   }

@@ -46,9 +46,9 @@ std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNo
                                             Eigen::Index num_joints = 0);
 // Returns the place of the first group of effects that captures share; the number of groups if there is none.
 size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups);
-// Appends the groups of the free effects (null if there are none), with these standard deviations. `avoid_zero`:
-// VarianceGroup::avoids_zero.
-std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
+// Appends the groups of the free effects (null if there are none), with these standard deviations. `block` is that of
+// the effects in the layout. `avoid_zero`: VarianceGroup::avoids_zero.
+std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownBlock& block,
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
                                             bool are_free, bool avoid_zero);
 // Raises the variances of those groups of effects that `smaller` lacks to their least ones

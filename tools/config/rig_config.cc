@@ -208,12 +208,17 @@ void ReadTargets(MapReader& root, RigConfig* config) {
   if (!faults.empty()) section.value().Fail(faults);
 }
 
-// Reads "auto", "none" (or "exact"), or both sigmas.
-void ReadRigNoise(MapReader& refine, RigOptions* options) {
+// Reads "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth", or both sigmas.
+void ReadRigNoise(MapReader& refine, RigCalibrationOptions* calibration) {
+  RigOptions* const options = &calibration->adjustment;
   const std::optional<ConfigValue> value = refine.Find("robot_noise");
   if (!value || value->IsText()) {
-    const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
-    options->robot = name == "auto" ? BundleOptions::Robot::kEstimatedNoise : BundleOptions::Robot::kExact;
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact", "white", "smooth"}) : "auto";
+    const bool is_exact = name == "none" || name == "exact";
+    options->robot = is_exact ? BundleOptions::Robot::kExact : BundleOptions::Robot::kEstimatedNoise;
+    calibration->smooth = name == "auto"     ? SmoothPoseErrors::kAuto
+                          : name == "smooth" ? SmoothPoseErrors::kAlways
+                                             : SmoothPoseErrors::kNone;
     refine.Record("robot_noise", YAML::Node(name));
     return;
   }
@@ -231,7 +236,7 @@ void ReadRefine(MapReader& root, RigConfig* config) {
   config->options.calibration.choose_target_shape = shape.is_chosen;
   for (RigTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
   RigOptions& adjustment = config->options.calibration.adjustment;
-  ReadRigNoise(reader, &adjustment);
+  ReadRigNoise(reader, &config->options.calibration);
   adjustment.pixel_noise_px = ReadPixelNoise(reader);
   adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   reader.Finish();

@@ -132,6 +132,8 @@ std::string RelativeSection(const RigResult& result) {
 }
 
 std::string ArmsSection(const RigResult& result) {
+  const auto& all = result.solution.smooth_noise;
+  const bool has_smooth = std::any_of(all.begin(), all.end(), [](const auto& noise) { return noise.has_value(); });
   std::vector<std::vector<PageCell>> rows;
   for (size_t r = 0; r < result.rig.robots.size(); ++r) {
     const std::optional<RobotNoise>& noise = result.solution.robot_noise[r];
@@ -139,11 +141,21 @@ std::string ArmsSection(const RigResult& result) {
     rows.push_back({{result.rig.robots[r]},
                     {ShownNoise(1000 * noise->translation_m), true},
                     {ShownNoise(RadToDeg(noise->rotation_rad)), true}});
+    const std::optional<RobotNoise> smooth = SmoothNoiseOf(result.solution, r);
+    if (!has_smooth) continue;
+    rows.back().push_back({smooth ? ShownNoise(1000 * smooth->translation_m) : "", true});
+    rows.back().push_back({smooth ? ShownNoise(RadToDeg(smooth->rotation_rad)) : "", true});
   }
   if (rows.empty()) return "";
-  return PageSection("Arms", Paragraph("The noise of the poses that each arm reports (one sigma along and about each "
-                                       "axis of the gripper). A capture's error is common to all its images.") +
-                                 HtmlTable({"arm", "noise, mm", "deg"}, rows));
+  std::vector<std::string> head = {"arm", "noise, mm", "deg"};
+  std::string text =
+      "The noise of the poses that each arm reports (one sigma along and about each axis of the gripper). A capture's "
+      "error is common to all its images.";
+  if (has_smooth) {
+    head.insert(head.end(), {"smooth errors, mm", "deg"});
+    text += " Smooth errors vary with the pose of the arm, and are nearly the same for neighbouring captures.";
+  }
+  return PageSection("Arms", Paragraph(text) + HtmlTable(head, rows));
 }
 
 // The images of one camera, as the sections on residuals show them.
@@ -176,8 +188,8 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     for (size_t k = 0; k < capture.images.size(); ++k) {
       const RigImage& image = capture.images[k];
       if (image.camera != camera || image.observations.size() == 0) continue;
-      const Rigid3d camera_from_target =
-          CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target, capture.base_from_gripper);
+      const Rigid3d camera_from_target = CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target,
+                                                          WithErrors(capture, refined.effects));
       const std::optional<Points2> residuals = Residuals(solution.cameras[camera], camera_from_target,
                                                          ApplyShape(image.observations, solution.shapes[image.target]));
       if (!residuals) continue;

@@ -49,12 +49,14 @@ RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>&
   return rig;
 }
 
-// Returns the RMS of an image with the poses of the arms as given; nothing if a point has no image.
+// Returns the errors of an image with the poses of the arms as given, corrected by the errors that captures share;
+// nothing if a point has no image.
 std::optional<SquaredErrors> ErrorsOf(const RigProblem& rig, const RigSolution& solution, const RigCapture& capture,
                                       const RigImage& image) {
-  return ViewErrors(solution.cameras[image.camera],
-                    CameraFromTarget(rig, solution.poses, image.camera, image.target, capture.base_from_gripper),
-                    ApplyShape(image.observations, solution.shapes[image.target]));
+  return ViewErrors(
+      solution.cameras[image.camera],
+      CameraFromTarget(rig, solution.poses, image.camera, image.target, WithErrors(capture, solution.effects)),
+      ApplyShape(image.observations, solution.shapes[image.target]));
 }
 
 // Returns the entries of all images, used or not. `seen` has the points of all images.
@@ -166,17 +168,26 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.about = dataset.about;
   result.rig = output.calibration.problem;
   result.rig.captures.clear();
+  result.rig.effects.clear();
   for (const std::shared_ptr<const Target>& target : dataset.targets)
     result.target_types.push_back(std::string(target->type()));
-  result.solution = solution;
+  // Smooth errors, whose basis is not written, are left out.
+  result.solution = WithoutEffects(result.rig, solution);
   result.solution.captures.clear();
-  result.relative_cameras = RelativeCameraPoses(result.rig, solution);
-  result.relative_targets = RelativeTargetPoses(result.rig, solution);
-  result.relative_bases = RelativeBasePoses(result.rig, solution);
+  result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
+  result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
+  result.relative_bases = RelativeBasePoses(result.rig, result.solution);
   result.images = ImageResults(dataset, seen, output.calibration);
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    // With the errors that captures share.
+    std::vector<Rigid3d> corrections = Corrected(WithErrors(output.calibration.problem.captures[i], solution.effects),
+                                                 solution.captures[i].corrections);
+    for (size_t r = 0; r < corrections.size(); ++r) {
+      corrections[r] = Inverse(dataset.captures[i].base_from_gripper[r]) * corrections[r];
+    }
+    if (solution.captures[i].corrections.empty()) corrections.clear();
     result.captures.push_back(
-        {dataset.captures[i].name, dataset.captures[i].base_from_gripper, solution.captures[i].corrections});
+        {dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
   }
   AddErrors(dataset, output.calibration, &result);
   if (options.folds > 1) {

@@ -403,15 +403,17 @@ FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
     return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
   };
-  return {
-      "the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +
-          Amount(finding, "length_mm") + " mm and " + Amount(finding, "length_deg") +
-          " deg): they are predicted between the captures, which leaves a noise of " + sigmas("after") +
-          " instead of " + sigmas("before") +
-          "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "
-          "or in other configurations of the arm. The errors of the arm itself can be estimated if the config names "
-          "it (robot.model)",
-      ""};
+  return {"the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +
+              Amount(finding, "length_mm") + " mm and " + Amount(finding, "length_deg") +
+              " deg): they are predicted between the captures, which leaves a noise of " + sigmas("after") +
+              " instead of " + sigmas("before") +
+              "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "
+              "or in other configurations of the arm" +
+              // The errors of the arms of a rig are not estimated yet.
+              (finding.Name("of_arm") ? ""
+                                      : ". The errors of the arm itself can be estimated if the config names it "
+                                        "(robot.model)"),
+          ""};
 }
 
 FindingText SymmetricTarget(const Finding& finding) {
@@ -509,8 +511,9 @@ FindingText FindingWords(const Finding& finding) {
 
 void Describe(Finding* finding) {
   FindingText words = FindingWords(*finding);
-  // A finding about one of several cameras or targets names it.
-  for (const auto& [key, kind] : {std::pair{"of_camera", "camera "}, std::pair{"of_target", "target "}}) {
+  // A finding about one of several cameras, targets or arms names it.
+  for (const auto& [key, kind] :
+       {std::pair{"of_camera", "camera "}, std::pair{"of_target", "target "}, std::pair{"of_arm", "arm "}}) {
     const std::optional<std::string> name = finding->Name(key);
     if (name && finding->text.empty()) words.text = kind + *name + ": " + words.text;
   }

@@ -58,6 +58,10 @@ std::string NoiseLines(const RigResult& result) {
     if (!noise) continue;
     lines += "arm " + result.rig.robots[r] + ": noise " + ShownNoise(1000 * noise->translation_m) + " mm and " +
              ShownNoise(RadToDeg(noise->rotation_rad)) + " deg\n";
+    for (const Finding& finding : result.verdict.findings) {
+      const bool is_of_arm = finding.Name("of_arm") == result.rig.robots[r];
+      if (finding.code == "smooth_errors" && is_of_arm) lines += finding.text + "\n";
+    }
   }
   if (result.holdout_chi2) {
     lines += "hold-out chi-square " + Significant(*result.holdout_chi2, 3) + " per degree of freedom\n";

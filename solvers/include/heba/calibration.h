@@ -51,6 +51,10 @@ struct ModelAlternative {
   std::optional<double> odds = {};
 };
 
+// Whether errors of the robot's poses that vary smoothly with the pose are estimated, for a robot whose arm is not
+// known or whose kinematics are not estimated: never, if the captures require them, or always.
+enum class SmoothPoseErrors { kNone, kAuto, kAlways };
+
 // The parts of the model that are to be chosen; the others are given by the options.
 struct AutoModel {
   bool robot_noise = false;

@@ -14,6 +14,7 @@
 #include "heba/calibration.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
+#include "heba/data/smooth_errors.h"
 #include "heba/rig_adjustment.h"
 
 namespace heba {
@@ -24,6 +25,9 @@ struct RigCalibrationOptions {
   // chosen, for which it is empty. An empty list: none is given.
   std::vector<bool> has_camera;
   bool choose_target_shape = true;  // Otherwise RigTarget::free_shape holds.
+  // Errors of the arms' poses that vary smoothly with the pose. They need an estimated noise of the arms without a
+  // prior.
+  SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
 };
 
 // The calibration of one pair of a camera and a target by itself, as of a single camera.
@@ -43,12 +47,21 @@ struct UnusedRigImage {
   std::string reason;  // One clause.
 };
 
+// Errors of an arm's poses that vary smoothly with the pose and that are part of the solution.
+struct RigSmoothErrors {
+  size_t robot = 0;
+  SmoothLengths lengths;
+  RobotNoise noise_before;  // The noise of the arm without them.
+};
+
 struct RigCalibration {
   // The problem that was solved: its cameras have their initial intrinsics, its targets the free parts of their shape
-  // that were chosen, and symmetric targets the reading order that was chosen. Images that are not used have no points.
+  // that were chosen, its arms the effects that were chosen, and symmetric targets the reading order that was chosen.
+  // Images that are not used have no points.
   RigProblem problem;
   std::vector<RigPair> pairs;
   std::vector<UnusedRigImage> unused;
+  std::vector<RigSmoothErrors> smooth_errors;
   RigPoses start;
   Outcome<RigSolution> refined = Failure{"not run"};
 };
@@ -62,8 +75,9 @@ struct RigCalibration {
 // RigCalibration::refined.
 Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options);
 
-// Returns the findings about a calibration whose adjustment succeeded: targets whose size differs from the design, and
-// cameras that were moved during the captures. `problem` is the one that was calibrated.
+// Returns the findings about a calibration whose adjustment succeeded: targets whose size differs from the design,
+// cameras that were moved during the captures, and arms whose poses have smooth errors. `problem` is the one that was
+// calibrated.
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration);
 
 }  // namespace heba

@@ -69,6 +69,18 @@ Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_
   return Inverse(world_from_camera) * world_from_target;
 }
 
+const SharedEffects* EffectsOf(const RigProblem& problem, size_t robot) {
+  return problem.effects.empty() ? nullptr : problem.effects[robot].get();
+}
+
+std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eigen::VectorXd>& effects) {
+  std::vector<Rigid3d> poses = capture.base_from_gripper;
+  for (size_t r = 0; r < poses.size() && !effects.empty() && !capture.effects.empty(); ++r) {
+    if (capture.effects[r] != nullptr) poses[r] = poses[r] * capture.effects[r]->Evaluate(effects[r], nullptr);
+  }
+  return poses;
+}
+
 std::vector<Rigid3d> Corrected(const std::vector<Rigid3d>& base_from_gripper, const std::vector<Rigid3d>& corrections) {
   if (corrections.empty()) return base_from_gripper;
   CHECK_EQ(corrections.size(), base_from_gripper.size());

@@ -5,16 +5,19 @@
 //   camera_from_target = inv(mount_from_camera_c) * inv(world_from_mount(c)) * world_from_mount(t) *
 //   mount_from_target_t
 // where world_from_mount is world_from_base of an arm or, for a mount on its gripper,
-// world_from_base * base_from_gripper_i * correction_i.
+// world_from_base * base_from_gripper_i * error_i * correction_i: error_i is a function of effects that all captures
+// share, if the arm has any (heba/data/shared_effects.h), and correction_i is that of this capture alone.
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "heba/camera/camera.h"
 #include "heba/data/problem.h"
+#include "heba/data/shared_effects.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 
@@ -62,6 +65,9 @@ struct RigCapture {
   std::string name;
   std::vector<Rigid3d> base_from_gripper;  // One for each arm, as it reports it.
   std::vector<RigImage> images;
+  // One for each arm: its error as a function of the effects that are estimated, null if there are none. An empty list:
+  // no arm has any.
+  std::vector<std::shared_ptr<const PoseEffect>> effects = {};
 };
 
 struct RigProblem {
@@ -69,7 +75,12 @@ struct RigProblem {
   std::vector<RigCamera> cameras;
   std::vector<RigTarget> targets;
   std::vector<RigCapture> captures;
+  // One for each arm: the effects that its captures share, null if there are none. An empty list: no arm has any.
+  std::vector<std::shared_ptr<const SharedEffects>> effects = {};
 };
+
+// Returns the effects of an arm; null if it has none.
+const SharedEffects* EffectsOf(const RigProblem& problem, size_t robot);
 
 // Returns the mount that a text means: "world", "NAME.base" and "NAME.gripper" and, if there is one arm, "base" and
 // "gripper". Returns nothing if there is no such mount.
@@ -99,6 +110,10 @@ Rigid3d WorldFromMount(const Mount& mount, const std::vector<Rigid3d>& world_fro
 // Returns camera_from_target for these poses of the arms.
 Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target,
                          const std::vector<Rigid3d>& base_from_gripper);
+
+// Returns the poses of the arms as they report them, multiplied by their errors at these effects, one vector for each
+// arm; an empty list stands for no effects.
+std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eigen::VectorXd>& effects);
 
 // Returns the poses of the arms multiplied by their corrections (gripper_from_corrected_gripper); an empty list stands
 // for none.

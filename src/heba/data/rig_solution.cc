@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "heba/base/error.h"
 #include "heba/data/free_parameters.h"
 
 namespace heba {
@@ -85,11 +86,16 @@ std::vector<RelativePose> RelativePoses(const std::vector<Placed>& placed, const
 
 }  // namespace
 
+std::optional<RobotNoise> SmoothNoiseOf(const RigSolution& solution, size_t robot) {
+  return robot < solution.smooth_noise.size() ? solution.smooth_noise[robot] : std::nullopt;
+}
+
 std::string CameraPoseBlock(const RigCamera& camera) { return "cameras." + camera.name + ".pose"; }
 std::string CameraBlock(const RigCamera& camera) { return "cameras." + camera.name + ".camera"; }
 std::string TargetPoseBlock(const RigTarget& target) { return "targets." + target.name + ".pose"; }
 std::string TargetShapeBlock(const RigTarget& target) { return "targets." + target.name + ".shape"; }
 std::string BaseBlock(const std::string& robot) { return "robots." + robot + ".world_from_base"; }
+std::string ErrorsBlock(const std::string& robot) { return "robots." + robot + ".errors"; }
 
 UnknownLayout RigUnknowns(const RigProblem& problem) {
   UnknownLayout layout;
@@ -101,6 +107,12 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
   }
   for (size_t r = 1; r < problem.robots.size(); ++r) {
     layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
+  }
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects != nullptr) {
+      layout.AddEffects(ErrorsBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", effects->Names());
+    }
   }
   for (const RigCamera& camera : problem.cameras) {
     const CameraModel& model = camera.camera.Model();
@@ -114,6 +126,21 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
     layout.AddTarget(TargetShapeBlock(target), "target " + target.name + "'s", free);
   }
   return layout;
+}
+
+RigSolution WithoutEffects(const RigProblem& problem, RigSolution solution) {
+  Covariance kept{RigUnknowns(problem), {}};
+  std::vector<Eigen::Index> places;
+  for (Eigen::Index i = 0; i < kept.layout.size(); ++i) {
+    const std::optional<Eigen::Index> place = solution.covariance.layout.Place(kept.layout.Name(i));
+    CHECK(place.has_value()) << "the solution is that of another problem";
+    places.push_back(*place);
+  }
+  kept.matrix = solution.covariance.matrix(places, places);
+  solution.covariance = std::move(kept);
+  solution.effects.clear();
+  solution.effect_sigmas.clear();
+  return solution;
 }
 
 PoseByUnknowns UnknownPose(const Rigid3d& pose, const UnknownLayout& layout, const std::string& block) {

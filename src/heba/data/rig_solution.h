@@ -35,14 +35,24 @@ struct RigSolution {
   // target against a camera, and for exact arms.
   std::vector<std::optional<RobotNoise>> robot_noise;
   std::vector<std::optional<RobotNoise>> robot_noise_stddev;
+  // One for each arm: the estimates of its effects (RigProblem::effects) and the standard deviation of each of their
+  // groups. Empty lists: no arm has any.
+  std::vector<Eigen::VectorXd> effects;
+  std::vector<std::vector<double>> effect_sigmas;
+  // One for each arm: the standard deviations of errors that vary smoothly with its pose (heba/data/smooth_errors.h),
+  // nothing if they are not estimated; see SmoothNoiseOf.
+  std::vector<std::optional<RobotNoise>> smooth_noise;
   std::vector<RigCaptureOutcome> captures;  // One per capture of the problem.
   // The blocks are called as the objects of a result file: "cameras.NAME.pose", "cameras.NAME.camera",
-  // "targets.NAME.pose", "targets.NAME.shape" and "robots.NAME.world_from_base". The tangents of poses are on the
-  // right, translation before rotation.
+  // "targets.NAME.pose", "targets.NAME.shape", "robots.NAME.world_from_base" and "robots.NAME.errors". The tangents of
+  // poses are on the right, translation before rotation.
   Covariance covariance;
   double covariance_dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
   Convergence convergence;
 };
+
+// Returns the smooth noise of an arm; nothing if it has none.
+std::optional<RobotNoise> SmoothNoiseOf(const RigSolution& solution, size_t robot);
 
 // The names of a rig's blocks of unknowns.
 std::string CameraPoseBlock(const RigCamera& camera);
@@ -50,10 +60,14 @@ std::string CameraBlock(const RigCamera& camera);
 std::string TargetPoseBlock(const RigTarget& target);
 std::string TargetShapeBlock(const RigTarget& target);
 std::string BaseBlock(const std::string& robot);
+std::string ErrorsBlock(const std::string& robot);
 
-// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, and
-// the free parameters of the cameras and of the targets' shapes, in that order.
+// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, the
+// effects of the arms, and the free parameters of the cameras and of the targets' shapes, in that order.
 UnknownLayout RigUnknowns(const RigProblem& problem);
+// Returns the solution without the effects of the arms: what remains of the covariance is that of the other unknowns.
+// `problem` is the one that was solved, without its effects.
+RigSolution WithoutEffects(const RigProblem& problem, RigSolution solution);
 
 // A pose with the derivative of its tangent (m, rad, in the child frame) by the unknowns of a layout.
 struct PoseByUnknowns {

@@ -30,6 +30,11 @@ Json NoiseJson(const std::optional<RobotNoise>& noise, const std::optional<Robot
               {"std_deg", stddev ? Json(RadToDeg(stddev->rotation_rad)) : Json(nullptr)}};
 }
 
+Json SmoothJson(const std::optional<RobotNoise>& noise) {
+  if (!noise) return nullptr;
+  return Json{{"mm", 1000 * noise->translation_m}, {"deg", RadToDeg(noise->rotation_rad)}};
+}
+
 Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std::pair<double, double>>& truth) {
   Json list = Json::array();
   for (size_t i = 0; i < poses.size(); ++i) {
@@ -150,6 +155,10 @@ const JsonReader& Present(const std::pair<std::string, std::optional<JsonReader>
   return *member.second;
 }
 
+RobotNoise ReadNoise(const JsonReader& reader) {
+  return {ReadMagnitude(reader, "mm") / 1000, DegToRad(ReadMagnitude(reader, "deg")), 0};
+}
+
 // Reads the names, mounts, cameras, shapes and poses.
 void ReadRig(const JsonReader& reader, RigResult* result) {
   RigProblem& rig = result->rig;
@@ -162,10 +171,11 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
         ReadPoseJson(robot.Get("world_from_base"), "world", member.first + ".base"));
     solution.robot_noise.emplace_back();
     solution.robot_noise_stddev.emplace_back();
+    solution.smooth_noise.emplace_back();
+    if (robot.Has("smooth_errors")) solution.smooth_noise.back() = ReadNoise(robot.Get("smooth_errors"));
     if (!robot.Has("noise")) continue;
     const JsonReader noise = robot.Get("noise");
-    solution.robot_noise.back() =
-        RobotNoise{ReadMagnitude(noise, "mm") / 1000, DegToRad(ReadMagnitude(noise, "deg")), 0};
+    solution.robot_noise.back() = ReadNoise(noise);
     if (!noise.Has("std_mm")) continue;
     solution.robot_noise_stddev.back() =
         RobotNoise{ReadMagnitude(noise, "std_mm") / 1000, DegToRad(ReadMagnitude(noise, "std_deg")), 0};
@@ -282,7 +292,8 @@ std::string RigResultToJson(const RigResult& result) {
     json["robots"][rig.robots[r]] =
         Json{{"world_from_base", PoseWithSigmas(solution.poses.world_from_base[r], "world", rig.robots[r] + ".base",
                                                 covariance, BaseBlock(rig.robots[r]))},
-             {"noise", NoiseJson(solution.robot_noise[r], solution.robot_noise_stddev[r])}};
+             {"noise", NoiseJson(solution.robot_noise[r], solution.robot_noise_stddev[r])},
+             {"smooth_errors", SmoothJson(SmoothNoiseOf(solution, r))}};
   }
   json["relative"] = RelativeJson(result.relative_cameras, result.relative_truth);
   json["relative_targets"] = RelativeJson(result.relative_targets, {});

@@ -89,10 +89,6 @@ using DetectFunction =
 enum class Kinematics { kNone, kAuto, kOffsets, kGeometry, kGravity };
 inline constexpr std::array<std::string_view, 5> kKinematicsNames = {"none", "auto", "offsets", "geometry", "gravity"};
 
-// Whether errors of the robot's poses that vary smoothly with the pose are estimated, for a robot whose arm is not
-// known or whose kinematics are not estimated: never, if the captures require them, or always.
-enum class SmoothPoseErrors { kNone, kAuto, kAlways };
-
 struct RunOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
   std::string seed = kBestSeed;      // See CalibrationOptions::seed.

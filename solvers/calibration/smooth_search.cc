@@ -1,0 +1,82 @@
+#include "solvers/calibration/smooth_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace heba {
+namespace {
+
+// Estimates the variances of the groups, and returns the restricted log-likelihood at them.
+double LikelihoodOf(const std::vector<LinearisedView>& views, double unit_px, std::vector<VarianceGroup>* groups) {
+  const VarianceComponents found = EstimateVariances(views, *groups, kRoughVariances);
+  for (size_t g = 0; g < groups->size(); ++g) (*groups)[g].variance = found.variances[static_cast<Eigen::Index>(g)];
+  return RestrictedLogLikelihood(views, unit_px, *groups, views.front().by_unknowns.cols());
+}
+
+// Returns the log-likelihood of smooth errors, whose standard deviations become the most likely ones.
+double LikelihoodWith(const SmoothSearch& search, SmoothErrors* errors) {
+  std::vector<LinearisedView> extended = search.views;
+  const Eigen::Index n = search.views.front().by_unknowns.cols();
+  const SharedEffects& effects = errors->effects();
+  for (size_t i = 0; i < extended.size(); ++i) {
+    extended[i].by_unknowns.conservativeResize(Eigen::NoChange, n + effects.size());
+    extended[i].by_unknowns.rightCols(effects.size()) =
+        search.views[i].by_effects.middleCols<6>(search.first_column) * errors->GripperByEffects(search.poses[i]);
+  }
+  std::vector<VarianceGroup> groups = search.groups;
+  const size_t first = groups.size();
+  for (const EffectGroup& group : effects.groups) {
+    groups.push_back({VarianceGroup::Kind::kUnknowns, {}, group.sigma * group.sigma, true});
+  }
+  for (Eigen::Index k = 0; k < effects.size(); ++k) {
+    groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);
+  }
+  const double log_likelihood = LikelihoodOf(extended, search.unit_px, &groups);
+  std::vector<double> sigmas;
+  for (size_t g = first; g < groups.size(); ++g) {
+    constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
+    sigmas.push_back(std::max(kLeast, std::sqrt(groups[g].variance)));
+  }
+  errors->SetSigmas(sigmas);
+  return log_likelihood;
+}
+
+// Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
+// shorter ones noise.
+bool IsWithinLimits(const SmoothLengths& lengths) {
+  return lengths.translation_m > 0.04 && lengths.translation_m < 4 && lengths.rotation_rad > 0.08 &&
+         lengths.rotation_rad < 4;
+}
+
+}  // namespace
+
+FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search) {
+  std::vector<VarianceGroup> groups = search.groups;
+  const double log_likelihood_without = LikelihoodOf(search.views, search.unit_px, &groups);
+  SmoothErrors best(search.poses, {});
+  double best_log_likelihood = LikelihoodWith(search, &best);
+  constexpr double kFactor = 2;
+  constexpr int kMostRounds = 4;
+  bool has_improved = true;
+  for (int round = 0; round < kMostRounds && has_improved; ++round) {
+    has_improved = false;
+    for (double SmoothLengths::*const length : {&SmoothLengths::rotation_rad, &SmoothLengths::translation_m}) {
+      for (const double factor : {kFactor, 1 / kFactor}) {
+        SmoothLengths lengths = best.lengths();
+        lengths.*length *= factor;
+        if (!IsWithinLimits(lengths)) continue;
+        SmoothErrors other(search.poses, lengths);
+        const double log_likelihood = LikelihoodWith(search, &other);
+        if (!(log_likelihood > best_log_likelihood)) continue;
+        best_log_likelihood = log_likelihood;
+        best = std::move(other);
+        has_improved = true;
+        break;
+      }
+    }
+  }
+  return {std::move(best), best_log_likelihood - log_likelihood_without};
+}
+
+}  // namespace heba
