@@ -49,9 +49,24 @@ bool IsWithinLimits(const SmoothLengths& lengths) {
          lengths.rotation_rad < 4;
 }
 
+// Returns the search with as many poses as tell the lengths, evenly chosen: the cost grows with their number.
+SmoothSearch Thinned(const SmoothSearch& search) {
+  constexpr size_t kMost = 250;
+  const size_t num_poses = search.poses.size();
+  if (num_poses <= kMost) return search;
+  SmoothSearch thinned{{}, {}, search.unit_px, search.groups, search.first_column};
+  for (size_t k = 0; k < kMost; ++k) {
+    const size_t i = k * num_poses / kMost;
+    thinned.views.push_back(search.views[i]);
+    thinned.poses.push_back(search.poses[i]);
+  }
+  return thinned;
+}
+
 }  // namespace
 
-FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search) {
+FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
+  const SmoothSearch search = Thinned(all);
   std::vector<VarianceGroup> groups = search.groups;
   const double log_likelihood_without = LikelihoodOf(search.views, search.unit_px, &groups);
   SmoothErrors best(search.poses, {});

@@ -25,7 +25,7 @@ struct FoundSmoothErrors {
 };
 
 // Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found
-// by descent over factors of two.
+// by descent over factors of two. If there are more than 250 poses, as many of them are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 }  // namespace heba

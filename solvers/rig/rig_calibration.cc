@@ -113,6 +113,43 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
   return JudgedRig{*solution, left_out};
 }
 
+// Returns the number of images in which an arm moves the target against the camera: they tell its shape.
+int NumMovedImages(const RigProblem& problem, size_t target) {
+  int num_images = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.target != target || image.observations.size() == 0) continue;
+      num_images += MovesAgainst(problem.cameras[image.camera].mount, problem.targets[target].mount) ? 1 : 0;
+    }
+  }
+  return num_images;
+}
+
+// Frees the shapes of the targets that arms move against cameras.
+void OpenShapes(RigProblem* problem) {
+  for (size_t t = 0; t < problem->targets.size(); ++t) {
+    problem->targets[t].free_shape.clear();
+    if (NumMovedImages(*problem, t) == 0) continue;
+    problem->targets[t].free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+  }
+}
+
+// Holds the shape of the target about which the images tell least. Returns false if all are held.
+bool CloseShape(RigProblem* problem) {
+  RigTarget* least = nullptr;
+  int fewest_images = 0;
+  for (size_t t = 0; t < problem->targets.size(); ++t) {
+    if (problem->targets[t].free_shape.empty()) continue;
+    const int num_images = NumMovedImages(*problem, t);
+    if (least != nullptr && num_images >= fewest_images) continue;
+    least = &problem->targets[t];
+    fewest_images = num_images;
+  }
+  if (least == nullptr) return false;
+  least->free_shape.clear();
+  return true;
+}
+
 // Returns the problem with the parts of the targets' shapes free that deviate from the design at 1 %, given a solution
 // with all of them free.
 RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
@@ -258,16 +295,12 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   ImageSet left_out;
   if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
 
-  Outcome<JudgedRig> judged = Failure{"not run"};
-  if (options.choose_target_shape) {
-    // A target that differs from its design must not make images outliers.
-    RigProblem open = rig;
-    for (RigTarget& target : open.targets) target.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
-    for (RigTarget& target : rig.targets) target.free_shape.clear();
-    judged = RefineWithoutOutliers(open, *start, left_out, options.adjustment);
-    if (judged) rig.targets = open.targets;
+  // A target that differs from its design must not make images outliers.
+  if (options.choose_target_shape) OpenShapes(&rig);
+  Outcome<JudgedRig> judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  while (!judged && options.choose_target_shape && CloseShape(&rig)) {
+    judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
-  if (!judged) judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
   if (judged && options.choose_target_shape) {
     rig = WithChosenShapes(std::move(rig), judged->solution);

@@ -64,7 +64,9 @@ RigProblem Simulated(const RigStudyCell& cell, double noise_px, const RobotNoise
   return problem;
 }
 
-Outcome<RigCalibration> CalibrateAsKnown(RigProblem problem, const RigCalibrationOptions& options) {
+// Calibrates captures whose arms have white noise alone.
+Outcome<RigCalibration> CalibrateAsKnown(RigProblem problem, RigCalibrationOptions options) {
+  options.smooth = SmoothPoseErrors::kNone;
   for (size_t c = 0; c < problem.cameras.size() && options.has_camera.empty(); ++c) {
     problem.cameras[c].camera.params.clear();
   }

@@ -273,6 +273,28 @@ TEST(RigCalibration, NamesTheTargetOfAWrongSize) {
   EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.1, 1e-3);
 }
 
+// A target at rest that only a camera at rest sees has a size that no image tells; that of the others is told all the
+// same.
+TEST(RigCalibration, NamesTheTargetOfAWrongSizeBesideOneOfUnknownSize) {
+  RigScene scene = MixedRig(19, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
+  scene.problem.cameras.pop_back();
+  scene.truth.mount_from_camera.pop_back();
+  for (RigCapture& capture : scene.problem.captures) {
+    std::erase_if(capture.images, [](const RigImage& image) { return image.camera == 2; });
+    for (RigImage& image : capture.images) {
+      if (image.target == 0) image.observations.points_in_target *= 1.01;
+    }
+  }
+  scene.problem.targets[0].shape = DesignedShape(1.01 * scene.targets[0].points_in_target);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  EXPECT_TRUE(calibration->problem.targets[1].free_shape.empty());
+  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings.front().Name("of_target"), "plate");
+  EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.01, 2e-4);
+}
+
 TEST(RigCalibration, NamesWhatNoImageJoins) {
   RigScene scene = TwoArmRig(13);
   for (RigCapture& capture : scene.problem.captures) {
