@@ -75,6 +75,9 @@ TEST_F(JsonOutputTest, LocateListsAllPosesThatFit) {
   EXPECT_EQ(json["schema"], "heba/locations/1");
   EXPECT_EQ(json["setup"], "eye_to_hand");
   EXPECT_TRUE(json["camera_mount"].is_null());
+  const Json estimates = Json::parse(ReadAll(Path("run/result.json")))["estimates"];
+  EXPECT_GT(json["covariance_dof"].get<double>(), 0);
+  EXPECT_EQ(json["covariance_dof"], estimates.back()["solve"]["covariance_dof"]);
   ASSERT_EQ(json["images"].size(), 1U);
   const Json& image = json["images"][0];
   EXPECT_EQ(image["image"], image_);

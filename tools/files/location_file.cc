@@ -1,5 +1,6 @@
 #include "tools/files/location_file.h"
 
+#include <cmath>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -159,12 +160,16 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
 }  // namespace
 
 std::string LocationsToJson(const LocationRequest& request, const std::vector<ImageLocation>& locations) {
+  // A confidence region is one of Fisher's F with so many degrees of freedom in the denominator; null if the noise was
+  // given.
+  const double dof = FindRefined(*request.result)->solution->covariance_dof;
   Json json;
   json["schema"] = "heba/locations/1";
   json["heba"] = Version();
   json["name"] = request.result->name;
   json["setup"] = SetupName(request.result->setup);
   json["camera_mount"] = CameraMountJson(request);
+  json["covariance_dof"] = std::isfinite(dof) ? Json(dof) : Json(nullptr);
   json["images"] = Json::array();
   for (const ImageLocation& location : locations) json["images"].push_back(ImageJson(request, location));
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -110,16 +110,6 @@ std::optional<Finding> FindMissingIds(const Dataset& dataset, const Calibration&
       {{"missing", num_missing}, {"points", static_cast<double>(points.size())}, {"images", least_expected}}};
 }
 
-// Returns the radius around the mean that contains a Gaussian with this covariance with probability `confidence`. The
-// squared distance is a weighted sum of chi-squares, approximated by its first two moments (Satterthwaite 1946).
-double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
-  const double trace = covariance_m2.trace();
-  const double squares = covariance_m2.squaredNorm();
-  if (!(trace > 0)) return 0;
-  const double dof = trace * trace / squares;
-  return std::sqrt(squares / trace * ChiSquareQuantile(1 - confidence, dof));
-}
-
 // Returns the accuracy that the calibration reaches at each position for which the config requires one. A camera that
 // the robot carries can see a target at any position as at the working point.
 std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::vector<PlacedRequirement>& requirements,
@@ -128,7 +118,10 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
   const Solution& solution = *calibration.refined;
   for (const PlacedRequirement& required : requirements) {
     Requirement entry{required.within_m, required.confidence, "the working point", 0};
-    if (result.working_point) entry.reached_m = RadiusM(result.working_point->covariance_m2, required.confidence);
+    const auto radius_m = [&](const Eigen::Matrix3d& covariance_m2) {
+      return ConfidenceRadius(covariance_m2, required.confidence, solution.covariance_dof);
+    };
+    if (result.working_point) entry.reached_m = radius_m(result.working_point->covariance_m2);
     if (!required.places_in_base_m.empty() && dataset.setup == Setup::kEyeToHand) {
       entry.place = required.text;
       entry.reached_m = 0;
@@ -148,9 +141,8 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
         const Outcome<LocatedTarget> located =
             is_visible ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
                        : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
-        entry.reached_m =
-            std::max(entry.reached_m, located ? RadiusM(located->covariance.by_calibration_m2, required.confidence)
-                                              : std::numeric_limits<double>::infinity());
+        entry.reached_m = std::max(entry.reached_m, located ? radius_m(located->covariance.by_calibration_m2)
+                                                            : std::numeric_limits<double>::infinity());
       }
     }
     reached.push_back(std::move(entry));

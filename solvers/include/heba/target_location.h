@@ -6,8 +6,10 @@
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
 //   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
 //
-// If the run has estimated the errors of an arm that carries the camera, the pose comes with them:
-//   {base_from_gripper, heba::MakeArmEffect(result.robot->nominal, joints, result.robot->tip_from_gripper)}
+// If the run has estimated the errors of an arm that carries the camera, the pose comes with them, and with the effect
+// of the noise of its joints:
+//   {base_from_gripper, heba::MakeArmEffect(result.robot->nominal, joints, result.robot->tip_from_gripper),
+//    heba::GripperByJoints(result.robot->nominal, joints, result.robot->tip_from_gripper)}
 #pragma once
 
 #include <optional>
@@ -48,8 +50,9 @@ struct LocatedTarget {
 };
 
 // Locates a target. `camera_mount` is the gripper's pose for a camera that the robot carries, as the robot states it
-// and with the effect of the robot's errors if the solution has estimated them, and the identity for a stationary
-// camera. Returns a Failure if the points do not determine a pose (solvers/initial/target_pose.h).
+// and with the effect of the robot's errors and the noise of its joints if the solution has estimated them, and the
+// identity for a stationary camera. Returns a Failure if the points do not determine a pose
+// (solvers/initial/target_pose.h).
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
                                     const StatedPose& camera_mount);
 

@@ -106,4 +106,11 @@ double FisherQuantile(double tail, double dof1, double dof2) {
   return Quantile([&](double value) { return FisherTail(value, dof1, dof2); }, tail);
 }
 
+double ConfidenceRadius(const Eigen::Matrix3d& covariance, double confidence, double dof) {
+  const double trace = covariance.trace();
+  if (!(trace > 0)) return 0;
+  const double dof_of_squares = trace * trace / covariance.squaredNorm();
+  return std::sqrt(trace * FisherQuantile(1 - confidence, dof_of_squares, dof));
+}
+
 }  // namespace heba

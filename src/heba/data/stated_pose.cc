@@ -5,9 +5,7 @@
 namespace heba {
 
 StatedPose GripperPoseOf(Setup setup, const View& view) {
-  StatedPose stated(BaseFromGripper(setup, view.camera_mount_from_target_mount), view.effect);
-  stated.gripper_by_joints = view.gripper_by_joints;
-  return stated;
+  return {BaseFromGripper(setup, view.camera_mount_from_target_mount), view.effect, view.gripper_by_joints};
 }
 
 CorrectedPose Correct(const Solution& solution, const StatedPose& stated) {

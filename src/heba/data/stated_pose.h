@@ -16,12 +16,16 @@ struct StatedPose {
   // The error of the pose as a function of all effects of Solution::shared_effects, such as MakeArmEffect's; null if
   // the pose has none.
   std::shared_ptr<const PoseEffect> effect = nullptr;
-  Matrix6X gripper_by_joints = Matrix6X(6, 0);  // View::gripper_by_joints; empty if the joints are not known.
+  // View::gripper_by_joints, by which the noise of the joints is part of the pose's noise; empty if the joints are not
+  // known.
+  Matrix6X gripper_by_joints = Matrix6X(6, 0);
 
   StatedPose() = default;
-  StatedPose(const Rigid3d& stated,  // NOLINT(google-explicit-constructor): most poses have no effect.
-             std::shared_ptr<const PoseEffect> effect_in = nullptr)
-      : base_from_mount(stated), effect(std::move(effect_in)) {}
+  StatedPose(const Rigid3d& stated)  // NOLINT(google-explicit-constructor): most poses have no effect.
+      : base_from_mount(stated) {}
+  // An arm has both errors and noisy joints, so that neither can be given without the other.
+  StatedPose(const Rigid3d& stated, std::shared_ptr<const PoseEffect> effect_in, Matrix6X gripper_by_joints_in)
+      : base_from_mount(stated), effect(std::move(effect_in)), gripper_by_joints(std::move(gripper_by_joints_in)) {}
 };
 
 // Returns the pose of the gripper in a view.

@@ -85,9 +85,8 @@ std::vector<SliceCell> Reached(const Slice& slice, const Eigen::VectorXd& start)
 }  // namespace
 
 StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const Eigen::VectorXd& joints) {
-  StatedPose pose(stated, MakeArmEffect(robot.nominal, joints, robot.tip_from_gripper));
-  pose.gripper_by_joints = GripperByJoints(robot.nominal, joints, robot.tip_from_gripper);
-  return pose;
+  return {stated, MakeArmEffect(robot.nominal, joints, robot.tip_from_gripper),
+          GripperByJoints(robot.nominal, joints, robot.tip_from_gripper)};
 }
 
 Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stated) {

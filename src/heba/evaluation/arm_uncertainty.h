@@ -12,8 +12,8 @@
 
 namespace heba {
 
-// Returns a pose of the gripper that the controller states (base_from_gripper) with the effect of the arm's errors at
-// these joints (rad or m).
+// Returns a pose of the gripper that the controller states (base_from_gripper) with the effects of the arm's errors and
+// of the noise of its joints at these joints (rad or m).
 StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const Eigen::VectorXd& joints);
 // Likewise with the joints of the configuration of the captures. Returns a Failure as TruePose does
 // (heba/evaluation/pose_correction.h).

@@ -1,12 +1,17 @@
 // The location of targets, and their reach, with the estimated errors of an arm.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
+#include "heba/base/distributions.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/target_location.h"
@@ -15,120 +20,186 @@
 namespace heba {
 namespace {
 
-// A calibrated cell with an arm, and an image of a target that is no part of the calibration.
+// A calibrated cell with an arm whose errors have the standard deviations of ArmSceneOptions.
 struct Cell {
+  Setup setup = Setup::kEyeToHand;
   ArmScene arm;
-  Rigid3d tip_from_gripper;
   Solution solution;
-  StatedPose camera_mount;
-  Observations seen;
-  Rigid3d base_from_target;  // True.
   Rng rng;
 
   StatedPose Stated(const Eigen::VectorXd& joints) const {
-    return {BaseFromGripper(arm.nominal, joints, tip_from_gripper),
-            MakeArmEffect(arm.nominal, joints, tip_from_gripper)};
+    return {BaseFromGripper(arm.nominal, joints, arm.tip_from_gripper),
+            MakeArmEffect(arm.nominal, joints, arm.tip_from_gripper),
+            GripperByJoints(arm.nominal, joints, arm.tip_from_gripper)};
   }
   // Returns where the gripper truly is, with the noise of the joints.
   Rigid3d TruePose(const Eigen::VectorXd& joints) {
     Eigen::VectorXd reached = joints;
     for (double& joint : reached) joint += ArmSceneOptions().joint_noise_rad * rng.Normal();
-    return BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, tip_from_gripper);
+    return BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, arm.tip_from_gripper);
   }
 };
 
-std::optional<Cell> Calibrated(Setup setup, uint64_t seed) {
+// An image of a target that is no part of the calibration. The camera sees it as in the first capture.
+struct Sight {
+  Observations seen;
+  StatedPose camera_mount;
+  Rigid3d base_from_target;  // True.
+};
+
+// Returns what the camera sees if the arm stands like this.
+Sight SightAt(const Eigen::VectorXd& joints, Cell* cell) {
+  const TestScene& scene = cell->arm.scene;
+  const Rigid3d camera_from_target =
+      CameraFromTarget(scene.hand_eye, scene.views.front().camera_mount_from_target_mount);
+  const std::optional<View> view = SimulateView("seen", scene.camera, HandEye(), camera_from_target,
+                                                TestSceneOptions().points, ArmSceneOptions().noise_px, &cell->rng);
+  CHECK(view.has_value());
+  const bool is_carried = cell->setup == Setup::kEyeInHand;
+  const Rigid3d base_from_mount = is_carried ? cell->TruePose(joints) : Rigid3d();
+  return {view->observations, is_carried ? cell->Stated(joints) : StatedPose(),
+          base_from_mount * scene.hand_eye.camera_mount_from_camera * camera_from_target};
+}
+
+// How the standard deviations of the noise and of the arm's errors are known.
+enum class Sigmas { kGiven, kEstimated };
+
+std::optional<Cell> Calibrated(Setup setup, Sigmas sigmas, uint64_t seed) {
   ArmSceneOptions options;
   options.setup = setup;
   options.has_several_configurations = false;
-  Cell cell{MakeArmScene(seed, options), {}, {}, {}, {}, {}, Rng(1000 + seed)};
+  Cell cell{setup, MakeArmScene(seed, options), {}, Rng(100000 + seed)};
   const TestScene& scene = cell.arm.scene;
   BundleOptions bundle;
   bundle.loss = LossKind::kNone;
   bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-  bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(cell.arm.nominal, ArmErrorModel::kGeometry));
+  SharedEffects errors = ArmErrors(cell.arm.nominal, ArmErrorModel::kGeometry);
+  if (sigmas == Sigmas::kGiven) {
+    bundle.pixel_noise_px = options.noise_px;
+    bundle.robot = BundleOptions::Robot::kGivenNoise;
+    bundle.robot_noise.joint_rad = options.joint_noise_rad;
+    errors.groups[0].sigma = options.offset_rad;
+    errors.groups[1].sigma = options.length_m;
+    errors.groups[2].sigma = options.angle_rad;
+  }
+  bundle.effects = std::make_shared<const SharedEffects>(std::move(errors));
   Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, bundle);
   if (!solution) return std::nullopt;
   cell.solution = std::move(*solution);
-  const Eigen::VectorXd& joints = cell.arm.joints[seed % cell.arm.joints.size()];
-  const View& view = scene.views[seed % cell.arm.joints.size()];
-  cell.tip_from_gripper = Inverse(BaseFromTip(cell.arm.nominal, joints)) * GripperPoseOf(setup, view).base_from_mount;
-  const Rigid3d base_from_gripper = cell.TruePose(joints);
-  const Rigid3d mount = CameraMountFromTargetMount(setup, base_from_gripper);
-  const std::optional<View> seen =
-      SimulateView("seen", scene.camera, scene.hand_eye, mount, TestSceneOptions().points, options.noise_px, &cell.rng);
-  if (!seen) return std::nullopt;
-  cell.seen = seen->observations;
-  const bool is_carried = setup == Setup::kEyeInHand;
-  if (is_carried) cell.camera_mount = cell.Stated(joints);
-  cell.base_from_target = (is_carried ? base_from_gripper : Rigid3d()) * scene.hand_eye.camera_mount_from_camera *
-                          CameraFromTarget(scene.hand_eye, mount);
   return cell;
 }
 
-double ChiSquare(const Eigen::Vector3d& off_m, const Eigen::Matrix3d& covariance_m2) {
-  return off_m.dot(covariance_m2.ldlt().solve(off_m));
+// Returns a posture anywhere in the workspace.
+Eigen::VectorXd AnyPosture(const Arm& arm, Rng* rng) {
+  Eigen::VectorXd joints(arm.num_joints());
+  do {
+    for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+  } while (!SingularityAt(arm, joints).empty());
+  return joints;
+}
+
+// Returns a posture in another configuration that reaches the same pose.
+Eigen::VectorXd FlippedPosture(const Arm& arm, const Eigen::VectorXd& joints) {
+  const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(arm, BaseFromTip(arm, joints));
+  CHECK(postures.ok()) << postures.reason();
+  const auto flipped = std::find_if(postures->begin(), postures->end(), [&](const Eigen::VectorXd& other) {
+    return ConfigurationOf(arm, other) != ConfigurationOf(arm, joints);
+  });
+  CHECK(flipped != postures->end());
+  return *flipped;
+}
+
+// The errors of positions against their stated covariances, over many cells.
+struct Agreement {
+  double chi_square_sum = 0;
+  int num_outside = 0;  // Of the 95 % confidence region.
+  double by_calibration_m2 = 0;
+
+  void Add(const Eigen::Vector3d& off_m, const PositionCovariance& covariance, double dof) {
+    const double chi_square = off_m.dot(covariance.TotalM2().ldlt().solve(off_m));
+    chi_square_sum += chi_square;
+    num_outside += FisherTail(chi_square / 3, 3, dof) < 0.05 ? 1 : 0;
+    by_calibration_m2 += covariance.by_calibration_m2.trace();
+  }
+};
+
+// Targets are located from a posture of the captures and from anywhere. The gripper is sent above the first of them, in
+// the configuration of the captures and in another one.
+constexpr int kNumTrials = 400;
+std::map<std::string, Agreement> AgreementsOf(Setup setup, Sigmas sigmas) {
+  std::map<std::string, Agreement> agreements;
+  for (uint64_t seed = 1; seed <= kNumTrials; ++seed) {
+    std::optional<Cell> cell = Calibrated(setup, sigmas, seed);
+    if (!cell) {
+      ADD_FAILURE() << "seed " << seed;
+      continue;
+    }
+    const double dof = cell->solution.covariance_dof;
+    const Arm& nominal = cell->arm.nominal;
+    const std::vector<Eigen::VectorXd>& captured = cell->arm.joints;
+    const auto locate = [&](const Sight& sight) {
+      Outcome<LocatedTarget> located = LocateTarget(setup, cell->solution, sight.seen, sight.camera_mount);
+      CHECK(located.ok()) << located.reason();
+      return *located;
+    };
+    const Sight far = SightAt(AnyPosture(nominal, &cell->rng), &*cell);
+    const Sight near = SightAt(captured[seed % captured.size()], &*cell);
+    const Eigen::Vector3d middle = near.seen.points_in_target.rowwise().mean();
+    const auto off_m = [&](const LocatedTarget& located, const Sight& sight) -> Eigen::Vector3d {
+      return located.base_from_target * middle - sight.base_from_target * middle;
+    };
+    const LocatedTarget located_far = locate(far);
+    agreements["located from anywhere"].Add(off_m(located_far, far), located_far.covariance, dof);
+    const LocatedTarget located = locate(near);
+    agreements["located"].Add(off_m(located, near), located.covariance, dof);
+    const Eigen::VectorXd& sent = captured[(seed + 7) % captured.size()];
+    for (const bool is_flipped : {false, true}) {
+      const Eigen::VectorXd joints = is_flipped ? FlippedPosture(nominal, sent) : sent;
+      const StatedPose command = cell->Stated(joints);
+      const Eigen::Vector3d gripper_off_m =
+          Correct(cell->solution, command).base_from_mount.translation - cell->TruePose(joints).translation;
+      agreements[is_flipped ? "reached in another configuration" : "reached"].Add(
+          gripper_off_m - off_m(located, near),
+          CovarianceOfReach(cell->solution, located, command, Eigen::Vector3d::Zero(), middle), dof);
+    }
+  }
+  return agreements;
 }
 
 class ArmLocationTest : public testing::TestWithParam<Setup> {};
 INSTANTIATE_TEST_SUITE_P(, ArmLocationTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
-// The gripper is sent to a pose above the located target, in the configuration of the captures and with the wrist, the
-// elbow or the shoulder flipped. The mean of 40 chi-squares with 3 degrees of freedom is within 4 sigmas (of 0.39)
-// of 3.
-TEST_P(ArmLocationTest, ErrorsOfLocationAndReachAgreeWithTheStatedCovariance) {
-  constexpr int kSeeds = 25;
-  double located_sum = 0;
-  double captured_sum = 0;
-  double flipped_sum = 0;
-  double captured_m2 = 0;
-  double flipped_m2 = 0;
-  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    std::optional<Cell> cell = Calibrated(GetParam(), seed);
-    ASSERT_TRUE(cell.has_value());
-    const Outcome<LocatedTarget> located = LocateTarget(GetParam(), cell->solution, cell->seen, cell->camera_mount);
-    ASSERT_TRUE(located.ok()) << located.reason();
-    const Eigen::Vector3d middle = cell->seen.points_in_target.rowwise().mean();
-    located_sum +=
-        ChiSquare(located->base_from_target * middle - cell->base_from_target * middle, located->covariance.TotalM2());
-    const Eigen::VectorXd& near = cell->arm.joints[(seed + 7) % cell->arm.joints.size()];
-    const Arm& nominal = cell->arm.nominal;
-    const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(nominal, BaseFromTip(nominal, near));
-    ASSERT_TRUE(postures.ok()) << postures.reason();
-    const std::optional<Configuration> common = ConfigurationOf(nominal, near);
-    const auto flipped = std::find_if(postures->begin(), postures->end(),
-                                      [&](const auto& joints) { return ConfigurationOf(nominal, joints) != common; });
-    ASSERT_NE(flipped, postures->end());
-    for (const bool is_flipped : {false, true}) {
-      const Eigen::VectorXd& joints = is_flipped ? *flipped : near;
-      const StatedPose command = cell->Stated(joints);
-      const Eigen::Vector3d stated_m = Correct(cell->solution, command).base_from_mount.translation;
-      const Eigen::Vector3d true_m = cell->TruePose(joints).translation;
-      const Eigen::Vector3d off_m =
-          (true_m - cell->base_from_target * middle) - (stated_m - located->base_from_target * middle);
-      const PositionCovariance covariance =
-          CovarianceOfReach(cell->solution, *located, command, Eigen::Vector3d::Zero(), middle);
-      (is_flipped ? flipped_sum : captured_sum) += ChiSquare(off_m, covariance.TotalM2());
-      (is_flipped ? flipped_m2 : captured_m2) += covariance.by_calibration_m2.trace();
-    }
+// If all standard deviations are known, squares of errors are chi-square with 3 degrees of freedom, whose variance is
+// 6: their mean is within 4 sigmas of 3.
+TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) {
+  const std::map<std::string, Agreement> agreements = AgreementsOf(GetParam(), Sigmas::kGiven);
+  for (const auto& [name, agreement] : agreements) {
+    EXPECT_NEAR(agreement.chi_square_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials)) << name;
   }
-  EXPECT_NEAR(located_sum / kSeeds, 3, 2.0);
-  EXPECT_NEAR(captured_sum / kSeeds, 3, 2.0);
-  EXPECT_NEAR(flipped_sum / kSeeds, 3, 2.0);
-  EXPECT_GT(flipped_m2, 2 * captured_m2);
+  EXPECT_GT(agreements.at("reached in another configuration").by_calibration_m2,
+            2 * agreements.at("reached").by_calibration_m2);
+}
+
+// Estimated standard deviations are themselves uncertain: a region is one of Fisher's F with Solution::covariance_dof.
+// The share outside of it is within 4 sigmas of a binomial distribution.
+TEST_P(ArmLocationTest, ConfidenceRegionsHoldTheTruthIfTheSigmasAreEstimated) {
+  for (const auto& [name, agreement] : AgreementsOf(GetParam(), Sigmas::kEstimated)) {
+    EXPECT_NEAR(agreement.num_outside, 0.05 * kNumTrials, 4 * std::sqrt(0.05 * 0.95 * kNumTrials)) << name;
+  }
 }
 
 // The derivatives by the arm's errors are those of differences: the rounding of a step of 1e-6 is 1e-9.
 TEST_P(ArmLocationTest, DerivativesByTheArmAreThoseOfDifferences) {
-  const std::optional<Cell> cell = Calibrated(GetParam(), 3);
+  std::optional<Cell> cell = Calibrated(GetParam(), Sigmas::kEstimated, 3);
   ASSERT_TRUE(cell.has_value());
+  const Sight sight = SightAt(cell->arm.joints[3], &*cell);
   const Solution& solution = cell->solution;
   const Eigen::Index first = solution.covariance.layout.Block(kRobotBlock).first;
   const auto locate = [&](const Solution& with) {
-    return LocateTarget(GetParam(), with, cell->seen, cell->camera_mount)->base_from_target.translation;
+    return LocateTarget(GetParam(), with, sight.seen, sight.camera_mount)->base_from_target.translation;
   };
-  const Outcome<LocatedTarget> located = LocateTarget(GetParam(), solution, cell->seen, cell->camera_mount);
+  const Outcome<LocatedTarget> located = LocateTarget(GetParam(), solution, sight.seen, sight.camera_mount);
   ASSERT_TRUE(located.ok()) << located.reason();
   const Eigen::Vector3d origin = located->base_from_target.translation;
   const StatedPose command = cell->Stated(cell->arm.joints[5]);
