@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include "heba/base/distributions.h"
@@ -12,22 +11,15 @@
 #include "heba/base/units.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/rig/rig_camera_motion.h"
 #include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
+#include "solvers/rig/rig_rejection.h"
 #include "solvers/rig/rig_smooth_errors.h"
 #include "solvers/rig/rig_start.h"
-#include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
 namespace {
-
-using ImageSet = std::set<std::pair<size_t, size_t>>;  // Capture and image.
-
-// Returns the problem without the points of these images.
-RigProblem Without(RigProblem problem, const ImageSet& images) {
-  for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
-  return problem;
-}
 
 // Returns the images whose captures the calibrations of the pairs rejected.
 ImageSet RejectedByPairs(const RigProblem& problem, const std::vector<RigPair>& pairs) {
@@ -42,75 +34,6 @@ ImageSet RejectedByPairs(const RigProblem& problem, const std::vector<RigPair>& 
     }
   }
   return rejected;
-}
-
-int NumImages(const RigProblem& problem) {
-  int num_images = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) num_images += image.observations.size() > 0;
-  }
-  return num_images;
-}
-
-// Returns the images that an arm moves in a capture.
-std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot) {
-  std::vector<size_t> moved;
-  const std::vector<RigImage>& images = problem.captures[capture].images;
-  for (size_t k = 0; k < images.size(); ++k) {
-    if (images[k].observations.size() > 0 &&
-        IsMovedBy(problem.cameras[images[k].camera].mount, problem.targets[images[k].target].mount, robot)) {
-      moved.push_back(k);
-    }
-  }
-  return moved;
-}
-
-// A solution, and the images that it was found without.
-struct JudgedRig {
-  RigSolution solution;
-  ImageSet left_out;
-};
-
-// Adjusts without the images that contradict the others, and tests all images again, those that were left out included,
-// until nothing changes.
-Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
-                                         const RigOptions& options) {
-  Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
-  if (!solution) return Failure{solution.reason()};
-  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
-  const double least_chance = kCaptureFalseAlarm / std::max(1, NumImages(problem));
-  constexpr int kMaxRounds = 30;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);
-    ImageSet next = left_out;
-    for (const RigVerdict& verdict : TestLeftOutImages(problem, used, *solution)) {
-      const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
-      if (verdict.p_value >= least_chance) next.erase(image);
-      if (verdict.p_value < least_chance) next.insert(image);
-    }
-    // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
-    std::map<std::pair<bool, size_t>, RigVerdict> worst;
-    for (const RigVerdict& verdict : TestUsedImages(used, *solution)) {
-      if (verdict.p_value >= least_chance) continue;
-      const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
-      const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
-      const auto [found, is_new] = worst.emplace(key, verdict);
-      if (!is_new && verdict.p_value < found->second.p_value) found->second = verdict;
-    }
-    for (const auto& [key, verdict] : worst) {
-      if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
-      if (!verdict.robot) continue;
-      for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
-        next.insert({verdict.image.capture, k});
-      }
-    }
-    if (next == left_out) break;
-    Outcome<RigSolution> other = RefineRig(Without(problem, next), solution->poses, options);
-    if (!other) break;
-    solution = std::move(other);
-    left_out = std::move(next);
-  }
-  return JudgedRig{*solution, left_out};
 }
 
 // Returns the number of images in which an arm moves the target against the camera: they tell its shape.
@@ -216,6 +139,30 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   return added;
 }
 
+// Leaves out the images of a camera before its motion, or those after it if these are fewer.
+void LeaveOutShorterPart(const MovedCamera& moved, RigProblem* problem, std::vector<UnusedRigImage>* unused) {
+  const auto images_of = [&](bool is_after) {
+    std::vector<std::pair<size_t, size_t>> images;
+    for (size_t i = 0; i < problem->captures.size(); ++i) {
+      for (size_t k = 0; k < problem->captures[i].images.size(); ++k) {
+        const RigImage& image = problem->captures[i].images[k];
+        if (image.camera != moved.camera || image.observations.size() == 0) continue;
+        if ((i >= moved.first_capture) == is_after) images.emplace_back(i, k);
+      }
+    }
+    return images;
+  };
+  const bool is_after = images_of(true).size() <= images_of(false).size();
+  for (const auto& [i, k] : images_of(is_after)) {
+    problem->captures[i].images[k].observations = Observations();
+    unused->push_back({i, k,
+                       "camera " + problem->cameras[moved.camera].name + " was moved between the captures " +
+                           problem->captures[moved.last_capture].name + " and " +
+                           problem->captures[moved.first_capture].name + ", and more of its images are from " +
+                           (is_after ? "before" : "after") + " the motion"});
+  }
+}
+
 // Describes how an image contradicts the others.
 std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, const ImageIndex& index, double p_value) {
   const RigImage& image = problem.captures[index.capture].images[index.image];
@@ -301,6 +248,16 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   while (!judged && options.choose_target_shape && CloseShape(&rig)) {
     judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
+  // Two motions of one camera, or those of several cameras, are found one after the other.
+  constexpr int kMostMotions = 5;
+  for (int motion = 0; judged && options.adjustment.loss != LossKind::kNone && motion < kMostMotions; ++motion) {
+    const std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
+    if (!moved) break;
+    LeaveOutShorterPart(*moved, &rig, &calibration.unused);
+    calibration.moved.push_back(*moved);
+    judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
+                                   options.adjustment);
+  }
   if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
   if (judged && options.choose_target_shape) {
     rig = WithChosenShapes(std::move(rig), judged->solution);
@@ -310,7 +267,7 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     calibration.refined = Failure{judged.reason()};
     return calibration;
   }
-  calibration.unused = Describe(rig, *judged);
+  for (UnusedRigImage& unused : Describe(rig, *judged)) calibration.unused.push_back(std::move(unused));
   rig = Without(std::move(rig), judged->left_out);
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
   calibration.refined = std::move(judged->solution);
@@ -344,7 +301,7 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
                          {"after_deg", RadToDeg(after.rotation_rad)}},
                         {{"of_arm", problem.robots[of_arm.robot]}}});
   }
-  for (const MovedCamera& moved : FindMovedCameras(problem, calibration)) {
+  for (const MovedCamera& moved : calibration.moved) {
     Finding finding{Grade::kBad,
                     FindingCode("camera_moved"),
                     {{"moved_mm", 1000 * moved.before_from_after.translation.norm()},

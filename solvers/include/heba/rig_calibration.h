@@ -54,6 +54,15 @@ struct RigSmoothErrors {
   RobotNoise noise_before;  // The noise of the arm without them.
 };
 
+// A camera that was moved on its mount during the captures. The images of the shorter part, before or after the motion,
+// are not used.
+struct MovedCamera {
+  size_t camera = 0;
+  size_t last_capture = 0;    // The last capture before the motion that has an image of the camera.
+  size_t first_capture = 0;   // The first one after it.
+  Rigid3d before_from_after;  // The pose of the camera after the motion, in its pose before it.
+};
+
 struct RigCalibration {
   // The problem that was solved: its cameras have their initial intrinsics, its targets the free parts of their shape
   // that were chosen, its arms the effects that were chosen, and symmetric targets the reading order that was chosen.
@@ -61,6 +70,7 @@ struct RigCalibration {
   RigProblem problem;
   std::vector<RigPair> pairs;
   std::vector<UnusedRigImage> unused;
+  std::vector<MovedCamera> moved;
   std::vector<RigSmoothErrors> smooth_errors;
   RigPoses start;
   Outcome<RigSolution> refined = Failure{"not run"};

@@ -1,0 +1,87 @@
+#include "solvers/rig/rig_rejection.h"
+
+#include <algorithm>
+#include <map>
+
+#include "solvers/rig/rig_outliers.h"
+#include "solvers/uncertainty/capture_outliers.h"
+
+namespace heba {
+namespace {
+
+int NumImages(const RigProblem& problem) {
+  int num_images = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) num_images += image.observations.size() > 0;
+  }
+  return num_images;
+}
+
+}  // namespace
+
+RigProblem Without(RigProblem problem, const ImageSet& images) {
+  for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
+  return problem;
+}
+
+ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera) {
+  ImageSet of_others;
+  for (const auto& [i, k] : images) {
+    if (problem.captures[i].images[k].camera != camera) of_others.insert({i, k});
+  }
+  return of_others;
+}
+
+std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot) {
+  std::vector<size_t> moved;
+  const std::vector<RigImage>& images = problem.captures[capture].images;
+  for (size_t k = 0; k < images.size(); ++k) {
+    if (images[k].observations.size() > 0 &&
+        IsMovedBy(problem.cameras[images[k].camera].mount, problem.targets[images[k].target].mount, robot)) {
+      moved.push_back(k);
+    }
+  }
+  return moved;
+}
+
+Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
+                                         const RigOptions& options) {
+  Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
+  if (!solution) return Failure{solution.reason()};
+  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
+  const double least_chance = kCaptureFalseAlarm / std::max(1, NumImages(problem));
+  constexpr int kMaxRounds = 30;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);
+    ImageSet next = left_out;
+    for (const RigVerdict& verdict : TestLeftOutImages(problem, used, *solution)) {
+      const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
+      if (verdict.p_value >= least_chance) next.erase(image);
+      if (verdict.p_value < least_chance) next.insert(image);
+    }
+    // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
+    std::map<std::pair<bool, size_t>, RigVerdict> worst;
+    for (const RigVerdict& verdict : TestUsedImages(used, *solution)) {
+      if (verdict.p_value >= least_chance) continue;
+      const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
+      const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
+      const auto [found, is_new] = worst.emplace(key, verdict);
+      if (!is_new && verdict.p_value < found->second.p_value) found->second = verdict;
+    }
+    for (const auto& [key, verdict] : worst) {
+      if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
+      if (!verdict.robot) continue;
+      for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
+        next.insert({verdict.image.capture, k});
+      }
+    }
+    if (next == left_out) break;
+    Outcome<RigSolution> other = RefineRig(Without(problem, next), solution->poses, options);
+    if (!other) break;
+    solution = std::move(other);
+    left_out = std::move(next);
+  }
+  return JudgedRig{*solution, left_out};
+}
+
+}  // namespace heba
