@@ -156,10 +156,10 @@ void LeaveOutShorterPart(const MovedCamera& moved, RigProblem* problem, std::vec
   for (const auto& [i, k] : images_of(is_after)) {
     problem->captures[i].images[k].observations = Observations();
     unused->push_back({i, k,
-                       "camera " + problem->cameras[moved.camera].name + " was moved between the captures " +
+                       std::string("was taken ") + (is_after ? "after" : "before") +
+                           " the camera was moved, between the " + "captures " +
                            problem->captures[moved.last_capture].name + " and " +
-                           problem->captures[moved.first_capture].name + ", and more of its images are from " +
-                           (is_after ? "before" : "after") + " the motion"});
+                           problem->captures[moved.first_capture].name});
   }
 }
 

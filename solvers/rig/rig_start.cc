@@ -1,50 +1,28 @@
 #include "solvers/rig/rig_start.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "heba/base/parallel.h"
-#include "heba/base/text.h"
-#include "heba/evaluation/metrics.h"
-#include "heba/kernels/small_matrix.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
-#include "solvers/initial/target_pose.h"
+#include "solvers/rig/rig_placing.h"
 
 namespace heba {
 namespace {
 
-// The rigid bodies of a rig: what is fixed on the bases, and each gripper with what it carries.
-constexpr size_t kWorldBody = 0;
+using Kind = RigPart::Kind;
 
-// A camera, target or base, or the origin of a body: the first base, or a gripper.
-struct Node {
-  enum class Kind { kOrigin, kCamera, kTarget, kBase };
-  Kind kind = Kind::kOrigin;
-  size_t index = 0;  // For an origin, the body.
-  auto operator<=>(const Node& other) const = default;
-};
-
-Node BaseNode(size_t robot) {
-  return robot == 0 ? Node{Node::Kind::kOrigin, kWorldBody} : Node{Node::Kind::kBase, robot};
-}
-Node GripperNode(size_t robot) { return {Node::Kind::kOrigin, 1 + robot}; }
-
-// A relative pose within a body.
+// The pose of a part in another of the same body.
 struct Edge {
-  Node parent;
-  Node child;
+  RigPart parent;
+  RigPart child;
   Rigid3d parent_from_child;
   double variance_m2 = 0;  // Of a point half a metre away, for comparison with other edges.
 };
-
-double VarianceM2(const Matrix6& covariance) {
-  constexpr double kLeverM = 0.5;
-  return covariance.topLeftCorner<3, 3>().trace() + kLeverM * kLeverM * covariance.bottomRightCorner<3, 3>().trace();
-}
 
 // Returns the images of a pair as views. Their mounts' pose is that of a hand-eye calibration with `robot`, if it is
 // set.
@@ -68,73 +46,255 @@ std::vector<View> ViewsOf(const RigProblem& problem, size_t camera, size_t targe
   return views;
 }
 
-// Returns the edges that a calibrated pair gives, or the pose of the target in the best image of a pair at rest.
-std::vector<Edge> EdgesOf(const RigProblem& problem, const RigPair& pair) {
+// Returns the images of a pair.
+std::vector<PlacingImage> ImagesOfPair(const RigPair& pair, const std::vector<PlacingImage>& images) {
+  std::vector<PlacingImage> of_pair;
+  for (const PlacingImage& image : images) {
+    if (image.image->camera == pair.camera && image.image->target == pair.target) of_pair.push_back(image);
+  }
+  return of_pair;
+}
+
+// Returns the edges that a calibrated pair gives, or the pose of the target in the camera of a pair at rest.
+std::vector<Edge> EdgesOf(const RigProblem& problem, const RigPair& pair, const std::vector<PlacingImage>& images) {
   const Mount& camera_mount = problem.cameras[pair.camera].mount;
   const Mount& target_mount = problem.targets[pair.target].mount;
-  const Node camera{Node::Kind::kCamera, pair.camera};
-  const Node target{Node::Kind::kTarget, pair.target};
+  const RigPart camera{Kind::kCamera, pair.camera};
+  const RigPart target{Kind::kTarget, pair.target};
   if (pair.robot) {
     if (!pair.calibration || !pair.calibration->refined) return {};
     const Solution& solution = *pair.calibration->refined;
     const bool is_in_hand = camera_mount.part == Mount::Part::kGripper;
-    const Node base = BaseNode(*pair.robot);
-    const Node gripper = GripperNode(*pair.robot);
+    const RigPart base = BasePart(*pair.robot);
+    const RigPart gripper = GripperPart(*pair.robot);
     return {{is_in_hand ? gripper : base, camera, solution.hand_eye.camera_mount_from_camera,
-             VarianceM2(*PoseCovarianceOf(solution.covariance, kHandEyeBlock))},
+             PointVarianceM2(*PoseCovarianceOf(solution.covariance, kHandEyeBlock))},
             {is_in_hand ? base : gripper, target, solution.hand_eye.target_mount_from_target,
-             VarianceM2(*PoseCovarianceOf(solution.covariance, kBoardBlock))}};
+             PointVarianceM2(*PoseCovarianceOf(solution.covariance, kBoardBlock))}};
   }
   if (MovesAgainst(camera_mount, target_mount)) return {};
-  std::optional<TargetPose> best;
-  for (const View& view : ViewsOf(problem, pair.camera, pair.target, std::nullopt)) {
-    for (const TargetPose& pose : EstimateTargetPose(problem.cameras[pair.camera].camera, view.observations)) {
-      if (pose.covariance_at_1px && (!best || pose.rms_px < best->rms_px)) best = pose;
-    }
-  }
-  if (!best) return {};
-  return {{camera, target, best->camera_from_target, VarianceM2(*best->covariance_at_1px)}};
+  const std::vector<Placement> placements =
+      PlaceByImages(problem, {{camera, Rigid3d()}}, target, ImagesOfPair(pair, images));
+  if (placements.empty()) return {};
+  return {{camera, target, placements.front().pose, placements.front().variance_m2}};
 }
 
-// Names the nodes, each in words.
-std::string NamesOf(const RigProblem& problem, const std::vector<Node>& nodes) {
-  std::vector<std::string> names;
-  for (const Node& node : nodes) {
-    if (node.kind == Node::Kind::kCamera) names.push_back("camera " + problem.cameras[node.index].name);
-    if (node.kind == Node::Kind::kTarget) names.push_back("target " + problem.targets[node.index].name);
-    if (node.kind == Node::Kind::kBase) names.push_back("arm " + problem.robots[node.index]);
+bool IsSymmetric(const RigProblem& problem, size_t target) { return problem.targets[target].symmetries.size() > 1; }
+
+// Returns whether an edge determines the pose of its unplaced end. From a symmetric target that is placed it does not:
+// the target was read in one of several orders.
+bool IsUsable(const RigProblem& problem, const PartPoses& placed, const Edge& edge) {
+  if (placed.contains(edge.parent) == placed.contains(edge.child)) return false;
+  const bool is_target = edge.child.kind == Kind::kTarget;
+  return !(is_target && placed.contains(edge.child) && IsSymmetric(problem, edge.child.index));
+}
+
+// A part that images can place, because the other parts in them are placed.
+struct Placeable {
+  RigPart part;
+  std::vector<PlacingImage> images;
+  bool is_ambiguous = true;  // All its images show a symmetric target whose orientation is known already.
+  int num_points = 0;
+};
+
+// Returns the parts that images can place: those that are not ambiguous first, and those with many points before
+// others.
+std::vector<Placeable> PlaceableParts(const RigProblem& problem, const PartPoses& placed,
+                                      const std::vector<PlacingImage>& images) {
+  std::map<RigPart, Placeable> parts;
+  for (const PlacingImage& image : images) {
+    std::vector<RigPart> missing = image.parts;
+    std::erase_if(missing, [&](const RigPart& part) { return placed.contains(part); });
+    if (missing.size() != 1) continue;
+    Placeable& placeable = parts[missing.front()];
+    placeable.part = missing.front();
+    placeable.images.push_back(image);
+    placeable.num_points += image.image->observations.size();
+    if (placeable.part.kind == Kind::kTarget || !IsSymmetric(problem, image.image->target)) {
+      placeable.is_ambiguous = false;
+    }
   }
+  std::vector<Placeable> sorted;
+  for (auto& [part, placeable] : parts) sorted.push_back(std::move(placeable));
+  std::stable_sort(sorted.begin(), sorted.end(), [](const Placeable& a, const Placeable& b) {
+    return a.is_ambiguous != b.is_ambiguous ? b.is_ambiguous : a.num_points > b.num_points;
+  });
+  return sorted;
+}
+
+// A part that was placed in several poses, because a symmetric target looks the same in several orientations.
+struct AmbiguousPart {
+  RigPart part;
+  size_t target = 0;
+};
+
+// A rig as it is joined. The hypotheses have the same parts in other poses, and nothing has told them apart yet.
+struct Joining {
+  std::vector<PartPoses> hypotheses;
+  std::vector<AmbiguousPart> ambiguous;
+};
+
+// Places the end of an edge.
+void FollowEdge(const Edge& edge, Joining* joining) {
+  for (PartPoses& poses : joining->hypotheses) {
+    if (poses.contains(edge.parent)) {
+      poses[edge.child] = poses[edge.parent] * edge.parent_from_child;
+    } else {
+      poses[edge.parent] = poses[edge.child] * Inverse(edge.parent_from_child);
+    }
+  }
+}
+
+// Places a part by its images. Returns whether an image determines its pose.
+bool FollowImages(const RigProblem& problem, const Placeable& placeable, Joining* joining) {
+  std::vector<PartPoses> hypotheses;
+  for (const PartPoses& poses : joining->hypotheses) {
+    const std::vector<Placement> placements = PlaceByImages(problem, poses, placeable.part, placeable.images);
+    if (placements.size() > 1) joining->ambiguous.push_back({placeable.part, placements.front().target});
+    for (const Placement& placement : placements) {
+      hypotheses.push_back(poses);
+      hypotheses.back()[placeable.part] = placement.pose;
+    }
+  }
+  if (hypotheses.empty()) return false;
+  joining->hypotheses = std::move(hypotheses);
+  return true;
+}
+
+// Removes the hypotheses that explain the images clearly worse than the best one.
+void RemoveContradicted(const RigProblem& problem, const std::vector<PlacingImage>& images, Joining* joining) {
+  if (joining->hypotheses.size() < 2) return;
+  std::vector<double> misfits;
+  for (const PartPoses& poses : joining->hypotheses) misfits.push_back(MisfitOf(problem, poses, images));
+  const double least = *std::min_element(misfits.begin(), misfits.end());
+  std::vector<PartPoses> kept;
+  for (size_t k = 0; k < misfits.size(); ++k) {
+    if (misfits[k] <= least + kClearMisfit) kept.push_back(std::move(joining->hypotheses[k]));
+  }
+  joining->hypotheses = std::move(kept);
+}
+
+// Returns the number of poses that a part has in the hypotheses.
+int NumPoses(const Joining& joining, const RigPart& part) {
+  constexpr double kSameM = 1e-3;
+  constexpr double kSameRad = 0.01;
+  std::vector<Rigid3d> poses;
+  for (const PartPoses& hypothesis : joining.hypotheses) {
+    const Rigid3d& pose = hypothesis.at(part);
+    const bool is_known = std::any_of(poses.begin(), poses.end(), [&](const Rigid3d& other) {
+      return DistanceM(pose, other) < kSameM && AngleRad(pose, other) < kSameRad;
+    });
+    if (!is_known) poses.push_back(pose);
+  }
+  return static_cast<int>(poses.size());
+}
+
+std::string NameOf(const RigProblem& problem, const RigPart& part) {
+  if (part.kind == Kind::kCamera) return "camera " + problem.cameras[part.index].name;
+  if (part.kind == Kind::kTarget) return "target " + problem.targets[part.index].name;
+  return "arm " + problem.robots[part.index];
+}
+
+// Names the parts, each in words.
+std::string NamesOf(const RigProblem& problem, const std::vector<RigPart>& parts) {
   std::string text;
-  for (size_t i = 0; i < names.size(); ++i) text += (i == 0 ? "" : i + 1 == names.size() ? " and " : ", ") + names[i];
+  for (size_t i = 0; i < parts.size(); ++i) {
+    text += (i == 0 ? "" : i + 1 == parts.size() ? " and " : ", ") + NameOf(problem, parts[i]);
+  }
   return text;
 }
 
-Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pairs, const std::vector<Node>& missing) {
-  const auto is_missing = [&](Node::Kind kind, size_t index) {
-    return std::find(missing.begin(), missing.end(), Node{kind, index}) != missing.end();
-  };
+Failure WhyAmbiguous(const RigProblem& problem, const Joining& joining) {
+  // The first one whose pose differs is the cause of the others.
+  const auto cause =
+      std::find_if(joining.ambiguous.begin(), joining.ambiguous.end(),
+                   [&](const AmbiguousPart& ambiguous) { return NumPoses(joining, ambiguous.part) > 1; });
+  CHECK(cause != joining.ambiguous.end());
+  const RigTarget& target = problem.targets[cause->target];
+  return Failure{"the images allow " + std::to_string(NumPoses(joining, cause->part)) + " poses of " +
+                 NameOf(problem, cause->part) + ", because target " + target.name + " looks the same in " +
+                 std::to_string(target.symmetries.size()) +
+                 " orientations and no other images tell them apart; use a target without symmetry, or record images "
+                 "of another target that join " +
+                 NameOf(problem, cause->part) + " to the rest"};
+}
+
+Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pairs,
+                     const std::vector<PlacingImage>& images, const PartPoses& placed,
+                     const std::vector<RigPart>& missing) {
   // The reason of a pair that would have joined one of them comes first.
   for (const RigPair& pair : pairs) {
-    if (!is_missing(Node::Kind::kCamera, pair.camera) && !is_missing(Node::Kind::kTarget, pair.target)) continue;
-    const std::string names = "camera " + problem.cameras[pair.camera].name + " and target " +
-                              problem.targets[pair.target].name + " (" + std::to_string(pair.num_images) + " images)";
-    const auto failed = [&](const std::string& reason) {
-      return Failure{names + " could not be calibrated, and no other images join them to the rest: " + reason};
-    };
-    if (!pair.robot && MovesAgainst(problem.cameras[pair.camera].mount, problem.targets[pair.target].mount)) {
-      return failed("they are on two arms; each needs images with something else, for example a fixed target");
+    std::vector<RigPart> unplaced = ImagesOfPair(pair, images).front().parts;
+    std::erase_if(unplaced, [&](const RigPart& part) { return placed.contains(part); });
+    if (unplaced.empty()) continue;
+    const std::string names = NamesOf(problem, {{Kind::kCamera, pair.camera}, {Kind::kTarget, pair.target}}) + " (" +
+                              std::to_string(pair.num_images) + (pair.num_images == 1 ? " image)" : " images)");
+    const std::string alone = names + " could not be calibrated, and no other images join them to the rest: ";
+    if (unplaced.size() == 1) {
+      return Failure{names + ": no image shows enough points for the pose of the target, and no other images join " +
+                     NameOf(problem, unplaced.front()) + " to the rest"};
     }
-    if (pair.robot && !pair.calibration) return failed(pair.calibration.reason());
-    if (pair.robot && !pair.calibration->refined) return failed(pair.calibration->refined.reason());
+    const bool is_on_two_arms =
+        !pair.robot && MovesAgainst(problem.cameras[pair.camera].mount, problem.targets[pair.target].mount);
+    if (is_on_two_arms) {
+      return Failure{alone + "they are on two arms; each needs images with something else, for example a fixed target"};
+    }
+    if (pair.robot && !pair.calibration) return Failure{alone + pair.calibration.reason()};
+    if (pair.robot && !pair.calibration->refined) return Failure{alone + pair.calibration->refined.reason()};
   }
   const bool is_one = missing.size() == 1;
   return Failure{NamesOf(problem, missing) + (is_one ? " shares" : " share") + " no target and no arm with the others" +
                  (is_one ? "" : ": no image joins them to the rest")};
 }
 
+// Returns the parts without a pose.
+std::vector<RigPart> MissingParts(const RigProblem& problem, const PartPoses& placed) {
+  std::vector<RigPart> parts;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) parts.push_back({Kind::kCamera, c});
+  for (size_t t = 0; t < problem.targets.size(); ++t) parts.push_back({Kind::kTarget, t});
+  for (size_t r = 1; r < problem.robots.size(); ++r) parts.push_back(BasePart(r));
+  std::erase_if(parts, [&](const RigPart& part) { return placed.contains(part); });
+  return parts;
+}
+
+// Returns the poses in the mounts, given those in the bodies.
+RigPoses PosesInMounts(const RigProblem& problem, const PartPoses& placed) {
+  RigPoses poses;
+  for (size_t r = 0; r < problem.robots.size(); ++r) poses.world_from_base.push_back(placed.at(BasePart(r)));
+  const auto mount_from = [&](const Mount& mount, const RigPart& part) {
+    if (mount.part == Mount::Part::kGripper) return placed.at(part);
+    return Inverse(poses.world_from_base[mount.robot]) * placed.at(part);
+  };
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    poses.mount_from_camera.push_back(mount_from(problem.cameras[c].mount, {Kind::kCamera, c}));
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    poses.mount_from_target.push_back(mount_from(problem.targets[t].mount, {Kind::kTarget, t}));
+  }
+  return poses;
+}
+
+// Returns the name of a camera or target without images; nothing if all have some.
+std::optional<Failure> WhyNotSeen(const RigProblem& problem) {
+  std::vector<bool> camera_has(problem.cameras.size());
+  std::vector<bool> target_has(problem.targets.size());
+  for (const PlacingImage& image : PlacingImages(problem)) {
+    camera_has[image.image->camera] = true;
+    target_has[image.image->target] = true;
+  }
+  for (size_t c = 0; c < camera_has.size(); ++c) {
+    if (!camera_has[c]) return Failure{"camera " + problem.cameras[c].name + " saw no target in any image"};
+  }
+  for (size_t t = 0; t < target_has.size(); ++t) {
+    if (!target_has[t]) return Failure{"no camera saw target " + problem.targets[t].name + " in any image"};
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const RigCalibrationOptions& options) {
+  if (std::optional<Failure> unseen = WhyNotSeen(problem)) return *std::move(unseen);
   std::vector<Camera> cameras;
   std::vector<std::string> reasons(problem.cameras.size());
   for (const RigCamera& camera : problem.cameras) cameras.push_back(camera.camera);
@@ -201,70 +361,48 @@ std::vector<RigPair> CalibratePairs(const RigProblem& problem, const RigCalibrat
 }
 
 Outcome<RigPoses> JoinPairs(const RigProblem& problem, const std::vector<RigPair>& pairs) {
+  const std::vector<PlacingImage> images = PlacingImages(problem);
   std::vector<Edge> edges;
   for (const RigPair& pair : pairs) {
-    for (Edge& edge : EdgesOf(problem, pair)) edges.push_back(std::move(edge));
+    for (Edge& edge : EdgesOf(problem, pair, images)) edges.push_back(std::move(edge));
   }
   std::stable_sort(edges.begin(), edges.end(),
                    [](const Edge& a, const Edge& b) { return a.variance_m2 < b.variance_m2; });
-  // The pose of each node in its body.
-  std::map<Node, Rigid3d> body_from;
-  for (size_t body = 0; body <= problem.robots.size(); ++body) body_from[{Node::Kind::kOrigin, body}] = Rigid3d();
-  for (size_t next = 0; next < edges.size();) {
-    const Edge& edge = edges[next++];
-    const bool has_parent = body_from.contains(edge.parent);
-    const bool has_child = body_from.contains(edge.child);
-    if (has_parent == has_child) continue;
-    if (has_parent) {
-      body_from[edge.child] = body_from[edge.parent] * edge.parent_from_child;
+  Joining joining;
+  PartPoses& origins = joining.hypotheses.emplace_back();
+  origins[BasePart(0)] = Rigid3d();
+  for (size_t r = 0; r < problem.robots.size(); ++r) origins[GripperPart(r)] = Rigid3d();
+  // More hypotheses than these are not followed: nothing tells them apart.
+  constexpr size_t kMostHypotheses = 64;
+  while (joining.hypotheses.size() <= kMostHypotheses) {
+    const PartPoses& placed = joining.hypotheses.front();
+    const auto edge = std::find_if(edges.begin(), edges.end(),
+                                   [&](const Edge& candidate) { return IsUsable(problem, placed, candidate); });
+    if (edge != edges.end()) {
+      FollowEdge(*edge, &joining);
     } else {
-      body_from[edge.parent] = body_from[edge.child] * Inverse(edge.parent_from_child);
+      const std::vector<Placeable> parts = PlaceableParts(problem, placed, images);
+      const bool has_placed = std::any_of(parts.begin(), parts.end(),
+                                          [&](const Placeable& part) { return FollowImages(problem, part, &joining); });
+      if (!has_placed) break;
     }
-    next = 0;  // The best edge that the larger tree allows is next.
+    RemoveContradicted(problem, images, &joining);
   }
-  std::vector<Node> missing;
-  const auto require = [&](const Node& node) {
-    if (!body_from.contains(node)) missing.push_back(node);
-  };
-  for (size_t c = 0; c < problem.cameras.size(); ++c) require({Node::Kind::kCamera, c});
-  for (size_t t = 0; t < problem.targets.size(); ++t) require({Node::Kind::kTarget, t});
-  for (size_t r = 1; r < problem.robots.size(); ++r) require(BaseNode(r));
-  if (!missing.empty()) return WhyNotJoined(problem, pairs, missing);
-
-  RigPoses poses;
-  for (size_t r = 0; r < problem.robots.size(); ++r) poses.world_from_base.push_back(body_from[BaseNode(r)]);
-  const auto mount_from = [&](const Mount& mount, const Node& node) {
-    if (mount.part == Mount::Part::kGripper) return body_from[node];
-    return Inverse(poses.world_from_base[mount.robot]) * body_from[node];
-  };
-  for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    poses.mount_from_camera.push_back(mount_from(problem.cameras[c].mount, {Node::Kind::kCamera, c}));
-  }
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    poses.mount_from_target.push_back(mount_from(problem.targets[t].mount, {Node::Kind::kTarget, t}));
-  }
-  return poses;
+  if (joining.hypotheses.size() > kMostHypotheses) return WhyAmbiguous(problem, joining);
+  const PartPoses& placed = joining.hypotheses.front();
+  const std::vector<RigPart> missing = MissingParts(problem, placed);
+  if (!missing.empty()) return WhyNotJoined(problem, pairs, images, placed, missing);
+  if (joining.hypotheses.size() > 1) return WhyAmbiguous(problem, joining);
+  return PosesInMounts(problem, placed);
 }
 
 void ChooseReadingOrders(const RigPoses& poses, RigProblem* problem) {
   for (RigCapture& capture : problem->captures) {
     for (RigImage& image : capture.images) {
-      const std::vector<Rigid3d>& symmetries = problem->targets[image.target].symmetries;
-      if (symmetries.size() < 2 || image.observations.size() == 0) continue;
+      if (!IsSymmetric(*problem, image.target) || image.observations.size() == 0) continue;
       const Rigid3d predicted =
           CameraFromTarget(*problem, poses, image.camera, image.target, capture.base_from_gripper);
-      Points3 best = image.observations.points_in_target;
-      double least_px2 = std::numeric_limits<double>::infinity();
-      for (const Rigid3d& symmetry : symmetries) {
-        Observations read = image.observations;
-        read.points_in_target =
-            ((symmetry.RotationMatrix() * image.observations.points_in_target).colwise() + symmetry.translation).eval();
-        const std::optional<SquaredErrors> errors = ViewErrors(problem->cameras[image.camera].camera, predicted, read);
-        if (!errors || errors->sum_px2 >= least_px2) continue;
-        least_px2 = errors->sum_px2;
-        best = read.points_in_target;
-      }
-      image.observations.points_in_target = std::move(best);
+      image.observations.points_in_target = BestReadingOrder(*problem, image, predicted).points_in_target;
     }
   }
 }

@@ -8,16 +8,22 @@
 
 namespace heba {
 
-// Estimates the cameras that are not given, each from all its images.
+// Estimates the cameras that are not given, each from all its images. Returns a Failure that names a camera or target
+// without images, or a camera that cannot be estimated.
 Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const RigCalibrationOptions& options);
 
 // Calibrates every pair of a camera and a target that one arm moves against each other (Calibrate), with the robot
 // taken as exact. View::capture of their views is the index of the capture.
 std::vector<RigPair> CalibratePairs(const RigProblem& problem, const RigCalibrationOptions& options);
 
-// Joins the poses of the pairs: those that one arm moves by their calibrations, those that nothing moves by the pose of
-// the target in one image. A spanning tree takes the best determined ones. Returns a Failure that names a camera,
-// target or arm that is not reached.
+// Joins the poses of the cameras, targets and bases. A spanning tree of the best determined ones takes the calibrations
+// of the pairs that one arm moves, and the pose of the target in the images of the pairs that nothing moves. Where it
+// ends, single images place parts of which the images show nothing else that is unknown, until nothing changes.
+//
+// A symmetric target has one orientation in the whole rig. Where its images allow several poses of a camera or base,
+// all are followed until other images contradict them.
+//
+// Returns a Failure that names a camera, target or arm that is not reached, or one for which several poses remain.
 Outcome<RigPoses> JoinPairs(const RigProblem& problem, const std::vector<RigPair>& pairs);
 
 // Reads the points of symmetric targets in the order that fits the poses best, in every image.

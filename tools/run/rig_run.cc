@@ -149,13 +149,6 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigCalibrationOptions calibration_options = options.calibration;
   calibration_options.has_camera = dataset.has_camera;
   calibration_options.adjustment.num_threads = options.num_threads;
-  for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
-    const bool was_seen = std::any_of(seen.captures.begin(), seen.captures.end(), [&](const RigCapture& capture) {
-      return std::any_of(capture.images.begin(), capture.images.end(),
-                         [&](const RigImage& image) { return image.camera == c; });
-    });
-    if (!was_seen) return Failure{"camera " + dataset.rig.cameras[c].name + " saw no target in any image"};
-  }
   Outcome<RigCalibration> calibration = CalibrateRig(seen, calibration_options);
   if (!calibration) return Failure{calibration.reason()};
   if (!calibration->refined) return Failure{calibration->refined.reason()};

@@ -300,10 +300,10 @@ TEST(RigCalibration, NamesWhatNoImageJoins) {
   for (RigCapture& capture : scene.problem.captures) {
     std::erase_if(capture.images, [](const RigImage& image) { return image.target == 1; });
   }
+  scene.problem.targets.pop_back();
   const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
   ASSERT_FALSE(calibration);
-  EXPECT_EQ(calibration.reason(),
-            "target disk and arm right share no target and no arm with the others: no image joins them to the rest");
+  EXPECT_EQ(calibration.reason(), "arm right shares no target and no arm with the others");
 }
 
 }  // namespace
