@@ -157,9 +157,8 @@ void LeaveOutShorterPart(const MovedCamera& moved, RigProblem* problem, std::vec
     problem->captures[i].images[k].observations = Observations();
     unused->push_back({i, k,
                        std::string("was taken ") + (is_after ? "after" : "before") +
-                           " the camera was moved, between the " + "captures " +
-                           problem->captures[moved.last_capture].name + " and " +
-                           problem->captures[moved.first_capture].name});
+                           " the camera was moved, between the captures " + problem->captures[moved.last_capture].name +
+                           " and " + problem->captures[moved.first_capture].name});
   }
 }
 

@@ -98,12 +98,30 @@ struct Jump {
   double p_value = 1;
 };
 
-// Returns the jump of a camera that is unlikely by chance and leaves the fewest images far from the others of their
-// part; nothing if all are likely, or within the scatter.
+// Returns the place of the first displacement of the second part: every displacement is near the mean of its part.
+size_t PlaceOf(const std::vector<Displacement>& all, const Mean& before, const Mean& after, const Matrix6& scatter) {
+  const Eigen::LDLT<Matrix6> factor(scatter);
+  const auto cost = [&](const Displacement& displacement, const Mean& mean) {
+    constexpr double kMost = 50;  // Wrong images count alike in both parts.
+    const Tangent6 from_mean = displacement.tangent - mean.value;
+    return std::min(kMost, from_mean.dot(factor.solve(from_mean)));
+  };
+  double sum = 0;
+  double least = 0;
+  size_t place = 0;
+  for (size_t i = 0; i < all.size(); ++i) {
+    sum += cost(all[i], before) - cost(all[i], after);
+    if (sum >= least) continue;
+    least = sum;
+    place = i + 1;
+  }
+  return place;
+}
+
+// Returns the jump of a camera that is least likely by chance; nothing if all are likely, or within the scatter.
 std::optional<Jump> ClearestJump(const RigProblem& problem, const RigSolution& solution, size_t camera) {
   const std::vector<Displacement> all = DisplacementsOf(problem, solution, camera);
   std::optional<Jump> clearest;
-  double most_near = 0;
   // Of many captures, some are tried.
   const size_t step = std::max<size_t>(1, all.size() / 200);
   for (size_t k = kFewest; k + kFewest <= all.size(); k += step) {
@@ -122,17 +140,18 @@ std::optional<Jump> ClearestJump(const RigProblem& problem, const RigSolution& s
     const double p_value = FisherTail(t2 * dof / (kSize * (count - 2)), kSize, dof);
     constexpr double kLevel = 1e-4;
     if (p_value * static_cast<double>(all.size()) > kLevel) continue;
-    const bool is_clearer = !clearest || count > most_near || (count == most_near && p_value < clearest->p_value);
-    if (!is_clearer) continue;
-    most_near = count;
-    clearest = Jump{camera, all[k - 1].capture, all[k].capture, before.value, after.value, p_value};
+    if (clearest && p_value >= clearest->p_value) continue;
+    const size_t place = PlaceOf(all, before, after, scatter);
+    if (place < kFewest || place + kFewest > all.size()) continue;
+    clearest = Jump{camera, all[place - 1].capture, all[place].capture, before.value, after.value, p_value};
+    // A motion between two images of one capture counts as one after it.
+    if (clearest->last_capture == clearest->first_capture) ++clearest->first_capture;
   }
   return clearest;
 }
 
 // Returns the rig with another camera for the images from the jump on.
-RigProblem Split(RigProblem problem, const Jump& jump, const std::vector<ParameterGroup>& free_intrinsics) {
-  problem.cameras[jump.camera].free_intrinsics = free_intrinsics;
+RigProblem Split(RigProblem problem, const Jump& jump) {
   RigCamera after = problem.cameras[jump.camera];
   after.name += " after the motion";
   const size_t camera = problem.cameras.size();
@@ -145,54 +164,100 @@ RigProblem Split(RigProblem problem, const Jump& jump, const std::vector<Paramet
   return problem;
 }
 
-// Returns the share of a camera's images with points that are left out.
-double ShareLeftOut(const RigProblem& problem, const ImageSet& left_out, size_t camera) {
-  double num_images = 0;
-  double num_left_out = 0;
+// Returns the split rig whose two cameras have these intrinsics, which are held.
+RigProblem WithHeldIntrinsics(RigProblem split, const Jump& jump, const Camera& camera) {
+  for (RigCamera* const part : {&split.cameras[jump.camera], &split.cameras.back()}) {
+    part->camera = camera;
+    part->free_intrinsics.clear();
+  }
+  return split;
+}
+
+int NumImages(const RigProblem& problem, size_t camera) {
+  int num_images = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      num_images += image.camera == camera && image.observations.size() > 0 ? 1 : 0;
+    }
+  }
+  return num_images;
+}
+
+// Returns the pose of the second camera of a split rig in the first one, if the images agree with it: few of either
+// camera are left out.
+std::optional<RelativePose> MotionOf(const RigProblem& split, const JudgedRig& judged, const Jump& jump) {
+  const size_t after = split.cameras.size() - 1;
+  for (const size_t camera : {jump.camera, after}) {
+    int num_left_out = 0;
+    for (const auto& [i, k] : judged.left_out) num_left_out += split.captures[i].images[k].camera == camera ? 1 : 0;
+    constexpr double kFew = 0.25;
+    if (num_left_out > kFew * NumImages(split, camera)) return std::nullopt;
+  }
+  for (const RelativePose& pose : RelativeCameraPoses(split, judged.solution)) {
+    if (pose.parent == split.cameras[jump.camera].name && pose.child == split.cameras[after].name) return pose;
+  }
+  return std::nullopt;
+}
+
+// Returns the jump with the captures beside it on the other side if their images contradict those of their side.
+Jump Corrected(const RigProblem& problem, const ImageSet& left_out, Jump jump) {
+  // The captures with images of the camera, and whether all of these contradict the others.
+  std::vector<std::pair<size_t, bool>> captures;
   for (size_t i = 0; i < problem.captures.size(); ++i) {
+    int num_images = 0;
+    int num_left_out = 0;
     for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
       const RigImage& image = problem.captures[i].images[k];
-      if (image.camera != camera || image.observations.size() == 0) continue;
+      if (image.camera != jump.camera || image.observations.size() == 0) continue;
       ++num_images;
       num_left_out += left_out.contains({i, k}) ? 1 : 0;
     }
+    if (num_images > 0) captures.emplace_back(i, num_left_out == num_images);
   }
-  return num_left_out / std::max(1.0, num_images);
+  size_t first = 0;
+  while (first < captures.size() && captures[first].first < jump.first_capture) ++first;
+  size_t corrected = first;
+  while (corrected > 1 && captures[corrected - 1].second) --corrected;
+  while (corrected == first && first + 1 < captures.size() && captures[first].second) corrected = ++first;
+  jump.last_capture = captures[corrected - 1].first;
+  jump.first_capture = captures[corrected].first;
+  return jump;
 }
 
 // Returns the motion if an adjustment with two cameras confirms the jump.
-std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig& judged, const Jump& jump,
+std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig& judged, const Jump& found,
                                      const RigOptions& options) {
+  Jump jump = found;
   RigPoses start = judged.solution.poses;
   const Rigid3d mount_from_camera = start.mount_from_camera[jump.camera];
   start.mount_from_camera[jump.camera] = Retract(mount_from_camera, jump.before);
   start.mount_from_camera.push_back(Retract(mount_from_camera, jump.after));
   const ImageSet left_out = ImagesOfOthers(problem, judged.left_out, jump.camera);
-  const RigCamera& camera = problem.cameras[jump.camera];
-  // Few images of a part may not tell its intrinsics, which are then held.
-  std::vector<std::vector<ParameterGroup>> choices = {camera.free_intrinsics};
-  if (!camera.free_intrinsics.empty()) choices.emplace_back();
-  for (const std::vector<ParameterGroup>& free_intrinsics : choices) {
-    RigProblem split = Split(problem, jump, free_intrinsics);
-    if (free_intrinsics.empty()) {
-      split.cameras[jump.camera].camera = judged.solution.cameras[jump.camera];
-      split.cameras.back().camera = judged.solution.cameras[jump.camera];
-    }
-    const Outcome<JudgedRig> two = RefineWithoutOutliers(split, start, left_out, options);
-    if (!two) continue;
-    constexpr double kFew = 0.25;
-    if (ShareLeftOut(split, two->left_out, jump.camera) > kFew) return std::nullopt;
-    if (ShareLeftOut(split, two->left_out, split.cameras.size() - 1) > kFew) return std::nullopt;
-    for (const RelativePose& pose : RelativeCameraPoses(split, two->solution)) {
-      if (pose.parent != camera.name || pose.child != split.cameras.back().name) continue;
-      const Tangent6 motion = LocalCoordinates(Rigid3d(), pose.parent_from_child);
-      const double statistic = motion.dot(pose.covariance.ldlt().solve(motion)) / kSize;
-      constexpr double kLevel = 1e-6;
-      if (FisherTail(statistic, kSize, two->solution.covariance_dof) > kLevel) return std::nullopt;
-      return MovedCamera{jump.camera, jump.last_capture, jump.first_capture, pose.parent_from_child};
-    }
+  // Both cameras have intrinsics of their own, so that errors of the lens are no motion.
+  RigProblem split = Split(problem, jump);
+  Outcome<JudgedRig> two = RefineWithoutOutliers(split, start, left_out, options);
+  if (!two) {
+    // The images of a part may be too few for that.
+    split = WithHeldIntrinsics(std::move(split), jump, judged.solution.cameras[jump.camera]);
+    two = RefineWithoutOutliers(split, start, left_out, options);
   }
-  return std::nullopt;
+  if (!two) return std::nullopt;
+  std::optional<RelativePose> pose = MotionOf(split, *two, jump);
+  if (!pose) return std::nullopt;
+  const Tangent6 motion = LocalCoordinates(Rigid3d(), pose->parent_from_child);
+  const double statistic = motion.dot(pose->covariance.ldlt().solve(motion)) / kSize;
+  constexpr double kLevel = 1e-6;
+  if (FisherTail(statistic, kSize, two->solution.covariance_dof) > kLevel) return std::nullopt;
+  // Its size is measured with the lens of the longer part, because two lenses take up a part of the motion.
+  const size_t after = split.cameras.size() - 1;
+  const size_t longer = NumImages(split, jump.camera) >= NumImages(split, after) ? jump.camera : after;
+  jump = Corrected(problem, two->left_out, jump);
+  const RigProblem held = WithHeldIntrinsics(Split(problem, jump), jump, two->solution.cameras[longer]);
+  const Outcome<JudgedRig> measured = RefineWithoutOutliers(held, two->solution.poses, left_out, options);
+  if (measured) {
+    if (const std::optional<RelativePose> better = MotionOf(held, *measured, jump)) pose = better;
+  }
+  return MovedCamera{jump.camera, jump.last_capture, jump.first_capture, pose->parent_from_child};
 }
 
 }  // namespace
