@@ -34,9 +34,9 @@ struct RigLocation {
   Eigen::Matrix<double, 6, 6> Total() const { return by_calibration + by_image + by_robot; }
 };
 
-// Images with a smaller RigLocation::chance contradict each other. It is this small because errors of twice the stated
-// size, which a real cell may have, still are no contradiction.
-inline constexpr double kContradictionChance = 1e-6;
+// Images with a smaller RigLocation::chance contradict each other. It is this small so that errors of twice the stated
+// size, which a real cell may have, are no contradiction between up to four cameras.
+inline constexpr double kContradictionChance = 1e-9;
 
 // Locates a target, whose points are as manufactured, by least squares over the points of all cameras, whitened by the
 // noise of each camera (RigSolution::pixel_sigmas_px and image_sigmas_px). The errors of the arms' poses are unknowns
