@@ -19,6 +19,7 @@
 #include "tools/config/finished_rig.h"
 #include "tools/config/finished_run.h"
 #include "tools/run/rig_image_location.h"
+#include "tools/text/rig_location_text.h"
 
 namespace heba {
 namespace {
@@ -59,8 +60,9 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
   return target.Detect(image);
 }
 
-// Returns, for each target that is located, its name, the cameras that see it, world_from_target, the covariance (6 x
-// 6, in the target's frame), the RMS in px, and the number of orientations in which it looks the same.
+// Returns, for each pose of each target that fits the images, the target's name, the cameras that see it,
+// world_from_target, the covariance (6 x 6, in the target's frame), the RMS in px, the number of poses that fit, and
+// RigLocation::chance. Throws InputError if the images of a target contradict each other, or if no target is located.
 std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, const std::vector<CameraImage>& images,
                                          const std::vector<ArmPose>& base_from_grippers) {
   std::vector<std::pair<std::string, Rigid3d>> given;
@@ -94,16 +96,15 @@ std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, co
   std::vector<pybind11::tuple> all;
   std::vector<std::string> faults;
   for (const RigTargetLocation& location : locations) {
-    const std::string& name = rig.result.rig.targets[location.target].name;
-    if (!location.located) {
-      faults.push_back("target " + name + ": " + location.located.reason());
-      continue;
-    }
+    if (location.contradiction) throw InputError(RigLocationFault(rig.result.rig, location));
+    if (location.possible.empty()) faults.push_back(RigLocationFault(rig.result.rig, location));
     std::vector<std::string> by;
     for (const size_t camera : location.cameras) by.push_back(rig.result.rig.cameras[camera].name);
-    all.push_back(pybind11::make_tuple(name, by, ArrayOf(location.located->world_from_target),
-                                       ArrayOf(location.located->Total()), location.located->rms_px,
-                                       rig.targets[location.target]->Symmetries().size()));
+    for (const RigLocation& located : location.possible) {
+      all.push_back(pybind11::make_tuple(rig.result.rig.targets[location.target].name, by,
+                                         ArrayOf(located.world_from_target), ArrayOf(located.Total()), located.rms_px,
+                                         location.possible.size(), located.chance));
+    }
   }
   if (all.empty()) throw InputError(faults.empty() ? "no target was detected in these images" : Join(faults, "; "));
   return all;

@@ -59,7 +59,8 @@ class RigLocation:
         world_from_target: The target's pose in the world, which is the base of the first arm, 4 x 4, m.
         covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the target's frame.
         rms_px: The RMS of the points of all cameras.
-        num_symmetries: The number of orientations in which the target looks the same; the pose is one of them.
+        num_symmetries: The number of orientations in which the target looks the same. It has a location for each.
+        chance: The probability that images of cameras that agree differ by as much as these; 1 for one camera.
     """
 
     target: str
@@ -68,6 +69,7 @@ class RigLocation:
     covariance: np.ndarray
     rms_px: float
     num_symmetries: int
+    chance: float
 
 
 @dataclass(frozen=True)
@@ -163,16 +165,18 @@ def locate(
         run_folder: The folder of a run, or its result.
         image: As in detect. For a rig: the images of its cameras, recorded at once, by the names of the cameras.
         pose: For a camera on the robot: base_from_gripper of the image, 4 x 4, as the robot states it. For a rig with
-            several arms: a dictionary of these poses by the names of the arms; only arms that carry a camera need one.
+            several arms: a dictionary of these poses by the names of the arms that carry one of the cameras.
         joints: The positions of the arm's joints at that pose (rad or m), if the run has estimated the errors of an arm
             whose configuration the pose does not tell.
 
     Returns:
         The pose; several for a target that looks the same after a rotation. The first has its x axis most along that
-        of the base. For a rig: the targets that the images show, each located by all cameras that see it.
+        of the base. For a rig: the targets that the images show, each located by all cameras that see it; several
+        locations of a target that looks the same after a rotation, the first with its x axis most along that of the
+        world.
 
     Raises:
-        heba.Error: The input is wrong, or no target is located.
+        heba.Error: The input is wrong, no target is located, or the images of a target contradict each other.
     """
     folder = Path(run_folder) if isinstance(run_folder, (str, os.PathLike)) else run_folder.folder
     if folder is None:

@@ -238,23 +238,23 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
   return possible;
 }
 
-double LeastDistanceM(const std::vector<LocatedTarget>& possible) {
+double LeastDistanceM(const std::vector<Rigid3d>& possible) {
   double least_m = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < possible.size(); ++i) {
     for (size_t k = 0; k < i; ++k) {
-      least_m = std::min(least_m, DistanceM(possible[i].base_from_target, possible[k].base_from_target));
+      least_m = std::min(least_m, DistanceM(possible[i], possible[k]));
     }
   }
   return std::isfinite(least_m) ? least_m : 0;
 }
 
-std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough) {
+std::optional<size_t> FindMeantPose(const std::vector<Rigid3d>& possible, const Rigid3d& rough) {
   if (possible.size() < 2) return possible.empty() ? std::nullopt : std::optional<size_t>(0);
   std::vector<std::pair<double, size_t>> by_angle;
   std::vector<std::pair<double, size_t>> by_distance;
   for (size_t i = 0; i < possible.size(); ++i) {
-    by_angle.emplace_back(AngleRad(possible[i].base_from_target, rough), i);
-    by_distance.emplace_back(DistanceM(possible[i].base_from_target, rough), i);
+    by_angle.emplace_back(AngleRad(possible[i], rough), i);
+    by_distance.emplace_back(DistanceM(possible[i], rough), i);
   }
   std::sort(by_angle.begin(), by_angle.end());
   std::sort(by_distance.begin(), by_distance.end());

@@ -1,14 +1,21 @@
 #include "heba/rig_location.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
+#include "heba/base/distributions.h"
 #include "heba/data/prediction.h"
+#include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/rig/rig_loops.h"
+#include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
 namespace {
@@ -82,20 +89,29 @@ std::optional<CameraRows> RowsOf(const RigSolution& solution, size_t camera, con
   return CameraRows{rows.leftCols(6), rows.middleCols(6, num_params), rows.col(6 + num_params)};
 }
 
-// A pose of which some coordinates of the tangent are estimated, and their covariances by source.
-struct LocatedFrame {
-  Rigid3d world_from_frame;
-  Eigen::MatrixXd by_calibration;
-  Eigen::MatrixXd by_image;
-  Eigen::MatrixXd by_robot;
-  double squares = 0;  // Sum of the squared whitened residuals, those of the corrections included.
-  std::vector<Rigid3d> corrections;
-};
-
 // The unknowns of a location: the frame, and the corrections of the arms' poses, in units of their sigmas.
 struct FrameState {
   Rigid3d world_from_frame;
   Eigen::VectorXd corrections;
+};
+
+// A pose of which some coordinates of the tangent are estimated, and their covariances by source.
+struct LocatedFrame {
+  FrameState state;
+  Eigen::MatrixXd by_calibration;
+  Eigen::MatrixXd by_image;
+  Eigen::MatrixXd by_robot;
+  double squares = 0;  // Sum of the squared whitened residuals, those of the corrections included.
+};
+
+// The whitened rows of one view: residuals, and their derivatives by the coordinates of the frame followed by the
+// corrections, and by the unknowns of the calibration.
+struct ViewEquations {
+  Eigen::MatrixXd by_state;
+  Eigen::MatrixXd by_unknowns;
+  Eigen::VectorXd residual;
+  Eigen::MatrixXd pose_part;  // An orthonormal basis of what another pose of the target explains.
+  double unmodelled = 0;      // The variance in these directions that belongs to no error of the model (kUnmodelledPx).
 };
 
 // The normal equations of the frame's coordinates, followed by the corrections; nothing if a point has no image.
@@ -118,11 +134,6 @@ class FrameLocation {
         base_from_gripper_(base_from_gripper),
         num_coordinates_(num_coordinates),
         sigmas_(CorrectionSigmas(solution)) {}
-
-  Rigid3d WorldFromCamera(size_t view, const std::vector<Rigid3d>& corrections = {}) const {
-    return PlaceCamera(rig_, solution_, seen_[view].camera, Corrected(base_from_gripper_, corrections))
-        .world_from_camera.pose;
-  }
 
   // Returns nothing if a point has no image, or if the points do not determine the frame.
   std::optional<LocatedFrame> From(const Rigid3d& world_from_frame) const {
@@ -157,21 +168,56 @@ class FrameLocation {
     const auto of_frame = inverse.topRows(num_coordinates_);
     const Eigen::MatrixXd by_unknowns = of_frame * at->by_unknowns;
     const Eigen::MatrixXd by_prior = of_frame.rightCols(sigmas_.size());
-    return LocatedFrame{state.world_from_frame,
-                        by_unknowns * solution_.covariance.matrix * by_unknowns.transpose(),
-                        of_frame * at->of_images * of_frame.transpose(),
-                        by_prior * by_prior.transpose(),
-                        at->squares,
-                        CorrectionsOf(state)};
+    return LocatedFrame{state, by_unknowns * solution_.covariance.matrix * by_unknowns.transpose(),
+                        of_frame * at->of_images * of_frame.transpose(), by_prior * by_prior.transpose(), at->squares};
+  }
+
+  // Returns RigLocation::chance, from the part of each view that another pose of the target would explain: what the
+  // others do not, such as a point that was read wrongly, is no contradiction between cameras.
+  double ChanceOf(const LocatedFrame& located) const {
+    const std::optional<std::vector<ViewEquations>> views = ViewsAt(located.state);
+    if (!views) return 0;
+    Eigen::Index num_rows = 0;
+    for (const ViewEquations& view : *views) num_rows += view.pose_part.cols();
+    const Eigen::Index dof = num_rows - num_coordinates_;
+    if (dof <= 0) return 1;
+    Eigen::MatrixXd by_state(num_rows, num_coordinates_ + sigmas_.size());
+    Eigen::MatrixXd by_unknowns(num_rows, solution_.covariance.matrix.cols());
+    Eigen::VectorXd residual(num_rows);
+    Eigen::VectorXd variances(num_rows);
+    Eigen::Index row = 0;
+    for (const ViewEquations& view : *views) {
+      const Eigen::Index size = view.pose_part.cols();
+      by_state.middleRows(row, size) = view.pose_part.transpose() * view.by_state;
+      by_unknowns.middleRows(row, size) = view.pose_part.transpose() * view.by_unknowns;
+      residual.segment(row, size) = view.pose_part.transpose() * view.residual;
+      variances.segment(row, size).setConstant(1 + view.unmodelled);
+      row += size;
+    }
+    const auto by_frame = by_state.leftCols(num_coordinates_);
+    const auto by_corrections = by_state.rightCols(sigmas_.size());
+    residual -= by_corrections * located.state.corrections;
+    Eigen::MatrixXd covariance = by_unknowns * solution_.covariance.matrix * by_unknowns.transpose() +
+                                 by_corrections * by_corrections.transpose();
+    covariance.diagonal() += variances;
+    // The frame takes up its part of the whitened residuals.
+    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+    const Eigen::VectorXd whitened = root.matrixL().solve(residual);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> of_frame(root.matrixL().solve(by_frame).eval());
+    const Eigen::VectorXd rotated = of_frame.householderQ().adjoint() * whitened;
+    const auto num_left = static_cast<double>(dof);
+    return FisherTail(rotated.tail(dof).squaredNorm() / num_left, num_left, solution_.covariance_dof);
   }
 
   // Returns the RMS of the distances of all points.
   double RmsPx(const LocatedFrame& located) const {
     SquaredErrors sum;
-    for (size_t v = 0; v < seen_.size(); ++v) {
-      const std::optional<SquaredErrors> errors = ViewErrors(
-          solution_.cameras[seen_[v].camera],
-          Inverse(WorldFromCamera(v, located.corrections)) * located.world_from_frame, seen_[v].observations);
+    const std::vector<Rigid3d> grippers = Corrected(base_from_gripper_, CorrectionsOf(located.state));
+    for (const CameraObservations& view : seen_) {
+      const Rigid3d world_from_camera = PlaceCamera(rig_, solution_, view.camera, grippers).world_from_camera.pose;
+      const std::optional<SquaredErrors> errors =
+          ViewErrors(solution_.cameras[view.camera], Inverse(world_from_camera) * located.state.world_from_frame,
+                     view.observations);
       if (errors) sum.Add(*errors);
     }
     return sum.RmsPx().value_or(0);
@@ -193,15 +239,10 @@ class FrameLocation {
     return normal;
   }
 
-  std::optional<FrameEquations> EquationsAt(const FrameState& state) const {
+  // Returns nothing if a point has no image.
+  std::optional<std::vector<ViewEquations>> ViewsAt(const FrameState& state) const {
     const UnknownLayout& layout = solution_.covariance.layout;
-    const Eigen::Index size = num_coordinates_ + sigmas_.size();
-    FrameEquations sum;
-    sum.of_images = Eigen::MatrixXd::Zero(size, size);
-    sum.gradient = Eigen::VectorXd::Zero(size);
-    sum.gradient.tail(sigmas_.size()) = state.corrections;
-    sum.by_unknowns = Eigen::MatrixXd::Zero(size, layout.size());
-    sum.squares = state.corrections.squaredNorm();
+    std::vector<ViewEquations> views;
     const RigNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
     const std::vector<Rigid3d> grippers = Corrected(base_from_gripper_, CorrectionsOf(state));
     for (const CameraObservations& view : seen_) {
@@ -212,19 +253,44 @@ class FrameLocation {
       if (!rows) return std::nullopt;
       Eigen::MatrixXd all(rows->residual.size(), rows->by_motion.cols() + rows->by_params.cols() + 1);
       all << rows->by_motion, rows->by_params, rows->residual;
-      WeighPoseRows(PoseVarianceRatio(noise, {camera, 0, view.observations}), &all);
+      const double ratio = PoseVarianceRatio(noise, {camera, 0, view.observations});
+      WeighPoseRows(ratio, &all);
       const auto by_motion = all.leftCols<6>();
+      ViewEquations& equations = views.emplace_back();
       // Another pose of the camera moves what it sees the other way.
-      Eigen::MatrixXd by_state(all.rows(), size);
-      by_state << (by_motion * Adjoint(camera_from_frame)).leftCols(num_coordinates_),
+      equations.by_state.resize(all.rows(), num_coordinates_ + sigmas_.size());
+      equations.by_state << (by_motion * Adjoint(camera_from_frame)).leftCols(num_coordinates_),
           -by_motion * placed.by_corrections * sigmas_.asDiagonal();
-      Eigen::MatrixXd by_unknowns = -by_motion * placed.world_from_camera.by_unknowns;
+      equations.by_unknowns = -by_motion * placed.world_from_camera.by_unknowns;
       const UnknownBlock block = layout.Block(CameraBlock(rig_.cameras[camera]));
-      for (Eigen::Index i = block.first; i < block.end(); ++i) by_unknowns.col(i) += all.col(6 + layout[i].index);
-      sum.of_images += by_state.transpose() * by_state;
-      sum.gradient += by_state.transpose() * all.rightCols<1>();
-      sum.by_unknowns += by_state.transpose() * by_unknowns;
-      sum.squares += all.rightCols<1>().squaredNorm();
+      for (Eigen::Index i = block.first; i < block.end(); ++i) {
+        equations.by_unknowns.col(i) += all.col(6 + layout[i].index);
+      }
+      equations.residual = all.rightCols<1>();
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_motion);
+      equations.pose_part =
+          qr.householderQ() * Eigen::MatrixXd::Identity(all.rows(), std::min<Eigen::Index>(6, all.rows()));
+      equations.unmodelled =
+          PoseErrorVariance(kUnmodelledPx, solution_.pixel_sigmas_px[camera], view.observations.size()) / ratio;
+    }
+    return views;
+  }
+
+  std::optional<FrameEquations> EquationsAt(const FrameState& state) const {
+    const std::optional<std::vector<ViewEquations>> views = ViewsAt(state);
+    if (!views) return std::nullopt;
+    const Eigen::Index size = num_coordinates_ + sigmas_.size();
+    FrameEquations sum;
+    sum.of_images = Eigen::MatrixXd::Zero(size, size);
+    sum.gradient = Eigen::VectorXd::Zero(size);
+    sum.gradient.tail(sigmas_.size()) = state.corrections;
+    sum.by_unknowns = Eigen::MatrixXd::Zero(size, solution_.covariance.layout.size());
+    sum.squares = state.corrections.squaredNorm();
+    for (const ViewEquations& view : *views) {
+      sum.of_images += view.by_state.transpose() * view.by_state;
+      sum.gradient += view.by_state.transpose() * view.residual;
+      sum.by_unknowns += view.by_state.transpose() * view.by_unknowns;
+      sum.squares += view.residual.squaredNorm();
     }
     return sum;
   }
@@ -237,28 +303,173 @@ class FrameLocation {
   Eigen::VectorXd sigmas_;
 };
 
+// The points of a camera in the orders in which they can be read, one for each symmetry of the target.
+struct ReadPoints {
+  size_t camera = 0;
+  std::vector<Observations> orders;
+};
+
+// Returns the points in the order that a symmetry of the target leads to, as manufactured.
+Observations ReadInOrder(Observations observations, const Rigid3d& symmetry, const TargetShape* shape) {
+  for (Eigen::Index i = 0; i < observations.size(); ++i) {
+    const Eigen::Vector3d designed = observations.points_in_target.col(i);
+    observations.points_in_target.col(i) = symmetry * designed;
+  }
+  return shape != nullptr ? ApplyShape(observations, *shape) : observations;
+}
+
+// Returns the index of the order that fits a pose best; nothing if the points have no image from it in any order.
+std::optional<size_t> FindBestOrder(const Camera& camera, const ReadPoints& points, const Rigid3d& camera_from_target) {
+  std::optional<size_t> best;
+  double least_px2 = std::numeric_limits<double>::infinity();
+  for (size_t s = 0; s < points.orders.size(); ++s) {
+    const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, points.orders[s]);
+    if (!errors || errors->sum_px2 >= least_px2) continue;
+    least_px2 = errors->sum_px2;
+    best = s;
+  }
+  return best;
+}
+
+RigLocation LocationOf(const FrameLocation& location, const LocatedFrame& found) {
+  RigLocation result;
+  result.world_from_target = found.state.world_from_frame;
+  result.by_calibration = found.by_calibration;
+  result.by_image = found.by_image;
+  result.by_robot = found.by_robot;
+  result.rms_px = location.RmsPx(found);
+  result.chance = location.ChanceOf(found);
+  return result;
+}
+
+// Locates a target for each of its symmetries. `shape`: that of the target, null if the points are as manufactured.
+Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const RigSolution& solution,
+                                                    const std::vector<CameraObservations>& seen,
+                                                    const std::vector<Rigid3d>& symmetries, const TargetShape* shape,
+                                                    const std::vector<Rigid3d>& base_from_gripper) {
+  const Failure failure{"the points that the cameras see do not determine a pose of the target"};
+  std::vector<ReadPoints> read;
+  for (const CameraObservations& view : seen) {
+    ReadPoints& points = read.emplace_back(ReadPoints{view.camera, {}});
+    for (const Rigid3d& symmetry : symmetries) {
+      points.orders.push_back(ReadInOrder(view.observations, symmetry, shape));
+    }
+  }
+  const auto world_from = [&](size_t camera) {
+    return PlaceCamera(rig, solution, camera, base_from_gripper).world_from_camera.pose;
+  };
+  // Each camera has up to two poses; the best for all of them is found from one of these, with the points of the other
+  // cameras in the order that fits it best.
+  struct Best {
+    LocatedFrame found;
+    std::vector<CameraObservations> views;  // As designed.
+  };
+  std::optional<Best> best;
+  for (size_t v = 0; v < read.size(); ++v) {
+    const Camera& of_start = solution.cameras[read[v].camera];
+    for (const TargetPose& pose : EstimateTargetPose(of_start, read[v].orders.front())) {
+      const Rigid3d world_from_target = world_from(read[v].camera) * pose.camera_from_target;
+      std::vector<CameraObservations> views;
+      std::vector<CameraObservations> as_designed;
+      for (size_t w = 0; w < read.size(); ++w) {
+        const size_t camera = read[w].camera;
+        std::optional<size_t> order = 0;
+        if (w != v) {
+          order = FindBestOrder(solution.cameras[camera], read[w], Inverse(world_from(camera)) * world_from_target);
+        }
+        if (!order) break;
+        views.push_back({camera, read[w].orders[*order]});
+        as_designed.push_back({camera, ReadInOrder(seen[w].observations, symmetries[*order], nullptr)});
+      }
+      if (views.size() < read.size()) continue;
+      std::optional<LocatedFrame> found =
+          FrameLocation(rig, solution, views, base_from_gripper, 6).From(world_from_target);
+      if (found && (!best || found->squares < best->found.squares)) best = {std::move(*found), std::move(as_designed)};
+    }
+  }
+  if (!best) return failure;
+  std::vector<RigLocation> possible;
+  for (const Rigid3d& symmetry : symmetries) {
+    // The target as manufactured need not have the symmetries of its design, so each order is located by itself.
+    std::vector<CameraObservations> views;
+    for (const CameraObservations& view : best->views) {
+      views.push_back({view.camera, ReadInOrder(view.observations, symmetry, shape)});
+    }
+    const FrameLocation location(rig, solution, views, base_from_gripper, 6);
+    const std::optional<LocatedFrame> found = location.From(best->found.state.world_from_frame * Inverse(symmetry));
+    if (!found) return failure;
+    possible.push_back(LocationOf(location, *found));
+  }
+  const auto along_x = [](const RigLocation& located) {
+    return (located.world_from_target.rotation * Eigen::Vector3d::UnitX()).x();
+  };
+  std::sort(possible.begin(), possible.end(),
+            [&](const RigLocation& a, const RigLocation& b) { return along_x(a) > along_x(b); });
+  return possible;
+}
+
+// Returns the smallest of the motions from a pose of one list to one of the other.
+Rigid3d SmallestDifference(const std::vector<RigLocation>& from, const std::vector<RigLocation>& to) {
+  const Rigid3d target_from_world = Inverse(from.front().world_from_target);
+  Rigid3d smallest = target_from_world * to.front().world_from_target;
+  for (const RigLocation& other : to) {
+    const Rigid3d difference = target_from_world * other.world_from_target;
+    if (AngleRad(Rigid3d(), difference) < AngleRad(Rigid3d(), smallest)) smallest = difference;
+  }
+  return smallest;
+}
+
 }  // namespace
 
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
                                  const std::vector<Rigid3d>& base_from_gripper) {
-  const FrameLocation location(rig, solution, seen, base_from_gripper, 6);
-  // Each camera has up to two poses; the best for all of them is found from one of these.
-  std::optional<LocatedFrame> best;
-  for (size_t v = 0; v < seen.size(); ++v) {
-    for (const TargetPose& pose : EstimateTargetPose(solution.cameras[seen[v].camera], seen[v].observations)) {
-      std::optional<LocatedFrame> found = location.From(location.WorldFromCamera(v) * pose.camera_from_target);
-      if (found && (!best || found->squares < best->squares)) best = std::move(found);
-    }
+  Outcome<std::vector<RigLocation>> located =
+      LocateInEachOrder(rig, solution, seen, {Rigid3d()}, nullptr, base_from_gripper);
+  if (!located) return Failure{located.reason()};
+  return std::move(located->front());
+}
+
+Outcome<std::vector<RigLocation>> LocateTargetInRig(const RigProblem& rig, const RigSolution& solution, size_t target,
+                                                    const std::vector<CameraObservations>& seen,
+                                                    const std::vector<Rigid3d>& base_from_gripper) {
+  return LocateInEachOrder(rig, solution, seen, rig.targets[target].symmetries, &solution.shapes[target],
+                           base_from_gripper);
+}
+
+std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const RigSolution& solution, size_t target,
+                                                  const std::vector<CameraObservations>& seen,
+                                                  const std::vector<Rigid3d>& base_from_gripper) {
+  using Located = Outcome<std::vector<RigLocation>>;
+  const auto locate = [&](const std::vector<CameraObservations>& views) {
+    return LocateTargetInRig(rig, solution, target, views, base_from_gripper);
+  };
+  const auto agree = [](const Located& located) { return located && located->front().chance >= kContradictionChance; };
+  if (agree(locate(seen))) return std::nullopt;
+  std::vector<Located> alone;
+  for (const CameraObservations& view : seen) alone.push_back(locate({view}));
+  if (std::count_if(alone.begin(), alone.end(), [](const Located& located) { return located.ok(); }) < 2) {
+    return std::nullopt;
   }
-  if (!best) return Failure{"the points that the cameras see do not determine a pose of the target"};
-  RigLocation result;
-  result.world_from_target = best->world_from_frame;
-  result.by_calibration = best->by_calibration;
-  result.by_image = best->by_image;
-  result.by_robot = best->by_robot;
-  result.rms_px = location.RmsPx(*best);
-  return result;
+  RigContradiction contradiction;
+  if (seen.size() == 2) {
+    contradiction.difference = SmallestDifference(*alone[0], *alone[1]);
+    return contradiction;
+  }
+  std::vector<size_t> wrong;
+  Located others = Failure{""};
+  for (size_t v = 0; v < seen.size(); ++v) {
+    std::vector<CameraObservations> views = seen;
+    views.erase(views.begin() + static_cast<std::ptrdiff_t>(v));
+    Located located = locate(views);
+    if (!agree(located)) continue;
+    wrong.push_back(v);
+    others = std::move(located);
+  }
+  if (wrong.size() != 1) return contradiction;
+  contradiction.camera = seen[wrong.front()].camera;
+  if (alone[wrong.front()]) contradiction.difference = SmallestDifference(*others, *alone[wrong.front()]);
+  return contradiction;
 }
 
 Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
@@ -280,7 +491,8 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
   for (size_t v = 0; v < pixels.size(); ++v) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(solution.cameras[pixels[v].camera], pixels[v].pixel);
     if (!ray) return Failure{"camera " + rig.cameras[pixels[v].camera].name + " has no ray at this pixel"};
-    const Rigid3d world_from_camera = location.WorldFromCamera(v);
+    const Rigid3d world_from_camera =
+        PlaceCamera(rig, solution, pixels[v].camera, base_from_gripper).world_from_camera.pose;
     const Eigen::Vector3d direction = world_from_camera.rotation * *ray;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
     normal += across;
@@ -295,7 +507,7 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
   const std::optional<LocatedFrame> found = location.From({Eigen::Quaterniond::Identity(), guess});
   if (!found) return Failure{"the rays of the pixels do not meet in front of the cameras"};
   RigPoint point;
-  point.in_world = found->world_from_frame.translation;
+  point.in_world = found->state.world_from_frame.translation;
   point.by_calibration_m2 = found->by_calibration;
   point.by_image_m2 = found->by_image;
   point.by_robot_m2 = found->by_robot;

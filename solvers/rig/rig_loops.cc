@@ -168,11 +168,16 @@ std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups&
   return images;
 }
 
+double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points) {
+  // The 2 n coordinates of the points have, in whitened units, the mean variance (sigma / pixel_sigma)^2. The error is
+  // in as many directions as the pose has coordinates, or in all directions of a point or two.
+  const int num_directions = std::min(6, 2 * num_points);
+  const double ratio = sigma_px / pixel_sigma_px;
+  return ratio * ratio * 2 * num_points / num_directions;
+}
+
 double PoseVarianceRatio(const RigNoise& noise, const RigImage& image) {
-  // The error of the image is in the six directions of the pose; the 2 n coordinates of the points have the RMS error
-  // image_px on average.
-  const double ratio = noise.image_px[image.camera] / noise.pixel_px[image.camera];
-  return 1 + ratio * ratio * image.observations.size() / 3.0;
+  return 1 + PoseErrorVariance(noise.image_px[image.camera], noise.pixel_px[image.camera], image.observations.size());
 }
 
 LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,

@@ -48,7 +48,10 @@ struct ImageIndex {
 // Returns the images with points, in the order of the views of RigLoops.
 std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups& groups);
 
-// Returns LoopView::pose_variance_ratio of an image.
+// Returns the variance, in whitened units, of each direction of an image's rows that another pose of the target would
+// explain, for an error of the image as a whole that moves each coordinate of its points by `sigma_px` (RMS).
+double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points);
+// Returns LoopView::pose_variance_ratio of an image, which must have points.
 double PoseVarianceRatio(const RigNoise& noise, const RigImage& image);
 
 // Returns the loops of the groups. With corrections, the own poses of a capture are those of the moving arms; their

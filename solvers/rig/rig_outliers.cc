@@ -43,9 +43,9 @@ class ImageTest {
     const Tangent6 residual = basis.transpose() * ResidualOf(problem, state_, view, corrections);
     const Matrix6 predicted =
         basis.transpose() * PredictionCovariance(view, posterior, solution_.covariance.matrix) * basis;
-    const double unmodelled = kUnmodelledPx / solution_.pixel_sigmas_px[image.camera];
     const double floor =
-        unmodelled * unmodelled * image.observations.size() / 3 / PoseVarianceRatio(NoiseOf(solution_), image);
+        PoseErrorVariance(kUnmodelledPx, solution_.pixel_sigmas_px[image.camera], image.observations.size()) /
+        PoseVarianceRatio(NoiseOf(solution_), image);
     Matrix6 covariance = is_used ? Matrix6(Matrix6::Identity() - predicted) : Matrix6(Matrix6::Identity() + predicted);
     // A direction in which the image alone determines the estimate has no variance, and is not tested.
     if (!is_used) {

@@ -1,12 +1,15 @@
 // `heba detect` and `heba compare` with rigs.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "tests/pipeline/cli.h"
 
@@ -16,6 +19,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::StartsWith;
 
 constexpr int kNumCaptures = 12;
@@ -197,6 +201,122 @@ TEST_F(RigCommandsTest, LocateTakesTheFileOfTheResult) {
   EXPECT_EQ(of_file.out, of_folder.out);
   EXPECT_THAT(RunHeba({"locate", Path("run"), image}).err,
               HasSubstr("--pose: camera wrist is carried by the arm robot"));
+}
+
+// Returns the poses of a capture, as the flag --pose takes them.
+std::string PoseOfCapture(const std::string& poses, const std::string& image) {
+  const std::string numbers = poses.substr(poses.find("\n" + image + ",") + image.size() + 2);
+  return numbers.substr(0, numbers.find('\n'));
+}
+
+// The fixed cameras see the plate in these captures.
+std::pair<std::string, std::string> CapturesOfBoth(const std::string& run) {
+  std::vector<std::string> names;
+  std::map<std::string, int> num_seen;
+  const Json result = Json::parse(ReadAll(run + "/result.json"));
+  for (const Json& entry : result["captures"]) {
+    const bool is_seen = entry["camera"] != "wrist" && entry["points"] == kNumPoints;
+    if (is_seen && ++num_seen[entry["capture"]] == 2) names.push_back(entry["capture"]);
+  }
+  CHECK_GE(names.size(), 2U);
+  return {names.front(), names.back()};
+}
+
+// Images of two captures do not show the plate at one pose: no pose is stated, and the camera is named if there are
+// three.
+TEST_F(RigCommandsTest, LocateRefusesImagesThatContradictEachOther) {
+  const auto [first, other] = CapturesOfBoth(Path("run"));
+  const auto image = [](const std::string& camera, const std::string& name) {
+    return camera + "=" + Path("cell/" + camera + "/" + name);
+  };
+  const CommandResult together =
+      RunHeba({"locate", Path("run"), image("left", first), image("right", first), "--json"});
+  EXPECT_EQ(together.status, 0) << together.err;
+  const Json plate = Json::parse(together.out)["targets"][0];
+  EXPECT_TRUE(plate["located"]);
+  EXPECT_GT(plate["chance"].get<double>(), 1e-3);
+  EXPECT_EQ(plate["chosen"], 0);
+  EXPECT_EQ(plate["poses"][0]["pose"], plate["pose"]);
+
+  const CommandResult of_two = RunHeba({"locate", Path("run"), image("left", first), image("right", other), "--json"});
+  EXPECT_EQ(of_two.status, 1);
+  EXPECT_THAT(of_two.err,
+              StartsWith("heba: error: target plate: the cameras left, right contradict each other: they see the "));
+  EXPECT_EQ(std::count(of_two.err.begin(), of_two.err.end(), '\n'), 1) << of_two.err;
+  const Json refused = Json::parse(of_two.out)["targets"][0];
+  EXPECT_FALSE(refused["located"]);
+  EXPECT_THAT(refused["reason"].get<std::string>(), HasSubstr("contradict each other"));
+  for (const char* const figure : {"pose", "sigma", "rms_px", "chance", "chosen"}) {
+    EXPECT_TRUE(refused[figure].is_null()) << figure;
+  }
+  EXPECT_THAT(RunHeba({"locate", Path("run"), image("left", first), image("right", other)}).out,
+              Not(HasSubstr("target plate in world")));
+
+  const std::string pose = "--pose=" + PoseOfCapture(ReadAll(Path("cell/poses.csv")), first);
+  const CommandResult of_three = RunHeba(
+      {"locate", Path("run"), image("left", first), image("right", other), image("wrist", first), pose, "--json"});
+  EXPECT_EQ(of_three.status, 1);
+  EXPECT_THAT(of_three.err, HasSubstr("target plate: camera right contradicts the others, which see the target "));
+}
+
+// Every flag and argument that would be ignored, and every pixel that is none, is refused in one line.
+TEST_F(RigCommandsTest, LocateRefusesWhatItWouldIgnore) {
+  const std::string pixels = "left=300,200;right=310,210";
+  const std::string left = "left=" + Path("cell/left/000.png");
+  const std::string right = "right=" + Path("cell/right/000.png");
+  const std::string pose = "0.5,0,0.5,0,0,0,1";
+  struct Call {
+    std::vector<std::string> words;
+    std::string fault;
+  };
+  const Call calls[] = {
+      {{"--pixels", pixels, "--plane", "rubbish"}, "--plane: "},
+      {{"--pixels", pixels, "--robot", "nonsense"}, "--robot: "},
+      {{"--pixels", pixels, "--joints", "1,2"}, "--joints: "},
+      {{"--pixels", pixels, "--near", "x"}, "--near: "},
+      {{"--pixels", pixels, "--pose", pose}, "--pose: the arm robot carries none of the cameras"},
+      {{left, "--pixels", pixels}, "--pixels: needs no image"},
+      {{"--pixels", "left=640.5,200;right=310,210"}, "--pixels: 640.500,200.000 is outside the image of camera left"},
+      {{"--pixels", "left=300,200;left=310,210"}, "--pixels: camera left is named twice"},
+      {{"--pixels", "left=nan,200;right=310,210"}, "--pixels: 'nan,200' is not a pixel"},
+      {{"--pixels", "left=300,200"}, "--pixels: a point needs its pixels in at least two cameras"},
+      {{left, "--near", pose}, "--near: no target has a symmetry"},
+      {{left, "--plane", "0,0,1,1 mm"}, "--plane: "},
+      {{left, "--pose", pose}, "--pose: the arm robot carries none of the cameras"},
+      {{left, right, "--pose", "robot=" + pose + ";robot=" + pose}, "--pose: the arm robot is named twice"}};
+  for (const Call& call : calls) {
+    std::vector<std::string> words = {"locate", Path("run")};
+    words.insert(words.end(), call.words.begin(), call.words.end());
+    const CommandResult located = RunHeba(words);
+    EXPECT_EQ(located.status, 2) << call.fault;
+    EXPECT_THAT(located.err, StartsWith("heba: error: " + call.fault));
+    EXPECT_EQ(std::count(located.err.begin(), located.err.end(), '\n'), 1) << located.err;
+    EXPECT_EQ(located.out, "");
+  }
+}
+
+// Pixels whose rays do not meet have a warning, in JSON as well.
+TEST_F(RigCommandsTest, LocateWarnsOfPixelsThatShowNoCommonPoint) {
+  const auto locate = [](const std::string& pixels) {
+    return RunHeba({"locate", Path("run"), "--pixels", pixels, "--json"});
+  };
+  // The pixels of the origin of the plate in both cameras, and others.
+  const auto first = CapturesOfBoth(Path("run")).first;
+  std::string meeting;
+  for (const std::string camera : {"left", "right"}) {
+    const Json detections = Json::parse(ReadAll(Path("run/detections/" + camera + ".plate.json")));
+    for (const Json& image : detections["captures"]) {
+      if (image["image"] != first) continue;
+      const Json& pixel = image["pixels"][0];
+      meeting += (meeting.empty() ? "" : ";") + camera + "=" + pixel[0].dump() + "," + pixel[1].dump();
+    }
+  }
+  const CommandResult right = locate(meeting);
+  EXPECT_EQ(right.err, "") << meeting;
+  EXPECT_EQ(Json::parse(right.out)["point"]["warning"], "");
+  const CommandResult wrong = locate("left=300,200;right=310,400");
+  EXPECT_THAT(wrong.err, StartsWith("heba: warning: the rays of the pixels do not meet"));
+  EXPECT_THAT(Json::parse(wrong.out)["point"]["warning"].get<std::string>(), StartsWith("the rays of the pixels"));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Targets that look the same after a rotation by 180 degrees: one image fits two poses, and the program does not
 // choose.
 #include <algorithm>
+#include <map>
 #include <regex>
 #include <sstream>
 
@@ -231,6 +232,126 @@ TEST_F(SymmetricTargetTest, RunAndDoctorExplainTheSymmetry) {
   EXPECT_THAT(doctor.out, HasSubstr("nothing is wrong"));
   EXPECT_THAT(Unbroken(doctor.out), HasSubstr("remark [symmetric_target]: " + remark));
   EXPECT_THAT(doctor.out, HasSubstr("-> a chessboard with columns: 8, or a charuco, has one pose only"));
+}
+
+// A cell with two fixed cameras, one of which is upside down, so that the two read the targets on the gripper in
+// different orders: a chessboard and a circle grid, both of which look the same after half a rotation.
+class SymmetricRigTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new fs::path(TestFolder("symmetric_rig"));
+    WriteAll(*folder_ / "scene.yaml",
+             "cameras:\n"
+             "  left:\n    mount: world\n"
+             "    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, 175 deg]}\n"
+             "    camera: &camera {model: brown5, image_size: [800, 600], fx: 750, fy: 750, cx: 400, cy: 300, "
+             "distortion: [-0.08, 0.05, 0, 0, 0]}\n"
+             "  right:\n    mount: world\n"
+             "    pose: {translation: [700 mm, 550 mm, 600 mm], rpy: [105 deg, 0 deg, -15 deg]}\n    camera: *camera\n"
+             "targets:\n"
+             "  plate:\n    mount: gripper\n    pose: {translation: [-80 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 "
+             "deg]}\n    target: {type: chessboard, rows: 5, columns: 7, square: 18 mm}\n"
+             "  disks:\n    mount: gripper\n    pose: {translation: [100 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 "
+             "deg]}\n    target: {type: circle_grid, rows: 5, columns: 7, spacing: 18 mm}\n"
+             "motion: {captures: 12, distance: 650 mm, tilt: 20 deg}\nimage: {noise: 1 grey}\n"
+             "robot_noise: {translation: 0.05 mm, rotation: 0.01 deg}\nseed: 4\n");
+    const CommandResult simulated = RunHeba({"simulate", Path("scene.yaml"), "--out", Path("cell"), "--quiet"});
+    ASSERT_EQ(simulated.status, 0) << simulated.err;
+    WriteAll(Path("cell/config.yaml"), ReadAll(Path("cell/config.yaml")) + "refine: {intrinsics: []}\n");
+    const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("run"), "--quiet"});
+    ASSERT_EQ(run.status, 0) << run.err;
+    const Json truth = Json::parse(ReadAll(Path("cell/truth.json")));
+    const std::vector<PoseRow> rows = ReadPoseFile(Path("cell/poses.csv"), *FindPoseFormat("ros"));
+    std::map<std::string, int> num_seen;
+    const Json result = Json::parse(ReadAll(Path("run/result.json")));
+    for (const Json& entry : result["captures"]) {
+      if (entry["points"] == 70 && ++num_seen[entry["capture"]] == 2) names_.push_back(entry["capture"]);
+    }
+    for (const std::string& name : names_) {
+      const auto row = std::find_if(rows.begin(), rows.end(), [&](const PoseRow& one) { return one.image == name; });
+      ASSERT_TRUE(row != rows.end());
+      world_from_gripper_.push_back(row->pose);
+    }
+    ASSERT_GE(names_.size(), 3U);
+    for (const std::string target : {"plate", "disks"}) {
+      gripper_from_target_[target] = PoseFromJson(truth["targets"][target]["pose"]);
+    }
+  }
+  static void TearDownTestSuite() {
+    fs::remove_all(*folder_);
+    delete folder_;
+  }
+  static std::string Path(const std::string& name) { return (*folder_ / name).string(); }
+  static CommandResult Locate(size_t capture, const std::vector<std::string>& flags) {
+    std::vector<std::string> words = {"locate", Path("run"), "left=" + Path("cell/left/" + names_[capture]),
+                                      "right=" + Path("cell/right/" + names_[capture])};
+    words.insert(words.end(), flags.begin(), flags.end());
+    return RunHeba(words);
+  }
+  static Rigid3d Truth(size_t capture, const std::string& target) {
+    return world_from_gripper_[capture] * gripper_from_target_[target];
+  }
+  // 1 mm and 0.3 deg are several times the noise of the arm and the uncertainty of the calibration.
+  static bool IsNear(const Rigid3d& pose, const Rigid3d& truth) {
+    return DistanceM(pose, truth) < 1e-3 && AngleRad(pose, truth) < DegToRad(0.3);
+  }
+
+  static fs::path* folder_;
+  static std::vector<std::string> names_;  // Of the captures in which both cameras see both targets.
+  static std::vector<Rigid3d> world_from_gripper_;
+  static std::map<std::string, Rigid3d> gripper_from_target_;
+};
+fs::path* SymmetricRigTest::folder_ = nullptr;
+std::vector<std::string> SymmetricRigTest::names_;
+std::vector<Rigid3d> SymmetricRigTest::world_from_gripper_;
+std::map<std::string, Rigid3d> SymmetricRigTest::gripper_from_target_;
+
+TEST_F(SymmetricRigTest, LocateReturnsAllPosesThatFitBothCameras) {
+  for (size_t i = 0; i < names_.size(); ++i) {
+    const CommandResult located = Locate(i, {"--json"});
+    EXPECT_EQ(located.status, 1);
+    EXPECT_THAT(located.err,
+                StartsWith("heba: error: target plate: the target looks the same after a rotation by 180 "
+                           "deg, so 2 poses fit the images equally well; --near x,y,z,qx,qy,qz,qw, a rough "
+                           "world_from_target, decides between them; target disks: the target looks"));
+    EXPECT_EQ(std::count(located.err.begin(), located.err.end(), '\n'), 1) << located.err;
+    const Json targets = Json::parse(located.out)["targets"];
+    ASSERT_EQ(targets.size(), 2U);
+    for (const Json& target : targets) {
+      const Rigid3d truth = Truth(i, target["target"]);
+      EXPECT_FALSE(target["located"]);
+      EXPECT_TRUE(target["pose"].is_null());
+      EXPECT_LT(target["rms_px"], 0.5);
+      ASSERT_EQ(target["poses"].size(), 2U);
+      const Rigid3d first = PoseFromJson(target["poses"][0]["pose"]);
+      const Rigid3d second = PoseFromJson(target["poses"][1]["pose"]);
+      EXPECT_TRUE(IsNear(first, truth) != IsNear(second, truth)) << located.out;
+      EXPECT_NEAR(AngleRad(first, second), kPi, DegToRad(0.3));
+      EXPECT_GT(first.RotationMatrix()(0, 0), second.RotationMatrix()(0, 0));
+    }
+  }
+}
+
+TEST_F(SymmetricRigTest, NearDecidesForEachTarget) {
+  const Rigid3d plate = Truth(0, "plate");
+  const Rigid3d turned = Truth(0, "disks") * Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(0.108, 0.072, 0));
+  const std::string flag = "plate=" + Numbers(plate) + ";disks=" + Numbers(turned);
+  const CommandResult located = Locate(0, {"--near", flag, "--json"});
+  EXPECT_EQ(located.status, 0) << located.err;
+  EXPECT_EQ(located.err, "");
+  const Json targets = Json::parse(located.out)["targets"];
+  ASSERT_EQ(targets.size(), 2U);
+  EXPECT_TRUE(IsNear(PoseFromJson(targets[0]["pose"]), plate)) << located.out;
+  EXPECT_TRUE(IsNear(PoseFromJson(targets[1]["pose"]), turned)) << located.out;
+  EXPECT_THAT(Locate(0, {"--near", flag}).out, HasSubstr("chosen by --near among the 2 possible poses"));
+  // One of the two stays undecided.
+  const CommandResult half = Locate(0, {"--near", "plate=" + Numbers(plate)});
+  EXPECT_EQ(half.status, 1);
+  EXPECT_THAT(half.err, StartsWith("heba: error: target disks: the target looks the same"));
+  EXPECT_THAT(half.out, HasSubstr("target disks in world, by left, right"));
+  EXPECT_EQ(Locate(0, {"--near", Numbers(plate)}).status, 2);
+  EXPECT_THAT(Locate(0, {"--near", "plate=1,2"}).err, HasSubstr("--near: 2 numbers; 7 are needed"));
+  EXPECT_THAT(Locate(0, {"--near", "plat=1,2"}).err, HasSubstr("did you mean 'plate'"));
 }
 
 struct SheetCase {

@@ -151,8 +151,27 @@ def test_a_carried_camera_needs_the_pose_of_its_arm(rig_cell, rig_run):
     assert np.array_equal(by_name.world_from_target, located.world_from_target)
     with pytest.raises(heba.Error, match="camera wrist is carried by the arm robot, whose pose is needed"):
         heba.locate(rig_run, {"wrist": image})
+    with pytest.raises(heba.Error, match="the arm robot carries none of the cameras"):
+        heba.locate(rig_run, {"left": rig_cell / "left" / names[0]}, pose=poses[0])
     with pytest.raises(heba.Error, match="did you mean 'robot'"):
         heba.locate(rig_run, {"wrist": image}, pose={"robt": poses[0]})
+
+
+def test_images_that_contradict_each_other_are_refused(rig_cell, rig_run):
+    first = seen_by_all(rig_run)
+    names = [name for name, _ in zip(*conftest.read_poses(rig_cell / "poses.csv")) if name != first]
+    right = heba.locate(rig_run, {camera: rig_cell / camera / first for camera in ("left", "right")})
+    assert right[0].chance > 1e-3
+    assert heba.locate(rig_run, {"left": rig_cell / "left" / first})[0].chance == 1
+    num_refused = 0
+    for other in names:
+        images = {"left": rig_cell / "left" / first, "right": rig_cell / "right" / other}
+        if len(heba.detect(images["right"], (rig_cell / "plate.target.yaml").read_text())) < 35:
+            continue
+        num_refused += 1
+        with pytest.raises(heba.Error, match="target plate: the cameras left, right contradict each other"):
+            heba.locate(rig_run, images)
+    assert num_refused > 0
 
 
 def test_wrong_input_is_one_line(rig_cell, rig_run, program_run, cell, tmp_path):

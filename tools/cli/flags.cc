@@ -42,7 +42,9 @@ DEFINE_bool(inverse, false,
             "|export the pose of the parent in the child"
             "|correct: the poses are those to reach, and those to command are computed");
 DEFINE_string(units, "m", "UNIT|length unit of the format matrix: m or mm");
-DEFINE_string(pose, "", "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas");
+DEFINE_string(pose, "",
+              "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas; of several arms: "
+              "ARM=NUMBERS;ARM=NUMBERS");
 DEFINE_string(
     joints, "",
     "NUMBERS|the positions of the joints at --pose, as in the run's joints file, separated by commas: needed if "
@@ -51,7 +53,7 @@ DEFINE_string(
     near, "",
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
     "if that contains joints): decides between the poses of a target with a symmetry, by its position or by its "
-    "rotation, one of which may be unknown");
+    "rotation, one of which may be unknown; of several targets: TARGET=NUMBERS;TARGET=NUMBERS");
 DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
 DEFINE_string(target, "",
@@ -65,7 +67,8 @@ DEFINE_string(camera, "",
               "|target: the file of the camera that is to see the proposed target");
 DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agreement of images and poses");
 DEFINE_string(pixels, "",
-              "U,V;U,V|pixels to locate instead of the target; without an image if --plane names a plane in the base");
+              "U,V;U,V|pixels to locate instead of the target; without an image if --plane names a plane in the base; "
+              "with a rig CAMERA=U,V;CAMERA=U,V, the pixels of one point, without images");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");

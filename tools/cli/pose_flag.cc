@@ -27,4 +27,8 @@ Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseF
   return *pose;
 }
 
+const PoseFormat& FormatOfNear(const PoseFormat& format) {
+  return format.robot.empty() ? format : *FindPoseFormat("ros");
+}
+
 }  // namespace heba

@@ -11,4 +11,7 @@ namespace heba {
 // Throws InputError if they are malformed.
 Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format);
 
+// Returns the format of --near, a pose, if the run's poses have `format`: the same, or `ros` if those are joints.
+const PoseFormat& FormatOfNear(const PoseFormat& format);
+
 }  // namespace heba

@@ -1,7 +1,10 @@
 #include "tools/cli/rig_locate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <optional>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -13,12 +16,13 @@
 #include "heba/io/result_file.h"
 #include "heba/io/result_json.h"
 #include "tools/cli/flags.h"
+#include "tools/cli/pixel_flag.h"
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_rig.h"
 #include "tools/run/rig_image_location.h"
 #include "tools/text/console.h"
-#include "tools/text/result_text.h"
+#include "tools/text/rig_location_text.h"
 
 namespace heba {
 namespace {
@@ -57,6 +61,7 @@ std::vector<std::optional<Rigid3d>> PosesOfFlag(const FinishedRig& rig) {
   }
   for (const std::string& part : Split(FLAGS_pose, ';')) {
     const auto [robot, numbers] = NamedValue("--pose", part, robots, "ARM=NUMBERS");
+    if (poses[robot]) throw InputError("--pose: the arm " + robots[robot] + " is named twice");
     read(robot, numbers);
   }
   return poses;
@@ -66,16 +71,51 @@ std::vector<Rigid3d> PosesFor(const FinishedRig& rig, const std::vector<size_t>&
   return PosesForCameras(rig.result.rig, cameras, PosesOfFlag(rig), "--pose");
 }
 
-std::string SigmasText(const Eigen::Matrix3d& covariance, double unit) {
-  std::vector<std::string> sigmas;
-  for (Eigen::Index i = 0; i < 3; ++i) sigmas.push_back(ShownAmount(unit * std::sqrt(covariance(i, i)), 2));
-  return Join(sigmas, ", ");
-}
-
 Json SigmasJson(const Eigen::Matrix3d& covariance, double unit) {
   Json list = Json::array();
   for (Eigen::Index i = 0; i < 3; ++i) list.push_back(Finite(unit * std::sqrt(covariance(i, i))));
   return list;
+}
+
+// Refuses the flags that only the result of one camera takes.
+void RefuseFlagsOfOneCamera() {
+  const auto refuse = [](const std::string& name, bool is_given, const std::string& why) {
+    if (is_given) throw InputError("--" + name + ": " + why + "; leave this flag out");
+  };
+  refuse("plane", FLAGS_plane != "target", "a rig locates pixels of several cameras, not pixels on a plane");
+  refuse("robot", !FLAGS_robot.empty(), "joints that reach a target are not computed with a rig");
+  refuse("joints", !FLAGS_joints.empty(), "the joints of an arm are not used with a rig");
+}
+
+// Returns the rough poses of the targets that --near gives: the numbers of the only target with a symmetry, or
+// TARGET=NUMBERS;TARGET=NUMBERS.
+std::vector<std::optional<Rigid3d>> NearOfFlag(const FinishedRig& rig) {
+  const std::vector<RigTarget>& targets = rig.result.rig.targets;
+  std::vector<std::optional<Rigid3d>> near(targets.size());
+  if (FLAGS_near.empty()) return near;
+  std::vector<std::string> names;
+  std::vector<size_t> symmetric;
+  for (size_t t = 0; t < targets.size(); ++t) {
+    names.push_back(targets[t].name);
+    if (targets[t].symmetries.size() > 1) symmetric.push_back(t);
+  }
+  if (symmetric.empty()) {
+    throw InputError("--near: no target has a symmetry, and each has only one possible pose; leave this flag out");
+  }
+  const PoseFormat& format = FormatOfNear(rig.pose_readings.front().format);
+  if (symmetric.size() == 1 && FLAGS_near.find('=') == std::string::npos) {
+    near[symmetric.front()] = PoseOfFlag("near", FLAGS_near, format);
+    return near;
+  }
+  for (const std::string& part : Split(FLAGS_near, ';')) {
+    const auto [t, numbers] = NamedValue("--near", part, names, "TARGET=NUMBERS");
+    if (targets[t].symmetries.size() == 1) {
+      throw InputError("--near: target " + names[t] + " has no symmetry and only one possible pose; leave it out");
+    }
+    if (near[t]) throw InputError("--near: target " + names[t] + " is named twice");
+    near[t] = PoseOfFlag("near", numbers, format);
+  }
+  return near;
 }
 
 // Prints the document or the text.
@@ -89,60 +129,64 @@ void Print(const FinishedRig& rig, const Json& located, const std::string& text)
   std::cout << FileText(json) << std::flush;
 }
 
-int LocatePoint(const FinishedRig& rig) {
+std::vector<CameraPixel> PixelsOfFlag(const FinishedRig& rig) {
   std::vector<CameraPixel> pixels;
-  std::vector<size_t> cameras;
+  const std::string form = "CAMERA=U,V";
   for (const std::string& part : Split(FLAGS_pixels, ';')) {
-    const auto [camera, text] = NamedValue("--pixels", part, CameraNames(rig.result), "CAMERA=U,V");
-    const std::vector<std::string> fields = Split(text, ',');
-    CameraPixel& pixel = pixels.emplace_back();
-    pixel.camera = camera;
-    cameras.push_back(camera);
-    if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.pixel.x()) ||
-        !ParseDouble(Trim(fields[1]), &pixel.pixel.y())) {
-      throw InputError("--pixels: " + Quoted(text) + ": two numbers are needed, U,V");
+    const auto [camera, text] = NamedValue("--pixels", part, CameraNames(rig.result), form);
+    const std::string& name = rig.result.rig.cameras[camera].name;
+    const CameraPixel pixel{camera, PixelOfFlag(text, form + " is needed, several separated by semicolons")};
+    CheckPixelInImage(pixel.pixel, rig.result.solution.cameras[camera], name);
+    const auto is_same = [&](const CameraPixel& other) { return other.camera == pixel.camera; };
+    if (std::any_of(pixels.begin(), pixels.end(), is_same)) {
+      throw InputError("--pixels: camera " + name + " is named twice; one pixel of each camera shows the point");
     }
+    pixels.push_back(pixel);
   }
+  if (pixels.size() < 2) throw InputError("--pixels: a point needs its pixels in at least two cameras");
+  return pixels;
+}
+
+int LocatePoint(const FinishedRig& rig) {
+  const std::vector<CameraPixel> pixels = PixelsOfFlag(rig);
+  std::vector<size_t> cameras;
+  for (const CameraPixel& pixel : pixels) cameras.push_back(pixel.camera);
   const Outcome<RigPoint> point = TriangulateInRig(rig.result.rig, rig.result.solution, pixels, PosesFor(rig, cameras));
   if (!point) {
     PrintError("--pixels: " + point.reason());
     return kWorkFailed;
   }
   const Eigen::Vector3d& at = point->in_world;
+  // Pixels that a user reads from an image may be as far from the point that they show.
+  constexpr double kApartPx = 3;
+  const std::string warning =
+      point->rms_px > kApartPx ? "the rays of the pixels do not meet: do they show one point?" : "";
   constexpr double kMm = 1000;
   const Json json{{"point",
                    {{"in_world_m", {at.x(), at.y(), at.z()}},
                     {"rms_px", point->rms_px},
+                    {"warning", warning},
                     {"sigma",
                      {{"total_mm", SigmasJson(point->TotalM2(), kMm)},
                       {"calibration_mm", SigmasJson(point->by_calibration_m2, kMm)},
                       {"image_mm", SigmasJson(point->by_image_m2, kMm)},
                       {"robot_mm", SigmasJson(point->by_robot_m2, kMm)}}}}}};
-  const double sigma_mm = kMm * std::sqrt(point->TotalM2().diagonal().maxCoeff());
-  const auto shown = [&](double metres) { return Fixed(kMm * metres, DecimalsFor(sigma_mm, 6)); };
-  Print(rig, json,
-        "point in world: [" + shown(at.x()) + ", " + shown(at.y()) + ", " + shown(at.z()) + "] mm, one sigma " +
-            SigmasText(point->TotalM2(), kMm) + " mm along the world's x, y, z\n  calibration " +
-            SigmasText(point->by_calibration_m2, kMm) + ", images " + SigmasText(point->by_image_m2, kMm) + ", arm " +
-            SigmasText(point->by_robot_m2, kMm) + " mm; the pixels are " + Significant(point->rms_px, 2) +
-            " px from the point (RMS)\n");
-  constexpr double kApartPx = 3;
-  if (point->rms_px > kApartPx && !FLAGS_json) {
-    std::cerr << "heba: warning: the rays of the pixels do not meet: do they show one point?" << std::endl;
-  }
+  Print(rig, json, RigPointText(*point));
+  if (!warning.empty()) std::cerr << "heba: warning: " << warning << std::endl;
   return kDone;
 }
 
-int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images) {
+// Returns the detections of all targets in images CAMERA=IMAGE, and appends the cameras.
+std::vector<RigSighting> SightingsIn(const FinishedRig& rig, const std::vector<std::string>& images,
+                                     std::vector<size_t>* cameras) {
   const RigResult& result = rig.result;
-  std::vector<size_t> cameras;
   std::vector<RigSighting> sightings;
   for (const std::string& text : images) {
     const auto [camera, path] = NamedValue("an image", text, CameraNames(result), "CAMERA=IMAGE");
-    if (std::find(cameras.begin(), cameras.end(), camera) != cameras.end()) {
+    if (std::find(cameras->begin(), cameras->end(), camera) != cameras->end()) {
       throw InputError("camera " + result.rig.cameras[camera].name + " is named twice; one image of each is located");
     }
-    cameras.push_back(camera);
+    cameras->push_back(camera);
     const Camera& of_camera = result.solution.cameras[camera];
     for (size_t t = 0; t < rig.targets.size(); ++t) {
       sightings.push_back(
@@ -150,61 +194,98 @@ int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images
            DetectCapture(*rig.targets[t], path, ImageSize{of_camera.width_px, of_camera.height_px}).detection});
     }
   }
+  return sightings;
+}
+
+Json SigmaJson(const RigLocation& located) {
+  const auto by_source = [](const Matrix6& covariance) {
+    return Json{{"mm", SigmasJson(covariance.topLeftCorner<3, 3>(), 1000)},
+                {"deg", SigmasJson(covariance.bottomRightCorner<3, 3>(), RadToDeg(1.0))}};
+  };
+  return Json{{"total", by_source(located.Total())},
+              {"calibration", by_source(located.by_calibration)},
+              {"image", by_source(located.by_image)},
+              {"robot", by_source(located.by_robot)}};
+}
+
+Json TargetJson(const FinishedRig& rig, const RigTargetLocation& location, const std::string& fault) {
+  const RigTarget& target = rig.result.rig.targets[location.target];
+  Json json{{"target", target.name},
+            {"cameras", Json::array()},
+            {"located", location.chosen.has_value()},
+            {"reason", fault},
+            {"pose", nullptr},
+            {"rms_px", nullptr},
+            {"chance", nullptr},
+            {"symmetries", target.symmetries.size()},
+            {"sigma", nullptr},
+            {"poses", Json::array()},
+            {"chosen", location.chosen ? Json(*location.chosen) : Json(nullptr)}};
+  for (const size_t camera : location.cameras) json["cameras"].push_back(rig.result.rig.cameras[camera].name);
+  for (size_t i = 0; i < location.possible.size(); ++i) {
+    const RigLocation& located = location.possible[i];
+    json["poses"].push_back(
+        Json{{"pose", PoseJson(located.world_from_target, "world", target.name)},
+             {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
+             {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
+             {"sigma", SigmaJson(located)}});
+  }
+  if (!location.possible.empty()) {
+    json["rms_px"] = location.possible.front().rms_px;
+    json["chance"] = location.possible.front().chance;
+  }
+  if (location.chosen) {
+    json["pose"] = json["poses"][*location.chosen]["pose"];
+    json["sigma"] = json["poses"][*location.chosen]["sigma"];
+  }
+  return json;
+}
+
+int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images) {
+  const std::vector<std::optional<Rigid3d>> near = NearOfFlag(rig);
+  std::vector<size_t> cameras;
+  const std::vector<RigSighting> sightings = SightingsIn(rig, images, &cameras);
+  const std::vector<RigTargetLocation> locations =
+      LocateTargetsInRig(rig.result, rig.targets, sightings, PosesFor(rig, cameras), near);
+  const bool is_any_located = std::any_of(locations.begin(), locations.end(), [](const RigTargetLocation& location) {
+    return location.chosen.has_value();
+  });
   std::string text;
+  std::vector<std::string> faults;
   Json list = Json::array();
-  for (const auto& [t, seen_by, located] : LocateTargetsInRig(result, rig.targets, sightings, PosesFor(rig, cameras))) {
-    const std::string& name = result.rig.targets[t].name;
-    std::vector<std::string> by;
-    for (const size_t camera : seen_by) by.push_back(result.rig.cameras[camera].name);
-    if (!located) {
-      text += "target " + name + ": " + located.reason() + "\n";
-      continue;
+  for (const RigTargetLocation& location : locations) {
+    std::string fault = RigLocationFault(rig.result.rig, location);
+    if (!location.possible.empty() && !location.chosen && !location.near) {
+      fault += "; --near " + Join(FormatOfNear(rig.pose_readings.front().format).columns, ",") +
+               ", a rough world_from_target, decides between them";
     }
-    const Matrix6 total = located->Total();
-    const double sigma_m = std::sqrt(total.topLeftCorner<3, 3>().diagonal().maxCoeff());
-    const double sigma_rad = std::sqrt(total.bottomRightCorner<3, 3>().diagonal().maxCoeff());
-    text += "target " + name + " in world, by " + Join(by, ", ") + "\n  " +
-            PoseText(located->world_from_target, 1000 * sigma_m, sigma_rad) + "\n  one sigma " +
-            SigmasText(total.topLeftCorner<3, 3>(), 1000) + " mm; " +
-            SigmasText(total.bottomRightCorner<3, 3>(), RadToDeg(1.0)) + " deg (target's x, y, z)\n  calibration " +
-            SigmasText(located->by_calibration.topLeftCorner<3, 3>(), 1000) + ", images " +
-            SigmasText(located->by_image.topLeftCorner<3, 3>(), 1000) + ", arm " +
-            SigmasText(located->by_robot.topLeftCorner<3, 3>(), 1000) + " mm; the points fit with " +
-            Significant(located->rms_px, 2) + " px (RMS)\n";
-    const size_t num_symmetries = rig.targets[t]->Symmetries().size();
-    if (num_symmetries > 1) {
-      text +=
-          "  the target looks the same in " + std::to_string(num_symmetries) + " orientations; this is one of them\n";
+    text += RigLocationText(rig.result.rig, location);
+    list.push_back(TargetJson(rig, location, fault));
+    // A target of which the images show too little is no failure beside others, like one that they do not show.
+    if (is_any_located && !location.undetermined.empty()) {
+      text += fault + "\n";
+    } else if (!fault.empty()) {
+      faults.push_back(fault);
     }
-    const auto by_source = [&](const Matrix6& covariance) {
-      return Json{{"mm", SigmasJson(covariance.topLeftCorner<3, 3>(), 1000)},
-                  {"deg", SigmasJson(covariance.bottomRightCorner<3, 3>(), RadToDeg(1.0))}};
-    };
-    list.push_back(Json{{"target", name},
-                        {"cameras", by},
-                        {"pose", PoseJson(located->world_from_target, "world", name)},
-                        {"rms_px", located->rms_px},
-                        {"symmetries", num_symmetries},
-                        {"sigma",
-                         {{"total", by_source(total)},
-                          {"calibration", by_source(located->by_calibration)},
-                          {"image", by_source(located->by_image)},
-                          {"robot", by_source(located->by_robot)}}}});
   }
-  if (list.empty()) {
-    PrintError(text.empty() ? "no target was detected in these images" : Trim(text));
-    return kWorkFailed;
-  }
+  if (locations.empty()) faults.emplace_back("no target was detected in these images");
   Print(rig, Json{{"targets", list}}, text);
-  return kDone;
+  if (faults.empty()) return kDone;
+  PrintError(Join(faults, "; "));
+  return kWorkFailed;
 }
 
 }  // namespace
 
 int LocateWithRig(const std::vector<std::string>& arguments) {
   const FinishedRig rig = ReadFinishedRig(arguments[0]);
-  if (!FLAGS_pixels.empty()) return LocatePoint(rig);
+  RefuseFlagsOfOneCamera();
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
+  if (!FLAGS_pixels.empty()) {
+    if (!FLAGS_near.empty()) throw InputError("--near: pixels have only one possible position; leave this flag out");
+    if (!images.empty()) throw InputError("--pixels: needs no image; leave " + Quoted(images.front()) + " out");
+    return LocatePoint(rig);
+  }
   if (images.empty()) throw InputError("a rig needs images: CAMERA=IMAGE for each camera");
   return LocateTargets(rig, images);
 }

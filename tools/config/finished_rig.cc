@@ -14,9 +14,10 @@ FinishedRig ReadFinishedRig(const std::filesystem::path& path) {
   rig.result = ReadRigResult(folder / "result.json");
   MapReader config(ReadYamlFile(folder / "config.yaml"));
   MapReader targets(config.Get("targets"));
-  for (const RigTarget& target : rig.result.rig.targets) {
+  for (RigTarget& target : rig.result.rig.targets) {
     MapReader reader(targets.Get(target.name));
     rig.targets.push_back(ReadTarget(reader, "target"));
+    target.symmetries = rig.targets.back()->Symmetries();
   }
   for (const std::string& robot : rig.result.rig.robots) {
     MapReader section(config.Get(config.Has("robots") ? "robots" : "captures"));

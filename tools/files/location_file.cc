@@ -133,8 +133,8 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
     const PossiblePose& possible = location.possible[i];
     json["poses"].push_back(
         Json{{"base_from_target", PoseJson(possible.located.base_from_target, "base", "target")},
-             {"near_deg", request.near ? Json(RadToDeg(location.near_angles_rad[i])) : Json(nullptr)},
-             {"near_mm", request.near ? Json(1000 * location.near_distances_m[i]) : Json(nullptr)},
+             {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
+             {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
              {"sigma", SigmasJson(SigmasOf(solution, possible.located))},
              {"postures", PosturesJson(possible.postures)}});
   }

@@ -162,6 +162,21 @@ Reach FindReach(const RobotSummary& robot, const Solution& solution, const Locat
   return reach;
 }
 
+NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& rough) {
+  NearPoses near;
+  for (const Rigid3d& pose : possible) {
+    near.angles_rad.push_back(AngleRad(pose, rough));
+    near.distances_m.push_back(DistanceM(pose, rough));
+  }
+  near.least_distance_m = LeastDistanceM(possible);
+  return near;
+}
+
+std::optional<size_t> ChoosePose(const std::vector<Rigid3d>& possible, const std::optional<Rigid3d>& rough) {
+  if (possible.size() == 1) return 0;
+  return rough ? FindMeantPose(possible, *rough) : std::nullopt;
+}
+
 ImageLocation LocateInImage(const LocationRequest& request, const std::string& image, const Detection& detection) {
   const Solution& solution = *FindRefined(*request.result)->solution;
   ImageLocation location;
@@ -184,20 +199,15 @@ ImageLocation LocateInImage(const LocationRequest& request, const std::string& i
     location.fault = kNotKnown;
     return location;
   }
+  std::vector<Rigid3d> poses;
   for (const LocatedTarget& located : *possible) {
     PossiblePose pose{located, {}};
     if (request.arm) pose.postures = FindPostures(*request.arm, located.base_from_target);
     location.possible.push_back(std::move(pose));
-    if (!request.near) continue;
-    location.near_angles_rad.push_back(AngleRad(located.base_from_target, *request.near));
-    location.near_distances_m.push_back(DistanceM(located.base_from_target, *request.near));
+    poses.push_back(located.base_from_target);
   }
-  location.least_distance_m = LeastDistanceM(*possible);
-  if (possible->size() == 1) {
-    location.chosen = 0;
-  } else if (request.near) {
-    location.chosen = FindMeantPose(*possible, *request.near);
-  }
+  if (request.near) location.near = CompareToRough(poses, *request.near);
+  location.chosen = ChoosePose(poses, request.near);
   const bool is_corrected = request.result->setup == Setup::kEyeToHand || request.camera_mount.effect != nullptr;
   if (location.chosen && request.robot != nullptr && is_corrected) {
     location.reach = FindReach(*request.robot, solution, (*possible)[*location.chosen], request.arm.has_value());

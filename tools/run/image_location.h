@@ -76,6 +76,17 @@ struct PixelPosition {
   std::optional<ReachingPostures> postures;
 };
 
+// How far a rough pose is from each of the poses of a target that fit.
+struct NearPoses {
+  std::vector<double> angles_rad;
+  std::vector<double> distances_m;
+  double least_distance_m = 0;  // LeastDistanceM of the poses.
+};
+NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& rough);
+// Returns the index of the pose that is meant: the only one, or the one that `rough` is near to (FindMeantPose).
+// Returns nothing if that does not decide.
+std::optional<size_t> ChoosePose(const std::vector<Rigid3d>& possible, const std::optional<Rigid3d>& rough);
+
 // The request for the images of one call.
 struct LocationRequest {
   const RunResult* result = nullptr;
@@ -95,11 +106,8 @@ struct ImageLocation {
   size_t num_target_points = 0;
   std::vector<PossiblePose> possible;  // Empty if the target cannot be located, or if pixels are asked for.
   std::optional<size_t> chosen;        // The index of the pose that is meant; nothing if none is.
-  // Rotations and distances between LocationRequest::near and the possible poses.
-  std::vector<double> near_angles_rad;
-  std::vector<double> near_distances_m;
-  double least_distance_m = 0;  // LeastDistanceM of the possible poses.
-  std::optional<Reach> reach;   // The reach of the chosen pose, if the run has estimated the errors of an arm.
+  std::optional<NearPoses> near;       // Of LocationRequest::near and the possible poses.
+  std::optional<Reach> reach;          // The reach of the chosen pose, if the run has estimated the errors of an arm.
   std::vector<PixelPosition> pixels;
   std::string fault;  // Why nothing is located; empty otherwise.
 

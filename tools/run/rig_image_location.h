@@ -9,6 +9,7 @@
 #include "heba/evaluation/rig_evaluation.h"
 #include "heba/rig_location.h"
 #include "heba/target.h"
+#include "tools/run/image_location.h"
 
 namespace heba {
 
@@ -21,19 +22,26 @@ struct RigSighting {
 
 struct RigTargetLocation {
   size_t target = 0;
-  std::vector<size_t> cameras;  // Those that see enough points of it.
-  Outcome<RigLocation> located = Failure{"not located"};
+  std::vector<size_t> cameras;        // Those that see enough points of it.
+  std::vector<RigLocation> possible;  // LocateTargetInRig; empty if it is not located.
+  std::optional<size_t> chosen;       // The index of the pose that is meant; nothing if none is.
+  std::optional<NearPoses> near;      // Of the rough pose and the possible poses.
+  std::optional<RigContradiction> contradiction;
+  std::string undetermined;  // Why the points do not determine a pose; empty otherwise.
 };
 
 // Returns the location of each target of which a camera sees at least four points. `targets` has those of the result,
-// `base_from_gripper` the pose of each arm.
+// whose symmetries are set, `base_from_gripper` the pose of each arm, and `near` a rough world_from_target of each
+// target or nothing; an empty list stands for none. Images that contradict each other locate nothing.
 std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
                                                   const std::vector<std::shared_ptr<const Target>>& targets,
                                                   const std::vector<RigSighting>& sightings,
-                                                  const std::vector<Rigid3d>& base_from_gripper);
+                                                  const std::vector<Rigid3d>& base_from_gripper,
+                                                  const std::vector<std::optional<Rigid3d>>& near = {});
 
 // Returns the pose of each arm for images of these cameras: the given one, or the identity if it carries none of them.
-// Throws InputError, which begins with `what`, if an arm that carries one of the cameras has no pose.
+// Throws InputError, which begins with `what`, if an arm that carries one of the cameras has no pose, or if one that
+// carries none of them has one.
 std::vector<Rigid3d> PosesForCameras(const RigProblem& rig, const std::vector<size_t>& cameras,
                                      const std::vector<std::optional<Rigid3d>>& base_from_gripper,
                                      const std::string& what);

@@ -129,17 +129,23 @@ std::string PossibleText(const std::vector<PossiblePose>& possible) {
   return text + SigmaLine(possible.front().located);
 }
 
-// Returns "2 possible poses, from which it is 144, 3.2 mm and 178, 3.1 deg away".
-std::string NearnessText(const ImageLocation& location) {
+}  // namespace
+
+std::string NearnessText(const NearPoses& near) {
   std::vector<std::string> distances;
   std::vector<std::string> angles;
-  for (const double distance_m : location.near_distances_m) distances.push_back(Significant(1000 * distance_m, 3));
-  for (const double angle_rad : location.near_angles_rad) angles.push_back(Significant(RadToDeg(angle_rad), 3));
-  return std::to_string(location.possible.size()) + " possible poses, from which it is " + Join(distances, ", ") +
+  for (const double distance_m : near.distances_m) distances.push_back(Significant(1000 * distance_m, 3));
+  for (const double angle_rad : near.angles_rad) angles.push_back(Significant(RadToDeg(angle_rad), 3));
+  return std::to_string(near.distances_m.size()) + " possible poses, from which it is " + Join(distances, ", ") +
          " mm and " + Join(angles, ", ") + " deg away";
 }
 
-}  // namespace
+std::string NearFault(const NearPoses& near) {
+  return "--near does not decide between the " + NearnessText(near) + "; it must be within " +
+         Significant(1000 * kRoughPositionShare * near.least_distance_m, 2) + " mm of one of them, or within " +
+         Significant(RadToDeg(kMaxRoughRotationRad), 2) + " deg and nearer to it than to the others by " +
+         Significant(RadToDeg(kMinRotationGapRad), 2) + " deg";
+}
 
 std::string LocationText(const LocationRequest& request, const ImageLocation& location) {
   if (!location.fault.empty()) return "";
@@ -159,16 +165,13 @@ std::string LocationText(const LocationRequest& request, const ImageLocation& lo
   const double largest_sigma_mm = 1000 * std::sqrt(chosen.located.covariance.TotalM2().diagonal().maxCoeff());
   return fit + "\n  base_from_target " + PoseText(chosen.located.base_from_target, largest_sigma_mm) + "\n" +
          SigmaLine(chosen.located) + CameraMountText(request) +
-         (location.possible.size() > 1 ? "  chosen by --near among the " + NearnessText(location) + "\n" : "") +
+         (location.possible.size() > 1 ? "  chosen by --near among the " + NearnessText(*location.near) + "\n" : "") +
          ReachTextOf(request, location) + PosturesText(chosen.postures);
 }
 
 std::string LocationFault(const ImageLocation& location) {
-  if (!location.fault.empty() || location.IsLocated() || location.near_angles_rad.empty()) return location.fault;
-  return "--near does not decide between the " + NearnessText(location) + "; it must be within " +
-         Significant(1000 * kRoughPositionShare * location.least_distance_m, 2) + " mm of one of them, or within " +
-         Significant(RadToDeg(kMaxRoughRotationRad), 2) + " deg and nearer to it than to the others by " +
-         Significant(RadToDeg(kMinRotationGapRad), 2) + " deg";
+  if (!location.fault.empty() || location.IsLocated() || !location.near) return location.fault;
+  return NearFault(*location.near);
 }
 
 }  // namespace heba

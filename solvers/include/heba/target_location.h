@@ -85,13 +85,13 @@ inline constexpr double kRoughPositionShare = 0.25;
 inline constexpr double kCloseRotationRad = DegToRad(30);
 
 // Returns the least distance between the origins of two poses; 0 for fewer than two.
-double LeastDistanceM(const std::vector<LocatedTarget>& possible);
+double LeastDistanceM(const std::vector<Rigid3d>& possible);
 
 // Returns the index in `possible` of the pose that `rough` is near to: the one whose origin it is close to
 // (kRoughPositionShare), or else the one whose rotation it is close to (kMinRotationGapRad, kMaxRoughRotationRad). One
 // of the two may thus be unknown. Returns nothing if neither decides, or if they decide for different poses and the
 // rotation is close (kCloseRotationRad). A single pose is returned whatever `rough` is.
-std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough);
+std::optional<size_t> FindMeantPose(const std::vector<Rigid3d>& possible, const Rigid3d& rough);
 
 // The plane n . p = distance, for points p in the base.
 struct Plane {

@@ -190,8 +190,8 @@ TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
 }
 
 TEST(FindMeantPoseTest, ReturnsNothingForAnAmbiguousRotation) {
-  std::vector<LocatedTarget> possible(2);
-  possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  std::vector<Rigid3d> possible(2);
+  possible[1] = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
   const auto meant = [&](double angle_deg) {
     return FindMeantPose(possible, Rigid3d(ExpRotation({0, 0, DegToRad(angle_deg)}), Eigen::Vector3d(1, 2, 3)));
   };
@@ -209,8 +209,8 @@ TEST(FindMeantPoseTest, ReturnsNothingForAnAmbiguousRotation) {
 
 // The position decides if it is near, even with a rotation that is not known.
 TEST(FindMeantPoseTest, DecidesByPositionOrByRotation) {
-  std::vector<LocatedTarget> possible(2);
-  possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d(0.1, 0, 0));
+  std::vector<Rigid3d> possible(2);
+  possible[1] = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d(0.1, 0, 0));
   const auto meant = [&](double angle_deg, double x_m) {
     return FindMeantPose(possible, Rigid3d(ExpRotation({0, 0, DegToRad(angle_deg)}), Eigen::Vector3d(x_m, 0, 0)));
   };

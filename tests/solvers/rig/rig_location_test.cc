@@ -1,12 +1,15 @@
 #include "heba/rig_location.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "heba/base/units.h"
+#include "heba/data/prediction.h"
 #include "heba/rig_adjustment.h"
 #include "tests/support/matchers.h"
 #include "tests/support/rig_scenes.h"
@@ -22,6 +25,14 @@ struct SeenObject {
   std::vector<Rigid3d> reported;
   std::vector<CameraObservations> seen;
 };
+
+// Returns camera_from_target of what a camera of the scene sees.
+Rigid3d TrueView(const RigScene& scene, const ArmPoses& arms, size_t camera, const Rigid3d& world_from_target) {
+  const Rigid3d world_from_camera =
+      WorldFromMount(scene.problem.cameras[camera].mount, scene.truth.world_from_base, arms) *
+      scene.truth.mount_from_camera[camera];
+  return Inverse(world_from_camera) * world_from_target;
+}
 
 enum class Where { kBetweenFixedCameras, kBeforeTheWrist };
 std::optional<SeenObject> SeeObject(uint64_t seed, double noise_px, Where where = Where::kBetweenFixedCameras) {
@@ -49,10 +60,7 @@ std::optional<SeenObject> SeeObject(uint64_t seed, double noise_px, Where where 
   object.reported = {ReportedPose(arms[0], setting.robot_noise, &rng)};
   const SimulatedTarget& target = scene.targets[0];
   for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
-    const Rigid3d world_from_camera =
-        WorldFromMount(scene.problem.cameras[c].mount, scene.truth.world_from_base, arms) *
-        scene.truth.mount_from_camera[c];
-    const Rigid3d camera_from_target = Inverse(world_from_camera) * object.world_from_target;
+    const Rigid3d camera_from_target = TrueView(scene, arms, c, object.world_from_target);
     if (!IsVisible(scene.problem.cameras[c].camera, camera_from_target, target, 5)) continue;
     object.seen.push_back({c, SimulateView("", scene.problem.cameras[c].camera, {}, camera_from_target,
                                            target.points_in_target, noise_px, &rng)
@@ -72,11 +80,34 @@ TEST(RigLocation, FindsTheExactPoseWithoutNoise) {
   EXPECT_LT(located->rms_px, 1e-4);
 }
 
+// Adds the error of an image as a whole: it acts like another pose of the target, and has the sigma `sigma_px` in the
+// mean over all coordinates of the points.
+void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, double sigma_px, Rng* rng,
+                   Observations* observations) {
+  Points2 pixels;
+  ProjectionJacobian jacobian;
+  ASSERT_TRUE(Predict(camera.Model(), camera.params.data(), camera_from_target, *observations, &pixels, &jacobian));
+  const Eigen::Index num_points = observations->size();
+  Eigen::MatrixXd by_pose(2 * num_points, 6);
+  for (Eigen::Index i = 0; i < num_points; ++i) {
+    by_pose.row(2 * i) = jacobian.u.col(i).head<6>().transpose();
+    by_pose.row(2 * i + 1) = jacobian.v.col(i).head<6>().transpose();
+  }
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_pose);
+  Tangent6 error;
+  for (Eigen::Index k = 0; k < 6; ++k) error[k] = rng->Normal();
+  error *= sigma_px * std::sqrt(2.0 * static_cast<double>(num_points) / 6);
+  const Eigen::VectorXd moved = qr.householderQ() * Eigen::MatrixXd::Identity(2 * num_points, 6) * error;
+  for (Eigen::Index i = 0; i < num_points; ++i) observations->pixels.col(i) += moved.segment<2>(2 * i);
+}
+
 // The mean of the chi-squares with 6 degrees of freedom over 60 trials is within 4 standard deviations (of 0.45) of 6,
-// and that of a point with 3 within 4 of 0.32.
+// and that of a point with 3 within 4 of 0.32. The chances of the cameras' differences are uniform: their mean is
+// within 4 standard deviations (of 0.037) of 0.5.
 TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
   double pose_sum = 0;
   double point_sum = 0;
+  double chance_sum = 0;
   int num_trials = 0;
   for (uint64_t seed = 1; seed <= 60; ++seed) {
     const std::optional<SeenObject> object = SeeObject(seed, 0.1);
@@ -88,6 +119,7 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
     pose_sum += error.dot(located->Total().ldlt().solve(error));
+    chance_sum += located->chance;
     std::vector<CameraPixel> pixels;
     for (const CameraObservations& view : object->seen) {
       pixels.push_back({view.camera, view.observations.pixels.col(5)});
@@ -102,6 +134,143 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
   ASSERT_GE(num_trials, 40);
   EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
   EXPECT_NEAR(point_sum / num_trials, 3, 4 * std::sqrt(6.0 / num_trials));
+  EXPECT_NEAR(chance_sum / num_trials, 0.5, 4 * std::sqrt(1.0 / 12 / num_trials));
+}
+
+// Likewise with an error of each image as a whole, which is much larger than that of its points. The calibration is
+// exact, so that the errors are those of the images alone. A point takes part in the error of its image like the mean
+// of all points; the variances of the single points differ, which widens the distribution of their chi-squares by less
+// than half.
+TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
+  const std::optional<SeenObject> object = SeeObject(1, 0);
+  ASSERT_TRUE(object.has_value());
+  ASSERT_GE(object->seen.size(), 2U);
+  constexpr double kImagePx = 0.5;
+  constexpr double kPixelPx = 0.05;
+  constexpr int kNumTrials = 400;
+  RigSolution solution = object->solution;
+  solution.pixel_sigmas_px.assign(solution.pixel_sigmas_px.size(), kPixelPx);
+  solution.image_sigmas_px.assign(solution.image_sigmas_px.size(), kImagePx);
+  Rng rng(7);
+  double pose_sum = 0;
+  double point_sum = 0;
+  double chance_sum = 0;
+  for (int trial = 0; trial < kNumTrials; ++trial) {
+    std::vector<CameraObservations> seen = object->seen;
+    const Eigen::Index id = rng.Index(seen.front().observations.size());
+    std::vector<CameraPixel> pixels;
+    for (CameraObservations& view : seen) {
+      AddImageError(object->scene.problem.cameras[view.camera].camera,
+                    TrueView(object->scene, object->scene.arms.front(), view.camera, object->world_from_target),
+                    kImagePx, &rng, &view.observations);
+      for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
+        view.observations.pixels.col(i) += kPixelPx * Eigen::Vector2d(rng.Normal(), rng.Normal());
+      }
+      pixels.push_back({view.camera, view.observations.pixels.col(id)});
+    }
+    const Outcome<RigLocation> located = LocateInRig(object->scene.problem, solution, seen, object->reported);
+    ASSERT_TRUE(located) << located.reason();
+    const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
+    pose_sum += error.dot(located->Total().ldlt().solve(error));
+    chance_sum += located->chance;
+    const Outcome<RigPoint> point = TriangulateInRig(object->scene.problem, solution, pixels, object->reported);
+    ASSERT_TRUE(point) << point.reason();
+    const Eigen::Vector3d true_point =
+        object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(id));
+    const Eigen::Vector3d off = point->in_world - true_point;
+    point_sum += off.dot(point->TotalM2().ldlt().solve(off));
+  }
+  EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
+  EXPECT_NEAR(point_sum / kNumTrials, 3, 4 * 1.5 * std::sqrt(6.0 / kNumTrials));
+  EXPECT_NEAR(chance_sum / kNumTrials, 0.5, 4 * std::sqrt(1.0 / 12 / kNumTrials));
+}
+
+// What the cameras of a rig see of its first target in the first capture in which at least `num_cameras` see it.
+struct SeenCapture {
+  RigCapture capture;
+  std::vector<CameraObservations> seen;
+};
+SeenCapture SeeFirstTarget(const RigProblem& problem, size_t num_cameras, size_t first = 0) {
+  for (size_t i = first; i < problem.captures.size(); ++i) {
+    SeenCapture found{problem.captures[i], {}};
+    for (const RigImage& image : found.capture.images) {
+      if (image.target == 0) found.seen.push_back({image.camera, image.observations});
+    }
+    if (found.seen.size() >= num_cameras) return found;
+  }
+  return {};
+}
+
+// The image of one of four cameras is that of another capture: it is named, and the others agree.
+TEST(RigLocation, NamesTheCameraThatContradictsTheOthers) {
+  RigScene scene = FourCameraRig(4);
+  const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, {});
+  ASSERT_TRUE(solution) << solution.reason();
+  SeenCapture right = SeeFirstTarget(scene.problem, 3);
+  ASSERT_GE(right.seen.size(), 3U);
+  const std::vector<Rigid3d>& poses = right.capture.base_from_gripper;
+  EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, right.seen, poses).has_value());
+  for (size_t wrong = 0; wrong < right.seen.size(); ++wrong) {
+    std::vector<CameraObservations> seen = right.seen;
+    const auto has_other = [&](const RigCapture& capture) {
+      return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+        const bool is_other = capture.name != right.capture.name && image.camera == seen[wrong].camera;
+        if (is_other) seen[wrong].observations = image.observations;
+        return is_other;
+      });
+    };
+    ASSERT_TRUE(std::any_of(scene.problem.captures.begin(), scene.problem.captures.end(), has_other));
+    const auto contradiction = FindContradiction(scene.problem, *solution, 0, seen, poses);
+    ASSERT_TRUE(contradiction.has_value()) << wrong;
+    EXPECT_EQ(contradiction->camera, seen[wrong].camera);
+    // The difference is the motion of the target between the two captures.
+    ASSERT_TRUE(contradiction->difference.has_value());
+    const Outcome<RigLocation> by_others =
+        LocateInRig(scene.problem, *solution, {right.seen[(wrong + 1) % right.seen.size()]}, poses);
+    const Outcome<RigLocation> by_wrong = LocateInRig(scene.problem, *solution, {seen[wrong]}, poses);
+    ASSERT_TRUE(by_others && by_wrong);
+    EXPECT_THAT(*contradiction->difference,
+                IsNearPose(Inverse(by_others->world_from_target) * by_wrong->world_from_target, 2e-3, 2e-3));
+    // Of two cameras it cannot be told which one is wrong.
+    const auto of_two = FindContradiction(scene.problem, *solution, 0,
+                                          {right.seen[(wrong + 1) % right.seen.size()], seen[wrong]}, poses);
+    ASSERT_TRUE(of_two.has_value());
+    EXPECT_FALSE(of_two->camera.has_value());
+    EXPECT_TRUE(of_two->difference.has_value());
+  }
+}
+
+// Cameras that read a target with a symmetry in different orders see the same poses of it.
+TEST(RigLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
+  RigScene scene = FourCameraRig(5, {.noise_px = 0, .robot_noise = {}});
+  RigOptions options;
+  options.robot = BundleOptions::Robot::kExact;
+  Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, options);
+  ASSERT_TRUE(solution) << solution.reason();
+  const Rigid3d turned(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  scene.problem.targets[0].symmetries = {Rigid3d(), turned};
+  const SeenCapture right = SeeFirstTarget(scene.problem, 3);
+  ASSERT_GE(right.seen.size(), 3U);
+  const Rigid3d truth = scene.arms[0][0] * scene.truth.mount_from_target[0];
+  ASSERT_EQ(right.capture.name, scene.problem.captures[0].name);
+  for (unsigned orders = 0; orders < (1U << right.seen.size()); ++orders) {
+    std::vector<CameraObservations> seen = right.seen;
+    for (size_t v = 0; v < seen.size(); ++v) {
+      if ((orders >> v & 1U) == 0) continue;
+      Points3& points = seen[v].observations.points_in_target;
+      points = (turned.RotationMatrix() * points).eval();
+    }
+    const auto possible = LocateTargetInRig(scene.problem, *solution, 0, seen, right.capture.base_from_gripper);
+    ASSERT_TRUE(possible) << possible.reason();
+    ASSERT_EQ(possible->size(), 2U);
+    const auto along_x = [](const RigLocation& located) { return located.world_from_target.RotationMatrix()(0, 0); };
+    EXPECT_GT(along_x((*possible)[0]), along_x((*possible)[1]));
+    const bool is_first = (truth.rotation * Eigen::Vector3d::UnitX()).x() > 0;
+    EXPECT_THAT((*possible)[is_first ? 0 : 1].world_from_target, IsNearPose(truth, 1e-6, 1e-6)) << orders;
+    EXPECT_THAT((*possible)[is_first ? 1 : 0].world_from_target, IsNearPose(truth * turned, 1e-6, 1e-6)) << orders;
+    for (const RigLocation& located : *possible) EXPECT_LT(located.rms_px, 1e-3);
+    EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, seen, right.capture.base_from_gripper).has_value());
+  }
 }
 
 // Likewise for the camera on the wrist, whose arm is noisy: the error of the arm's pose is part of the covariance.

@@ -14,6 +14,7 @@
 #include "heba/robot/urdf_arm.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/cli/pixel_flag.h"
 #include "tools/cli/pose_flag.h"
 #include "tools/cli/rig_locate.h"
 #include "tools/config/capture_section.h"
@@ -77,11 +78,6 @@ void SetCameraMount(const FinishedRun& run, LocationRequest* request) {
   request->why_not_corrected = with_errors.reason();
 }
 
-// Returns the format of --near: that of the run's poses, or `ros` if those are joints.
-const PoseFormat& FormatOfNear(const PoseReading& reading) {
-  return reading.format.robot.empty() ? reading.format : *FindPoseFormat("ros");
-}
-
 // Returns the pose that --near expects, base_from_target; nothing without the flag.
 std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
   if (FLAGS_near.empty()) return std::nullopt;
@@ -91,7 +87,7 @@ std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
   if (run.target->Symmetries().size() == 1) {
     throw InputError("--near: the target has no symmetry and only one possible pose; leave this flag out");
   }
-  return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading));
+  return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading.format));
 }
 
 // Returns the arm of --robot; nothing without the flag.
@@ -103,22 +99,6 @@ std::optional<ReachingArm> ArmAskedFor() {
     throw InputError("--robot: " + UnknownName(FLAGS_robot, UrRobotNames()) + "; or a .urdf file");
   }
   return ReachingArm{robot->name, robot, nullptr};
-}
-
-// Parses --pixels, "u,v; u,v", in px.
-std::vector<Eigen::Vector2d> PixelsAskedFor() {
-  std::vector<Eigen::Vector2d> pixels;
-  for (const std::string& pair : Split(FLAGS_pixels, ';')) {
-    const std::vector<std::string> fields = Split(pair, ',');
-    Eigen::Vector2d pixel;
-    if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.x()) || !ParseDouble(Trim(fields[1]), &pixel.y()) ||
-        !pixel.allFinite()) {
-      throw InputError("--pixels: " + Quoted(Trim(pair)) +
-                       " is not a pixel; u,v is needed, several separated by semicolons");
-    }
-    pixels.push_back(pixel);
-  }
-  return pixels;
 }
 
 // Parses --plane, "nx, ny, nz, 120 mm"; nothing for the plane of the target.
@@ -153,14 +133,10 @@ void SetPixels(const Camera& camera, LocationRequest* request) {
     }
     return;
   }
-  request->pixels = PixelsAskedFor();
   request->plane = PlaneAskedFor();
-  for (const Eigen::Vector2d& pixel : request->pixels) {
-    if (pixel.minCoeff() < -0.5 || pixel.x() > camera.width_px - 0.5 || pixel.y() > camera.height_px - 0.5) {
-      throw InputError("--pixels: " + Significant(pixel.x(), 6) + "," + Significant(pixel.y(), 6) +
-                       " is outside the image of " + std::to_string(camera.width_px) + " x " +
-                       std::to_string(camera.height_px) + " px");
-    }
+  for (const std::string& pair : Split(FLAGS_pixels, ';')) {
+    request->pixels.push_back(PixelOfFlag(pair, "u,v is needed, several separated by semicolons"));
+    CheckPixelInImage(request->pixels.back(), camera);
   }
 }
 
@@ -250,7 +226,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   if (!undecided.empty()) {
     PrintError((undecided.size() == 1 ? undecided[0] : std::to_string(undecided.size()) + " images") + ": " +
                SymmetryText(*run.target) + ", so " + std::to_string(run.target->Symmetries().size()) +
-               " poses fit an image equally well; --near " + Join(FormatOfNear(run.pose_reading).columns, ",") +
+               " poses fit an image equally well; --near " + Join(FormatOfNear(run.pose_reading.format).columns, ",") +
                ", a rough base_from_target, decides between them");
   }
   std::cout << std::flush;

@@ -1,0 +1,19 @@
+// Words on targets that the cameras of a rig locate together.
+#pragma once
+
+#include <string>
+
+#include "tools/run/rig_image_location.h"
+
+namespace heba {
+
+// Describes the pose of a located target, or all possible poses if none is chosen; empty if it is not located.
+std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& location);
+
+// Returns why a target is not located, or why none of its possible poses is chosen, as "target NAME: ..."; empty if one
+// is.
+std::string RigLocationFault(const RigProblem& rig, const RigTargetLocation& location);
+// Describes a triangulated point.
+std::string RigPointText(const RigPoint& point);
+
+}  // namespace heba
