@@ -220,7 +220,7 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
   ShownImages shown;
   shown.residuals.camera = solution.cameras[camera];
   shown.residuals.sigma_px = solution.pixel_sigmas_px[camera];
-  if (HasCorrections(run)) shown.residuals.condition = " after the corrections of the arms' poses";
+  if (HasCorrections(run)) shown.residuals.condition = " after the corrections of the arms";
   std::map<size_t, std::string> jpeg_of;
   for (const RigDetection& detection : run.detections) {
     if (detection.camera == camera && !detection.detection.small_jpeg.empty()) {
