@@ -176,7 +176,7 @@ TEST_F(RigCommandsTest, TablesOfABatchCountCapturesAndNameTheIntrinsics) {
   const CommandResult held =
       RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--set", "refine.intrinsics=[]"});
   ASSERT_EQ(held.status, 0) << held.err;
-  EXPECT_THAT(held.out, HasSubstr("intrinsics brown5: fx 600, fy 600, cx 320, cy 240 px (held)"));
+  EXPECT_THAT(held.out, HasSubstr("intrinsics brown5: fx 600.0000, fy 600.0000, cx 320.0000, cy 240.0000 px (held)"));
 }
 
 // A study that varies nothing has a chart, and its table has the bounds and is not folded.

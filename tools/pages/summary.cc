@@ -203,8 +203,8 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {
   constexpr size_t kNameWidth = 24;
-  std::string table = PadRight("run", kNameWidth) + PadRight(" target or rig", 16) + PadLeft("captures", 9) +
-                      PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 16 + 9) +
+  std::string table = PadRight("run", kNameWidth) + PadRight(" target or rig", 15) + PadLeft("captures", 9) +
+                      PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 15 + 9) +
                       PadLeft("closed", 9) + PadLeft("refined", 9) + "\n";
   bool has_rig = false;
   for (const BatchRun& run : runs) {
@@ -221,7 +221,7 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
       }
       has_rig = true;
       const size_t num_cameras = run.rig->rig.cameras.size();
-      table += PadRight(" rig, " + std::to_string(num_cameras) + " camera" + (num_cameras == 1 ? "" : "s"), 16) +
+      table += PadRight(" rig, " + std::to_string(num_cameras) + " camera" + (num_cameras == 1 ? "" : "s"), 15) +
                PadLeft(std::to_string(NumUsedCaptures(*run.rig)) + "/" + std::to_string(run.rig->captures.size()), 9) +
                PadLeft("-", 9) + PadLeft(FigureText(worst_px), 9) + PadLeft(FigureText(worst_mm), 10) + "\n";
       continue;
@@ -233,7 +233,7 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
     }
     const RunResult& result = *run.result;
     const Estimate* closed = FindBestClosedForm(result, &HoldOutPx);
-    table += PadRight(" " + result.target_type, 16) +
+    table += PadRight(" " + result.target_type, 15) +
              PadLeft(std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()), 9) +
              PadLeft(FigureText(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
              PadLeft(FigureText(refined->errors.holdout_rms_px), 9) +
