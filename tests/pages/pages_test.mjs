@@ -37,6 +37,12 @@ function makePages() {
   writeFileSync(join(folder, 'long.yaml'), 'base: data/config.yaml\nname: cell_7_line_2_with_a_very_long_name_indeed\n');
   run('run', 'exact.yaml', 'noisy.yaml', 'long.yaml', '--out', 'runs', '--quiet');
   run('compare', 'runs', '--out', 'comparison', '--quiet');
+  const scene = readFileSync(join(source, 'configs/rig/scene.yaml'), 'utf8');
+  writeFileSync(join(folder, 'rig.yaml'), scene.replace(/captures: *[0-9]+/, 'captures: 12'));
+  run('simulate', 'rig.yaml', '--out', 'rig', '--quiet');
+  run('run', 'rig/config.yaml', '--out', 'rig_run', '--quiet');
+  writeFileSync(join(folder, 'one_condition.yaml'), 'trials: 2\nscenes: {cell: rig.yaml}\nshape_model: none\n');
+  run('study', 'one_condition.yaml', '--out', 'one_condition', '--quiet');
   writeFileSync(join(folder, 'study.yaml'),
                 `trials: 4\nseed: 1\nscenes: {small: ${join(source, 'configs/scenes/ring4_eye_to_hand.yaml')}}\n` +
                 'pixel_noise: [0.1 px, 0.5 px]\n');
@@ -98,7 +104,7 @@ async function column(page, table, index) {
 }
 
 // Checks that numbers ascend, then descend, and that empty cells stay last.
-async function checkSorting(page, title) {
+async function checkSorting(page, title, width) {
   const place = await page.$$eval('table', (tables, wanted) => {
     for (const [t, table] of tables.entries()) {
       const i = [...table.tHead.rows[0].cells].findIndex((cell) => cell.textContent === wanted);
@@ -109,8 +115,12 @@ async function checkSorting(page, title) {
   assert.ok(place, `no column '${title}'`);
   const before = await column(page, ...place);
   const head = page.locator('table').nth(place[0]).locator('th').nth(place[1]);
+  // A narrow window has a choice in place of the headings, which every row repeats.
+  const choice = page.locator('table').nth(place[0]).locator('xpath=..').locator('.sort-choice select');
+  assert.equal(await head.isVisible(), width > 400, `${title}: heading`);
   for (const sign of [1, -1]) {
-    await head.click();
+    if (width > 400) await head.click();
+    else await choice.selectOption({label: `${title} ${sign > 0 ? '\u2191' : '\u2193'}`});
     const after = await column(page, ...place);
     assert.deepEqual([...after].sort(), [...before].sort());
     const numbers = after.filter((text) => text !== '').map(Number);
@@ -145,7 +155,47 @@ async function checkScene(page) {
     const inside = document.querySelector('svg.scene').getBoundingClientRect();
     return [inside.right, [...document.querySelectorAll('svg.scene text')].map((text) => text.getBoundingClientRect().right)];
   });
-  assert.ok(names.length === 2 && names.every((right) => right <= edge), `${names} reach beyond ${edge}`);
+  assert.ok(names.length === 4 && names.every((right) => right <= edge), `${names} reach beyond ${edge}`);
+}
+
+// Checks that all parts of the cell of a rig are named, also at another capture, and that no name covers another.
+async function checkCell(page) {
+  const namesIn = () => page.$$eval('svg.scene text', (texts) => texts.map((text) => text.textContent).sort());
+  const wanted = ['base', 'gripper', 'left', 'plate', 'right', 'wall', 'wrist'];
+  assert.deepEqual(await namesIn(), wanted);
+  const first = await sceneOf(page);
+  await page.locator('figure[data-view=set-up] input[type=range]').fill('1');
+  assert.notEqual(await sceneOf(page), first, 'the choice of the capture changes nothing');
+  assert.deepEqual(await namesIn(), wanted);
+  assert.ok((await page.locator('figure[data-view=set-up] output').textContent()).includes('2: 001.png'));
+  const covered = await page.$$eval('svg.scene text', (texts) => {
+    const boxes = texts.map((text) => [text.textContent, text.getBoundingClientRect()]);
+    return boxes.flatMap(([a, x], i) => boxes.slice(i + 1).filter(([, y]) =>
+        x.left < y.right && y.left < x.right && Math.abs(x.top - y.top) < 8).map(([b]) => `${a} ${b}`));
+  });
+  assert.deepEqual(covered, []);
+}
+
+// Checks that residuals of a rig agree with the noise of the pixels, and that the dialog names the camera.
+async function checkRigResiduals(page) {
+  for (const camera of [0, 1, 2]) {
+    const share = await page.evaluate((id) => {
+      const {captures, sigma_px: sigma} = JSON.parse(document.getElementById(id).textContent);
+      const residuals = captures.flatMap(({points}) => points.filter((_, i) => i % 4 > 1));
+      return residuals.filter((value) => Math.abs(value) > 2 * sigma).length / residuals.length;
+    }, `captures_${camera}`);
+    assert.ok(share > 0.005 && share < 0.1, `camera ${camera}: ${share} of the residuals are beyond two sigma`);
+  }
+  const bar = page.locator('figure[data-view=capture-bars]').nth(2).locator('g[aria-label=bar] rect').nth(1);
+  await bar.scrollIntoViewIfNeeded();
+  await bar.hover();
+  await bar.click();
+  const dialog = page.locator('dialog[open]');
+  const title = await dialog.locator('h3').textContent();
+  assert.ok(title.startsWith('camera wrist, image 2: 001.png, target'), title);
+  // Magnified residuals are clipped at the edge of the image.
+  assert.equal(await dialog.locator('svg svg').evaluate((inside) => getComputedStyle(inside).overflow), 'hidden');
+  await dialog.getByRole('button', {name: 'close'}).click();
 }
 
 async function checkCaptures(page) {
@@ -193,6 +243,9 @@ const kPages = [
   {file: 'runs/summary.html', views: ['dumbbells'], column: 'hold-out, px'},
   {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
+  {file: 'rig_run/report.html', views: ['set-up', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars'],
+   column: 'hold-out, px', isRig: true},
+  {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},
 ];
 
 // Checks that the errors of the bound and every method come first, then the coverage with its band.
@@ -244,12 +297,16 @@ try {
                 '--disable-component-update', '--disable-sync'];
   browser = await chromium.launch({executablePath, args});
   const complaints = [];
-  for (const {file, views, column: title, isReport} of kPages) {
+  for (const {file, views, column: title, isReport, isRig} of kPages) {
     await checkWithoutScript(file);
     for (const width of [1280, 400]) {
       const page = await open(browser, file, width, complaints);
       await checkFigures(page, file, width, views);
-      await checkSorting(page, title);
+      await checkSorting(page, title, width);
+      if (isRig) {
+        await checkCell(page);
+        await checkRigResiduals(page);
+      }
       if (file.startsWith('study')) await checkStudy(page);
       if (width === 400) await checkNarrow(page, file);
       if (isReport) {

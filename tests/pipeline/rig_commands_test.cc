@@ -115,13 +115,85 @@ TEST_F(RigCommandsTest, DetectSearchesEveryImageForEveryTarget) {
                                     std::to_string(camera["seen"].get<int>()) + " of 12 images"));
     for (int i = 0; i < kNumCaptures; ++i) {
       const std::string image = (i < 10 ? "00" : "0") + std::to_string(i) + ".png";
-      EXPECT_TRUE(fs::exists(Path("detected/overlays/" + name + "/" + image + ".png"))) << name << " " << image;
+      EXPECT_TRUE(fs::exists(Path("detected/overlays/" + name + "/" + image))) << name << " " << image;
     }
     for (const char* const target : {"plate", "wall"}) {
       const std::string file = "detections/" + name + "." + target + ".json";
       EXPECT_EQ(ReadAll(Path("detected/" + file)), ReadAll(Path("run/" + file)));
     }
   }
+}
+
+// Returns the number after `before` in a text, from the position of `from` on.
+double NumberAfter(const std::string& text, const std::string& from, const std::string& before) {
+  const size_t begin = text.find(before, text.find(from));
+  EXPECT_NE(begin, std::string::npos) << from << before;
+  return begin == std::string::npos ? std::nan("") : std::stod(text.substr(begin + before.size()));
+}
+
+// The errors of the arm are not residuals of the images: what remains after its corrections is the noise of the pixels.
+TEST_F(RigCommandsTest, ReportComparesTheNoiseWithWhatTheCorrectionsLeave) {
+  const std::string page = ReadAll(Path("run/report.html"));
+  const Json cameras = Json::parse(ReadAll(Path("run/result.json")))["cameras"];
+  for (const char* const name : {"left", "right", "wrist"}) {
+    const std::string heading = std::string("<h2>Camera ") + name + "</h2>";
+    const double corrected_px = NumberAfter(page, heading, "The RMS of the residuals is ");
+    const double reported_px = NumberAfter(page, heading, "after the corrections of the arms, and ");
+    const double noise_px = NumberAfter(page, heading, "the pixel noise is ");
+    EXPECT_NEAR(corrected_px / (std::sqrt(2.0) * noise_px), 1, 0.3) << name;
+    EXPECT_GT(reported_px, 5 * corrected_px) << name;
+  }
+}
+
+TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
+  const std::string page = ReadAll(Path("run/report.html"));
+  const Json result = Json::parse(ReadAll(Path("run/result.json")));
+  const Json truth = Json::parse(ReadAll(Path("cell/truth.json")));
+  const auto error_mm = [&](const char* kind, const char* name) {
+    double square_m2 = 0;
+    for (size_t i = 0; i < 3; ++i) {
+      const auto of = [&](const Json& json) { return json[kind][name]["pose"]["translation_m"][i].get<double>(); };
+      square_m2 += std::pow(of(result) - of(truth), 2);
+    }
+    return 1000 * std::sqrt(square_m2);
+  };
+  EXPECT_NEAR(NumberAfter(page, ">camera wrist in gripper</td>", "\"true error, mm\">") / error_mm("cameras", "wrist"),
+              1, 0.01);
+  EXPECT_NEAR(NumberAfter(page, ">target wall in world</td>", "\"true error, mm\">") / error_mm("targets", "wall"), 1,
+              0.01);
+  EXPECT_THAT(page, HasSubstr("<h3>left: brown5, 640 x 480 px</h3>"));
+  // Each column has a heading.
+  EXPECT_THAT(page, HasSubstr("<button>status</button>"));
+}
+
+TEST_F(RigCommandsTest, TablesOfABatchCountCapturesAndNameTheIntrinsics) {
+  WriteAll(Path("cell/second.yaml"), "base: config.yaml\nname: second\n");
+  const CommandResult batch =
+      RunHeba({"run", Path("cell/config.yaml"), Path("cell/second.yaml"), "--out", Path("batch")});
+  ASSERT_EQ(batch.status, 0) << batch.err;
+  EXPECT_THAT(batch.out, testing::ContainsRegex("second +rig, 3 cameras +12/12 "));
+  const CommandResult alone = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("alone")});
+  ASSERT_EQ(alone.status, 0) << alone.err;
+  const Json params = Json::parse(ReadAll(Path("alone/result.json")))["cameras"]["right"]["camera"];
+  EXPECT_NEAR(NumberAfter(alone.out, "camera right in world", "intrinsics brown5: fx "), params["fx"].get<double>(),
+              0.01);
+  const CommandResult held =
+      RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--set", "refine.intrinsics=[]"});
+  ASSERT_EQ(held.status, 0) << held.err;
+  EXPECT_THAT(held.out, HasSubstr("intrinsics brown5: fx 600.0000, fy 600.0000, cx 320.0000, cy 240.0000 px (held)"));
+}
+
+// A study that varies nothing has a chart, and its table has the bounds and is not folded.
+TEST_F(RigCommandsTest, StudyOfOneConditionHasAChartAndTheBounds) {
+  WriteAll(Path("study.yaml"), "trials: 2\nscenes: {cell: scene.yaml}\nshape_model: none\n");
+  const CommandResult study = RunHeba({"study", Path("study.yaml"), "--out", Path("study"), "--quiet"});
+  ASSERT_EQ(study.status, 0) << study.err;
+  const std::string page = ReadAll(Path("study/study.html"));
+  EXPECT_THAT(page, HasSubstr("<h2>Errors and bounds</h2>"));
+  EXPECT_THAT(page, HasSubstr(">camera wrist in gripper<"));
+  EXPECT_THAT(page, HasSubstr("data-head=\"method\">bound</td>"));
+  EXPECT_THAT(page, HasSubstr("data-head=\"trials\">2</td>"));
+  EXPECT_THAT(page, testing::Not(HasSubstr("<details>")));
 }
 
 TEST_F(RigCommandsTest, DetectEstimatesACameraThatIsNotGiven) {

@@ -79,14 +79,16 @@ std::string PlanView(const ShownCell& cell) {
   }
   const Eigen::Vector3d middle = 500 * (low + high);
   const double reach = std::max(650 * (high - low).head<2>().maxCoeff(), 1.0);
+  const std::string frame = cell.arms.size() > 1 ? "world" : "base";
   constexpr double kWidth = 560;
   constexpr double kLeft = 56;
   StaticChart chart(kWidth, kWidth - kLeft - kChartRight + kChartTop + kChartBottom,
-                    {"base x, mm", middle.x() - reach, middle.x() + reach},
-                    {"base y, mm (plan view)", middle.y() - reach, middle.y() + reach});
+                    {frame + " x, mm", middle.x() - reach, middle.x() + reach},
+                    {frame + " y, mm (plan view)", middle.y() - reach, middle.y() + reach});
   for (const Dots& dots : all) {
     for (const Eigen::Vector3d& place : dots.places) chart.Dot(1000 * place.x(), 1000 * place.y(), 4, dots.colour);
-    if (dots.places.size() != 1) continue;
+    // What is carried has its label at the first capture.
+    if (dots.places.empty()) continue;
     chart.Text(1000 * dots.places.front().x(), 1000 * dots.places.front().y(), "\u00a0\u00a0" + dots.name, "start");
   }
   return chart.Svg();
@@ -95,7 +97,11 @@ std::string PlanView(const ShownCell& cell) {
 }  // namespace
 
 std::string CellFigure(const ShownCell& cell) {
-  Json data{{"arms", Json::array()}, {"cameras", Json::array()}, {"targets", Json::array()}, {"used", cell.is_used}};
+  Json data{
+      {"arms", Json::array()}, {"cameras", Json::array()}, {"targets", Json::array()}, {"captures", Json::array()}};
+  for (const ShownMoment& capture : cell.captures) {
+    data["captures"].push_back(Json{{"name", capture.name}, {"used", capture.is_used}});
+  }
   for (const ShownArm& arm : cell.arms) {
     Json grippers = Json::array();
     for (const Rigid3d& pose : arm.base_from_gripper) grippers.push_back(PagePose(pose));

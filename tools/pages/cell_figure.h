@@ -29,11 +29,16 @@ struct ShownTarget {
   Points3 points_in_target;
 };
 
+struct ShownMoment {
+  std::string name;  // Of the capture.
+  bool is_used = false;
+};
+
 struct ShownCell {
   std::vector<ShownArm> arms;
   std::vector<ShownCamera> cameras;
   std::vector<ShownTarget> targets;
-  std::vector<bool> is_used;  // One per capture.
+  std::vector<ShownMoment> captures;
 };
 
 // Returns the markup of the figure. Without the script it is a plan view.

@@ -199,7 +199,7 @@ std::string ComparisonTable(const Comparison& comparison) {
              PadLeft(ShownChance(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
   }
   if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " more pairs\n";
-  table += "\n";
+  table += "\nsigma is that of the whole position: the root of the sum of the variances of the three axes\n";
   for (const std::string& finding : comparison.findings) table += "- " + finding + "\n";
   return table;
 }
@@ -259,6 +259,9 @@ std::string ComparisonPage(const Comparison& comparison) {
   body += ViewFigure("dumbbells", "RMS reprojection error on held-out captures.",
                      Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
                      DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted));
+  body += Paragraph(
+      "Sigma is that of the whole hand-eye position or orientation: the root of the sum of the variances of the three "
+      "axes.");
   body += HtmlTable({"run", "verdict", "setup", "target", "best closed form", "closed form hold-out, px",
                      "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);

@@ -66,9 +66,9 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
     const ReportedCapture* view = FindView(captures, capture.image);
     if (view == nullptr) continue;
     cell.arms.front().base_from_gripper.push_back(view->base_from_gripper);
-    cell.is_used.push_back(capture.used);
+    cell.captures.push_back({capture.image, capture.used});
   }
-  if (cell.is_used.empty()) return "";
+  if (cell.captures.empty()) return "";
   const Eigen::Vector3d low = target_points.rowwise().minCoeff();
   const Eigen::Vector3d high = target_points.rowwise().maxCoeff();
   const Eigen::Vector3d middle = 0.5 * (low + high);
@@ -78,7 +78,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
 // Returns what the sections on residuals show.
 CameraResiduals ResidualsOf(const RunResult& result, const Estimate& refined,
                             const std::vector<ReportedCapture>& captures) {
-  CameraResiduals residuals{refined.camera, refined.solution->pixel_sigma_px, refined.errors.reprojection_rms_px, {}};
+  CameraResiduals residuals{refined.camera, refined.solution->pixel_sigma_px, refined.errors.reprojection_rms_px};
   for (const CaptureResult& capture : result.captures) {
     residuals.images.push_back(
         {capture.image, capture.used, capture.reason, capture.rms_px, FindView(captures, capture.image)});
@@ -208,9 +208,9 @@ std::string CaptureSection(const RunResult& result) {
     row.push_back({capture.reason});
     rows.push_back(std::move(row));
   }
-  std::vector<std::string> head = {
-      "no.", "capture", "", "points", "left out", "rms, px", "hold-out, mm", "result changes without it, mm",
-      "deg", "chance"};
+  std::vector<std::string> head = {"no.",      "capture", "status",       "points",
+                                   "left out", "rms, px", "hold-out, mm", "result changes without it, mm",
+                                   "deg",      "chance"};
   if (has_corrections) head.insert(head.end(), {"robot correction, mm", "deg"});
   head.emplace_back("remark");
   return Heading("Captures") + HtmlTable(head, rows, true);
@@ -228,9 +228,8 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
   } else {
     const CameraResiduals residuals = ResidualsOf(result, *refined, captures);
     body += ResidualData("captures", residuals) + SetUpSection(result, *refined, captures, target_points) +
-            MethodsSection(result) + ResidualSections("captures", residuals, CaptureBarsChart(result)) +
-            UncertaintySection(result, *refined) + ArmSection(result, *refined, captures) +
-            CorrelationSection(*refined);
+            MethodsSection(result) + ResidualSections("captures", residuals) + UncertaintySection(result, *refined) +
+            ArmSection(result, *refined, captures) + CorrelationSection(*refined);
   }
   return HtmlPage(result.name,
                   body + CaptureSection(result) + Details("Config as used", CopyableText(context.config_used)));

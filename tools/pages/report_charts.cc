@@ -39,6 +39,13 @@ std::vector<Residual> Thinned(const std::vector<Residual>& all) {
   return some;
 }
 
+// Returns the length for which arrows are magnified: the median or, if a part of the lengths is much larger, a third of
+// their 95th percentile, so that these do not cover the image. Normal noise has the ratio 2.1.
+double TypicalLength(std::vector<double> lengths) {
+  std::sort(lengths.begin(), lengths.end());
+  return std::max(lengths[lengths.size() / 2], lengths[lengths.size() * 95 / 100] / 3);
+}
+
 // Returns an empty chart in pixel coordinates, y downwards.
 StaticChart OverImage(const Camera& camera) {
   // The plot area has the aspect ratio of the image.
@@ -67,8 +74,7 @@ std::string ResidualFieldChart(const Camera& camera, const std::vector<ReportedC
   if (drawn.empty()) return "";
   std::vector<double> lengths;
   for (const Residual& r : drawn) lengths.push_back(std::hypot(r.dx, r.dy));
-  std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2), lengths.end());
-  const double times = camera.width_px / 40.0 / std::max(lengths[lengths.size() / 2], 1e-9);
+  const double times = camera.width_px / 40.0 / std::max(TypicalLength(std::move(lengths)), 1e-9);
   StaticChart chart = OverImage(camera);
   for (const Residual& r : drawn) {
     chart.Line({{r.x, r.y}, {r.x + times * r.dx, r.y + times * r.dy}}, "second", 1);
@@ -155,15 +161,15 @@ std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& 
   return chart.Svg();
 }
 
-std::string CaptureBarsChart(const RunResult& result) {
+std::string CaptureBarsChart(const std::vector<std::optional<double>>& rms_px) {
   double largest = 0;
-  for (const CaptureResult& capture : result.captures) largest = std::max(largest, capture.rms_px.value_or(0));
+  for (const std::optional<double>& rms : rms_px) largest = std::max(largest, rms.value_or(0));
   if (!(largest > 0)) return "";
-  const auto count = static_cast<double>(result.captures.size());
+  const auto count = static_cast<double>(rms_px.size());
   StaticChart chart(kWidth, 200, {"capture number", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
-  for (size_t i = 0; i < result.captures.size(); ++i) {
+  for (size_t i = 0; i < rms_px.size(); ++i) {
     const double x = static_cast<double>(i) + 1;
-    chart.Bar(x - 0.4, 0, x + 0.4, result.captures[i].rms_px.value_or(0), "first");
+    chart.Bar(x - 0.4, 0, x + 0.4, rms_px[i].value_or(0), "first");
   }
   return chart.Svg();
 }

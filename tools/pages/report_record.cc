@@ -125,21 +125,9 @@ std::optional<Matrix6> PoseCovariance(const Estimate& estimate, const std::strin
 }
 
 std::string CameraPart(const Estimate& estimate) {
-  const Camera& camera = estimate.camera;
-  if (camera.params.empty()) return "";
-  const std::vector<std::string>& names = camera.Model().param_names();
-  std::vector<std::vector<PageCell>> rows;
-  constexpr int kMostDecimals = 8;
-  for (size_t i = 0; i < camera.params.size(); ++i) {
-    const std::optional<double> sigma =
-        estimate.solution ? SigmaOf(estimate.solution->covariance, "camera." + names[i]) : std::nullopt;
-    rows.push_back(
-        {{names[i]},
-         {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
-         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
-  }
-  return "<div>\n<h3>Camera: " + EscapedForMarkup(camera.model) + ", " + std::to_string(camera.width_px) + " x " +
-         std::to_string(camera.height_px) + " px</h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) + "</div>\n";
+  if (estimate.camera.params.empty()) return "";
+  return IntrinsicsTable("Camera", estimate.camera, estimate.solution ? estimate.solution->covariance : Covariance(),
+                         "camera");
 }
 
 // Returns the refined estimate, or the last successful one if there is none.
@@ -249,6 +237,27 @@ std::string VerdictPart(const Verdict& verdict) {
                 : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
   }
   return part;
+}
+
+std::string IntrinsicsTable(const std::string& title, const Camera& camera, const Covariance& covariance,
+                            const std::string& block, const Camera* truth) {
+  const std::vector<std::string>& names = camera.Model().param_names();
+  const bool has_truth = truth != nullptr && truth->model == camera.model;
+  std::vector<std::string> head = {"", "value", "one sigma"};
+  if (has_truth) head.emplace_back("true error");
+  std::vector<std::vector<PageCell>> rows;
+  constexpr int kMostDecimals = 8;
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    const std::optional<double> sigma = SigmaOf(covariance, block + "." + names[i]);
+    rows.push_back(
+        {{names[i]},
+         {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
+         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
+    if (has_truth) rows.back().push_back({Significant(camera.params[i] - truth->params[i], 2), true});
+  }
+  return "<div>\n<h3>" + EscapedForMarkup(title) + ": " + EscapedForMarkup(camera.model) + ", " +
+         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px</h3>\n" +
+         HtmlTable(head, rows) + "</div>\n";
 }
 
 std::string RecordSection(const RunResult& result, const ReportContext& context) {

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "heba/camera/camera.h"
+#include "heba/data/unknowns.h"
 #include "heba/evaluation/evaluation.h"
 
 namespace heba {
@@ -22,6 +24,12 @@ std::string TimeNow();
 
 // Returns the markup of a verdict: the causes, then their symptoms, then the findings that are good, each finding once.
 std::string VerdictPart(const Verdict& verdict);
+
+// Returns the table of a camera's intrinsics: each parameter with its sigma, by the block of the covariance that is
+// called `block`, or "held" if the block does not have it, and with its error if the true camera is known. `truth` may
+// be null.
+std::string IntrinsicsTable(const std::string& title, const Camera& camera, const Covariance& covariance,
+                            const std::string& block, const Camera* truth = nullptr);
 
 // Returns markup. If the result has no refined estimate, the pose of the last successful estimate is shown.
 std::string RecordSection(const RunResult& result, const ReportContext& context);

@@ -93,6 +93,7 @@ std::string ResidualData(const std::string& name, const CameraResiduals& residua
     const bool has_image = shown != nullptr && !shown->small_jpeg.empty() && images.count(image.name) > 0;
     data["captures"].push_back(
         Json{{"image", image.name},
+             {"title", image.title},
              {"used", image.used},
              {"reason", image.reason},
              {"rms_px", OrNull(image.rms_px)},
@@ -104,24 +105,32 @@ std::string ResidualData(const std::string& name, const CameraResiduals& residua
   return SharedData(name, data);
 }
 
-std::string ResidualSections(const std::string& name, const CameraResiduals& residuals, const std::string& bars_chart) {
+std::string ResidualSections(const std::string& name, const CameraResiduals& residuals) {
   const Camera& camera = residuals.camera;
   const std::vector<ReportedCapture> captures = ShownOf(residuals);
   const std::string sample =
       NumPoints(residuals) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
-  const std::string field = SharedViewFigure(
-      "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample,
-      name, ResidualFieldChart(camera, captures));
+  const std::string field = SharedViewFigure("residual-field",
+                                             "Residuals (predicted minus observed) of the inliers" +
+                                                 residuals.condition + ". Click to open the capture." + sample,
+                                             name, ResidualFieldChart(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
       "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample, name,
       CoverageChart(camera, captures));
   const std::string radius = SharedViewFigure("residual-radius", "", name, ResidualRadiusChart(camera, captures));
   const std::string histogram = SharedViewFigure(
-      "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", name,
-      HistogramChart(residuals.sigma_px, captures));
-  const std::string bars = SharedViewFigure(
-      "capture-bars", "The dashed line is the RMS of all points. Click to open the capture.", name, bars_chart);
+      "histogram",
+      "Residual coordinates of the inliers" + residuals.condition +
+          ", and the normal distribution of the stated sigma. The outermost bars count all residuals beyond 5 sigma.",
+      name, HistogramChart(residuals.sigma_px, captures));
+  std::vector<std::optional<double>> rms_px;
+  for (const CameraResiduals::Image& image : residuals.images) rms_px.push_back(image.rms_px);
+  const std::string bars =
+      SharedViewFigure("capture-bars",
+                       "RMS of each image" + residuals.condition +
+                           ". The dashed line is the RMS of all points. Click to open the capture.",
+                       name, CaptureBarsChart(rms_px));
   return "<div class=\"columns\">\n" + PageSection("Residuals over the image", field) +
          PageSection("Image coverage", cells) + PageSection("Residuals by radius", radius) +
          PageSection("Residual histogram", histogram) + PageSection("Residuals by capture", bars) + "</div>\n";

@@ -15,6 +15,7 @@ struct CameraResiduals {
   Camera camera;
   double sigma_px = 0;
   std::optional<double> rms_px;
+  std::string condition = {};  // What the residuals are computed with, such as " after ..."; part of the captions.
   // The images, used or not.
   struct Image {
     std::string name;
@@ -22,15 +23,15 @@ struct CameraResiduals {
     std::string reason;
     std::optional<double> rms_px;
     const ReportedCapture* shown = nullptr;  // Null if the image has no points.
+    std::string title = {};                  // The title of the dialog; empty: the number and the name.
   };
-  std::vector<Image> images;
+  std::vector<Image> images = {};
 };
 
 // Returns the data of the views under a name. The capture dialog opens images of the data "captures" only.
 std::string ResidualData(const std::string& name, const CameraResiduals& residuals);
-// Returns the sections that show these data; empty if there are no points. `bars` is the static chart of the images'
-// residuals.
-std::string ResidualSections(const std::string& name, const CameraResiduals& residuals, const std::string& bars);
+// Returns the sections that show these data; empty if there are no points.
+std::string ResidualSections(const std::string& name, const CameraResiduals& residuals);
 
 // Returns the markup of a section.
 std::string PageSection(const std::string& heading, const std::string& content);

@@ -253,7 +253,9 @@ RigComparison CompareRigs(std::vector<ComparedCell> runs) {
 }
 
 std::string RigComparisonTable(const RigComparison& comparison) {
-  std::string table = CamerasTable(comparison) + DifferencesTable(comparison) + "\n";
+  std::string table = CamerasTable(comparison) + DifferencesTable(comparison) + "\n" +
+                      "sigma is that of the whole position or orientation: the root of the sum of the variances of the "
+                      "three axes\n";
   for (const std::string& finding : comparison.findings) table += "- " + finding + "\n";
   return table;
 }
@@ -319,12 +321,17 @@ std::string RigComparisonPage(const RigComparison& comparison) {
       "dumbbells", "RMS reprojection error of each camera, with the poses of the arm as it reports them.",
       Json{{"unit", "px"}, {"series", {"held-out captures", "captures of the estimate"}}, {"rows", bars}},
       DumbbellChart("RMS in px: held-out captures (first colour), captures of the estimate (second)", charted));
+  body += Paragraph(
+      "Sigma is that of the whole position or orientation of the camera: the root of the sum of the variances of the "
+      "three axes. That of "
+      "the least certain axis, which heba run states, is smaller.");
   body += HtmlTable({"run", "camera", "verdict of the run", "in-sample, px", "hold-out, px", "hold-out, mm",
                      "hold-out, deg", "sigma, mm", "sigma, deg", "time of the run, s"},
                     rows);
   body += Heading("Differences between poses");
   body += Paragraph(
-      "Sigma is that of the difference, from both runs. The chance is the probability of a difference at least as "
+      "Sigma is that of the difference, from both runs, of the whole position or orientation: the root of the sum of "
+      "the variances of the three axes. The chance is the probability of a difference at least as "
       "large "
       "between runs that measure the same pose and share no captures; below 1 % the poses are said to differ.");
   rows.clear();

@@ -1,7 +1,9 @@
 #include "tools/pages/rig_report.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
+#include <utility>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -44,7 +46,9 @@ std::string CellSection(const RigDataset& dataset, const RigRunOutput& run) {
   }
   std::map<std::string, bool> is_used;
   for (const RigImageResult& image : run.result.images) is_used[image.capture] = is_used[image.capture] || image.used;
-  for (const RigRecording& capture : dataset.captures) cell.is_used.push_back(is_used[capture.name]);
+  for (const RigRecording& capture : dataset.captures) {
+    cell.captures.push_back({capture.name, is_used[capture.name]});
+  }
   return PageSection("Cell", CellFigure(cell));
 }
 
@@ -75,60 +79,97 @@ std::string CamerasSection(const RigResult& result) {
                                     HtmlTable(head, rows));
 }
 
-// Returns the row of a pose: its frames, numbers and sigmas.
-std::vector<PageCell> PoseRow(const std::string& what, const Rigid3d& pose, const Matrix6& covariance) {
+// The difference of a pose from the truth, m and rad; nothing if the truth is not known.
+using TrueError = std::optional<std::pair<double, double>>;
+
+// Returns the row of a pose: its frames, numbers and sigmas and, if `has_truth`, its difference from the truth.
+std::vector<PageCell> PoseRow(const std::string& what, const Rigid3d& pose, const Matrix6& covariance, bool has_truth,
+                              const TrueError& error) {
   const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
   std::vector<PageCell> row = {{what}, {PoseText(pose, 1000 * sigma_m, sigma_rad)}};
   for (PageCell& cell : SigmaCells(covariance)) row.push_back(std::move(cell));
+  if (!has_truth) return row;
+  row.push_back(Number(error ? std::optional(1000 * error->first) : std::nullopt));
+  row.push_back(Number(error ? std::optional(RadToDeg(error->second)) : std::nullopt));
   return row;
 }
 
-std::string PosesSection(const RigResult& result) {
+std::vector<std::string> PoseHead(bool has_truth) {
+  std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  return head;
+}
+
+// Returns the difference of a pose from the truth, by the symmetry of the target that makes it least.
+TrueError ErrorOf(const Rigid3d& pose, const Rigid3d& truth, const std::vector<Rigid3d>& symmetries = {Rigid3d()}) {
+  std::pair<double, double> least(0, std::numeric_limits<double>::infinity());
+  for (const Rigid3d& symmetry : symmetries) {
+    const double angle_rad = AngleRad(pose, truth * symmetry);
+    if (angle_rad < least.second) least = {DistanceM(pose, truth * symmetry), angle_rad};
+  }
+  return least;
+}
+
+std::string PosesSection(const RigDataset& dataset, const RigRunOutput& run) {
+  const RigResult& result = run.result;
   const RigProblem& rig = result.rig;
   const RigSolution& solution = result.solution;
-  const std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
+  const std::optional<RigTruth>& truth = dataset.truth;
   std::vector<std::vector<PageCell>> rows;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    rows.push_back(PoseRow("camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
-                           solution.poses.mount_from_camera[c],
-                           *PoseCovarianceOf(solution.covariance, CameraPoseBlock(rig.cameras[c]))));
+    rows.push_back(PoseRow(
+        "camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]), solution.poses.mount_from_camera[c],
+        *PoseCovarianceOf(solution.covariance, CameraPoseBlock(rig.cameras[c])), truth.has_value(),
+        truth ? ErrorOf(solution.poses.mount_from_camera[c], truth->poses.mount_from_camera[c]) : TrueError()));
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
     rows.push_back(PoseRow("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
                            solution.poses.mount_from_target[t],
-                           *PoseCovarianceOf(solution.covariance, TargetPoseBlock(rig.targets[t]))));
+                           *PoseCovarianceOf(solution.covariance, TargetPoseBlock(rig.targets[t])), truth.has_value(),
+                           truth ? ErrorOf(solution.poses.mount_from_target[t], truth->poses.mount_from_target[t],
+                                           run.calibration.problem.targets[t].symmetries)
+                                 : TrueError()));
   }
   for (size_t r = 1; r < rig.robots.size(); ++r) {
-    rows.push_back(PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
-                           *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r]))));
+    rows.push_back(
+        PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
+                *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r])), truth.has_value(),
+                truth ? ErrorOf(solution.poses.world_from_base[r], truth->poses.world_from_base[r]) : TrueError()));
   }
-  return PageSection("Poses",
-                     Paragraph("Sigmas are those along and about the least certain axis.") + HtmlTable(head, rows));
+  return PageSection("Poses", Paragraph("Sigmas are those along and about the least certain axis.") +
+                                  HtmlTable(PoseHead(truth.has_value()), rows));
+}
+
+std::string IntrinsicsSection(const RigDataset& dataset, const RigResult& result) {
+  std::string tables;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = result.rig.cameras[c];
+    const std::optional<Camera> truth = dataset.truth ? dataset.truth->cameras[c] : std::nullopt;
+    tables += IntrinsicsTable(camera.name, result.solution.cameras[c], result.solution.covariance, CameraBlock(camera),
+                              truth ? &*truth : nullptr);
+  }
+  return PageSection("Intrinsics", Paragraph("Focal lengths and principal points are in px. Parameters without a sigma "
+                                             "were held.") +
+                                       "<div class=\"tables\">\n" + tables + "</div>\n");
 }
 
 std::string RelativeSection(const RigResult& result) {
   const bool has_truth = !result.relative_truth.empty();
-  std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
-  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
   std::vector<std::vector<PageCell>> rows;
   for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
     const RelativePose& pose = result.relative_cameras[i];
-    rows.push_back(
-        PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance));
-    if (!has_truth) continue;
-    rows.back().push_back(Number(1000 * result.relative_truth[i].first));
-    rows.back().push_back(Number(RadToDeg(result.relative_truth[i].second)));
+    rows.push_back(PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child,
+                           pose.covariance, has_truth, has_truth ? TrueError(result.relative_truth[i]) : TrueError()));
   }
   for (const RelativePose& pose : result.relative_targets) {
-    rows.push_back(
-        PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child, pose.covariance));
-    if (has_truth) rows.back().insert(rows.back().end(), {PageCell{"", true}, PageCell{"", true}});
+    rows.push_back(PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child,
+                           pose.covariance, has_truth, TrueError()));
   }
   if (rows.empty()) return "";
   return PageSection("Poses between cameras and between targets",
                      Paragraph("The covariance of each pose comes from the joint adjustment: errors that both ends "
                                "share cancel.") +
-                         HtmlTable(head, rows));
+                         HtmlTable(PoseHead(has_truth), rows));
 }
 
 std::string ArmsSection(const RigResult& result) {
@@ -158,7 +199,15 @@ std::string ArmsSection(const RigResult& result) {
   return PageSection("Arms", Paragraph(text) + HtmlTable(head, rows));
 }
 
-// The images of one camera, as the sections on residuals show them.
+// Returns whether the poses of the arms have corrections.
+bool HasCorrections(const RigRunOutput& run) {
+  const std::vector<RigCaptureOutcome>& captures = run.calibration.refined->captures;
+  return std::any_of(captures.begin(), captures.end(),
+                     [](const RigCaptureOutcome& capture) { return !capture.corrections.empty(); });
+}
+
+// The images of one camera, as the sections on residuals show them. Their residuals are those that remain after the
+// corrections of the arms, which are to be compared with the noise of the pixels.
 struct ShownImages {
   std::vector<ReportedCapture> captures;
   CameraResiduals residuals;
@@ -171,7 +220,7 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
   ShownImages shown;
   shown.residuals.camera = solution.cameras[camera];
   shown.residuals.sigma_px = solution.pixel_sigmas_px[camera];
-  shown.residuals.rms_px = run.result.errors[camera].reprojection_rms_px;
+  if (HasCorrections(run)) shown.residuals.condition = " after the corrections of the arms";
   std::map<size_t, std::string> jpeg_of;
   for (const RigDetection& detection : run.detections) {
     if (detection.camera == camera && !detection.detection.small_jpeg.empty()) {
@@ -179,6 +228,8 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     }
   }
   std::map<std::string, size_t> place_of;
+  std::map<std::string, SquaredErrors> errors_of;
+  SquaredErrors all_errors;
   for (size_t i = 0; i < run.calibration.problem.captures.size(); ++i) {
     const RigCapture& capture = run.calibration.problem.captures[i];
     ReportedCapture& reported = shown.captures.emplace_back();
@@ -188,8 +239,9 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     for (size_t k = 0; k < capture.images.size(); ++k) {
       const RigImage& image = capture.images[k];
       if (image.camera != camera || image.observations.size() == 0) continue;
-      const Rigid3d camera_from_target = CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target,
-                                                          WithErrors(capture, refined.effects));
+      const Rigid3d camera_from_target =
+          CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target,
+                           Corrected(WithErrors(capture, refined.effects), refined.captures[i].corrections));
       const std::optional<Points2> residuals = Residuals(solution.cameras[camera], camera_from_target,
                                                          ApplyShape(image.observations, solution.shapes[image.target]));
       if (!residuals) continue;
@@ -199,6 +251,7 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
         const bool is_out = std::find(rejected.begin(), rejected.end(), id) != rejected.end();
         Points2& pixels = is_out ? reported.left_out_pixels : reported.pixels;
         Points2& errors = is_out ? reported.left_out_residuals : reported.residuals;
+        if (!is_out) errors_of[capture.name].Add({residuals->col(p).squaredNorm(), 1});
         pixels.conservativeResize(2, pixels.cols() + 1);
         errors.conservativeResize(2, errors.cols() + 1);
         pixels.rightCols<1>() = image.observations.pixels.col(p);
@@ -208,16 +261,29 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
   }
   for (const RigImageResult& image : run.result.images) {
     if (image.camera != name) continue;
-    SquaredErrors sum;
-    for (const RigTargetInImage& target : image.targets) {
-      if (target.used && target.rms_px) {
-        sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
-      }
-    }
-    shown.residuals.images.push_back({image.capture, image.used, image.reason, sum.RmsPx(), nullptr});
+    std::vector<std::string> targets;
+    for (const RigTargetInImage& target : image.targets) targets.push_back(target.target);
+    const std::string number = std::to_string(shown.residuals.images.size() + 1);
+    const SquaredErrors& errors = errors_of[image.capture];
+    all_errors.Add(errors);
+    shown.residuals.images.push_back(
+        {image.capture, image.used, image.reason, errors.RmsPx(), nullptr,
+         "camera " + name + ", image " + number + ": " + image.image +
+             (targets.empty() ? "" : (targets.size() == 1 ? ", target " : ", targets ") + Join(targets, ", "))});
   }
+  shown.residuals.rms_px = all_errors.RmsPx();
   for (CameraResiduals::Image& image : shown.residuals.images) image.shown = &shown.captures[place_of[image.name]];
   return shown;
+}
+
+// States how the residuals of a camera compare with its noise.
+std::string ResidualText(const RigErrors& errors, const CameraResiduals& residuals) {
+  std::string text = "The RMS of the residuals is " + FigureText(residuals.rms_px) + " px" + residuals.condition;
+  if (!residuals.condition.empty()) {
+    text += ", and " + FigureText(errors.reprojection_rms_px) + " px with the poses as the arms report them";
+  }
+  return text + "; the pixel noise is " + Significant(residuals.sigma_px, 3) +
+         " px (one sigma of a coordinate; the RMS of points with this noise is 1.4 times as large).";
 }
 
 std::string ImagesTable(const RigResult& result) {
@@ -243,8 +309,9 @@ std::string ImagesTable(const RigResult& result) {
                     Number(sum.RmsPx()),
                     {image.reason}});
   }
-  return Heading("Images") +
-         HtmlTable({"capture", "camera", "image", "targets", "", "points", "left out", "rms, px", "remark"}, rows);
+  return Heading("Images") + Paragraph("The RMS is that with the poses of the arms as reported.") +
+         HtmlTable({"capture", "camera", "image", "targets", "status", "points", "left out", "rms, px", "remark"},
+                   rows);
 }
 
 std::string RecordPart(const RigResult& result, const ReportContext& context) {
@@ -271,12 +338,14 @@ std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, co
   const RigResult& result = run.result;
   std::string body = "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
                      VerdictPart(result.verdict) + CamerasSection(result) + "</div>\n" + CellSection(dataset, run) +
-                     PosesSection(result) + RelativeSection(result) + ArmsSection(result);
+                     PosesSection(dataset, run) + RelativeSection(result) + IntrinsicsSection(dataset, result) +
+                     ArmsSection(result);
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const std::string name = "captures_" + std::to_string(c);
     const ShownImages shown = ImagesOf(run, c);
-    body += Heading("Camera " + result.rig.cameras[c].name) + ResidualData(name, shown.residuals) +
-            ResidualSections(name, shown.residuals, "");
+    body += Heading("Camera " + result.rig.cameras[c].name) +
+            Paragraph(ResidualText(result.errors[c], shown.residuals)) + ResidualData(name, shown.residuals) +
+            ResidualSections(name, shown.residuals);
   }
   return HtmlPage(result.name, body + ImagesTable(result) + RecordPart(result, context) +
                                    Details("Config as used", CopyableText(context.config_used)));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <set>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -73,6 +74,15 @@ std::vector<std::optional<double>> RigFigures(const RigResult& result, size_t ca
           errors.truth_deg};
 }
 
+// Returns the number of captures of which an image was used.
+size_t NumUsedCaptures(const RigResult& result) {
+  std::set<std::string> used;
+  for (const RigImageResult& image : result.images) {
+    if (image.used) used.insert(image.capture);
+  }
+  return used.size();
+}
+
 // Returns the types of a rig's targets.
 std::string TargetTypes(const RigResult& result) { return Join(result.target_types, " "); }
 
@@ -120,7 +130,7 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
 }
 
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
-  std::vector<std::string> head = {"run", "verdict", "setup", "target", "captures", "method"};
+  std::vector<std::string> head = {"run", "verdict", "setup or mount", "target", "used", "method or camera"};
   for (const Figure& figure : Figures()) head.emplace_back(figure.title);
   head.emplace_back("remark");
   std::vector<std::vector<PageCell>> rows;
@@ -133,7 +143,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
                                    {std::string(GradeName(rig.verdict.grade))},
                                    {MountText(rig.rig, rig.rig.cameras[c])},
                                    {TargetTypes(rig)},
-                                   {std::to_string(used) + " of " + std::to_string(all)},
+                                   {std::to_string(used) + " of " + std::to_string(all) + " images"},
                                    {"camera " + rig.rig.cameras[c].name}};
       for (const std::optional<double>& value : RigFigures(rig, c)) {
         row.push_back({value ? Significant(*value, 4) : "", true});
@@ -147,13 +157,13 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
       continue;
     }
     for (const Estimate& estimate : run.result->estimates) {
-      std::vector<PageCell> row = {
-          {run.name, false, LinkTo(run.name + "/report.html")},
-          {std::string(GradeName(run.result->verdict.grade))},
-          {std::string(SetupName(run.result->setup))},
-          {run.result->target_type},
-          {std::to_string(NumUsedCaptures(*run.result)) + " of " + std::to_string(run.result->captures.size())},
-          {estimate.method}};
+      std::vector<PageCell> row = {{run.name, false, LinkTo(run.name + "/report.html")},
+                                   {std::string(GradeName(run.result->verdict.grade))},
+                                   {std::string(SetupName(run.result->setup))},
+                                   {run.result->target_type},
+                                   {std::to_string(NumUsedCaptures(*run.result)) + " of " +
+                                    std::to_string(run.result->captures.size()) + " captures"},
+                                   {estimate.method}};
       for (const Figure& figure : Figures()) {
         const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
         row.push_back({value ? Significant(*value, 4) : "", true});
@@ -167,7 +177,9 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
       std::to_string(runs.size()) + " runs" +
       (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
       ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that "
-      "it has not seen.";
+      "it has not seen. Sigma: one sigma of the whole position or orientation of the camera, which is the root of the "
+      "sum of "
+      "the variances along or about its three axes.";
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
   std::vector<FigureRow> charted;
@@ -191,9 +203,10 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {
   constexpr size_t kNameWidth = 24;
-  std::string table = PadRight("run", kNameWidth) + PadRight(" target", 15) + PadLeft("captures", 9) +
+  std::string table = PadRight("run", kNameWidth) + PadRight(" target or rig", 15) + PadLeft("captures", 9) +
                       PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 15 + 9) +
                       PadLeft("closed", 9) + PadLeft("refined", 9) + "\n";
+  bool has_rig = false;
   for (const BatchRun& run : runs) {
     const std::string name =
         run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
@@ -201,19 +214,16 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
     if (run.rig) {
       std::optional<double> worst_px;
       std::optional<double> worst_mm;
-      int num_used = 0;
-      int num_images = 0;
       for (size_t c = 0; c < run.rig->rig.cameras.size(); ++c) {
         const std::vector<std::optional<double>> figures = RigFigures(*run.rig, c);
         worst_px = std::max(worst_px, figures[1]);
         worst_mm = std::max(worst_mm, figures[8]);
-        const auto [used, all] = CountImages(*run.rig, run.rig->rig.cameras[c].name);
-        num_used += used;
-        num_images += all;
       }
-      table += PadRight(" rig of " + std::to_string(run.rig->rig.cameras.size()), 15) +
-               PadLeft(std::to_string(num_used) + "/" + std::to_string(num_images), 9) + PadLeft("-", 9) +
-               PadLeft(FigureText(worst_px), 9) + PadLeft(FigureText(worst_mm), 10) + "\n";
+      has_rig = true;
+      const size_t num_cameras = run.rig->rig.cameras.size();
+      table += PadRight(" rig, " + std::to_string(num_cameras) + " camera" + (num_cameras == 1 ? "" : "s"), 15) +
+               PadLeft(std::to_string(NumUsedCaptures(*run.rig)) + "/" + std::to_string(run.rig->captures.size()), 9) +
+               PadLeft("-", 9) + PadLeft(FigureText(worst_px), 9) + PadLeft(FigureText(worst_mm), 10) + "\n";
       continue;
     }
     const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
@@ -229,6 +239,7 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
              PadLeft(FigureText(refined->errors.holdout_rms_px), 9) +
              PadLeft(FigureText(TranslationSigmaMm(*refined)), 10) + "\n";
   }
+  if (has_rig) table += "of a rig: captures with a used image; hold-out px and sigma mm of the worst camera\n";
   return table;
 }
 

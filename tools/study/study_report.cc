@@ -505,6 +505,74 @@ void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesyst
   }
 }
 
+namespace {
+
+// Describes a cell with its pixel noise and without the pose of a rig.
+std::string ConditionLine(StudyLabels labels) {
+  labels.pose.clear();
+  return SceneLine(labels) + ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px";
+}
+
+// Returns charts of a study that varies nothing, one for each of its scenes: the errors beside the bound, for each pose
+// of a rig or for each method.
+std::string ConditionCharts(const std::vector<CellResult>& results) {
+  using Json = nlohmann::ordered_json;
+  struct Condition {
+    bool is_rig = false;
+    std::vector<std::string> series;
+    Json rows = Json::array();
+    std::vector<FigureRow> static_rows;
+  };
+  std::vector<std::string> order;
+  std::map<std::string, Condition> conditions;
+  for (const CellResult& result : results) {
+    if (!result.bound) continue;
+    const double bound_mm = 1000 * result.bound->hand_eye_m;
+    std::vector<std::string> names;
+    std::vector<std::optional<double>> errors_mm;
+    for (const MethodSummary& method : result.methods) {
+      names.push_back(method.method);
+      errors_mm.push_back(method.num_failed < method.num_trials ? std::optional(1000 * method.rms.hand_eye_m)
+                                                                : std::nullopt);
+    }
+    if (names.empty()) continue;
+    const std::string line = ConditionLine(result.labels);
+    if (conditions.count(line) == 0) order.push_back(line);
+    Condition& condition = conditions[line];
+    condition.is_rig = !result.labels.pose.empty();
+    if (condition.is_rig) {
+      condition.series = names;
+      Json values = Json::array();
+      for (const std::optional<double>& error_mm : errors_mm) values.push_back(OrNull(error_mm));
+      values.push_back(bound_mm);
+      condition.rows.push_back(Json{{"label", result.labels.pose}, {"values", values}});
+      condition.static_rows.push_back({result.labels.pose, errors_mm.front(), bound_mm});
+      continue;
+    }
+    condition.series = {"RMS error"};
+    for (size_t i = 0; i < names.size(); ++i) {
+      condition.rows.push_back(Json{{"label", names[i]},
+                                    {"values", {OrNull(errors_mm[i]), bound_mm}},
+                                    {"strong", IsEmphasised(result.methods[i])}});
+      condition.static_rows.push_back({names[i], errors_mm[i], bound_mm});
+    }
+  }
+  std::string charts;
+  for (const std::string& line : order) {
+    Condition& condition = conditions[line];
+    const std::string first = condition.series.front();
+    condition.series.emplace_back("bound");
+    charts += ViewFigure(
+        "dumbbells",
+        line + ": RMS error of the " + (condition.is_rig ? "translation" : "hand-eye translation") + " and its bound.",
+        Json{{"unit", "mm"}, {"series", condition.series}, {"rows", condition.rows}},
+        DumbbellChart("mm: " + first + " (first colour), bound (second)", condition.static_rows));
+  }
+  return charts.empty() ? "" : Heading("Errors and bounds") + charts;
+}
+
+}  // namespace
+
 std::string StudyPage(const std::string& title, const std::vector<CellResult>& results) {
   std::string body = "<h1>" + EscapedForMarkup(title) + "</h1>\n" +
                      Paragraph(
@@ -525,6 +593,7 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
     if (i < kMostCharts) section += ChartFigure(charts[i]);
   }
   body += section.empty() ? "" : "<div class=\"columns\">\n" + section + "</div>\n";
+  if (charts.empty()) body += ConditionCharts(results);
   if (charts.size() > kMostCharts) {
     body += Paragraph(std::to_string(charts.size() - kMostCharts) +
                       " further charts are not drawn; study.csv has their figures.");
@@ -532,22 +601,43 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
   const auto number = [](const std::optional<double>& value) {
     return PageCell{value ? Significant(*value, 3) : "", true};
   };
+  const auto count = [](int value) { return PageCell{std::to_string(value), true}; };
   // There is one table for each scene; the properties that its cells share are its heading.
   std::vector<std::string> order;
   const std::vector<std::string> head = {"pixel noise, px", "method",      "hand-eye, mm", "deg",
                                          "mm / bound",      "deg / bound", "board, mm",    "95 % coverage",
                                          "AX-XB, mm",       "failed",      "trials"};
-  const std::vector<std::string> rig_head = {"pixel noise, px", "method",      "error, mm",     "deg",
-                                             "mm / bound",      "deg / bound", "95 % coverage", "gain, mm",
-                                             "gain, deg",       "failed",      "trials"};
+  const std::vector<std::string> rig_head = {
+      "pixel noise, px", "pose",          "method",   "error, mm", "deg",    "mm / bound",
+      "deg / bound",     "95 % coverage", "gain, mm", "gain, deg", "failed", "trials"};
   std::map<std::string, std::vector<std::string>> head_of;
   std::map<std::string, std::vector<std::vector<PageCell>>> rows_of;
   for (const CellResult& result : results) {
-    const std::string scene = SceneLine(result.labels);
     const bool is_rig = !result.labels.pose.empty();
+    StudyLabels labels = result.labels;
+    labels.pose.clear();
+    const std::string scene = SceneLine(labels);
+    // The first cells of a row, up to the rotation error.
+    const auto begin_row = [&](const std::string& method, bool is_strong, const std::optional<double>& error_m,
+                               const std::optional<double>& error_rad) {
+      std::vector<PageCell> row = {number(labels.pixel_sigma_px)};
+      if (is_rig) row.push_back({result.labels.pose});
+      row.push_back({method, false, {}, is_strong});
+      row.push_back(number(error_m ? std::optional(1000 * *error_m) : std::nullopt));
+      row.push_back(number(error_rad ? std::optional(RadToDeg(*error_rad)) : std::nullopt));
+      return row;
+    };
     if (rows_of.count(scene) == 0) {
       order.push_back(scene);
       head_of[scene] = is_rig ? rig_head : head;
+    }
+    if (result.bound) {
+      const StudyErrors& bound = *result.bound;
+      std::vector<PageCell>& row = rows_of[scene].emplace_back();
+      row = begin_row("bound", false, bound.hand_eye_m, bound.hand_eye_rad);
+      row.resize(head_of[scene].size(), PageCell{"", true});
+      const auto board = std::find(head.begin(), head.end(), "board, mm");
+      if (!is_rig && bound.board_m) row[static_cast<size_t>(board - head.begin())] = number(1000 * *bound.board_m);
     }
     for (const MethodSummary& method : result.methods) {
       const bool has_any = method.num_failed < method.num_trials;
@@ -558,12 +648,10 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
       };
       const auto if_any = [&](double value) { return number(has_any ? std::optional<double>(value) : std::nullopt); };
       std::vector<PageCell>& row = rows_of[scene].emplace_back();
-      row = {number(result.labels.pixel_sigma_px),
-             {method.method, false, {}, IsEmphasised(method)},
-             if_any(1000 * rms.hand_eye_m),
-             if_any(RadToDeg(rms.hand_eye_rad)),
-             number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)),
-             number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad))};
+      row = begin_row(method.method, IsEmphasised(method), has_any ? std::optional(rms.hand_eye_m) : std::nullopt,
+                      has_any ? std::optional(rms.hand_eye_rad) : std::nullopt);
+      row.push_back(number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)));
+      row.push_back(number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad)));
       if (is_rig) {
         const std::optional<Gain> gain = IsJoint(method) ? GainOf(result) : std::nullopt;
         row.push_back(number(method.coverage));
@@ -574,15 +662,26 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
         row.push_back(number(method.coverage));
         row.push_back(if_any(method.axxb_mean_mm));
       }
-      row.push_back(number(method.num_failed));
-      row.push_back(number(method.num_trials));
+      row.push_back(count(method.num_failed));
+      row.push_back(count(method.num_trials));
     }
   }
   body += Heading("All figures");
   constexpr size_t kFewScenes = 2;
   for (const std::string& scene : order) {
-    const std::string table = HtmlTable(head_of[scene], rows_of[scene]);
-    body += order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(scene) + "</h3>\n" + table : Details(scene, table);
+    std::vector<std::string>& columns = head_of[scene];
+    std::vector<std::vector<PageCell>>& rows = rows_of[scene];
+    std::string heading = scene;
+    // The pixel noise is part of the heading if all rows have the same.
+    const std::string noise = rows.empty() ? "" : rows.front().front().text;
+    if (std::all_of(rows.begin(), rows.end(), [&](const auto& row) { return row.front().text == noise; })) {
+      heading += ", pixel noise " + noise + " px";
+      columns.erase(columns.begin());
+      for (std::vector<PageCell>& row : rows) row.erase(row.begin());
+    }
+    const std::string table = HtmlTable(columns, rows);
+    body +=
+        order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(heading) + "</h3>\n" + table : Details(heading, table);
   }
   return HtmlPage(title, body, PageWidth::kWide);
 }

@@ -17,13 +17,32 @@ std::string ShortName(const std::string& name) {
 
 std::string SigmaText(const Eigen::Matrix<double, 6, 6>& covariance) {
   const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
-  return "one sigma up to " + ShownAmount(1000 * sigma_m, 2) + " mm, " + ShownAmount(RadToDeg(sigma_rad), 2) + " deg";
+  return "one sigma " + ShownAmount(1000 * sigma_m, 2) + " mm, " + ShownAmount(RadToDeg(sigma_rad), 2) +
+         " deg (least certain axis)";
 }
 
 // Returns the lines of a pose of the result.
 std::string PoseLines(const std::string& title, const Rigid3d& pose, const Eigen::Matrix<double, 6, 6>& covariance) {
   const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
   return title + "\n  " + PoseText(pose, 1000 * sigma_m, sigma_rad) + "\n  " + SigmaText(covariance) + "\n";
+}
+
+// Returns the line of a camera's focal lengths and principal point. The distortion is in the report and in result.json.
+std::string IntrinsicsLine(const RigCamera& camera, const Camera& intrinsics, const Covariance& covariance) {
+  constexpr size_t kFocalAndCentre = 4;
+  const std::vector<std::string>& names = intrinsics.Model().param_names();
+  const size_t count = std::min(kFocalAndCentre, names.size());
+  std::optional<double> largest;
+  for (size_t i = 0; i < count; ++i) {
+    largest = std::max(largest, SigmaOf(covariance, CameraBlock(camera) + "." + names[i]));
+  }
+  std::vector<std::string> parts;
+  for (size_t i = 0; i < count; ++i) {
+    const double value = intrinsics.params[i];
+    parts.push_back(names[i] + " " + (largest ? Fixed(value, DecimalsFor(*largest, 6)) : Significant(value, 7)));
+  }
+  return "  intrinsics " + intrinsics.model + ": " + Join(parts, ", ") + " px" +
+         (largest ? " (one sigma up to " + ShownAmount(*largest, 2) + ")" : " (held)") + "\n";
 }
 
 std::string CamerasTable(const RigResult& result) {
@@ -121,7 +140,8 @@ std::string RigTable(const RigResult& result, Colour colour) {
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     table += PoseLines("camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
                        result.solution.poses.mount_from_camera[c],
-                       *PoseCovarianceOf(covariance, CameraPoseBlock(rig.cameras[c])));
+                       *PoseCovarianceOf(covariance, CameraPoseBlock(rig.cameras[c]))) +
+             IntrinsicsLine(rig.cameras[c], result.solution.cameras[c], covariance);
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
     table += PoseLines("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),

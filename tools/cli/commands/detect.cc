@@ -123,7 +123,8 @@ CameraDetections DrawDetections(const SearchedCamera& camera, const TargetList& 
       drawn.push_back(std::move(points));
       of_image.targets.push_back(std::move(of_target));
     }
-    WriteImage(folder / (image.name + ".png"), DrawOverlay(ReadGreyImage(image.file), drawn));
+    WriteImage(folder / (image.name.ends_with(".png") ? image.name : image.name + ".png"),
+               DrawOverlay(ReadGreyImage(image.file), drawn));
   });
   return summary;
 }

@@ -1,6 +1,6 @@
 // Shows one capture: its image, the observed points, and their residuals, magnified.
 import type {Captures} from './data';
-import {element, magnification, magnifier, median, significant} from './figure';
+import {element, magnification, magnifier, significant, typicalLength} from './figure';
 
 const kSvg = 'http://www.w3.org/2000/svg';
 
@@ -16,9 +16,12 @@ function overlay(data: Captures, index: number): HTMLElement {
   const capture = data.captures[index]!;
   const whole = element('div', 'overlay');
   const svg = shape('svg', {viewBox: `-0.5 -0.5 ${width} ${height}`, role: 'img'});
-  svg.append(shape('rect', {x: -0.5, y: -0.5, width, height, class: 'frame'}));
+  // The inner drawing clips lines that are magnified beyond the image.
+  const inside = shape('svg', {x: -0.5, y: -0.5, width, height, viewBox: `-0.5 -0.5 ${width} ${height}`, overflow: 'hidden'});
+  svg.append(inside);
+  inside.append(shape('rect', {x: -0.5, y: -0.5, width, height, class: 'frame'}));
   if (capture.picture) {
-    svg.append(shape('image', {
+    inside.append(shape('image', {
       x: -0.5, y: -0.5, width, height, href: `data:image/jpeg;base64,${capture.picture}`, preserveAspectRatio: 'none'}));
   }
   const unit = width / 400; // Size of thin lines and small marks, in image pixels.
@@ -26,9 +29,9 @@ function overlay(data: Captures, index: number): HTMLElement {
   const draw = (points: number[], kind: string) => {
     for (let i = 0; i + 3 < points.length; i += 4) {
       const [x, y, dx, dy] = points.slice(i, i + 4) as [number, number, number, number];
-      svg.append(shape('circle', {cx: x, cy: y, r: 1.6 * unit, class: `seen ${kind}`, 'stroke-width': 0.6 * unit}));
+      inside.append(shape('circle', {cx: x, cy: y, r: 1.6 * unit, class: `seen ${kind}`, 'stroke-width': 0.6 * unit}));
       const line = shape('line', {x1: x, y1: y, class: 'arrow', 'stroke-width': 0.9 * unit});
-      svg.append(line);
+      inside.append(line);
       arrows.push({line, x, y, dx, dy});
     }
   };
@@ -42,7 +45,7 @@ function overlay(data: Captures, index: number): HTMLElement {
   };
   whole.append(svg);
   if (arrows.length > 0) {
-    const first = magnification(median(arrows.map(({dx, dy}) => Math.hypot(dx, dy))), width);
+    const first = magnification(typicalLength(arrows.map(({dx, dy}) => Math.hypot(dx, dy))), width);
     stretch(first);
     whole.append(magnifier(first, stretch));
   }
@@ -63,8 +66,9 @@ function show(): void {
     ...(numLeftOut > 0 ? [`${numLeftOut} points left out (red)`] : []),
     ...(capture.reason ? [capture.reason] : []),
   ].join('; ');
-  dialog.setAttribute('aria-label', capture.image);
-  const parts: Node[] = [element('h3', '', `${index + 1}: ${capture.image}`), element('p', '', say)];
+  const title = capture.title || `${index + 1}: ${capture.image}`;
+  dialog.setAttribute('aria-label', title);
+  const parts: Node[] = [element('h3', '', title), element('p', '', say)];
   if (capture.picture || capture.points.length > 0) parts.push(overlay(data, index));
   if (!capture.picture) parts.push(element('p', '', 'The page holds no image of this capture.'));
   content.replaceChildren(...parts);

@@ -10,6 +10,7 @@ export interface Pose {
 
 export interface Capture {
   image: string;
+  title: string; // The title of the dialog; empty: the number and the name.
   used: boolean;
   reason: string;
   rms_px: number | null;
@@ -42,7 +43,7 @@ export interface SetUp {
   // Rays of the image corners in the camera frame, clockwise from the upper left.
   cameras: (Mounted & {corners: [number, number, number][]})[];
   targets: (Mounted & {size: [number, number, number, number]})[]; // Minimum x and y, maximum x and y.
-  used: boolean[]; // One per capture.
+  captures: {name: string; used: boolean}[];
 }
 
 export interface Dumbbells {

@@ -87,7 +87,10 @@ export function magnifier(first: number, change: (times: number) => void): HTMLE
   return label;
 }
 
-export function median(values: number[]): number {
-  const sorted = [...values].sort((a, b) => a - b);
-  return sorted[Math.floor(sorted.length / 2)] ?? 0;
+// Returns the length for which arrows are magnified: the median or, if a part of the lengths is much larger, a third of
+// their 95th percentile, so that these do not cover the image. Normal noise has the ratio 2.1.
+export function typicalLength(lengths: number[]): number {
+  const sorted = [...lengths].sort((a, b) => a - b);
+  const at = (share: number) => sorted[Math.floor(share * sorted.length)] ?? 0;
+  return Math.max(at(0.5), at(0.95) / 3);
 }

@@ -28,7 +28,36 @@ function sortBy(head: HTMLTableCellElement): void {
   body.append(...keys.map(({row}) => row));
 }
 
+// Returns the choice of the column to sort by, which stands in for the headings in a narrow window.
+function sortChoice(heads: HTMLTableCellElement[]): HTMLElement {
+  const label = document.createElement('label');
+  label.className = 'sort-choice';
+  const choice = document.createElement('select');
+  choice.append(new Option('order', ''));
+  for (const sign of ['\u2191', '\u2193']) {
+    heads.forEach((head, i) => {
+      const name = head.textContent ?? '';
+      if (name) choice.append(new Option(`${name} ${sign}`, `${i} ${sign}`));
+    });
+  }
+  choice.addEventListener('change', () => {
+    const [index, sign] = choice.value.split(' ');
+    const head = heads[Number(index)];
+    if (!choice.value || !head) return;
+    if (sign === '\u2193') head.setAttribute('aria-sort', 'ascending');
+    else head.removeAttribute('aria-sort');
+    sortBy(head);
+  });
+  label.append('sort by ', choice);
+  return label;
+}
+
 export function prepareTables(): void {
+  const kFewRows = 3;
+  for (const table of document.querySelectorAll<HTMLTableElement>('.wide table')) {
+    if ((table.tBodies[0]?.rows.length ?? 0) < kFewRows) continue;
+    table.before(sortChoice([...table.querySelectorAll<HTMLTableCellElement>('th')]));
+  }
   for (const head of document.querySelectorAll<HTMLTableCellElement>('th')) {
     head.addEventListener('click', () => sortBy(head));
   }

@@ -2,7 +2,7 @@
 import {barY, plot, ruleY} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {openCapture} from '../capture_dialog';
-import {colours, responsive, significant} from '../figure';
+import {colours, legend, responsive, significant} from '../figure';
 
 export function captureBars(figure: HTMLElement, data: Captures): void {
   const bars = data.captures.map((capture, index) => ({index, image: capture.image, rms: capture.rms_px}));
@@ -12,6 +12,10 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
     return;
   }
   const overall = data.rms_px ?? 0;
+  const isLarge = (rms: number) => rms > 2 * overall;
+  if (known.some(isLarge)) {
+    figure.append(legend([{name: 'RMS', colour: colours.first}, {name: 'more than twice that of all points', colour: colours.second}]));
+  }
   responsive(figure, (width) => {
     const chart = plot({
       width, height: 200, marginLeft: 50, marginBottom: 30,
@@ -22,7 +26,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
       marks: [
         barY(bars.filter(({rms}) => rms !== null), {
           x: 'index', y: 'rms', className: 'bars',
-          fill: (bar: {rms: number}) => (bar.rms > 2 * overall ? colours.second : colours.first),
+          fill: (bar: {rms: number}) => (isLarge(bar.rms) ? colours.second : colours.first),
           channels: {what: {value: (bar: {index: number; image: string; rms: number}) => `${bar.index + 1}: ${bar.image}, ${significant(bar.rms)} px`, label: ''}},
           tip: {format: {x: false, y: false, fill: false, what: true}}}),
         ruleY([overall], {stroke: colours.ink, strokeDasharray: '4 3'}),

@@ -4,7 +4,7 @@ import {axisX, dot, gridX, link, plot, text} from '@observablehq/plot';
 import type {Dumbbells} from '../data';
 import {colours, legend, responsive, significant} from '../figure';
 
-const kColours = [colours.first, colours.second];
+const kColours = [colours.first, colours.second, colours.ink];
 
 export function dumbbells(figure: HTMLElement, data: Dumbbells): void {
   const dots = data.rows.flatMap((row, index) =>

@@ -3,7 +3,7 @@
 import {dot, frame, link, plot} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {openCapture} from '../capture_dialog';
-import {colours, magnification, magnifier, median, responsive, significant} from '../figure';
+import {colours, magnification, magnifier, responsive, significant, typicalLength} from '../figure';
 
 const kMaxArrows = 4000;
 
@@ -39,7 +39,7 @@ export function residualField(figure: HTMLElement, data: Captures): void {
     figure.append('No points to show.');
     return;
   }
-  let times = magnification(median(all.map(({dx, dy}) => Math.hypot(dx, dy))), width);
+  let times = magnification(typicalLength(all.map(({dx, dy}) => Math.hypot(dx, dy))), width);
   const {redraw} = responsive(figure, (wide) => {
     const chart = plot({
       width: wide, height: (wide * height) / width, margin: 1,

@@ -20,8 +20,10 @@ interface Style {
   width: number;
 }
 
+// A set of lines and labels that can be replaced.
 class Drawing {
-  readonly scene = new Scene();
+  readonly group = new Group();
+  readonly labels: {node: SVGTextElement; at: Vector3}[] = [];
   private readonly styled: {material: LineBasicMaterial; colour: string}[] = [];
 
   segments(points: Vector3[], style: Style): void {
@@ -29,7 +31,7 @@ class Drawing {
     geometry.setAttribute('position', new Float32BufferAttribute(points.flatMap((p) => [p.x, p.y, p.z]), 3));
     const material = new LineBasicMaterial({transparent: style.opacity < 1, opacity: style.opacity, linewidth: style.width});
     this.styled.push({material, colour: style.colour});
-    this.scene.add(new LineSegments(geometry, material));
+    this.group.add(new LineSegments(geometry, material));
   }
 
   axes(frame: Matrix4, length: number, style: Omit<Style, 'colour'>): void {
@@ -55,7 +57,8 @@ class Drawing {
     node.setAttribute('dy', '-4');
     const object = new SVGObject(node);
     object.position.copy(at);
-    this.scene.add(object as unknown as Group);
+    this.labels.push({node, at});
+    this.group.add(object as unknown as Group);
   }
 
   // Applies the current colours of the page, light or dark.
@@ -89,10 +92,32 @@ function board([x1, y1, x2, y2]: SetUp['targets'][number]['size'], frame: Matrix
   return [...segments, corners[0]!, at((x1 + x2) / 2, (y1 + y2) / 2)];
 }
 
+// Moves labels that would cover each other downwards, the upper ones first.
+function separate(labels: Drawing['labels'], eye: PerspectiveCamera, width: number, height: number): void {
+  const [kLetter, kLine, kRise] = [6.5, 13, -4];
+  const boxes = labels
+      .map(({node, at}) => {
+        const seen = at.clone().project(eye);
+        return {node, x: (0.5 * seen.x + 0.5) * width, y: (0.5 - 0.5 * seen.y) * height, width: kLetter * (node.textContent ?? '').length};
+      })
+      .sort((a, b) => a.y - b.y);
+  const placed: typeof boxes = [];
+  for (const box of boxes) {
+    const before = box.y;
+    for (const other of placed) {
+      const isBeside = box.x > other.x + other.width || other.x > box.x + box.width;
+      if (!isBeside && box.y < other.y + kLine && box.y > other.y - kLine) box.y = other.y + kLine;
+    }
+    placed.push(box);
+    placed.sort((a, b) => a.y - b.y);
+    box.node.setAttribute('dy', String(kRise + box.y - before));
+  }
+}
+
 export function setUp(figure: HTMLElement, data: SetUp): void {
-  const step = Math.ceil(data.used.length / kMaxCaptures);
+  const step = Math.ceil(data.captures.length / kMaxCaptures);
   const isDrawn = (_: unknown, i: number) => i % step === 0;
-  const used = data.used.filter(isDrawn);
+  const captures = data.captures.filter(isDrawn);
   const bases = data.arms.map(({world_from_base}) => matrixOf(world_from_base));
   const grippers = data.arms.map((arm, a) =>
     arm.grippers.filter(isDrawn).map((gripper) => bases[a]!.clone().multiply(matrixOf(gripper))));
@@ -124,42 +149,50 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
                new Vector3(middle.x + offset, middle.y - reach, ground), new Vector3(middle.x + offset, middle.y + reach, ground));
   }
   drawing.segments(floor, {colour: '--line', opacity: 0.8, width: 1});
+  // Of the captures, one is chosen; the others are faint.
+  const kFaint = 0.16;
   for (const ofArm of grippers) {
-    ofArm.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: used[i] ? 0.9 : 0.3, width: 1.5}));
+    ofArm.forEach((gripper) => drawing.axes(gripper, 0.03 * size, {opacity: 2 * kFaint, width: 1}));
   }
-  const many = (count: number) => Math.max(0.25, Math.min(1, 6 / count));
   const ends = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(0.16 * size));
   const extent = [...places, ...bases.flatMap((base) => ends.map((end) => end.clone().applyMatrix4(base)))];
-  for (const {corners, places: at, is_carried} of cameras) {
-    for (const camera of at) {
-      const lines = frustum(corners, camera, (is_carried ? 0.1 : 0.18) * size);
-      extent.push(...lines);
-      drawing.segments(lines, {colour: '--second', opacity: many(at.length), width: is_carried ? 1.5 : 2});
+  const bodies = [
+    ...cameras.map((camera) => ({...camera, colour: '--second',
+      lines: (at: Matrix4) => frustum(camera.corners, at, (camera.is_carried ? 0.1 : 0.18) * size)})),
+    ...targets.map((target) => ({...target, colour: '--first', lines: (at: Matrix4) => board(target.size, at)})),
+  ];
+  for (const {places: at, is_carried, colour, lines, name, arm} of bodies) {
+    for (const body of at) {
+      extent.push(...lines(body));
+      drawing.segments(lines(body), {colour, opacity: is_carried ? kFaint : 1, width: is_carried ? 1 : 2});
     }
+    if (is_carried) continue;
+    // A dashed line joins what is fixed to the base.
+    drawing.link(place(bases[arm]!), place(at[0]!), {colour: '--dim', opacity: 0.8, width: 1.2});
+    drawing.label(name, place(at[0]!));
   }
-  for (const {size: extentOfTarget, places: at, is_carried} of targets) {
-    for (const target of at) {
-      const lines = board(extentOfTarget, target);
-      extent.push(...lines);
-      drawing.segments(lines, {colour: '--first', opacity: many(at.length), width: is_carried ? 1.5 : 2});
+  // Draws the arms and what they carry at one capture.
+  const drawCapture = (i: number): Drawing => {
+    const drawn = new Drawing();
+    bases.forEach((base, a) => {
+      const gripper = grippers[a]![i]!;
+      drawn.segments([place(base), place(gripper)], {colour: '--ink', opacity: 0.7, width: 2});
+      drawn.axes(gripper, 0.07 * size, {opacity: 1, width: 2.5});
+      drawn.label(bases.length > 1 ? `${data.arms[a]!.name}.gripper` : 'gripper', place(gripper));
+    });
+    for (const {places: at, is_carried, colour, lines, name, arm} of bodies) {
+      if (!is_carried) continue;
+      drawn.segments(lines(at[i]!), {colour, opacity: 1, width: 2});
+      drawn.link(place(grippers[arm]![i]!), place(at[i]!), {colour, opacity: 1, width: 1.2});
+      drawn.label(name, place(at[i]!));
     }
-  }
-  // Dashed lines join what is carried to the gripper, and what is fixed to the base.
-  const join = (body: Mounted & {places: Matrix4[]}, colour: string) => {
-    if (!body.is_carried) {
-      drawing.link(place(bases[body.arm]!), place(body.places[0]!), {colour: '--dim', opacity: 0.8, width: 1.2});
-      drawing.label(body.name, place(body.places[0]!));
-      return;
-    }
-    body.places.forEach((at, i) =>
-      drawing.link(place(grippers[body.arm]![i]!), place(at), {colour, opacity: many(body.places.length), width: 1}));
+    return drawn;
   };
-  cameras.forEach((camera) => join(camera, '--second'));
-  targets.forEach((target) => join(target, '--first'));
 
   figure.append(legend([
-    {name: cameras.length > 1 ? 'cameras' : cameras[0]!.is_carried ? 'camera at each capture' : 'camera', colour: 'var(--second)'},
-    {name: targets.length > 1 ? 'targets' : targets[0]!.is_carried ? 'target at each capture' : 'target', colour: 'var(--first)'},
+    {name: cameras.length > 1 ? 'cameras' : 'camera', colour: 'var(--second)'},
+    {name: targets.length > 1 ? 'targets' : 'target', colour: 'var(--first)'},
+    {name: bases.length > 1 ? 'from each base to its gripper' : 'from the base to the gripper', colour: 'var(--ink)'},
     // Axes of the base and of the gripper.
     {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!},
   ]));
@@ -177,11 +210,25 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const reset = element('button', '', 'reset the view');
   reset.type = 'button';
   const buttons = element('div', 'view-buttons');
-  buttons.append(reset);
+  const slider = element('input');
+  slider.type = 'range';
+  slider.min = '0';
+  slider.max = String(captures.length - 1);
+  // The first capture that is chosen is the used one farthest from the others, where the least is drawn over each other.
+  const centres = grippers.map((ofArm) =>
+    ofArm.reduce((sum, at) => sum.add(place(at)), new Vector3()).divideScalar(Math.max(1, ofArm.length)));
+  const offsets = captures.map(({used}, i) =>
+    (used ? grippers.reduce((sum, ofArm, a) => sum + place(ofArm[i]!).distanceTo(centres[a]!), 0) : -1));
+  slider.value = String(offsets.indexOf(Math.max(...offsets)));
+  const chosen = element('output');
+  const choice = element('label', 'magnifier');
+  choice.append('capture ', slider, chosen);
+  buttons.append(reset, choice);
   figure.append(buttons);
   figure.append(element('p', 'hint', 
-      'The small axes show the gripper at each capture. Drag to rotate; after a click the wheel zooms and the arrow keys rotate. ' +
-      'Two fingers zoom and move.' + (step > 1 ? ` ${used.length} of ${data.used.length} captures are drawn.` : '')));
+      'One capture is drawn in full, with the arms as straight lines and with what their grippers carry; all others are faint. ' +
+      'Drag to rotate; after a click the wheel zooms and the arrow keys rotate. ' +
+      'Two fingers zoom and move.' + (step > 1 ? ` ${captures.length} of ${data.captures.length} captures are drawn.` : '')));
 
   const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
   eye.up.set(0, 0, 1);
@@ -239,7 +286,26 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     controls.update();
   };
 
-  const render = () => renderer.render(drawing.scene, eye);
+  const scene = new Scene();
+  scene.add(drawing.group);
+  let ofCapture = new Drawing();
+  const render = () => {
+    separate([...drawing.labels, ...ofCapture.labels], eye, drawnHeight * eye.aspect, drawnHeight);
+    renderer.render(scene, eye);
+  };
+  const choose = () => {
+    const index = Number(slider.value);
+    scene.remove(ofCapture.group);
+    ofCapture = drawCapture(index);
+    ofCapture.colour();
+    scene.add(ofCapture.group);
+    const {name, used} = captures[index]!;
+    chosen.textContent = ` ${index * step + 1}: ${name}${used ? '' : ' (not used)'}`;
+  };
+  slider.addEventListener('input', () => {
+    choose();
+    render();
+  });
   const fit = () => {
     const width = Math.min(figure.clientWidth, 760);
     if (width <= 0) return;
@@ -253,12 +319,14 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   };
   const colour = () => {
     drawing.colour();
+    ofCapture.colour();
     renderer.setClearColor(new Color(getComputedStyle(document.documentElement).getPropertyValue('--paper').trim()), 1);
   };
   const recolour = () => {
     colour();
     render();
   };
+  choose();
   colour();
   fit();
   reset.addEventListener('click', () => {
