@@ -7,6 +7,8 @@
 #include "heba/base/units.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/initial/usable_views.h"
+#include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_start.h"
 
 namespace heba {
@@ -68,7 +70,7 @@ std::vector<MovedCamera> FindMovedCameras(const RigProblem& problem, const RigCa
   std::vector<MovedCamera> moved;
   if (!calibration.refined) return moved;
   const RigSolution& solution = *calibration.refined;
-  const std::vector<RigCapture>& used = calibration.problem.captures;
+  const std::vector<RigCapture> used = WithoutRejected(calibration.problem, solution).captures;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     // The pose of the camera according to each image that is left out, in its pose according to the solution.
     std::vector<size_t> left_out;
@@ -78,7 +80,8 @@ std::vector<MovedCamera> FindMovedCameras(const RigProblem& problem, const RigCa
       for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
         const RigImage& image = problem.captures[i].images[k];
         if (image.camera != c || image.observations.size() == 0) continue;
-        if (used[i].images[k].observations.size() > 0) {
+        // Fewer points may fit by chance.
+        if (used[i].images[k].observations.size() >= kMinPosePoints) {
           if (kept.empty() || kept.back() != i) kept.push_back(i);
           continue;
         }
