@@ -2,15 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 
-#include <Eigen/Eigenvalues>
-
 #include "heba/base/distributions.h"
-#include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/data/prediction.h"
+#include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "solvers/uncertainty/variance_components.h"
@@ -18,115 +14,39 @@
 namespace heba {
 namespace {
 
-// A direction of the unknowns whose sigma is larger than it should be.
-struct WeakDirection {
-  std::string name;
-  Eigen::VectorXd direction;  // Unit vector in the space of the unknowns.
-  double sigma = 0;
-  double wanted = 0;
-  std::string unit;
-  double unit_size = 1;  // Size of `unit`, in the unknowns' unit.
-};
-
-std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& parent_from_child,
-                     const std::string& parent, const std::string& child) {
-  constexpr double kNearAxis = 0.9;
-  const Eigen::Vector3d in_parent = parent_from_child * direction;
-  Eigen::Index child_axis = 0;
-  Eigen::Index parent_axis = 0;
-  const double child_part = direction.cwiseAbs().maxCoeff(&child_axis);
-  const double parent_part = in_parent.cwiseAbs().maxCoeff(&parent_axis);
-  if (std::max(child_part, parent_part) < kNearAxis) {
-    return "[" + Fixed(direction.x(), 2) + ", " + Fixed(direction.y(), 2) + ", " + Fixed(direction.z(), 2) +
-           "] of the " + child;
-  }
-  const bool by_child = child_part >= parent_part;
-  return "the " + (by_child ? child : parent) + "'s " + std::string(1, "xyz"[by_child ? child_axis : parent_axis]);
-}
-
-// Returns the direction of the largest variance within three unknowns.
-WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
-                      const Eigen::Matrix3d& parent_from_child, const std::string& parent, const std::string& child) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance.block<3, 3>(first, first));
-  WeakDirection weakness;
-  weakness.direction = Eigen::VectorXd::Zero(covariance.rows());
-  weakness.direction.segment<3>(first) = eigen.eigenvectors().col(2);
-  weakness.sigma = std::sqrt(std::max(0.0, eigen.eigenvalues()[2]));
-  weakness.name = what + AxisName(eigen.eigenvectors().col(2), parent_from_child, parent, child);
-  return weakness;
-}
-
 std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
   const UnknownLayout& layout = solution.covariance.layout;
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-  constexpr double kWantedM = 1e-3;
-  const double wanted_rad = DegToRad(0.1);
-  constexpr double kWantedRatio = 0.002;
-  const std::string camera_mount(CameraMountName(problem.setup));
-  const std::string target_mount(TargetMountName(problem.setup));
-  const Eigen::Index hand_eye = layout.Block(kHandEyeBlock).first;
-  const Eigen::Index board = layout.Block(kBoardBlock).first;
-  const Eigen::Matrix3d r_x = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
-  const Eigen::Matrix3d r_z = solution.hand_eye.target_mount_from_target.RotationMatrix();
-  std::vector<WeakDirection> weak_directions = {
-      WorstOf(covariance, hand_eye, "the camera's position along ", r_x, camera_mount, "camera"),
-      WorstOf(covariance, hand_eye + 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
-      WorstOf(covariance, board, "the target's position along ", r_z, target_mount, "target"),
-      WorstOf(covariance, board + 3, "the target's orientation about ", r_z, target_mount, "target")};
-  for (size_t i = 0; i < weak_directions.size(); ++i) {
-    const bool is_position = i % 2 == 0;
-    weak_directions[i].wanted = is_position ? kWantedM : wanted_rad;
-    weak_directions[i].unit = is_position ? "mm" : "deg";
-    weak_directions[i].unit_size = is_position ? 1e-3 : DegToRad(1.0);
-  }
+  std::vector<WeakDirection> weak_directions =
+      WorstDirections(covariance, layout.Block(kHandEyeBlock).first, solution.hand_eye.camera_mount_from_camera,
+                      CameraMountName(problem.setup), "camera");
   const UnknownBlock camera = layout.Block(kCameraBlock);
-  for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
-    const Unknown& unknown = layout[i];
-    const bool is_focal = unknown.group == UnknownGroup::kFocal;
-    if (!is_focal && unknown.group != UnknownGroup::kPrincipalPoint) continue;
-    WeakDirection weakness;
-    weakness.name = layout.PlainName(i);
-    weakness.direction = is_focal ? AxialFocalLengthByUnknowns(solution.camera, unknown.index, layout, camera)
-                                  : Eigen::VectorXd::Unit(covariance.rows(), i);
-    weakness.sigma = std::sqrt(weakness.direction.dot(covariance * weakness.direction));
-    weakness.wanted = kWantedRatio * (is_focal ? AxialFocalLength(solution.camera, 0) : solution.camera.width_px);
-    weakness.unit = "px";
-    weak_directions.push_back(std::move(weakness));
+  for (const std::vector<WeakDirection>& more :
+       {WorstDirections(covariance, layout.Block(kBoardBlock).first, solution.hand_eye.target_mount_from_target,
+                        TargetMountName(problem.setup), "target"),
+        IntrinsicDirections(solution.covariance, camera, solution.camera)}) {
+    weak_directions.insert(weak_directions.end(), more.begin(), more.end());
   }
-  weak_directions.erase(std::remove_if(weak_directions.begin(), weak_directions.end(),
-                                       [](const WeakDirection& weakness) { return weakness.sigma <= weakness.wanted; }),
-                        weak_directions.end());
-  std::sort(weak_directions.begin(), weak_directions.end(),
-            [](const WeakDirection& a, const WeakDirection& b) { return a.sigma / a.wanted > b.sigma / b.wanted; });
+  std::erase_if(weak_directions, [](const WeakDirection& direction) { return !direction.IsWeak(); });
+  SortByNeed(&weak_directions);
   return weak_directions;
 }
 
 // Two additional captures, by their motion and as linearised views.
 struct SuggestedCaptures {
-  std::string motion;
-  std::vector<std::pair<std::string, double>> numbers;  // The size of the motion.
+  CandidateMotion motion;
   std::vector<LinearisedView> views;
 };
 
 // Returns a view of all `points` from `camera_from_target`, or nothing if a point would lie outside the image.
-std::optional<View> ImaginedView(const Problem& problem, const Solution& solution, const Observations& points,
+std::optional<View> ImaginedView(const Solution& solution, const Observations& points,
                                  const Rigid3d& camera_from_target) {
+  std::optional<ImaginedPoints> imagined = ImaginePoints(solution.camera, points, camera_from_target);
+  if (!imagined || imagined->num_outside > 0) return std::nullopt;
   View view;
   view.camera_mount_from_target_mount = solution.hand_eye.camera_mount_from_camera * camera_from_target *
                                         Inverse(solution.hand_eye.target_mount_from_target);
-  view.observations = points;
-  view.observations.covariances_px2.clear();
-  view.observations.whitening.clear();
-  if (!Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target, points,
-               &view.observations.pixels, nullptr)) {
-    return std::nullopt;
-  }
-  for (Eigen::Index i = 0; i < points.size(); ++i) {
-    const Eigen::Vector2d pixel = view.observations.pixels.col(i);
-    if ((pixel.array() < 0).any() || pixel.x() > problem.camera.width_px || pixel.y() > problem.camera.height_px) {
-      return std::nullopt;
-    }
-  }
+  view.observations = std::move(imagined->inside);
   return view;
 }
 
@@ -140,61 +60,18 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   for (const View& view : problem.views) {
     poses.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
   }
-  const Rigid3d mean = MeanPose(poses);
-  const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
-  // Rotates the mean pose about the centre of the points.
-  const auto turned = [&](const Eigen::Vector3d& axis_in_target, double angle_rad) {
-    const Rigid3d about(ExpRotation(angle_rad * axis_in_target), Eigen::Vector3d::Zero());
-    return mean * Rigid3d(Eigen::Quaterniond::Identity(), middle) * about *
-           Rigid3d(Eigen::Quaterniond::Identity(), -middle);
-  };
-  const auto moved = [&](const Eigen::Vector3d& by_m) { return Rigid3d(mean.rotation, mean.translation + by_m); };
-  const double depth_m = (mean * middle).z();
-  const double side_m = 0.25 * depth_m * problem.camera.width_px / solution.camera.params[0];
-  struct Motion {
-    std::string name;
-    std::vector<std::pair<std::string, double>> numbers;
-    std::function<Rigid3d(double)> pose;  // The pose for +1 or -1.
-  };
-  constexpr double kTiltDeg = 25;
-  constexpr double kTurnDeg = 45;
-  const double tilt_rad = DegToRad(kTiltDeg);
-  const double turn_rad = DegToRad(kTurnDeg);
-  const std::vector<Motion> motions = {
-      {"tilt_about_x",
-       {{"angle_deg", kTiltDeg}},
-       [&](double side) { return turned(Eigen::Vector3d::UnitX(), side * tilt_rad); }},
-      {"tilt_about_y",
-       {{"angle_deg", kTiltDeg}},
-       [&](double side) { return turned(Eigen::Vector3d::UnitY(), side * tilt_rad); }},
-      {"rotate_in_plane",
-       {{"angle_deg", kTurnDeg}},
-       [&](double side) { return turned(Eigen::Vector3d::UnitZ(), side * turn_rad); }},
-      {"nearer_and_farther",
-       {{"distance_mm", 250 * depth_m}},
-       [&](double side) { return moved(0.25 * side * depth_m * (mean * middle).normalized()); }},
-      {"left_and_right",
-       {},
-       [&](double side) {
-         return moved({side * side_m, 0, 0});
-       }},
-      {"top_and_bottom",
-       {},
-       [&](double side) {
-         return moved({0, side * side_m, 0});
-       }},
-  };
   std::vector<SuggestedCaptures> cures;
-  for (const Motion& motion : motions) {
+  for (CandidateMotion& motion :
+       CandidateMotions(solution.camera, MeanPose(poses), points.points_in_target.rowwise().mean())) {
     Problem imagined{solution.camera, {}, problem.setup, solution.shape};
-    for (const double side : {1.0, -1.0}) {
-      std::optional<View> view = ImaginedView(problem, solution, points, motion.pose(side));
+    for (const Rigid3d& camera_from_target : motion.camera_from_target) {
+      std::optional<View> view = ImaginedView(solution, points, camera_from_target);
       if (view) imagined.views.push_back(std::move(*view));
     }
     if (imagined.views.size() < 2) continue;
     std::optional<std::vector<LinearisedView>> views =
         LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, LossOf(LossKind::kNone));
-    if (views) cures.push_back({motion.name, motion.numbers, std::move(*views)});
+    if (views) cures.push_back({std::move(motion), std::move(*views)});
   }
   return cures;
 }
@@ -261,24 +138,9 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
     best_sigma = sigma;
     best = &cure;
   }
-  Finding finding{Grade::kDoubtful, FindingCode("weak_direction")};
-  for (const WeakDirection& weakness : weak_directions) {
-    const double sigma = weakness.sigma / weakness.unit_size;
-    finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
-    finding.parts.push_back({Grade::kDoubtful,
-                             FindingCode("weak_direction_of"),
-                             {{"sigma", sigma}},
-                             {{"direction", weakness.name}, {"unit", weakness.unit}}});
-  }
-  constexpr double kHelps = 0.85;
+  Finding finding = FindingOf(weak_directions);
   if (best != nullptr && best_sigma < kHelps * worst.sigma) {
-    Finding suggested{Grade::kGood, FindingCode("suggested_captures"), best->numbers};
-    suggested.numbers.emplace_back("sigma", best_sigma / worst.unit_size);
-    suggested.names = {{"motion", best->motion},
-                       {"moved", problem.setup == Setup::kEyeToHand ? "target" : "camera"},
-                       {"direction", worst.name},
-                       {"unit", worst.unit}};
-    finding.parts.push_back(std::move(suggested));
+    finding.parts.push_back(SuggestionOf(best->motion, problem.setup == Setup::kEyeToHand, worst, best_sigma));
   }
   return finding;
 }

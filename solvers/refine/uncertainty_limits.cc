@@ -17,7 +17,7 @@ struct Limit {
   double most;  // In the unit of Covariance; relative to the focal length or to the image's width for the camera.
   double unit;  // The unit of the message.
   const char* unit_name;
-  const char* cure;
+  const char* cure;  // That of intrinsics is followed by their key (IntrinsicsKey).
 };
 
 constexpr const char* kMoreMotion = "; more captures with larger rotations about different axes are needed";
@@ -26,10 +26,10 @@ const Limit kLimits[] = {
     {UnknownGroup::kRotation, 0.1, DegToRad(1.0), " deg", kMoreMotion},
     {UnknownGroup::kFocal, 0.01, 1, " px",
      ": the captures cannot distinguish focal length from distance; move the target through more depth and tilt, or "
-     "hold the focal length with a camera file and refine.intrinsics"},
+     "hold the focal length with a camera file and "},
     {UnknownGroup::kPrincipalPoint, 0.02, 1, " px",
      ": the captures cannot distinguish it from the camera's orientation; tilt the target more, or hold it with a "
-     "camera file and refine.intrinsics"},
+     "camera file and "},
     {UnknownGroup::kScale, 0.01, 0.01, " %",
      ": the captures cannot distinguish it from distance; move the target through more depth, or measure the print "
      "and set refine.target_shape: none"},
@@ -67,8 +67,9 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const std:
     if (limit == std::end(kLimits)) continue;
     const SigmaOfSize known = SigmaAt(covariance, i, cameras);
     if (known.sigma < limit->most * known.size) continue;
+    const UnknownBlock& block = covariance.layout.BlockAt(i);
     return Failure{covariance.layout.PlainName(i) + " is known only to " + Significant(known.sigma / limit->unit, 2) +
-                   limit->unit_name + limit->cure};
+                   limit->unit_name + limit->cure + (block.owner == UnknownOwner::kCamera ? IntrinsicsKey(block) : "")};
   }
   return std::nullopt;
 }

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <set>
+#include <string>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
@@ -37,17 +40,64 @@ struct HeldOutErrors {
 
 struct FoldErrors {
   std::vector<HeldOutErrors> of_cameras;
+  // One per camera: the reason why its images were not held out; empty if they were.
+  std::vector<std::string> reasons;
   double chi2 = 0;
   double dof = 0;
 };
 
-// Returns the problem with the points of some captures only. The captures keep their indices.
-RigProblem PartOf(RigProblem problem, const std::vector<int>& fold_of, int fold, bool is_held_out) {
+using CameraSet = std::set<size_t>;
+
+// Returns the problem with the points that a fold holds out, or with all others. The images of the cameras in `kept`
+// are never held out. The captures keep their indices.
+RigProblem PartOf(RigProblem problem, const std::vector<int>& fold_of, int fold, const CameraSet& kept,
+                  bool is_held_out) {
   for (size_t i = 0; i < problem.captures.size(); ++i) {
-    if ((fold_of[i] == fold) == is_held_out) continue;
-    for (RigImage& image : problem.captures[i].images) image.observations = Observations();
+    for (RigImage& image : problem.captures[i].images) {
+      const bool is_in_fold = fold_of[i] == fold && !kept.contains(image.camera);
+      if (is_in_fold != is_held_out) image.observations = Observations();
+    }
   }
   return problem;
+}
+
+// Returns the sets of cameras to keep if a fold fails, in the order in which to try them: each camera alone, then more
+// and more of them, those with the fewest images first.
+std::vector<CameraSet> CamerasToKeep(const RigProblem& problem) {
+  std::vector<std::pair<int, size_t>> cameras;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) cameras.emplace_back(0, c);
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) cameras[image.camera].first += image.observations.size() > 0 ? 1 : 0;
+  }
+  std::sort(cameras.begin(), cameras.end());
+  std::vector<CameraSet> sets;
+  for (const auto& [num_images, camera] : cameras) sets.push_back({camera});
+  CameraSet several = {cameras.front().second};
+  for (size_t k = 1; k < cameras.size(); ++k) {
+    several.insert(cameras[k].second);
+    sets.push_back(several);
+  }
+  return sets;
+}
+
+// A fold's estimate, and the cameras whose images it needs.
+struct FoldEstimate {
+  RigSolution solution;
+  CameraSet kept;
+};
+
+// Estimates without the images that a fold holds out. If the others do not suffice, because a camera has few images,
+// those of as few cameras as possible are kept. `reason` is then why they are needed.
+Outcome<FoldEstimate> EstimateFold(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
+                                   const std::vector<int>& fold_of, int fold, std::string* reason) {
+  Outcome<RigSolution> solution = RefineRig(PartOf(problem, fold_of, fold, {}, false), start, options);
+  if (solution) return FoldEstimate{std::move(*solution), {}};
+  *reason = "fold " + std::to_string(fold + 1) + ": " + solution.reason();
+  for (const CameraSet& kept : CamerasToKeep(problem)) {
+    solution = RefineRig(PartOf(problem, fold_of, fold, kept, false), start, options);
+    if (solution) return FoldEstimate{std::move(*solution), kept};
+  }
+  return Failure{*reason};
 }
 
 void AddImage(const RigProblem& problem, const RigSolution& solution, const RigImage& image, const RigCapture& capture,
@@ -110,21 +160,24 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds), Failure{"not run"});
   std::mutex mutex;
   ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {
-    const RigProblem training = PartOf(problem, fold_of, fold, false);
-    const Outcome<RigSolution> solution = RefineRig(training, full.start, fold_options);
-    if (!solution) {
-      folds[static_cast<size_t>(fold)] = Failure{solution.reason()};
+    std::string reason;
+    const Outcome<FoldEstimate> estimate = EstimateFold(problem, full.start, fold_options, fold_of, fold, &reason);
+    if (!estimate) {
+      folds[static_cast<size_t>(fold)] = Failure{estimate.reason()};
     } else {
+      const RigSolution& solution = estimate->solution;
       FoldErrors errors;
       errors.of_cameras.resize(problem.cameras.size());
-      const RigProblem held_out = PartOf(problem, fold_of, fold, true);
+      errors.reasons.resize(problem.cameras.size());
+      for (const size_t camera : estimate->kept) errors.reasons[camera] = reason;
+      const RigProblem held_out = PartOf(problem, fold_of, fold, estimate->kept, true);
       for (const RigCapture& capture : held_out.captures) {
         for (const RigImage& image : capture.images) {
           if (image.observations.size() == 0) continue;
-          AddImage(held_out, *solution, image, capture, &errors.of_cameras[image.camera]);
+          AddImage(held_out, solution, image, capture, &errors.of_cameras[image.camera]);
         }
       }
-      AddChi2(held_out, *solution, &errors);
+      AddChi2(held_out, solution, &errors);
       folds[static_cast<size_t>(fold)] = errors;
     }
     const std::lock_guard<std::mutex> lock(mutex);
@@ -136,22 +189,29 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   all.of_cameras.resize(problem.cameras.size());
   for (const Outcome<FoldErrors>& fold : folds) {
     if (!fold) {
-      for (RigHoldOut& camera : result.of_cameras) camera.reason = "a fold failed: " + fold.reason();
+      for (RigHoldOut& camera : result.of_cameras) camera.reason = fold.reason();
       return result;
     }
-    for (size_t c = 0; c < all.of_cameras.size(); ++c) all.of_cameras[c].Add(fold->of_cameras[c]);
+    for (size_t c = 0; c < all.of_cameras.size(); ++c) {
+      all.of_cameras[c].Add(fold->of_cameras[c]);
+      if (result.of_cameras[c].reason.empty()) result.of_cameras[c].reason = fold->reasons[c];
+    }
     all.chi2 += fold->chi2;
     all.dof += fold->dof;
   }
   for (size_t c = 0; c < all.of_cameras.size(); ++c) {
     const HeldOutErrors& errors = all.of_cameras[c];
     RigHoldOut& camera = result.of_cameras[c];
+    if (!camera.reason.empty()) continue;
     if (errors.has_hidden) {
       camera.reason = "a held-out target lies behind the camera";
     } else {
       camera.rms_px = errors.pixels.RmsPx();
     }
-    if (errors.num_poses == 0) continue;
+    if (errors.num_poses == 0) {
+      camera.reason = "no held-out image of it determines a pose of a target";
+      continue;
+    }
     camera.target_m = std::sqrt(errors.sum_m2 / errors.num_poses);
     camera.target_rad = std::sqrt(errors.sum_rad2 / errors.num_poses);
   }

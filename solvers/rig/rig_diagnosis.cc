@@ -1,12 +1,7 @@
 #include "solvers/rig/rig_diagnosis.h"
 
-#include <algorithm>
-#include <cmath>
 #include <set>
 
-#include "heba/base/units.h"
-#include "solvers/initial/pose_selection.h"
-#include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_start.h"
 
 namespace heba {

@@ -24,11 +24,22 @@ Eigen::MatrixXd InverseOf(const Eigen::LLT<Eigen::MatrixXd>& factor) {
 
 }  // namespace
 
+std::string IntrinsicsKey(const UnknownBlock& block) {
+  constexpr std::string_view kOfRig = "cameras.";
+  const std::string key = "refine.intrinsics";
+  return block.name.starts_with(kOfRig) ? block.name.substr(0, block.name.rfind('.') + 1) + key : key;
+}
+
 std::optional<Failure> CheckObservable(const Information& information) {
   constexpr double kMinEigenvalue = 1e-9;
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
   for (Eigen::Index i = 0; i < scale.size(); ++i) {
-    if (scale[i] == 0) return Failure{"the data do not determine " + information.layout.PlainName(i)};
+    if (scale[i] != 0) continue;
+    const UnknownBlock& block = information.layout.BlockAt(i);
+    const std::string cure = block.owner == UnknownOwner::kCamera
+                                 ? "; hold it with a camera file and " + IntrinsicsKey(block)
+                                 : std::string();
+    return Failure{"the data do not determine " + information.layout.PlainName(i) + cure};
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
   // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
@@ -48,16 +59,19 @@ std::optional<Failure> CheckObservable(const Information& information) {
               order.end());
   std::stable_partition(order.begin(), order.end(), [&](int i) { return owner_of(i) != UnknownOwner::kPose; });
   std::vector<std::string> parts;
-  bool has_camera = false;
+  std::vector<std::string> keys;  // Those that hold intrinsics.
   bool has_shape = false;
   for (const int i : order) {
-    has_camera = has_camera || owner_of(i) == UnknownOwner::kCamera;
+    if (owner_of(i) == UnknownOwner::kCamera) {
+      const std::string key = IntrinsicsKey(information.layout.BlockAt(i));
+      if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
+    }
     has_shape = has_shape || owner_of(i) == UnknownOwner::kTarget;
     constexpr size_t kMaxParts = 3;
     if (parts.size() < kMaxParts) parts.push_back(information.layout.PlainName(i));
   }
   std::vector<std::string> cures = {"move the target through more depth and tilt"};
-  if (has_camera) cures.emplace_back("hold intrinsics (refine.intrinsics)");
+  if (!keys.empty()) cures.push_back("hold intrinsics (" + Join(keys, ", ") + ")");
   if (has_shape) cures.emplace_back("hold the target's shape (refine.target_shape)");
   return Failure{"the captures do not determine " + Join(parts, " together with ") + "; " + Join(cures, ", or ") + ""};
 }

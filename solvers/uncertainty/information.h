@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
@@ -14,6 +15,10 @@ struct Information {
   UnknownLayout layout;
   Eigen::MatrixXd matrix;  // sum w J^T J / sigma^2
 };
+
+// Returns the key of the config that holds the intrinsics of the camera with this block: refine.intrinsics or, for a
+// camera of a rig, cameras.NAME.refine.intrinsics.
+std::string IntrinsicsKey(const UnknownBlock& block);
 
 // Returns the reason why the unknowns cannot all be determined, with the unobservable direction in plain words, or
 // nothing if they can. The criterion is the smallest eigenvalue of the matrix scaled to a unit diagonal: below 1e-9,

@@ -260,6 +260,50 @@ TEST_F(RigCommandsTest, CompareTakesTheRunOfOneCameraByItsName) {
 }
 
 // A finished rig is named by its folder or by its result.json.
+TEST_F(RigCommandsTest, TheIntrinsicsOfOneCameraCanBeHeld) {
+  const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--quiet", "--set",
+                                     "cameras.left.refine.intrinsics=[]"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const Json result = Json::parse(ReadAll(Path("held/result.json")));
+  const auto is_estimated = [&](const std::string& camera) {
+    const auto& order = result["covariance"]["order"];
+    return std::count(order.begin(), order.end(), "cameras." + camera + ".camera.fx") > 0;
+  };
+  EXPECT_FALSE(is_estimated("left"));
+  EXPECT_TRUE(is_estimated("right"));
+  EXPECT_THAT(ReadAll(Path("held/config.yaml")), HasSubstr("refine:\n      intrinsics:\n        []\n"));
+  // The config as used gives the same result.
+  const CommandResult again = RunHeba({"run", Path("held/config.yaml"), "--out", Path("held_again"), "--quiet"});
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(Json::parse(ReadAll(Path("held_again/result.json")))["cameras"], result["cameras"]);
+  const CommandResult wrong = RunHeba(
+      {"run", Path("cell/config.yaml"), "--out", Path("none"), "--quiet", "--set", "cameras.left.refine.intrinsic=[]"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("did you mean 'intrinsics'"));
+}
+
+// Each camera has its weakest direction among the findings; a poor arm makes some of them doubtful, with the captures
+// that would help.
+TEST_F(RigCommandsTest, ResultsNameTheWeakDirectionOfEachCamera) {
+  const Json result = Json::parse(ReadAll(Path("run/result.json")));
+  std::vector<std::string> texts;
+  for (const Json& finding : result["verdict"]["findings"]) {
+    if (finding["code"] == "weak_direction") texts.push_back(finding["text"]);
+  }
+  EXPECT_THAT(texts, testing::UnorderedElementsAre(StartsWith("camera left: the camera's"),
+                                                   StartsWith("camera right: the camera's"),
+                                                   StartsWith("camera wrist: the camera's")));
+  const CommandResult simulated = RunHeba({"simulate", Path("scene.yaml"), "--out", Path("poor"), "--quiet", "--set",
+                                           "robot_noise={translation: 2 mm, rotation: 0.4 deg}"});
+  ASSERT_EQ(simulated.status, 0) << simulated.err;
+  const CommandResult run = RunHeba({"run", Path("poor/config.yaml"), "--out", Path("poor_run")});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const std::string words = Unbroken(run.out);
+  EXPECT_THAT(words, AllOf(HasSubstr("is determined to only "), HasSubstr("-> from capture "),
+                           HasSubstr(" would reduce the sigma of the camera's "), HasSubstr("in both, ")));
+  EXPECT_NE(ReadAll(Path("poor_run/report.html")).find("would reduce the sigma of "), std::string::npos);
+}
+
 TEST_F(RigCommandsTest, LocateTakesTheFileOfTheResult) {
   const std::string image = "wrist=" + Path("cell/wrist/000.png");
   const std::string row = ReadAll(Path("cell/poses.csv"));

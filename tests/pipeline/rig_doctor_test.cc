@@ -135,6 +135,30 @@ TEST_F(RigDoctorTest, NamesAWrongMount) {
                     HasSubstr("cameras.wrist.mount")));
 }
 
+// A fixed camera that was moved between two captures has the right mount.
+TEST_F(RigDoctorTest, NamesTheFixedCameraThatWasMoved) {
+  const CommandResult made = RunHeba(
+      {"simulate", (*folder_ / "scene.yaml").string(), "--out", (*folder_ / "moved").string(), "--quiet", "--set",
+       "cameras.left.moved={from: 8, by: {translation: [0 mm, 0 mm, 0 mm], rpy: [1.5 deg, 1 deg, 0 deg]}}", "--set",
+       "targets.wall.pose={translation: [300 mm, -430 mm, 250 mm], rpy: [90 deg, 0 deg, 0 deg]}", "--set",
+       "motion.captures=20"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const std::string config = (*folder_ / "moved" / "config.yaml").string();
+  const CommandResult doctor = RunHeba({"doctor", config, "--quiet"}, Cache());
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [camera_moved]: camera left (world) or target wall (world)"),
+                                   HasSubstr("and 008.png: the points of the target stay"), HasSubstr("px")));
+  EXPECT_THAT(doctor.out, Not(HasSubstr("[mount]")));
+  // The run states the motion that the adjustment has measured, and no wrong mount.
+  const CommandResult run = RunHeba({"run", config, "--out", (*folder_ / "moved_run").string(), "--quiet"}, Cache());
+  EXPECT_EQ(run.status, 0) << run.err;
+  const nlohmann::json result = nlohmann::json::parse(ReadAll(*folder_ / "moved_run" / "result.json"));
+  const nlohmann::json& first = result["verdict"]["findings"][0];
+  EXPECT_EQ(first["code"], "camera_moved");
+  EXPECT_NEAR(first["numbers"]["moved_deg"].get<double>(), 1.8, 0.1);
+  EXPECT_THAT(first["text"].get<std::string>(), HasSubstr("camera left was moved by"));
+  EXPECT_THAT(result["verdict"].dump(), Not(HasSubstr("\"mount\"")));
+}
+
 TEST_F(RigDoctorTest, NamesTheFormatOfPosesOnceForAllCameras) {
   std::vector<PoseRow> rows = ReadPoseFile(Rig() / "poses.csv", *FindPoseFormat("ros"));
   const PoseFormat written{"", {"x", "y", "z", "q0", "q1", "q2", "q3"}, "m", "quaternion_wxyz", ""};

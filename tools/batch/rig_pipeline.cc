@@ -61,7 +61,12 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
     }
   }
   if (result.verdict.grade == Grade::kBad) {
-    InsertCause(diagnose(), &result.observations);
+    const Diagnosis diagnosis = diagnose();
+    // A motion that the adjustment has measured is not replaced by what the pixels show of it.
+    const bool is_known = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() == "camera_moved" &&
+                          std::any_of(result.observations.begin(), result.observations.end(),
+                                      [](const Finding& finding) { return finding.code == "camera_moved"; });
+    if (!is_known) InsertCause(diagnosis, &result.observations);
     result.verdict = JudgeRig(result);
   }
   DescribeAll(&result.verdict.findings);

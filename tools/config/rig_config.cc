@@ -164,6 +164,8 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
 std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   RigDataset& data = config->data;
   std::vector<CameraImages> images;
+  MapReader refine_all = root.Section("refine");
+  const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
   MapReader section(root.Get("cameras"));
   for (const std::string& name : NamesIn(section, "top")) {
     MapReader reader(section.Get(name));
@@ -178,6 +180,10 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
     data.camera_sources.push_back(keys.camera ? keys.source : name);
     camera.camera = keys.camera ? *keys.camera : Camera{keys.model, 0, 0, {}};
     reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
+    MapReader refine = reader.Section("refine");
+    camera.free_intrinsics = ReadFreeIntrinsics(refine, free);
+    refine.Finish();
+    reader.Record("refine", refine.used());
     reader.Finish();
     section.Record(name, reader.used());
     data.rig.cameras.push_back(std::move(camera));
@@ -230,8 +236,7 @@ void ReadRigNoise(MapReader& refine, RigCalibrationOptions* calibration) {
 
 void ReadRefine(MapReader& root, RigConfig* config) {
   MapReader reader = root.Section("refine");
-  const std::vector<ParameterGroup> free = ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
-  for (RigCamera& camera : config->data.rig.cameras) camera.free_intrinsics = free;
+  ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);  // ReadCameras gives them to the cameras.
   const FreeShape shape = ReadFreeShape(reader);
   config->options.calibration.choose_target_shape = shape.is_chosen;
   for (RigTarget& target : config->data.rig.targets) target.free_shape = shape.groups;

@@ -321,46 +321,119 @@ std::vector<Symptom> UnseenTargets(const RigConfig& config, const std::vector<Ri
   return symptoms;
 }
 
-// Returns how far the points of a target move in the images of a camera: the median over the images of the median
-// distance of the points from where the first image that shows the target has them, px; 0 if one image at most does.
-double MedianMotionPx(const std::vector<RigDetection>& detections, size_t camera, size_t target) {
-  std::map<int, Eigen::Vector2d> first;
-  std::vector<double> motions_px;
+// A target in the images of a camera, in the order of the captures.
+struct PointMotion {
+  double median_px = 0;  // The median over the images of the distance from the first image; 0 for one image.
+  struct Step {
+    size_t from = 0;  // The captures of two successive images.
+    size_t to = 0;
+    double distance_px = 0;  // The median over the points that both show.
+  };
+  std::vector<Step> steps;
+};
+
+using Pixels = std::map<int, Eigen::Vector2d>;
+
+// Returns the median distance of the points that both images show; nothing if they share none.
+std::optional<double> MedianDistancePx(const Pixels& before, const Pixels& after) {
+  std::vector<double> distances_px;
+  for (const auto& [id, pixel] : after) {
+    const auto found = before.find(id);
+    if (found != before.end()) distances_px.push_back((pixel - found->second).norm());
+  }
+  if (distances_px.empty()) return std::nullopt;
+  return Median(distances_px);
+}
+
+PointMotion MotionOfPoints(const std::vector<RigDetection>& detections, size_t camera, size_t target) {
+  PointMotion motion;
+  std::vector<double> from_first_px;
+  Pixels first;
+  std::optional<std::pair<size_t, Pixels>> last;
   for (const RigDetection& detection : detections) {
     if (detection.camera != camera || detection.target != target || !IsSeen(detection)) continue;
     const Detection& points = detection.detection.detection;
-    std::vector<double> distances_px;
-    for (size_t k = 0; k < points.ids.size(); ++k) {
-      const auto before = first.find(points.ids[k]);
-      if (before != first.end()) distances_px.push_back((points.pixels[k] - before->second).norm());
+    Pixels pixels;
+    for (size_t k = 0; k < points.ids.size(); ++k) pixels[points.ids[k]] = points.pixels[k];
+    if (first.empty()) first = pixels;
+    if (last) {
+      if (const std::optional<double> distance_px = MedianDistancePx(first, pixels)) {
+        from_first_px.push_back(*distance_px);
+      }
+      if (const std::optional<double> distance_px = MedianDistancePx(last->second, pixels)) {
+        motion.steps.push_back({last->first, detection.capture, *distance_px});
+      }
     }
-    if (!distances_px.empty()) motions_px.push_back(Median(distances_px));
-    for (size_t k = 0; k < points.ids.size() && motions_px.empty(); ++k) first[points.ids[k]] = points.pixels[k];
+    last.emplace(detection.capture, std::move(pixels));
   }
-  return motions_px.empty() ? 0 : Median(motions_px);
+  if (!from_first_px.empty()) motion.median_px = Median(from_first_px);
+  return motion;
 }
 
-// Reports cameras and targets that stand on one mount by the config, but move against each other in the images, and
-// adds these cameras to `misplaced`.
+constexpr double kMovesPx = 10;  // Vibration moves points by less.
+
+// Returns the larger step if the points stay at two or three places, in several successive images each.
+std::optional<PointMotion::Step> StepBetweenPlaces(const PointMotion& motion) {
+  constexpr int kFewestAtPlace = 3;
+  constexpr int kMostSteps = 2;
+  std::optional<PointMotion::Step> largest;
+  int num_at_place = 1;
+  int num_steps = 0;
+  for (const PointMotion::Step& step : motion.steps) {
+    if (step.distance_px < kMovesPx) {
+      ++num_at_place;
+      continue;
+    }
+    if (num_at_place < kFewestAtPlace) return std::nullopt;
+    num_at_place = 1;
+    ++num_steps;
+    if (!largest || step.distance_px > largest->distance_px) largest = step;
+  }
+  if (num_at_place < kFewestAtPlace || num_steps > kMostSteps) return std::nullopt;
+  return largest;
+}
+
+// Returns whether the points move between many successive images; between all of them, if no pose is repeated.
+bool KeepsMoving(const PointMotion& motion) {
+  constexpr double kMany = 0.25;
+  const auto num_moving = std::count_if(motion.steps.begin(), motion.steps.end(),
+                                        [](const PointMotion::Step& step) { return step.distance_px >= kMovesPx; });
+  return static_cast<double>(num_moving) > kMany * static_cast<double>(motion.steps.size()) &&
+         motion.median_px >= kMovesPx;
+}
+
+// Reports cameras and targets that stand on one mount by the config, but move against each other in the images: all the
+// time, because a mount is wrong, which adds the camera to `misplaced`; or once, because one of them was moved.
 std::vector<Symptom> WrongMounts(const RigConfig& config, const std::vector<RigDetection>& detections,
                                  std::set<size_t>* misplaced) {
   const RigProblem& rig = config.data.rig;
-  constexpr double kMovesPx = 10;  // Vibration moves points by less.
   std::vector<Symptom> symptoms;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     for (size_t t = 0; t < rig.targets.size(); ++t) {
       if (MovesAgainst(rig.cameras[c].mount, rig.targets[t].mount)) continue;
-      const double motion_px = MedianMotionPx(detections, c, t);
-      if (motion_px < kMovesPx) continue;
-      misplaced->insert(c);
-      symptoms.push_back({Severity::kWrong, "mount",
-                          "camera " + rig.cameras[c].name + " (" + MountText(rig, rig.cameras[c]) + ") and target " +
-                              rig.targets[t].name + " (" + MountText(rig, rig.targets[t]) +
-                              ") cannot move against each other with these mounts, but the points of the target move "
-                              "by " +
-                              Significant(motion_px, 2) + " px between the images",
-                          "correct cameras." + rig.cameras[c].name + ".mount or targets." + rig.targets[t].name +
-                              ".mount: one of them is on the gripper of an arm"});
+      const PointMotion motion = MotionOfPoints(detections, c, t);
+      const std::string& camera = rig.cameras[c].name;
+      const std::string& target = rig.targets[t].name;
+      if (const std::optional<PointMotion::Step> step = StepBetweenPlaces(motion)) {
+        symptoms.push_back({Severity::kWrong, "camera_moved",
+                            "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") or target " + target +
+                                " (" + MountText(rig, rig.targets[t]) + ") was moved between the captures " +
+                                config.data.captures[step->from].name + " and " + config.data.captures[step->to].name +
+                                ": the points of the target stay at their pixels before and after, but move by " +
+                                Significant(step->distance_px, 2) + " px between these two",
+                            "fix the mount of the camera or of the target and record all captures again, or calibrate "
+                            "from the captures after the motion only (captures.exclude)"});
+      } else if (KeepsMoving(motion)) {
+        misplaced->insert(c);
+        symptoms.push_back({Severity::kWrong, "mount",
+                            "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") and target " + target +
+                                " (" + MountText(rig, rig.targets[t]) +
+                                ") cannot move against each other with these mounts, but the points of the target "
+                                "move by " +
+                                Significant(motion.median_px, 2) + " px between the images",
+                            "correct cameras." + camera + ".mount or targets." + target +
+                                ".mount: one of them is on the gripper of an arm"});
+      }
     }
   }
   return symptoms;

@@ -56,6 +56,7 @@ inline constexpr std::string_view kSymptomCodes[] = {
     "lens",
     "no_result",
     "symmetric_target",
+    "camera_moved",
     "either_set_up",
 };
 

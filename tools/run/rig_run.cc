@@ -192,10 +192,12 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
       result.errors[c].holdout_rms_px = camera.rms_px;
       if (camera.target_m) result.errors[c].holdout_target_mm = 1000 * *camera.target_m;
       if (camera.target_rad) result.errors[c].holdout_target_deg = RadToDeg(*camera.target_rad);
+      result.errors[c].holdout_reason = camera.reason;
     }
     result.holdout_chi2 = errors.chi2_per_dof;
   }
   result.observations = DiagnoseRig(seen, output.calibration);
+  for (Finding& finding : DiagnoseRigDirections(output.calibration)) result.observations.push_back(std::move(finding));
   result.verdict = JudgeRig(result);
   return output;
 }

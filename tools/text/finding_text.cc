@@ -145,6 +145,10 @@ FindingText NoHoldOut(const Finding& finding) {
     return {"the refinement failed without the held-out captures: the hold-out error is not known",
             "take more captures: too few are left to determine the camera and its pose when some are held out"};
   }
+  if (Is(finding, "reason", "failed_for_camera")) {
+    return {"its hold-out error is not known: " + Name(finding, "why"),
+            "take more captures in which it sees a target: too few are left to determine it when some are held out"};
+  }
   return {"no captures were held out: the hold-out error is not known",
           "set evaluate.folds to 5",
           {{"evaluate.folds", "5"}}};
@@ -215,14 +219,18 @@ FindingText WeakDirections(const Finding& finding) {
     if (part.code == "weak_direction_of") texts.push_back(FindingWords(part).text);
   }
   const Finding* suggested = PartOf(finding, "suggested_captures");
-  return {Join(texts, ", ") + " (one sigma)",
-          suggested != nullptr ? FindingWords(*suggested).text
-                               : "take many more captures: no pair of additional captures reduces this sigma much"};
+  std::string text = Join(texts, ", ") + " (one sigma)";
+  // The action of a good finding is not shown.
+  const bool is_good = finding.grade == Grade::kGood;
+  if (is_good && suggested != nullptr) text += "; " + FindingWords(*suggested).text;
+  return {text, suggested != nullptr
+                    ? FindingWords(*suggested).text
+                    : "take many more captures: no pair of additional captures reduces this sigma much"};
 }
 
 FindingText WeakDirectionOf(const Finding& finding) {
-  return {Name(finding, "direction") + " is determined to only " + Significant(Number(finding, "sigma"), 2) + " " +
-              Name(finding, "unit"),
+  return {Name(finding, "direction") + " is determined to " + (finding.grade == Grade::kGood ? "" : "only ") +
+              Significant(Number(finding, "sigma"), 2) + " " + Name(finding, "unit"),
           ""};
 }
 
@@ -242,10 +250,26 @@ std::string MotionText(const Finding& finding) {
   return "two captures with the target at the top and bottom of the image";
 }
 
+// Returns where the motion of a rig starts: "from capture 007.png on, with target plate in camera left, "; empty for a
+// single camera.
+std::string StartText(const Finding& finding) {
+  const std::string capture = Name(finding, "from_capture");
+  if (capture.empty()) return "";
+  const std::string arm = Name(finding, "by_arm");
+  return "from capture " + capture + " on, with target " + Name(finding, "view_of_target") + " in camera " +
+         Name(finding, "view_of_camera") + (arm.empty() ? "" : ", by arm " + arm) + ": ";
+}
+
 FindingText SuggestedCapturesText(const Finding& finding) {
-  return {MotionText(finding) + " would reduce the sigma of " + Name(finding, "direction") + " to " +
-              Significant(Number(finding, "sigma"), 2) + " " + Name(finding, "unit"),
-          ""};
+  std::string text = StartText(finding) + MotionText(finding) + " would reduce the sigma of " +
+                     Name(finding, "direction") + " to " + Significant(Number(finding, "sigma"), 2) + " " +
+                     Name(finding, "unit");
+  if (finding.Name("seen")) text += "; in both, " + Name(finding, "seen");
+  if (finding.Name("helps_most")) {
+    text += "; they help camera " + Name(finding, "helps_most") + " most: " + Name(finding, "helps_most_in") + " by " +
+            Count(finding, "helps_most_percent") + " %";
+  }
+  return {text, ""};
 }
 
 FindingText Model(const Finding& finding) {

@@ -13,8 +13,9 @@ namespace heba {
 
 // The errors on held-out images of one camera.
 struct RigHoldOut {
-  std::string reason;            // The reason if no figure is set.
-  std::optional<double> rms_px;  // Not set if a fold failed, or if a point had no image.
+  std::string reason;  // The reason if a figure is not set.
+  // No figure is set if one of the folds needs the images of this camera to be determined.
+  std::optional<double> rms_px;  // Not set if a point had no image.
   // The distance and the angle between the predicted pose of the target and the pose that its own image shows: RMS over
   // the held-out images.
   std::optional<double> target_m;
@@ -31,7 +32,8 @@ struct RigHoldOuts {
 // K-fold cross-validation over the captures: a fold holds out captures with all their images, and those at one pose of
 // all arms together. The folds use the images, the shapes and the start of `full`, whose adjustment must have
 // succeeded; a held-out image is predicted from the poses that the arms report. `progress` is called after each fold,
-// by one thread at a time.
+// by one thread at a time. If a fold is not determined, the images of as few cameras as possible are not held out in
+// it; these cameras have no figures, the others do.
 RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOptions& options, int num_folds,
                              const std::function<void()>& progress);
 

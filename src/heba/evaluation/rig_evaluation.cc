@@ -35,7 +35,17 @@ Finding JudgeUncertainty(const RigResult& result) {
   return worst;
 }
 
-Finding JudgeHoldOut(const RigResult& result) {
+// Judges the worst camera of those with hold-out errors, and names those without.
+std::vector<Finding> JudgeHoldOut(const RigResult& result) {
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < result.errors.size(); ++c) {
+    const RigErrors& errors = result.errors[c];
+    if (errors.holdout_reason.empty() || errors.holdout_target_mm) continue;
+    findings.push_back({Grade::kDoubtful,
+                        FindingCode("no_hold_out"),
+                        {},
+                        {CameraName(result, c), {"reason", "failed_for_camera"}, {"why", errors.holdout_reason}}});
+  }
   Finding worst{Grade::kDoubtful, FindingCode("no_hold_out"), {}, {{"reason", "none_held_out"}}};
   double worst_mm = -1;
   for (size_t c = 0; c < result.errors.size(); ++c) {
@@ -51,7 +61,8 @@ Finding JudgeHoldOut(const RigResult& result) {
              {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}},
              {CameraName(result, c)}};
   }
-  return worst;
+  if (worst_mm >= 0 || findings.empty()) findings.push_back(std::move(worst));
+  return findings;
 }
 
 std::optional<Finding> JudgeModel(const RigResult& result) {
@@ -100,15 +111,31 @@ Finding JudgePixels(const RigResult& result) {
           {CameraName(result, static_cast<size_t>(worst - sigmas.begin()))}};
 }
 
+// Makes the weak direction of the same camera, if there is one, part of an uncertainty that is not good: it contains
+// the remedy.
+void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
+  if (uncertainty->grade == Grade::kGood) return;
+  const auto weak = std::find_if(findings->begin(), findings->end(), [&](const Finding& finding) {
+    return finding.code == FindingCode("weak_direction") && finding.grade != Grade::kGood &&
+           finding.Name("of_camera") == uncertainty->Name("of_camera");
+  });
+  if (weak == findings->end()) return;
+  uncertainty->numbers.insert(uncertainty->numbers.end(), weak->numbers.begin(), weak->numbers.end());
+  uncertainty->parts.push_back(std::move(*weak));
+  findings->erase(weak);
+}
+
 }  // namespace
 
 Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
   findings = result.observations;
-  findings.push_back(JudgeHoldOut(result));
+  for (Finding& finding : JudgeHoldOut(result)) findings.push_back(std::move(finding));
   if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
-  findings.push_back(JudgeUncertainty(result));
+  Finding uncertainty = JudgeUncertainty(result);
+  TakeWeakDirection(&findings, &uncertainty);
+  findings.push_back(std::move(uncertainty));
   findings.push_back(JudgeImages(result));
   findings.push_back(JudgePixels(result));
   SortFindings(&findings);

@@ -25,6 +25,8 @@ struct RigErrors {
   // Differences of the pose of the camera in its mount from the truth.
   std::optional<double> truth_mm;
   std::optional<double> truth_deg;
+  // The reason if captures were held out, but a figure of them does not exist.
+  std::string holdout_reason = {};
 };
 
 // The points of one target in one image.

@@ -94,6 +94,37 @@ TEST_P(RigAdjustmentTest, EstimatesNoiseOfCamerasAndArms) {
   }
 }
 
+// A fixed camera that sees a fixed target only does not determine its intrinsics; the message has the key that holds
+// them, and with that key alone the others stay free.
+TEST(RigAdjustment, NamesTheKeyThatHoldsTheIntrinsicsOfOneCamera) {
+  Rng rng(6);
+  const RigSceneSetting setting{25, 0.1, {}};
+  RigScene scene;
+  scene.problem.robots = {"arm"};
+  scene.truth.world_from_base = {Rigid3d()};
+  const Mount base{0, Mount::Part::kBase};
+  const Eigen::Vector3d middle(0.5, 0, 0.4);
+  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, middle, 0.3), setting, &scene);
+  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, middle, -0.2), setting, &scene);
+  AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation({0.4, 1, -0.3}), {0.02, 0.05, 0.08}), &scene);
+  // In view of both cameras.
+  const Rigid3d right_from_wall(ExpRotation({0.3, -0.2, 0.1}), {-0.07, -0.05, 0.6});
+  AddTarget("wall", base, scene.truth.mount_from_camera[1] * right_from_wall, &scene);
+  Simulate(setting, &rng, &scene);
+  for (RigCapture& capture : scene.problem.captures) {
+    std::erase_if(capture.images, [](const RigImage& image) { return image.camera == 1 && image.target == 0; });
+  }
+  const Outcome<RigSolution> free = RefineRig(scene.problem, scene.truth, RigOptions());
+  ASSERT_FALSE(free);
+  EXPECT_NE(free.reason().find("camera right's"), std::string::npos) << free.reason();
+  EXPECT_NE(free.reason().find("cameras.right.refine.intrinsics"), std::string::npos) << free.reason();
+  scene.problem.cameras[1].free_intrinsics.clear();
+  const Outcome<RigSolution> held = RefineRig(scene.problem, scene.truth, RigOptions());
+  ASSERT_TRUE(held) << held.reason();
+  EXPECT_EQ(held->cameras[1].params, scene.problem.cameras[1].camera.params);
+  EXPECT_TRUE(SigmaOf(held->covariance, "cameras.left.camera.fx").has_value());
+}
+
 TEST(RigAdjustment, NamesAnArmThatNothingJoins) {
   RigScene scene = TwoArmRig(5, {20, 0.1, {}});
   for (RigCapture& capture : scene.problem.captures) {

@@ -285,6 +285,71 @@ TEST(RigCalibration, NamesTheCameraThatWasMovedALittleAtHalfOfTheCaptures) {
   }
 }
 
+// One point of an image after the motion is read, and rejected: the image says nothing about where the camera stands.
+TEST(RigCalibration, NamesTheMovedCameraInSpiteOfAStrayPoint) {
+  RigSceneSetting setting;
+  setting.num_captures = 24;
+  RigScene scene = MixedRig(19, setting);
+  Tangent6 knock;
+  knock << 0, 0, 0, DegToRad(1.5), DegToRad(1.0), 0;
+  RigPoses moved = scene.truth;
+  moved.mount_from_camera[0] = Retract(moved.mount_from_camera[0], knock);
+  Rng rng(20);
+  // The camera is moved after the first ten captures.
+  for (size_t i = 10; i < scene.problem.captures.size(); ++i) {
+    for (RigImage& image : scene.problem.captures[i].images) {
+      if (image.camera != 0) continue;
+      const Rigid3d camera_from_target = CameraFromTarget(scene.problem, moved, 0, image.target, scene.arms[i]);
+      image.observations = SimulateView("", scene.problem.cameras[0].camera, {}, camera_from_target,
+                                        scene.targets[image.target].points_in_target, setting.noise_px, &rng)
+                               ->observations;
+    }
+  }
+  // Of the images on either side, one has a single point far off.
+  for (const size_t capture : {3, 20}) {
+    RigImage stray;
+    stray.camera = 0;
+    stray.target = 1;
+    stray.observations.ids = {5};
+    stray.observations.points_in_target = scene.targets[1].points_in_target.col(5);
+    stray.observations.pixels = Points2::Constant(2, 1, 40);
+    std::erase_if(scene.problem.captures[capture].images,
+                  [](const RigImage& image) { return image.camera == 0 && image.target == 1; });
+    scene.problem.captures[capture].images.push_back(stray);
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings.front().code, "camera_moved");
+  EXPECT_EQ(findings.front().Name("camera"), "left");
+  EXPECT_EQ(findings.front().Name("last_capture"), "capture_9");
+  EXPECT_EQ(findings.front().Name("first_capture"), "capture_10");
+}
+
+// A camera that has images in one fold only cannot be held out; the other cameras have their figures.
+TEST(RigCalibration, HoldsOutTheCamerasThatTheOthersDetermine) {
+  RigSceneSetting setting;
+  setting.has_free_intrinsics = false;
+  RigScene scene = FourCameraRig(21, setting);
+  for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
+    if (i % 5 == 2) continue;
+    std::erase_if(scene.problem.captures[i].images, [](const RigImage& image) { return image.camera == 3; });
+  }
+  const RigCalibrationOptions options = GivenCameras(scene);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, options);
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  const RigHoldOuts errors = CrossValidateRig(*calibration, options, 5, [] {});
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_TRUE(errors.of_cameras[c].rms_px && errors.of_cameras[c].target_m) << errors.of_cameras[c].reason;
+    EXPECT_EQ(errors.of_cameras[c].reason, "");
+  }
+  EXPECT_FALSE(errors.of_cameras[3].rms_px || errors.of_cameras[3].target_m);
+  EXPECT_NE(errors.of_cameras[3].reason.find("fold 3: the data do not determine camera camera4's"), std::string::npos)
+      << errors.of_cameras[3].reason;
+  EXPECT_TRUE(errors.chi2_per_dof.has_value());
+}
+
 TEST(RigCalibration, NamesTheTargetOfAWrongSize) {
   RigScene scene = MixedRig(18, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
   for (RigCapture& capture : scene.problem.captures) {

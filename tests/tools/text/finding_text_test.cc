@@ -156,6 +156,49 @@ TEST(FindingTextTest, SuggestedCapturesAreTheRemedyOfAWeakDirection) {
   EXPECT_THAT(ActionOf(weak), StartsWith("take many more captures: no pair"));
 }
 
+TEST(FindingTextTest, SuggestedCapturesOfARigNameWhereTheyStartAndWhatIsSeen) {
+  Finding weak = WeakFocalLength();
+  weak.names = {{"of_camera", "left"}};
+  Finding& suggested = weak.parts.back();
+  for (const auto& name : std::vector<std::pair<std::string, std::string>>{{"view_of_camera", "top"},
+                                                                           {"view_of_target", "plate"},
+                                                                           {"from_capture", "007.png"},
+                                                                           {"by_arm", "right"},
+                                                                           {"seen", "left sees plate and wall"}}) {
+    suggested.names.push_back(name);
+  }
+  const std::string action =
+      "from capture 007.png on, with target plate in camera top, by arm right: two captures 250 mm nearer and farther "
+      "would reduce the sigma of the camera's fx to 3.0 px; in both, left sees plate and wall";
+  EXPECT_EQ(ActionOf(weak), action);
+  suggested.names.emplace_back("helps_most", "top");
+  suggested.names.emplace_back("helps_most_in", "the camera's position along the world's x");
+  suggested.numbers.emplace_back("helps_most_percent", 41.6);
+  EXPECT_EQ(ActionOf(weak), action + "; they help camera top most: the camera's position along the world's x by 42 %");
+  Finding described = weak;
+  Describe(&described);
+  EXPECT_THAT(described.text, StartsWith("camera left: the camera's fx is determined to only 12 px"));
+}
+
+// A direction that is known well enough needs no remedy; the captures that would still help are part of the text.
+TEST(FindingTextTest, AGoodWeakDirectionHasNoRemedy) {
+  Finding good = WeakFocalLength();
+  good.grade = Grade::kGood;
+  good.parts.erase(good.parts.begin() + 1);
+  good.parts.front().grade = Grade::kGood;
+  EXPECT_EQ(TextOf(good),
+            "the camera's fx is determined to 12 px (one sigma); two captures 250 mm nearer and farther would reduce "
+            "the sigma of the camera's fx to 3.0 px");
+  EXPECT_EQ(ActionOf(good), "");
+}
+
+TEST(FindingTextTest, AFailedFoldOfOneCameraHasItsReason) {
+  const Finding finding = FindingOf(
+      "no_hold_out", {}, {{"of_camera", "right"}, {"reason", "failed_for_camera"}, {"why", "fold 2: too few points"}});
+  EXPECT_EQ(TextOf(finding), "its hold-out error is not known: fold 2: too few points");
+  EXPECT_THAT(ActionOf(finding), StartsWith("take more captures in which it sees a target"));
+}
+
 TEST(FindingTextTest, TheUncertaintyIncludesItsPartsAndTheRemedyOfAWeakDirection) {
   Finding finding = FindingOf(
       "uncertainty", {{"position_mm", 2}, {"orientation_deg", 0.05}}, {},

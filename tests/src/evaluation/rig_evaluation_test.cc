@@ -1,0 +1,86 @@
+#include "heba/evaluation/rig_evaluation.h"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+namespace heba {
+namespace {
+
+// Returns a result of two cameras with sigmas of 0.1 mm and 0.006 deg, 20 images each, and small hold-out errors.
+RigResult GoodResult() {
+  RigResult result;
+  result.rig.robots = {"arm"};
+  for (const char* name : {"left", "right"}) {
+    Camera camera;
+    camera.model = "pinhole";
+    result.rig.cameras.push_back({name, {0, Mount::Part::kBase}, camera});
+    RigErrors& errors = result.errors.emplace_back();
+    errors.holdout_rms_px = 0.3;
+    errors.holdout_target_mm = 0.3;
+    errors.holdout_target_deg = 0.02;
+    for (int i = 0; i < 20; ++i) {
+      result.images.push_back({std::to_string(i), name, "", true, "", {{"plate", 48, 0, 0.1, true}}});
+    }
+  }
+  result.rig.targets.push_back({"plate", {0, Mount::Part::kGripper}, TargetShape()});
+  result.solution.pixel_sigmas_px = {0.1, 0.1};
+  result.solution.covariance.layout = RigUnknowns(result.rig);
+  const Eigen::Index size = result.solution.covariance.layout.size();
+  result.solution.covariance.matrix = 1e-8 * Eigen::MatrixXd::Identity(size, size);
+  result.holdout_chi2 = 1.02;
+  return result;
+}
+
+std::vector<Finding> FindingsWith(const Verdict& verdict, const std::string& code) {
+  std::vector<Finding> found;
+  std::copy_if(verdict.findings.begin(), verdict.findings.end(), std::back_inserter(found),
+               [&](const Finding& finding) { return finding.code == code; });
+  return found;
+}
+
+TEST(RigVerdictTest, AGoodRigIsGood) { EXPECT_EQ(JudgeRig(GoodResult()).grade, Grade::kGood); }
+
+// A camera that could not be held out is named with the reason, and does not hide the errors of the others.
+TEST(RigVerdictTest, NamesTheCameraWithoutHoldOut) {
+  RigResult result = GoodResult();
+  result.errors[1] = RigErrors();
+  result.errors[1].holdout_reason = "fold 2: the data do not determine it";
+  const Verdict verdict = JudgeRig(result);
+  EXPECT_EQ(verdict.grade, Grade::kDoubtful);
+  const std::vector<Finding> missing = FindingsWith(verdict, "no_hold_out");
+  ASSERT_EQ(missing.size(), 1U);
+  EXPECT_EQ(missing.front().Name("of_camera"), "right");
+  EXPECT_EQ(missing.front().Name("why"), "fold 2: the data do not determine it");
+  const std::vector<Finding> known = FindingsWith(verdict, "hold_out");
+  ASSERT_EQ(known.size(), 1U);
+  EXPECT_EQ(known.front().Name("of_camera"), "left");
+  // Without any fold there is one finding about all cameras.
+  for (RigErrors& errors : result.errors) errors = RigErrors();
+  const std::vector<Finding> none = FindingsWith(JudgeRig(result), "no_hold_out");
+  ASSERT_EQ(none.size(), 1U);
+  EXPECT_EQ(none.front().Name("reason"), "none_held_out");
+}
+
+// The weak direction of the camera whose uncertainty is too large belongs to it; those of others stay.
+TEST(RigVerdictTest, TheUncertaintyTakesTheWeakDirectionOfItsCamera) {
+  RigResult result = GoodResult();
+  for (const char* name : {"left", "right"}) {
+    result.observations.push_back({Grade::kDoubtful, FindingCode("weak_direction"), {{"x", 9}}, {{"of_camera", name}}});
+  }
+  EXPECT_EQ(FindingsWith(JudgeRig(result), "weak_direction").size(), 2U);
+  const UnknownBlock block = result.solution.covariance.layout.Block(CameraPoseBlock(result.rig.cameras[1]));
+  result.solution.covariance.matrix(block.first, block.first) = 1;
+  const Verdict verdict = JudgeRig(result);
+  const std::vector<Finding> uncertainty = FindingsWith(verdict, "uncertainty");
+  ASSERT_EQ(uncertainty.size(), 1U);
+  EXPECT_EQ(uncertainty.front().Name("of_camera"), "right");
+  ASSERT_EQ(uncertainty.front().parts.size(), 1U);
+  EXPECT_EQ(uncertainty.front().parts.front().Name("of_camera"), "right");
+  const std::vector<Finding> others = FindingsWith(verdict, "weak_direction");
+  ASSERT_EQ(others.size(), 1U);
+  EXPECT_EQ(others.front().Name("of_camera"), "left");
+}
+
+}  // namespace
+}  // namespace heba
