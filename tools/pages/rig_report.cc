@@ -75,60 +75,74 @@ std::string CamerasSection(const RigResult& result) {
                                     HtmlTable(head, rows));
 }
 
-// Returns the row of a pose: its frames, numbers and sigmas.
-std::vector<PageCell> PoseRow(const std::string& what, const Rigid3d& pose, const Matrix6& covariance) {
-  const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
-  std::vector<PageCell> row = {{what}, {PoseText(pose, 1000 * sigma_m, sigma_rad)}};
-  for (PageCell& cell : SigmaCells(covariance)) row.push_back(std::move(cell));
-  return row;
+// A pose of the result: its frames, and its error if the truth is known.
+struct ShownPose {
+  std::string what;
+  Rigid3d pose;
+  Matrix6 covariance;
+  std::optional<PoseError> truth = std::nullopt;
+};
+
+// Returns a table of poses with their numbers, sigmas and, if the truth is known of any, true errors.
+std::string PosesTable(const std::vector<ShownPose>& poses) {
+  const bool has_truth =
+      std::any_of(poses.begin(), poses.end(), [](const ShownPose& pose) { return pose.truth.has_value(); });
+  std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  std::vector<std::vector<PageCell>> rows;
+  for (const ShownPose& shown : poses) {
+    const auto [sigma_m, sigma_rad] = LargestSigmas(shown.covariance);
+    std::vector<PageCell>& row = rows.emplace_back();
+    row = {{shown.what}, {PoseText(shown.pose, 1000 * sigma_m, sigma_rad)}};
+    for (PageCell& cell : SigmaCells(shown.covariance)) row.push_back(std::move(cell));
+    if (!has_truth) continue;
+    row.push_back(Number(shown.truth ? std::optional(shown.truth->mm) : std::nullopt));
+    row.push_back(Number(shown.truth ? std::optional(shown.truth->deg) : std::nullopt));
+  }
+  return HtmlTable(head, rows);
 }
 
 std::string PosesSection(const RigResult& result) {
   const RigProblem& rig = result.rig;
-  const RigSolution& solution = result.solution;
-  const std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
-  std::vector<std::vector<PageCell>> rows;
+  const RigPoses& poses = result.solution.poses;
+  const auto covariance_of = [&](const std::string& block) {
+    return *PoseCovarianceOf(result.solution.covariance, block);
+  };
+  std::vector<ShownPose> shown;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    rows.push_back(PoseRow("camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
-                           solution.poses.mount_from_camera[c],
-                           *PoseCovarianceOf(solution.covariance, CameraPoseBlock(rig.cameras[c]))));
+    const RigErrors& errors = result.errors[c];
+    shown.push_back({"camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
+                     poses.mount_from_camera[c], covariance_of(CameraPoseBlock(rig.cameras[c]))});
+    if (errors.truth_mm) shown.back().truth = PoseError{*errors.truth_mm, *errors.truth_deg};
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
-    rows.push_back(PoseRow("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
-                           solution.poses.mount_from_target[t],
-                           *PoseCovarianceOf(solution.covariance, TargetPoseBlock(rig.targets[t]))));
+    shown.push_back({"target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
+                     poses.mount_from_target[t], covariance_of(TargetPoseBlock(rig.targets[t])),
+                     ErrorAt(result.truth.targets, t)});
   }
   for (size_t r = 1; r < rig.robots.size(); ++r) {
-    rows.push_back(PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
-                           *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r]))));
+    shown.push_back({"base of arm " + rig.robots[r] + " in world", poses.world_from_base[r],
+                     covariance_of(BaseBlock(rig.robots[r])), ErrorAt(result.truth.bases, r)});
   }
   return PageSection("Poses",
-                     Paragraph("Sigmas are those along and about the least certain axis.") + HtmlTable(head, rows));
+                     Paragraph("Sigmas are those along and about the least certain axis.") + PosesTable(shown));
 }
 
 std::string RelativeSection(const RigResult& result) {
-  const bool has_truth = !result.relative_truth.empty();
-  std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
-  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
-  std::vector<std::vector<PageCell>> rows;
+  std::vector<ShownPose> shown;
   for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
     const RelativePose& pose = result.relative_cameras[i];
-    rows.push_back(
-        PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance));
-    if (!has_truth) continue;
-    rows.back().push_back(Number(1000 * result.relative_truth[i].first));
-    rows.back().push_back(Number(RadToDeg(result.relative_truth[i].second)));
+    shown.push_back({"camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance,
+                     ErrorAt(result.truth.relative_cameras, i)});
   }
   for (const RelativePose& pose : result.relative_targets) {
-    rows.push_back(
-        PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child, pose.covariance));
-    if (has_truth) rows.back().insert(rows.back().end(), {PageCell{"", true}, PageCell{"", true}});
+    shown.push_back({"target " + pose.child + " in target " + pose.parent, pose.parent_from_child, pose.covariance});
   }
-  if (rows.empty()) return "";
+  if (shown.empty()) return "";
   return PageSection("Poses between cameras and between targets",
                      Paragraph("The covariance of each pose comes from the joint adjustment: errors that both ends "
                                "share cancel.") +
-                         HtmlTable(head, rows));
+                         PosesTable(shown));
 }
 
 std::string ArmsSection(const RigResult& result) {
@@ -156,6 +170,17 @@ std::string ArmsSection(const RigResult& result) {
     text += " Smooth errors vary with the pose of the arm, and are nearly the same for neighbouring captures.";
   }
   return PageSection("Arms", Paragraph(text) + HtmlTable(head, rows));
+}
+
+// Returns the RMS error of the points that the estimate used in an image, or of all if it used none.
+std::optional<double> RmsOf(const RigImageResult& image) {
+  SquaredErrors sum;
+  for (const RigTargetInImage& target : image.targets) {
+    if (target.used != image.used || !target.rms_px) continue;
+    const int num_points = target.num_points - (target.used ? target.num_rejected : 0);
+    sum.Add({*target.rms_px * *target.rms_px * num_points, num_points});
+  }
+  return sum.RmsPx();
 }
 
 // The images of one camera, as the sections on residuals show them.
@@ -207,14 +232,8 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     }
   }
   for (const RigImageResult& image : run.result.images) {
-    if (image.camera != name) continue;
-    SquaredErrors sum;
-    for (const RigTargetInImage& target : image.targets) {
-      if (target.used && target.rms_px) {
-        sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
-      }
-    }
-    shown.residuals.images.push_back({image.capture, image.used, image.reason, sum.RmsPx(), nullptr});
+    if (image.camera != name || !image.was_searched) continue;
+    shown.residuals.images.push_back({image.capture, image.used, image.reason, RmsOf(image), nullptr});
   }
   for (CameraResiduals::Image& image : shown.residuals.images) image.shown = &shown.captures[place_of[image.name]];
   return shown;
@@ -226,12 +245,10 @@ std::string ImagesTable(const RigResult& result) {
     std::vector<std::string> targets;
     int num_points = 0;
     int num_rejected = 0;
-    SquaredErrors sum;
     for (const RigTargetInImage& target : image.targets) {
       targets.push_back(target.target);
       num_points += target.num_points;
       num_rejected += target.num_rejected;
-      if (target.rms_px) sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
     }
     rows.push_back({{image.capture},
                     {image.camera},
@@ -240,7 +257,7 @@ std::string ImagesTable(const RigResult& result) {
                     {image.used ? "used" : "not used"},
                     {std::to_string(num_points), true},
                     {std::to_string(num_rejected), true},
-                    Number(sum.RmsPx()),
+                    Number(RmsOf(image)),
                     {image.reason}});
   }
   return Heading("Images") +
