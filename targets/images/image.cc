@@ -22,8 +22,6 @@ namespace {
 
 constexpr size_t kMaxImageBytes = size_t{1} << 30;
 
-std::string SizeText(double width_px, double height_px) { return Fixed(width_px, 0) + " x " + Fixed(height_px, 0); }
-
 }  // namespace
 
 std::optional<ImageSize> ReadImageSize(const std::filesystem::path& path) {
@@ -52,9 +50,9 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<Ima
     throw InputError(path.string() + ": claims to have more than 400 million pixels, which is the limit of heba");
   }
   if (expected && (header->width_px != expected->width_px || header->height_px != expected->height_px)) {
-    throw InputError(path.string() + ": is " + SizeText(header->width_px, header->height_px) + " px, not " +
-                     SizeText(expected->width_px, expected->height_px) +
-                     " px like the first image; all images must come from one camera at one resolution");
+    throw InputError(path.string() + ": is " + ImageSizeText(header->width_px, header->height_px) + ", not " +
+                     ImageSizeText(expected->width_px, expected->height_px) +
+                     " like the first image; all images must come from one camera at one resolution");
   }
   cv::Mat image;
   try {

@@ -1,4 +1,4 @@
-// `heba detect` and `heba compare` with rigs.
+// The commands of the program with rigs.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -29,6 +29,12 @@ constexpr int kNumPoints = 35;  // Of each target.
 // the run of it.
 class RigCommandsTest : public testing::Test {
  protected:
+  // Returns how often `part` occurs in a text.
+  static int Count(const std::string& text, const std::string& part) {
+    int count = 0;
+    for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+    return count;
+  }
   static void SetUpTestSuite() {
     folder_ = new fs::path(TestFolder("rig_commands"));
     WriteAll(
@@ -223,6 +229,44 @@ TEST_F(RigCommandsTest, DetectRefusesACameraOfAnotherSizeAndWritesNothing) {
   EXPECT_FALSE(fs::exists(Path("refused")));
 }
 
+// The wrist has no constant pose in the base, so that its URDF is another one.
+TEST_F(RigCommandsTest, ExportWritesAUrdfForEachRoot) {
+  const CommandResult exported = RunHeba({"export", Path("run"), "--to", "urdf", "--out", Path("urdf")});
+  ASSERT_EQ(exported.status, 0) << exported.err;
+  for (const char* const file : {"left.camera.urdf", "cameras.base_link.urdf", "cameras.tool0.urdf"}) {
+    const std::string text = ReadAll(Path(std::string("urdf/") + file));
+    EXPECT_THAT(exported.out, HasSubstr(Path(std::string("urdf/") + file) + "\n"));
+    EXPECT_THAT(text, HasSubstr("<robot name=\"config\">"));
+    EXPECT_EQ(Count(text, "<link ") - Count(text, "<joint "), 1) << "links without a parent in " << file;
+  }
+  EXPECT_THAT(exported.out, HasSubstr("not cameras.urdf: a URDF has one root link"));
+  EXPECT_FALSE(fs::exists(Path("urdf/cameras.urdf")));
+  const std::string fragment = ReadAll(Path("urdf/cameras.urdf.xacro"));
+  EXPECT_EQ(Count(fragment, "<link "), 3);
+  EXPECT_EQ(Count(fragment, "<joint "), 3);
+  const CommandResult printed = RunHeba({"export", Path("run"), "--to", "urdf"});
+  EXPECT_EQ(printed.status, 0) << printed.err;
+  EXPECT_EQ(printed.out, fragment);
+}
+
+// What the config leaves out has entries too.
+TEST_F(RigCommandsTest, TheResultListsWhatWasLeftOut) {
+  const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--set", "captures.exclude=[001.png]", "--set",
+                                     "evaluate.folds=0", "--out", Path("left_out")});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("config: 001.png: left out by captures.exclude"));
+  std::vector<std::string> cameras;
+  const Json result = Json::parse(ReadAll(Path("left_out/result.json")));
+  for (const Json& entry : result["captures"]) {
+    if (entry["capture"] != "001.png") continue;
+    cameras.push_back(entry["camera"]);
+    EXPECT_FALSE(entry["used"]);
+    EXPECT_EQ(entry["reason"], "left out by captures.exclude");
+  }
+  EXPECT_THAT(cameras, testing::ElementsAre("left", "right", "wrist"));
+  EXPECT_THAT(ReadAll(Path("left_out/report.html")), HasSubstr("left out by captures.exclude"));
+}
+
 TEST_F(RigCommandsTest, CompareMatchesCamerasAndTargetsByName) {
   const CommandResult fewer = RunHeba({"run", Path("cell/config.yaml"), "--set", "name=fewer", "--set",
                                        "captures.exclude=[001.png]", "--out", Path("fewer"), "--quiet"});
@@ -257,6 +301,78 @@ TEST_F(RigCommandsTest, CompareTakesTheRunOfOneCameraByItsName) {
   EXPECT_EQ(refused.status, 2);
   EXPECT_THAT(refused.err, StartsWith("heba: error: unknown: is the run of one camera; a rig beside it needs"));
   EXPECT_FALSE(fs::exists(Path("mixed")));
+}
+
+// A batch of rigs, whose images are changed by a test, with one cache of detections.
+class RigBatchTest : public RigCommandsTest {
+ protected:
+  RigBatchTest() {
+    fs::remove_all(Path("batch"));
+    fs::create_directories(Path("batch"));
+    fs::copy(Path("cell"), Path("batch/cell"), fs::copy_options::recursive);
+    WriteAll(Path("batch/free.yaml"), "base: cell/config.yaml\nevaluate: {folds: 2}\n");
+    WriteAll(Path("batch/held.yaml"), "base: cell/config.yaml\nrefine: {intrinsics: []}\nevaluate: {folds: 2}\n");
+  }
+
+  static CommandResult RunBatch(const std::string& out, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {
+        "run", Path("batch/free.yaml"), Path("batch/held.yaml"), "--out", Path("batch/" + out), "--jobs", "2"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunHeba(arguments, "HEBA_CACHE=" + Path("cache"));
+  }
+  static std::string Stamp(const std::string& run) {
+    const fs::path file = Path("batch/" + run + "/result.json");
+    return fs::exists(file) ? std::to_string(fs::last_write_time(file).time_since_epoch().count()) : "none";
+  }
+};
+
+TEST_F(RigBatchTest, ShardsTogetherGiveTheSameBytes) {
+  const CommandResult whole = RunBatch("whole");
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  const std::string csv = ReadAll(Path("batch/whole/summary.csv"));
+  for (const char* const row : {"free,true,", "held,true,"}) {
+    for (const char* const camera : {",left,refined,", ",right,refined,", ",wrist,refined,"}) {
+      EXPECT_THAT(csv, testing::ContainsRegex("\n" + std::string(row) + "[^\n]*" + camera));
+    }
+  }
+  for (const char* const shard : {"1/2", "0/2"}) {
+    ASSERT_EQ(RunBatch("parts", {"--shard", shard}).status, 0) << shard;
+    EXPECT_FALSE(fs::exists(Path("batch/parts/summary.csv")));
+  }
+  const std::string free = Stamp("parts/free");
+  const CommandResult merged = RunBatch("parts", {"--resume"});
+  ASSERT_EQ(merged.status, 0) << merged.err;
+  EXPECT_THAT(merged.err, AllOf(HasSubstr("free: unchanged"), HasSubstr("held: unchanged")));
+  EXPECT_EQ(Stamp("parts/free"), free);
+  EXPECT_EQ(ReadAll(Path("batch/parts/summary.csv")), csv);
+}
+
+TEST_F(RigBatchTest, ResumeRunsOnlyWhatChanged) {
+  ASSERT_EQ(RunBatch("out").status, 0);
+  std::string free = Stamp("out/free");
+  std::string held = Stamp("out/held");
+  const auto expect_again = [&](bool is_free, bool is_held, const char* what) {
+    const CommandResult again = RunBatch("out", {"--resume"});
+    EXPECT_EQ(again.status, 0) << again.err;
+    EXPECT_EQ(Stamp("out/free") != free, is_free) << what;
+    EXPECT_EQ(Stamp("out/held") != held, is_held) << what;
+    free = Stamp("out/free");
+    held = Stamp("out/held");
+  };
+  expect_again(false, false, "nothing");
+  WriteAll(Path("batch/free.yaml"), "base: cell/config.yaml\nevaluate: {folds: 3}\n");
+  expect_again(true, false, "a config");
+  // The second camera sees a capture again.
+  fs::copy_file(Path("batch/cell/right/001.png"), Path("batch/cell/right/000.png"),
+                fs::copy_options::overwrite_existing);
+  expect_again(true, true, "an image");
+  WriteAll(Path("batch/cell/right.yaml"), ReadAll(Path("batch/cell/right.yaml")) + "\n");
+  expect_again(true, true, "a camera");
+  WriteAll(Path("batch/cell/truth.json"), ReadAll(Path("batch/cell/truth.json")) + "\n");
+  expect_again(true, true, "the truth");
+  WriteAll(Path("batch/out/held/result.json"), "");
+  held = Stamp("out/held");
+  expect_again(false, true, "a damaged result");
 }
 
 // A finished rig is named by its folder or by its result.json.

@@ -106,7 +106,7 @@ node_is_up() { sinfo -h -o %T | grep -qE '^(idle|mixed|allocated)$'; }
 wait_for 30 node_is_up || { tail -n 5 "$work"/slurm*.log; skip "Slurm does not start here"; }
 queue_is_empty() { [ -z "$(squeue -h)" ]; }
 
-# Six small runs.
+# Six small runs, and one of a rig.
 cat >"$work/scene.yaml" <<'SCENE'
 setup: eye_to_hand
 target: {type: chessboard, rows: 5, columns: 7, square: 20 mm}
@@ -125,6 +125,27 @@ for loss in none huber cauchy; do
     configs+=("$config")
   done
 done
+cat >"$work/rig_scene.yaml" <<'SCENE'
+cameras:
+  left:
+    mount: world
+    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, 175 deg]}
+    camera: &camera {model: brown5, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240, distortion: [0, 0, 0, 0, 0]}
+  right:
+    mount: world
+    pose: {translation: [700 mm, 550 mm, 600 mm], rpy: [-105 deg, 0 deg, 165 deg]}
+    camera: *camera
+targets:
+  plate:
+    mount: gripper
+    pose: {translation: [0 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 deg]}
+    target: {type: charuco, rows: 6, columns: 8, square: 22 mm, marker: 16 mm, dictionary: DICT_4X4_250}
+motion: {captures: 10, distance: 600 mm, tilt: 30 deg}
+image: {noise: 2 grey}
+SCENE
+"$heba" simulate "$work/rig_scene.yaml" --out "$work/rig_data" --quiet
+printf 'base: rig_data/config.yaml\nrefine: {intrinsics: []}\nevaluate: {folds: 2}\n' >"$work/rig.yaml"
+configs+=("$work/rig.yaml")
 "$heba" run "${configs[@]}" --out "$work/one_machine" --quiet
 
 echo "an array of a batch"
@@ -133,12 +154,12 @@ wait_for 120 queue_is_empty || fail "the array does not end"
 cmp "$work/array%j/summary.csv" "$work/one_machine/summary.csv" || fail "the array's summary is another"
 
 echo "a node that dies in mid-array"
-submitted=$("$source/tools/slurm/submit.sh" --tasks 6 --heba "$heba" --cpus-per-task=1 -- run "${configs[@]}" --out "$work/killed")
+submitted=$("$source/tools/slurm/submit.sh" --tasks ${#configs[@]} --heba "$heba" --cpus-per-task=1 -- run "${configs[@]}" --out "$work/killed")
 array=${submitted%% *}
 some_are_done() { [ "$(find "$work/killed" -name result.json 2>/dev/null | wc -l)" -ge 2 ]; }
 wait_for 60 some_are_done || fail "nothing gets done"
 done_before=$(find "$work/killed" -name result.json | sort)
-[ "$(echo "$done_before" | wc -l)" -lt 6 ] || fail "the array was done before its node could die"
+[ "$(echo "$done_before" | wc -l)" -lt ${#configs[@]} ] || fail "the array was done before its node could die"
 # The daemon first, then what it has started.
 kill -9 "$node"
 kill_steps

@@ -102,7 +102,10 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       progress.Step();
     });
   }
-  RigTruth truth{scene.poses, {}};
+  RigTruth truth{scene.poses.mount_from_camera,
+                 {scene.poses.mount_from_target.begin(), scene.poses.mount_from_target.end()},
+                 {scene.poses.world_from_base.begin(), scene.poses.world_from_base.end()},
+                 {}};
   for (const RigCamera& camera : rig.cameras) {
     truth.cameras.emplace_back(camera.camera);
     WriteFileAtomically(folder.staging() / (camera.name + ".yaml"), CameraToYaml(camera.camera));

@@ -7,6 +7,7 @@
 #include "heba/base/text.h"
 #include "heba/io/rig_result_file.h"
 #include "heba/rig_run.h"
+#include "solvers/initial/usable_views.h"
 #include "tools/batch/run_inputs.h"
 #include "tools/doctor/rig_doctor.h"
 #include "tools/files/cached_detector.h"
@@ -17,10 +18,9 @@
 #include "tools/text/run_console.h"
 
 namespace heba {
-namespace {
 
-// Notes how many images of each camera show each target.
-void NoteDetections(const RigDataset& data, const std::vector<RigDetection>& detections, Console* console) {
+std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vector<RigDetection>& detections) {
+  std::vector<std::string> notes;
   for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
     for (size_t t = 0; t < data.targets.size(); ++t) {
       int num_seen = 0;
@@ -28,15 +28,14 @@ void NoteDetections(const RigDataset& data, const std::vector<RigDetection>& det
       for (const RigDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
         ++num_images;
-        num_seen += detection.detection.detection.ids.empty() ? 0 : 1;
+        num_seen += static_cast<int>(detection.detection.detection.ids.size()) >= kMinPosePoints ? 1 : 0;
       }
-      console->Note(data.name + ": camera " + data.rig.cameras[c].name + " sees target " + data.rig.targets[t].name +
-                    " in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
+      notes.push_back(data.name + ": camera " + data.rig.cameras[c].name + " sees target " + data.rig.targets[t].name +
+                      " in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
     }
   }
+  return notes;
 }
-
-}  // namespace
 
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
                                   Console* console, RunObserver* listener) {
@@ -45,7 +44,7 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   const std::string inputs = RunInputsText(config);
   RigDataset data = config.data;
   if (config.truth) data.truth = ReadRigTruth(*config.truth, data.rig);
-  for (const LeftOut& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
+  for (const RigLeftOut& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
   RigRunOptions options = config.options;
   options.num_threads = num_threads;
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
@@ -53,7 +52,7 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
   const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
   if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
-  NoteDetections(data, run->detections, console);
+  for (const std::string& note : DetectionNotes(data, run->detections)) console->Note(note);
   RigResult& result = run->result;
   for (const RigImageResult& image : result.images) {
     if (!image.reason.empty() && !image.targets.empty()) {

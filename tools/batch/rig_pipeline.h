@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heba/base/error.h"
 #include "heba/evaluation/rig_evaluation.h"
@@ -17,6 +18,9 @@ namespace heba {
 // no folder, if the result cannot be trusted.
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
                                   Console* console, RunObserver* listener = nullptr);
+
+// Returns a line for each camera and target: how many images of the camera determine a pose of the target.
+std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vector<RigDetection>& detections);
 
 // Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.

@@ -64,7 +64,7 @@ std::string RunInputsText(const RigConfig& config) {
     json["images"].push_back(entry);
   }
   json["left_out"] = nlohmann::ordered_json::array();
-  for (const LeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
+  for (const RigLeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

@@ -2,6 +2,7 @@
 #include "tools/config/common_keys.h"
 
 #include "heba/base/error.h"
+#include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/io/result_file.h"
 #include "tools/config/capture_section.h"
@@ -40,9 +41,8 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
 void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image) {
   const Camera& camera = FindRefined(run.result)->camera;
   if (seen.width_px == camera.width_px && seen.height_px == camera.height_px) return;
-  throw InputError(image + ": is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
-                   " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
-                   std::to_string(camera.height_px) + " px");
+  throw InputError(image + ": is " + ImageSizeText(seen.width_px, seen.height_px) + ", but the calibration is for " +
+                   ImageSizeText(camera.width_px, camera.height_px));
 }
 
 }  // namespace heba

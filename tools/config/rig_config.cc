@@ -53,33 +53,6 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
   return arm;
 }
 
-// Returns the row of another arm that belongs to each row of the first: by the names of the images if both have them,
-// otherwise by order.
-std::vector<size_t> MatchRows(const ArmRows& first, const ArmRows& other) {
-  std::vector<size_t> places;
-  const bool has_names = !first.rows.front().image.empty() && !other.rows.front().image.empty();
-  if (!has_names && first.rows.size() != other.rows.size()) {
-    throw InputError(other.file.string() + ": has " + std::to_string(other.rows.size()) + " rows, but " +
-                     first.file.string() + " has " + std::to_string(first.rows.size()) +
-                     "; rows without a column image belong together by order");
-  }
-  std::map<std::string, size_t> place_of;
-  for (size_t i = 0; i < other.rows.size(); ++i) place_of[other.rows[i].image] = i;
-  for (size_t i = 0; i < first.rows.size(); ++i) {
-    if (!has_names) {
-      places.push_back(i);
-      continue;
-    }
-    const auto found = place_of.find(first.rows[i].image);
-    if (found == place_of.end()) {
-      throw InputError(other.file.string() + ": has no row for the image " + first.rows[i].image + " of " +
-                       first.file.string());
-    }
-    places.push_back(found->second);
-  }
-  return places;
-}
-
 // The images of one camera.
 struct CameraImages {
   ConfigValue value;
@@ -88,7 +61,7 @@ struct CameraImages {
 
 // Returns the image of a camera for each row; empty if there is none.
 std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index,
-                                 const std::string& name, std::vector<LeftOut>* left_out) {
+                                 const std::string& name, size_t num_cameras, std::vector<RigLeftOut>* left_out) {
   std::map<std::string, fs::path> image_of;
   for (const fs::path& image : camera.images) {
     if (!image_of.emplace(image.filename().string(), image).second) {
@@ -122,11 +95,85 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
   }
   if (used.empty()) camera.value.Fail("none of the images is named in " + arm.file.string());
   for (const auto& [file_name, path] : image_of) {
-    if (!used.contains(file_name)) {
-      left_out->push_back({name + "/" + file_name, "the robot's pose is not in the poses file"});
-    }
+    if (used.contains(file_name)) continue;
+    RigLeftOut& entry = left_out->emplace_back();
+    entry.name = name + "/" + file_name;
+    entry.reason = "the robot's pose is not in the poses file";
+    entry.images.resize(num_cameras);
+    entry.images[camera_index] = path;
   }
   return paired;
+}
+
+// Returns where a row is.
+std::string RowName(const fs::path& file, const PoseRow& row) {
+  return row.line > 0 ? file.string() + ":" + std::to_string(row.line) : (file / row.image).string();
+}
+
+// What identifies a row of poses: rows of two arms belong together if they have the same text at one position, and
+// different texts at none. An empty text identifies nothing.
+using RowKeys = std::vector<std::string>;
+
+// Returns what identifies each row of `other`, and each capture, a row of `first` with `files`, the images of each
+// camera: the column `image` if both files have it, the images of the cameras if `other` names them, or the order.
+std::pair<std::vector<RowKeys>, std::vector<RowKeys>> KeysOf(const ArmRows& first, const ArmRows& other,
+                                                             const std::vector<std::vector<fs::path>>& files) {
+  const bool has_columns = !other.rows.front().images.empty();
+  const bool is_by_name = !first.rows.front().image.empty() && !other.rows.front().image.empty();
+  const bool is_by_order = !has_columns && other.rows.front().image.empty();
+  if (is_by_order && first.rows.size() != other.rows.size()) {
+    throw InputError(other.file.string() + ": has " + std::to_string(other.rows.size()) + " rows, but " +
+                     first.file.string() + " has " + std::to_string(first.rows.size()) +
+                     "; rows without a column image belong together by order");
+  }
+  std::vector<RowKeys> of_captures;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    RowKeys& keys = of_captures.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(i) : is_by_name ? first.rows[i].image : "");
+    for (const std::vector<fs::path>& of_camera : files) keys.push_back(of_camera[i].filename().string());
+  }
+  std::vector<RowKeys> of_rows;
+  for (size_t j = 0; j < other.rows.size(); ++j) {
+    const PoseRow& row = other.rows[j];
+    RowKeys& keys = of_rows.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(j) : is_by_name ? row.image : "");
+    for (size_t c = 0; c < files.size(); ++c) {
+      keys.push_back(has_columns ? row.images[c] : is_by_name ? "" : row.image);
+    }
+  }
+  return {std::move(of_rows), std::move(of_captures)};
+}
+
+// Returns the row of `other` that belongs to each capture; nothing if there is none. `files`: as in KeysOf.
+std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows& other,
+                                             const std::vector<std::vector<fs::path>>& files) {
+  const auto [of_rows, of_captures] = KeysOf(first, other, files);
+  std::map<std::pair<size_t, std::string>, size_t> row_of;
+  for (size_t j = 0; j < of_rows.size(); ++j) {
+    for (size_t k = 0; k < of_rows[j].size(); ++k) {
+      if (of_rows[j][k].empty()) continue;
+      const auto [known, is_new] = row_of.emplace(std::pair(k, of_rows[j][k]), j);
+      if (is_new) continue;
+      throw InputError(RowName(other.file, other.rows[j]) + ": names the image " + of_rows[j][k] + " again, after " +
+                       RowName(other.file, other.rows[known->second]));
+    }
+  }
+  std::vector<std::optional<size_t>> places;
+  for (size_t i = 0; i < of_captures.size(); ++i) {
+    const RowKeys& keys = of_captures[i];
+    std::optional<size_t>& place = places.emplace_back();
+    for (size_t k = 0; k < keys.size() && !place; ++k) {
+      const auto found = row_of.find({k, keys[k]});
+      if (found != row_of.end()) place = found->second;
+    }
+    for (size_t k = 0; k < keys.size() && place; ++k) {
+      const std::string& named = of_rows[*place][k];
+      if (keys[k].empty() || named.empty() || keys[k] == named) continue;
+      throw InputError(RowName(other.file, other.rows[*place]) + ": names the image " + named +
+                       ", but the capture of " + RowName(first.file, first.rows[i]) + " has " + keys[k]);
+    }
+  }
+  return places;
 }
 
 std::string CaptureName(const PoseRow& row, size_t index) {
@@ -167,7 +214,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   MapReader refine_all = root.Section("refine");
   const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
   MapReader section(root.Get("cameras"));
-  for (const std::string& name : NamesIn(section, "top")) {
+  for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
     RigCamera camera;
     camera.name = name;
@@ -303,7 +350,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     }
   }
   MapReader cameras_reader(reader.Get("cameras"));
-  const std::vector<std::string> cameras = NamesIn(cameras_reader, "top");
+  const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
   const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
   const std::vector<CameraImages> images = ReadCameras(reader, &config);
   ReadTargets(reader, &config);
@@ -311,14 +358,14 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   std::vector<std::string> names;
   for (size_t i = 0; i < first.rows.size(); ++i) names.push_back(CaptureName(first.rows[i], i));
   const std::set<std::string> excluded = ReadExcluded(reader, names);
-  std::vector<std::vector<size_t>> rows_of_arms;
-  for (const ArmRows& arm : arms) {
-    rows_of_arms.push_back(MatchRows(first, arm));
-    config.arms.push_back({arm.section, arm.file, arm.reading, {}});
-  }
   std::vector<std::vector<fs::path>> images_of_cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
-    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], &data.left_out));
+    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], cameras.size(), &data.left_out));
+  }
+  std::vector<std::vector<std::optional<size_t>>> rows_of_arms;
+  for (const ArmRows& arm : arms) {
+    rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
+    config.arms.push_back({arm.section, arm.file, arm.reading, {}});
   }
   for (size_t i = 0; i < names.size(); ++i) {
     RigRecording capture{names[i], {}, {}};
@@ -326,15 +373,32 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     const bool has_none =
         std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
     const bool is_excluded = excluded.contains(capture.name);
-    if (is_excluded) data.left_out.push_back({capture.name, "left out by captures.exclude"});
-    if (has_none && !is_excluded) data.left_out.push_back({capture.name, "no camera has an image of it"});
-    if (has_none || is_excluded) continue;
+    if (is_excluded || has_none) {
+      data.left_out.push_back({capture.name,
+                               is_excluded ? "left out by captures.exclude" : "no camera has an image of it",
+                               capture.name, capture.images});
+      continue;
+    }
     for (size_t r = 0; r < arms.size(); ++r) {
-      const PoseRow& row = arms[r].rows[rows_of_arms[r][i]];
+      if (!rows_of_arms[r][i]) {
+        throw InputError(arms[r].file.string() + ": has no row for the capture " + capture.name + " of " +
+                         first.file.string());
+      }
+      const PoseRow& row = arms[r].rows[*rows_of_arms[r][i]];
       capture.base_from_gripper.push_back(row.pose);
       config.arms[r].numbers.push_back(row.numbers);
     }
     data.captures.push_back(std::move(capture));
+  }
+  for (size_t r = 1; r < arms.size(); ++r) {
+    for (size_t j = 0; j < arms[r].rows.size(); ++j) {
+      const auto& places = rows_of_arms[r];
+      if (std::find(places.begin(), places.end(), std::optional(j)) != places.end()) continue;
+      data.left_out.push_back({RowName(arms[r].file.filename(), arms[r].rows[j]),
+                               "the pose belongs to no capture of " + first.file.filename().string(),
+                               "",
+                               {}});
+    }
   }
   if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
   ReadRefine(reader, &config);

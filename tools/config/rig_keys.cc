@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
 
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
@@ -32,6 +33,25 @@ std::vector<std::string> NamesIn(MapReader& reader, const std::string& example) 
     }
   }
   if (names.empty()) section.Fail("a mapping of names is needed, such as {" + example + ": {...}}");
+  std::map<std::string, std::string> name_of;
+  for (const std::string& name : names) {
+    std::string frame = name;
+    std::replace(frame.begin(), frame.end(), '-', '_');
+    const auto [other, is_new] = name_of.emplace(frame, name);
+    if (is_new) continue;
+    reader.Get(name).Fail("differs from " + other->second +
+                          " by - and _ only, and frames of ROS have no -; rename one");
+  }
+  return names;
+}
+
+std::vector<std::string> CameraNamesIn(MapReader& reader) {
+  const std::vector<std::string> names = NamesIn(reader, "top");
+  for (const auto& [taken, file] : {std::pair{"config", "of the config of a simulated data set"},
+                                    std::pair{"cameras", "of exports of all cameras"}}) {
+    if (std::find(names.begin(), names.end(), taken) == names.end()) continue;
+    reader.Get(taken).Fail(std::string("a camera cannot have this name, which is that ") + file + "; rename it");
+  }
   return names;
 }
 

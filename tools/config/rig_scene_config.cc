@@ -55,7 +55,7 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
 
 void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
   MapReader section(root.Get("cameras"));
-  for (const std::string& name : NamesIn(section, "top")) {
+  for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
     RigCamera camera;
     camera.name = name;

@@ -440,7 +440,7 @@ std::vector<Symptom> WrongMounts(const RigConfig& config, const std::vector<RigD
 }
 
 // Reports the images and poses that the config read but cannot use.
-std::vector<Symptom> Unpaired(const std::vector<LeftOut>& left_out) {
+std::vector<Symptom> Unpaired(const std::vector<RigLeftOut>& left_out) {
   constexpr size_t kMostNamed = 4;
   if (left_out.empty()) return {};
   std::vector<std::string> texts;

@@ -50,7 +50,7 @@ std::string TruthOf(const ImportedRig& rig, const std::string& mount) {
     RigCamera& entry = problem.cameras.emplace_back();
     entry.name = camera.name;
     entry.mount_name = mount;
-    truth.poses.mount_from_camera.push_back(*camera.mount_from_camera);
+    truth.mount_from_camera.push_back(*camera.mount_from_camera);
     truth.cameras.emplace_back();
   }
   return RigTruthToJson(problem, truth);

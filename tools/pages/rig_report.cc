@@ -79,65 +79,57 @@ std::string CamerasSection(const RigResult& result) {
                                     HtmlTable(head, rows));
 }
 
-// The difference of a pose from the truth, m and rad; nothing if the truth is not known.
-using TrueError = std::optional<std::pair<double, double>>;
+// A pose of the result: its frames, and its error if the truth is known.
+struct ShownPose {
+  std::string what;
+  Rigid3d pose;
+  Matrix6 covariance;
+  std::optional<PoseError> truth = std::nullopt;
+};
 
-// Returns the row of a pose: its frames, numbers and sigmas and, if `has_truth`, its difference from the truth.
-std::vector<PageCell> PoseRow(const std::string& what, const Rigid3d& pose, const Matrix6& covariance, bool has_truth,
-                              const TrueError& error) {
-  const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
-  std::vector<PageCell> row = {{what}, {PoseText(pose, 1000 * sigma_m, sigma_rad)}};
-  for (PageCell& cell : SigmaCells(covariance)) row.push_back(std::move(cell));
-  if (!has_truth) return row;
-  row.push_back(Number(error ? std::optional(1000 * error->first) : std::nullopt));
-  row.push_back(Number(error ? std::optional(RadToDeg(error->second)) : std::nullopt));
-  return row;
-}
-
-std::vector<std::string> PoseHead(bool has_truth) {
+// Returns a table of poses with their numbers, sigmas and, if the truth is known of any, true errors.
+std::string PosesTable(const std::vector<ShownPose>& poses) {
+  const bool has_truth =
+      std::any_of(poses.begin(), poses.end(), [](const ShownPose& pose) { return pose.truth.has_value(); });
   std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
   if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
-  return head;
-}
-
-// Returns the difference of a pose from the truth, by the symmetry of the target that makes it least.
-TrueError ErrorOf(const Rigid3d& pose, const Rigid3d& truth, const std::vector<Rigid3d>& symmetries = {Rigid3d()}) {
-  std::pair<double, double> least(0, std::numeric_limits<double>::infinity());
-  for (const Rigid3d& symmetry : symmetries) {
-    const double angle_rad = AngleRad(pose, truth * symmetry);
-    if (angle_rad < least.second) least = {DistanceM(pose, truth * symmetry), angle_rad};
-  }
-  return least;
-}
-
-std::string PosesSection(const RigDataset& dataset, const RigRunOutput& run) {
-  const RigResult& result = run.result;
-  const RigProblem& rig = result.rig;
-  const RigSolution& solution = result.solution;
-  const std::optional<RigTruth>& truth = dataset.truth;
   std::vector<std::vector<PageCell>> rows;
+  for (const ShownPose& shown : poses) {
+    const auto [sigma_m, sigma_rad] = LargestSigmas(shown.covariance);
+    std::vector<PageCell>& row = rows.emplace_back();
+    row = {{shown.what}, {PoseText(shown.pose, 1000 * sigma_m, sigma_rad)}};
+    for (PageCell& cell : SigmaCells(shown.covariance)) row.push_back(std::move(cell));
+    if (!has_truth) continue;
+    row.push_back(Number(shown.truth ? std::optional(shown.truth->mm) : std::nullopt));
+    row.push_back(Number(shown.truth ? std::optional(shown.truth->deg) : std::nullopt));
+  }
+  return HtmlTable(head, rows);
+}
+
+std::string PosesSection(const RigResult& result) {
+  const RigProblem& rig = result.rig;
+  const RigPoses& poses = result.solution.poses;
+  const auto covariance_of = [&](const std::string& block) {
+    return *PoseCovarianceOf(result.solution.covariance, block);
+  };
+  std::vector<ShownPose> shown;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    rows.push_back(PoseRow(
-        "camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]), solution.poses.mount_from_camera[c],
-        *PoseCovarianceOf(solution.covariance, CameraPoseBlock(rig.cameras[c])), truth.has_value(),
-        truth ? ErrorOf(solution.poses.mount_from_camera[c], truth->poses.mount_from_camera[c]) : TrueError()));
+    const RigErrors& errors = result.errors[c];
+    shown.push_back({"camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
+                     poses.mount_from_camera[c], covariance_of(CameraPoseBlock(rig.cameras[c]))});
+    if (errors.truth_mm) shown.back().truth = PoseError{*errors.truth_mm, *errors.truth_deg};
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
-    rows.push_back(PoseRow("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
-                           solution.poses.mount_from_target[t],
-                           *PoseCovarianceOf(solution.covariance, TargetPoseBlock(rig.targets[t])), truth.has_value(),
-                           truth ? ErrorOf(solution.poses.mount_from_target[t], truth->poses.mount_from_target[t],
-                                           run.calibration.problem.targets[t].symmetries)
-                                 : TrueError()));
+    shown.push_back({"target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
+                     poses.mount_from_target[t], covariance_of(TargetPoseBlock(rig.targets[t])),
+                     ErrorAt(result.truth.targets, t)});
   }
   for (size_t r = 1; r < rig.robots.size(); ++r) {
-    rows.push_back(
-        PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
-                *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r])), truth.has_value(),
-                truth ? ErrorOf(solution.poses.world_from_base[r], truth->poses.world_from_base[r]) : TrueError()));
+    shown.push_back({"base of arm " + rig.robots[r] + " in world", poses.world_from_base[r],
+                     covariance_of(BaseBlock(rig.robots[r])), ErrorAt(result.truth.bases, r)});
   }
-  return PageSection("Poses", Paragraph("Sigmas are those along and about the least certain axis.") +
-                                  HtmlTable(PoseHead(truth.has_value()), rows));
+  return PageSection("Poses",
+                     Paragraph("Sigmas are those along and about the least certain axis.") + PosesTable(shown));
 }
 
 std::string IntrinsicsSection(const RigDataset& dataset, const RigResult& result) {
@@ -154,22 +146,20 @@ std::string IntrinsicsSection(const RigDataset& dataset, const RigResult& result
 }
 
 std::string RelativeSection(const RigResult& result) {
-  const bool has_truth = !result.relative_truth.empty();
-  std::vector<std::vector<PageCell>> rows;
+  std::vector<ShownPose> shown;
   for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
     const RelativePose& pose = result.relative_cameras[i];
-    rows.push_back(PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child,
-                           pose.covariance, has_truth, has_truth ? TrueError(result.relative_truth[i]) : TrueError()));
+    shown.push_back({"camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance,
+                     ErrorAt(result.truth.relative_cameras, i)});
   }
   for (const RelativePose& pose : result.relative_targets) {
-    rows.push_back(PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child,
-                           pose.covariance, has_truth, TrueError()));
+    shown.push_back({"target " + pose.child + " in target " + pose.parent, pose.parent_from_child, pose.covariance});
   }
-  if (rows.empty()) return "";
+  if (shown.empty()) return "";
   return PageSection("Poses between cameras and between targets",
                      Paragraph("The covariance of each pose comes from the joint adjustment: errors that both ends "
                                "share cancel.") +
-                         HtmlTable(PoseHead(has_truth), rows));
+                         PosesTable(shown));
 }
 
 std::string ArmsSection(const RigResult& result) {
@@ -197,6 +187,17 @@ std::string ArmsSection(const RigResult& result) {
     text += " Smooth errors vary with the pose of the arm, and are nearly the same for neighbouring captures.";
   }
   return PageSection("Arms", Paragraph(text) + HtmlTable(head, rows));
+}
+
+// Returns the RMS error of the points that the estimate used in an image, or of all if it used none.
+std::optional<double> RmsOf(const RigImageResult& image) {
+  SquaredErrors sum;
+  for (const RigTargetInImage& target : image.targets) {
+    if (target.used != image.used || !target.rms_px) continue;
+    const int num_points = target.num_points - (target.used ? target.num_rejected : 0);
+    sum.Add({*target.rms_px * *target.rms_px * num_points, num_points});
+  }
+  return sum.RmsPx();
 }
 
 // Returns whether the poses of the arms have corrections.
@@ -260,7 +261,7 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     }
   }
   for (const RigImageResult& image : run.result.images) {
-    if (image.camera != name) continue;
+    if (image.camera != name || !image.was_searched) continue;
     std::vector<std::string> targets;
     for (const RigTargetInImage& target : image.targets) targets.push_back(target.target);
     const std::string number = std::to_string(shown.residuals.images.size() + 1);
@@ -292,12 +293,10 @@ std::string ImagesTable(const RigResult& result) {
     std::vector<std::string> targets;
     int num_points = 0;
     int num_rejected = 0;
-    SquaredErrors sum;
     for (const RigTargetInImage& target : image.targets) {
       targets.push_back(target.target);
       num_points += target.num_points;
       num_rejected += target.num_rejected;
-      if (target.rms_px) sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
     }
     rows.push_back({{image.capture},
                     {image.camera},
@@ -306,7 +305,7 @@ std::string ImagesTable(const RigResult& result) {
                     {image.used ? "used" : "not used"},
                     {std::to_string(num_points), true},
                     {std::to_string(num_rejected), true},
-                    Number(sum.RmsPx()),
+                    Number(RmsOf(image)),
                     {image.reason}});
   }
   return Heading("Images") + Paragraph("The RMS is that with the poses of the arms as reported.") +
@@ -338,7 +337,7 @@ std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, co
   const RigResult& result = run.result;
   std::string body = "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
                      VerdictPart(result.verdict) + CamerasSection(result) + "</div>\n" + CellSection(dataset, run) +
-                     PosesSection(dataset, run) + RelativeSection(result) + IntrinsicsSection(dataset, result) +
+                     PosesSection(result) + RelativeSection(result) + IntrinsicsSection(dataset, result) +
                      ArmsSection(result);
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const std::string name = "captures_" + std::to_string(c);

@@ -5,14 +5,11 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/base/text.h"
 #include "targets/images/image.h"
 
 namespace heba {
 namespace {
-
-std::string SizeText(int width_px, int height_px) {
-  return std::to_string(width_px) + " x " + std::to_string(height_px);
-}
 
 bool StatesSize(const CaptureDetection& detection) { return detection.width_px > 0 && detection.height_px > 0; }
 
@@ -22,9 +19,10 @@ void CheckSizes(const Dataset& dataset, const std::vector<CaptureDetection>& det
   const int height_px = detections.front().height_px;
   for (size_t i = 1; i < detections.size(); ++i) {
     if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
-      throw InputError(dataset.captures[i].name + ": is " + SizeText(detections[i].width_px, detections[i].height_px) +
-                       " px, but " + dataset.captures[0].name + " is " + SizeText(width_px, height_px) +
-                       " px; all images must come from one camera at one resolution");
+      throw InputError(dataset.captures[i].name + ": is " +
+                       ImageSizeText(detections[i].width_px, detections[i].height_px) + ", but " +
+                       dataset.captures[0].name + " is " + ImageSizeText(width_px, height_px) +
+                       "; all images must come from one camera at one resolution");
     }
   }
 }
@@ -114,9 +112,9 @@ void FitCameraToImages(const CaptureDetection& first, Dataset* dataset) {
     camera.height_px = first.height_px;
   }
   if (camera.width_px != first.width_px || camera.height_px != first.height_px) {
-    throw InputError(dataset->camera_source + ": is for images of " + SizeText(camera.width_px, camera.height_px) +
-                     " px, but " + dataset->captures[0].name + " is " + SizeText(first.width_px, first.height_px) +
-                     " px; provide the intrinsics of that resolution");
+    throw InputError(dataset->camera_source + ": is for images of " + ImageSizeText(camera.width_px, camera.height_px) +
+                     ", but " + dataset->captures[0].name + " is " + ImageSizeText(first.width_px, first.height_px) +
+                     "; provide the intrinsics of that resolution");
   }
 }
 

@@ -1,33 +1,23 @@
 #include "heba/rig_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <mutex>
 
 #include "heba/base/parallel.h"
+#include "heba/base/stopwatch.h"
+#include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/rig_cross_validation.h"
+#include "solvers/rig/rig_outliers.h"
 #include "targets/images/image.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
 
 namespace heba {
 namespace {
-
-class Stopwatch {
- public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-std::string SizeText(const ImageSize& size) {
-  return std::to_string(size.width_px) + " x " + std::to_string(size.height_px) + " px";
-}
 
 RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
   RigProblem rig = dataset.rig;
@@ -59,14 +49,32 @@ std::optional<SquaredErrors> ErrorsOf(const RigProblem& rig, const RigSolution& 
       ApplyShape(image.observations, solution.shapes[image.target]));
 }
 
-// Returns the entries of all images, used or not. `seen` has the points of all images.
-std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigProblem& seen,
+// The reasons why targets in an image were not used, in words.
+class Reasons {
+ public:
+  void Add(const std::string& reason, const std::string& target) {
+    const auto known = std::find_if(all_.begin(), all_.end(), [&](const auto& entry) { return entry.first == reason; });
+    (known == all_.end() ? all_.emplace_back(reason, std::vector<std::string>()) : *known).second.push_back(target);
+  }
+  // Returns each reason after the targets that it concerns.
+  std::string Text() const {
+    std::vector<std::string> texts;
+    for (const auto& [reason, targets] : all_) texts.push_back("target " + Join(targets, ", target ") + ": " + reason);
+    return Join(texts, "; ");
+  }
+
+ private:
+  std::vector<std::pair<std::string, std::vector<std::string>>> all_;
+};
+
+// Returns the entries of all images, used or not. `seen` has the points of all images, `used` those of the estimate.
+std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigProblem& seen, const RigProblem& used,
                                          const RigCalibration& calibration) {
   const RigSolution& solution = *calibration.refined;
-  std::map<std::pair<size_t, size_t>, std::string> reasons;
+  std::map<std::pair<size_t, size_t>, std::string> reason_of;
   for (const UnusedRigImage& unused : calibration.unused) {
     for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
-      if (!unused.image || *unused.image == k) reasons[{unused.capture, k}] = unused.reason;
+      if (!unused.image || *unused.image == k) reason_of[{unused.capture, k}] = unused.reason;
     }
   }
   std::vector<RigImageResult> results;
@@ -80,6 +88,7 @@ std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigPro
                             false,
                             "",
                             {}};
+      Reasons reasons;
       for (size_t k = 0; k < capture.images.size(); ++k) {
         const RigImage& image = capture.images[k];
         if (image.camera != c) continue;
@@ -87,34 +96,103 @@ std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigPro
         target.target = dataset.rig.targets[image.target].name;
         target.num_points = image.observations.size();
         target.num_rejected = static_cast<int>(solution.captures[i].rejected_ids[k].size());
-        target.used = calibration.problem.captures[i].images[k].observations.size() > target.num_rejected;
+        target.used = used.captures[i].images[k].observations.size() > 0;
         const std::optional<SquaredErrors> errors =
-            ErrorsOf(seen, solution, calibration.problem.captures[i],
-                     target.used ? calibration.problem.captures[i].images[k] : image);
+            ErrorsOf(seen, solution, used.captures[i], target.used ? used.captures[i].images[k] : image);
         if (errors) target.rms_px = errors->RmsPx();
         result.used = result.used || target.used;
-        const auto reason = reasons.find({i, k});
-        if (reason != reasons.end()) {
-          result.reason += (result.reason.empty() ? "" : "; ") + reason->second;
+        const auto reason = reason_of.find({i, k});
+        if (reason != reason_of.end()) {
+          reasons.Add(reason->second, target.target);
         } else if (!target.used) {
-          result.reason = "none of its points is where the estimate predicts it";
+          reasons.Add("none of its points is where the estimate predicts it", target.target);
         }
       }
-      if (result.targets.empty()) result.reason = "no target was detected";
+      result.reason = result.targets.empty() ? "no target was detected" : reasons.Text();
       results.push_back(std::move(result));
     }
   }
   return results;
 }
 
+// Returns the entries of what was left out before the images were searched: one for each image, or one without an
+// image.
+std::vector<RigImageResult> LeftOutResults(const RigDataset& dataset) {
+  std::vector<RigImageResult> results;
+  for (const RigLeftOut& entry : dataset.left_out) {
+    const size_t first = results.size();
+    for (size_t c = 0; c < entry.images.size(); ++c) {
+      if (entry.images[c].empty()) continue;
+      results.push_back({entry.capture,
+                         dataset.rig.cameras[c].name,
+                         entry.images[c].filename().string(),
+                         false,
+                         entry.reason,
+                         {},
+                         false});
+    }
+    if (results.size() == first) results.push_back({entry.name, "", "", false, entry.reason, {}, false});
+  }
+  return results;
+}
+
+PoseError ErrorOf(const Rigid3d& pose, const Rigid3d& truth) {
+  return {1000 * DistanceM(pose, truth), RadToDeg(AngleRad(pose, truth))};
+}
+
+// Returns the error of a target's pose, in the nearest of the orientations in which it looks the same.
+PoseError ErrorOfTarget(const Rigid3d& pose, const std::vector<Rigid3d>& symmetries, const Rigid3d& truth) {
+  std::vector<PoseError> errors;
+  for (const Rigid3d& symmetry : symmetries) errors.push_back(ErrorOf(pose * symmetry, truth));
+  return *std::min_element(errors.begin(), errors.end(),
+                           [](const PoseError& a, const PoseError& b) { return a.deg < b.deg; });
+}
+
+// Returns the errors of the poses of a result by the truth.
+RigPoseErrors PoseErrors(const RigProblem& rig, const RigResult& result, const RigTruth& truth) {
+  RigPoseErrors errors;
+  const RigPoses& poses = result.solution.poses;
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    errors.targets.emplace_back();
+    if (!truth.mount_from_target[t]) continue;
+    errors.targets.back() =
+        ErrorOfTarget(poses.mount_from_target[t], rig.targets[t].symmetries, *truth.mount_from_target[t]);
+  }
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    errors.bases.emplace_back();
+    if (r > 0 && truth.world_from_base[r]) {
+      errors.bases.back() = ErrorOf(poses.world_from_base[r], *truth.world_from_base[r]);
+    }
+  }
+  // The poses of the cameras in the world or, if a gripper carries them, in that gripper.
+  std::map<std::string, std::optional<Rigid3d>> true_pose_of;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Mount& mount = rig.cameras[c].mount;
+    std::optional<Rigid3d> pose = truth.mount_from_camera[c];
+    if (mount.part == Mount::Part::kBase && mount.robot > 0) {
+      const std::optional<Rigid3d>& base = truth.world_from_base[mount.robot];
+      pose = base ? std::optional(*base * *pose) : std::nullopt;
+    }
+    true_pose_of[rig.cameras[c].name] = pose;
+  }
+  for (const RelativePose& relative : result.relative_cameras) {
+    const std::optional<Rigid3d>& parent = true_pose_of[relative.parent];
+    const std::optional<Rigid3d>& child = true_pose_of[relative.child];
+    errors.relative_cameras.emplace_back();
+    if (parent && child) {
+      errors.relative_cameras.back() = ErrorOf(relative.parent_from_child, Inverse(*parent) * *child);
+    }
+  }
+  return errors;
+}
+
 // Fills in the in-sample errors of every camera, with the poses of the arms as given, and the errors by the truth.
-void AddErrors(const RigDataset& dataset, const RigCalibration& calibration, RigResult* result) {
-  const RigSolution& solution = *calibration.refined;
+void AddErrors(const RigDataset& dataset, const RigProblem& used, const RigSolution& solution, RigResult* result) {
   std::vector<SquaredErrors> sums(dataset.rig.cameras.size());
-  for (const RigCapture& capture : calibration.problem.captures) {
+  for (const RigCapture& capture : used.captures) {
     for (const RigImage& image : capture.images) {
       if (image.observations.size() == 0) continue;
-      const std::optional<SquaredErrors> errors = ErrorsOf(calibration.problem, solution, capture, image);
+      const std::optional<SquaredErrors> errors = ErrorsOf(used, solution, capture, image);
       if (errors) sums[image.camera].Add(*errors);
     }
   }
@@ -122,19 +200,11 @@ void AddErrors(const RigDataset& dataset, const RigCalibration& calibration, Rig
     RigErrors& errors = result->errors.emplace_back();
     errors.reprojection_rms_px = sums[c].RmsPx();
     if (!dataset.truth) continue;
-    const Rigid3d& truth = dataset.truth->poses.mount_from_camera[c];
-    errors.truth_mm = 1000 * DistanceM(solution.poses.mount_from_camera[c], truth);
-    errors.truth_deg = RadToDeg(AngleRad(solution.poses.mount_from_camera[c], truth));
+    const PoseError error = ErrorOf(solution.poses.mount_from_camera[c], dataset.truth->mount_from_camera[c]);
+    errors.truth_mm = error.mm;
+    errors.truth_deg = error.deg;
   }
-  if (!dataset.truth) return;
-  RigSolution exact = solution;
-  exact.poses = dataset.truth->poses;
-  const std::vector<RelativePose> relative = RelativeCameraPoses(calibration.problem, exact);
-  for (size_t i = 0; i < relative.size(); ++i) {
-    result->relative_truth.emplace_back(
-        DistanceM(result->relative_cameras[i].parent_from_child, relative[i].parent_from_child),
-        AngleRad(result->relative_cameras[i].parent_from_child, relative[i].parent_from_child));
-  }
+  if (dataset.truth) result->truth = PoseErrors(used, *result, *dataset.truth);
 }
 
 Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
@@ -170,7 +240,9 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
   result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
   result.relative_bases = RelativeBasePoses(result.rig, result.solution);
-  result.images = ImageResults(dataset, seen, output.calibration);
+  const RigProblem used = WithoutRejected(output.calibration.problem, solution);
+  result.images = ImageResults(dataset, seen, used, output.calibration);
+  for (RigImageResult& left_out : LeftOutResults(dataset)) result.images.push_back(std::move(left_out));
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     // With the errors that captures share.
     std::vector<Rigid3d> corrections = Corrected(WithErrors(output.calibration.problem.captures[i], solution.effects),
@@ -182,7 +254,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     result.captures.push_back(
         {dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
   }
-  AddErrors(dataset, output.calibration, &result);
+  AddErrors(dataset, used, solution, &result);
   if (options.folds > 1) {
     StageReport report(RunStage::kHoldOut, options.folds, observer);
     const RigHoldOuts errors =
@@ -259,9 +331,11 @@ std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector
     const ImageSize size{detection.detection.width_px, detection.detection.height_px};
     const ImageSize first_size{first->detection.width_px, first->detection.height_px};
     if (size == first_size) continue;
-    throw InputError(dataset.captures[detection.capture].images[detection.camera].string() + ": is " + SizeText(size) +
-                     ", but other images of camera " + dataset.rig.cameras[detection.camera].name + " are " +
-                     SizeText(first_size) + "; all images of a camera must have one resolution");
+    throw InputError(dataset.captures[detection.capture].images[detection.camera].string() + ": is " +
+                     ImageSizeText(size.width_px, size.height_px) + ", but other images of camera " +
+                     dataset.rig.cameras[detection.camera].name + " are " +
+                     ImageSizeText(first_size.width_px, first_size.height_px) +
+                     "; all images of a camera must have one resolution");
   }
   return detections;
 }
@@ -275,8 +349,10 @@ void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetectio
     const ImageSize seen{first->detection.width_px, first->detection.height_px};
     const ImageSize stated{camera.width_px, camera.height_px};
     if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
-      throw InputError(dataset.camera_sources[c] + ": is for images of " + SizeText(stated) + ", but those of camera " +
-                       rig->cameras[c].name + " are " + SizeText(seen) + "; provide the intrinsics of that resolution");
+      throw InputError(dataset.camera_sources[c] + ": is for images of " +
+                       ImageSizeText(stated.width_px, stated.height_px) + ", but those of camera " +
+                       rig->cameras[c].name + " are " + ImageSizeText(seen.width_px, seen.height_px) +
+                       "; provide the intrinsics of that resolution");
     }
     camera.width_px = seen.width_px;
     camera.height_px = seen.height_px;

@@ -1,8 +1,8 @@
 #include "heba/run.h"
 
 #include <algorithm>
-#include <chrono>
 
+#include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
@@ -19,14 +19,6 @@
 
 namespace heba {
 namespace {
-
-class Stopwatch {
- public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 // Returns whether a calibration from more points is no worse: it uses at least as many views, and its residuals are at
 // most 5 % larger than those of the first.

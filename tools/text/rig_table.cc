@@ -22,9 +22,13 @@ std::string SigmaText(const Eigen::Matrix<double, 6, 6>& covariance) {
 }
 
 // Returns the lines of a pose of the result.
-std::string PoseLines(const std::string& title, const Rigid3d& pose, const Eigen::Matrix<double, 6, 6>& covariance) {
+std::string PoseLines(const std::string& title, const Rigid3d& pose, const Eigen::Matrix<double, 6, 6>& covariance,
+                      const std::optional<PoseError>& truth = std::nullopt) {
   const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
-  return title + "\n  " + PoseText(pose, 1000 * sigma_m, sigma_rad) + "\n  " + SigmaText(covariance) + "\n";
+  const std::string lines =
+      title + "\n  " + PoseText(pose, 1000 * sigma_m, sigma_rad) + "\n  " + SigmaText(covariance) + "\n";
+  if (!truth) return lines;
+  return lines + "  true error " + ShownAmount(truth->mm, 2) + " mm, " + ShownAmount(truth->deg, 2) + " deg\n";
 }
 
 // Returns the line of a camera's focal lengths and principal point. The distortion is in the report and in result.json.
@@ -119,7 +123,7 @@ std::pair<int, int> CountImages(const RigResult& result, const std::string& came
   int used = 0;
   int all = 0;
   for (const RigImageResult& image : result.images) {
-    if (image.camera != camera) continue;
+    if (image.camera != camera || !image.was_searched) continue;
     ++all;
     used += image.used ? 1 : 0;
   }
@@ -144,21 +148,19 @@ std::string RigTable(const RigResult& result, Colour colour) {
              IntrinsicsLine(rig.cameras[c], result.solution.cameras[c], covariance);
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
-    table += PoseLines("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
-                       result.solution.poses.mount_from_target[t],
-                       *PoseCovarianceOf(covariance, TargetPoseBlock(rig.targets[t])));
+    table +=
+        PoseLines("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
+                  result.solution.poses.mount_from_target[t],
+                  *PoseCovarianceOf(covariance, TargetPoseBlock(rig.targets[t])), ErrorAt(result.truth.targets, t));
   }
   for (size_t r = 1; r < rig.robots.size(); ++r) {
     table += PoseLines("base of arm " + rig.robots[r] + " in world", result.solution.poses.world_from_base[r],
-                       *PoseCovarianceOf(covariance, BaseBlock(rig.robots[r])));
+                       *PoseCovarianceOf(covariance, BaseBlock(rig.robots[r])), ErrorAt(result.truth.bases, r));
   }
   for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
     const RelativePose& pose = result.relative_cameras[i];
-    table += PoseLines("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance);
-    if (i < result.relative_truth.size()) {
-      table += "  true error " + ShownAmount(1000 * result.relative_truth[i].first, 2) + " mm, " +
-               ShownAmount(RadToDeg(result.relative_truth[i].second), 2) + " deg\n";
-    }
+    table += PoseLines("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance,
+                       ErrorAt(result.truth.relative_cameras, i));
   }
   return table + NoiseLines(result) + ShapeLines(result);
 }

@@ -180,6 +180,10 @@ bool IsUtf8(std::string_view text) {
   return true;
 }
 
+std::string ImageSizeText(double width_px, double height_px) {
+  return Fixed(width_px, 0) + " x " + Fixed(height_px, 0) + " px";
+}
+
 std::string Fixed(double value, int decimals) {
   char buffer[512];
   std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);

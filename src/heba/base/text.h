@@ -37,6 +37,8 @@ std::string EscapedForMarkup(std::string_view text);
 // Returns whether the bytes are valid UTF-8.
 bool IsUtf8(std::string_view text);
 
+// Returns the size of an image in words, such as "640 x 480 px".
+std::string ImageSizeText(double width_px, double height_px);
 // Formats `value` with `decimals` digits after the decimal point.
 std::string Fixed(double value, int decimals);
 // Formats `value` with `digits` significant digits, without an exponent unless the number is very large or very small.

@@ -84,7 +84,7 @@ Finding JudgeImages(const RigResult& result) {
     int num_seen = 0;
     int num_images = 0;
     for (const RigImageResult& image : result.images) {
-      if (image.camera != result.rig.cameras[c].name) continue;
+      if (image.camera != result.rig.cameras[c].name || !image.was_searched) continue;
       ++num_images;
       num_used += image.used ? 1 : 0;
       num_seen += image.targets.empty() ? 0 : 1;
@@ -126,6 +126,10 @@ void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
 }
 
 }  // namespace
+
+std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place) {
+  return errors.empty() ? std::nullopt : errors[place];
+}
 
 Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;

@@ -33,19 +33,22 @@ struct RigErrors {
 struct RigTargetInImage {
   std::string target;
   int num_points = 0;
-  int num_rejected = 0;          // Number of points that the estimate rejected.
-  std::optional<double> rms_px;  // RMS with the estimate and the poses of the arms as given.
+  int num_rejected = 0;  // Number of points that the estimate rejected.
+  // RMS of the points that the estimate used, or of all if it used none, with the estimate and the poses of the arms as
+  // given.
+  std::optional<double> rms_px;
   bool used = false;
 };
 
 // The outcome for one image of one capture.
 struct RigImageResult {
-  std::string capture;
-  std::string camera;
-  std::string image;  // File name.
+  std::string capture;  // Empty for an image without a pose of the arms; for a pose without a capture, its row.
+  std::string camera;   // Empty for a capture without images.
+  std::string image;    // File name.
   bool used = false;
   std::string reason;                     // Reason why it, or one of its targets, was not used.
   std::vector<RigTargetInImage> targets;  // Empty if no target was seen.
+  bool was_searched = true;               // False for what the run left out before it searched the images.
 };
 
 // A capture: the poses of the arms, and their corrections.
@@ -55,11 +58,31 @@ struct RigCaptureResult {
   std::vector<Rigid3d> corrections;        // One per arm; empty if the arms are exact.
 };
 
-// The exact poses of a rig, if they are known.
+// The exact poses of a rig. Those of targets and bases may be unknown; the first base is the world.
 struct RigTruth {
-  RigPoses poses;
+  std::vector<Rigid3d> mount_from_camera;
+  std::vector<std::optional<Rigid3d>> mount_from_target;
+  std::vector<std::optional<Rigid3d>> world_from_base;
   std::vector<std::optional<Camera>> cameras;
 };
+
+// The distance and the angle between a pose and the true one.
+struct PoseError {
+  double mm = 0;
+  double deg = 0;
+};
+
+// The differences of a rig's poses from the truth. Each list is empty, or has an entry for each pose, which is empty if
+// the truth is not known.
+struct RigPoseErrors {
+  // A target that looks the same in several orientations is compared in the nearest.
+  std::vector<std::optional<PoseError>> targets;
+  std::vector<std::optional<PoseError>> bases;             // One per arm; the first has none.
+  std::vector<std::optional<PoseError>> relative_cameras;  // One for each of RigResult::relative_cameras.
+};
+
+// Returns the entry of such a list; nothing if the list is empty.
+std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place);
 
 // A finished run with a rig, from which result.json is written.
 struct RigResult {
@@ -74,12 +97,12 @@ struct RigResult {
   std::vector<RelativePose> relative_cameras;  // RelativeCameraPoses.
   std::vector<RelativePose> relative_targets;
   std::vector<RelativePose> relative_bases;
-  // The differences of relative_cameras from the truth, m and rad, if it is known.
-  std::vector<std::pair<double, double>> relative_truth;
+  RigPoseErrors truth;
   std::vector<RigCaptureResult> captures;
-  std::vector<RigImageResult> images;  // One per camera and capture, in the order of the captures.
-  std::vector<Finding> observations;   // Findings about the run that its figures do not show.
-  Verdict verdict;                     // Result of JudgeRig.
+  // One per camera and capture, in the order of the captures; then what was left out before.
+  std::vector<RigImageResult> images;
+  std::vector<Finding> observations;  // Findings about the run that its figures do not show.
+  Verdict verdict;                    // Result of JudgeRig.
   Timing timing;
 };
 

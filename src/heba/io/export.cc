@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "heba/base/text.h"
 #include "heba/io/export_format.h"
@@ -229,10 +230,13 @@ std::string PlainText(std::string text) {
 std::vector<std::string> ExportRemarks(const ExportRequest& request) {
   const std::string parent = PlainText(request.parent_frame);
   const std::string child = PlainText(request.child_frame);
-  std::vector<std::string> remarks = {
-      std::string(kExportMark) + PlainText(request.name) + ", " + std::string(SetupName(request.setup)) + ", method " +
-          PlainText(request.method) + ": the pose of " + child + " in " + parent,
-      parent + ": " + FrameInWords(request.parent), child + ": " + FrameInWords(request.child)};
+  // The setup tells where the camera is, and says nothing of the pose of one base in another.
+  const bool is_of_bases = request.parent == ExportFrame::kBase && request.child == ExportFrame::kBase;
+  const std::string setup = is_of_bases ? "" : ", " + std::string(SetupName(request.setup));
+  std::vector<std::string> remarks = {std::string(kExportMark) + PlainText(request.name) + setup + ", method " +
+                                          PlainText(request.method) + ": the pose of " + child + " in " + parent,
+                                      parent + ": " + FrameInWords(request.parent),
+                                      child + ": " + FrameInWords(request.child)};
   if (request.covariance) {
     constexpr double kMillimetre = 1e-3;
     constexpr double kDegree = M_PI / 180;
@@ -264,6 +268,25 @@ std::string DecimalText(double number) {
   std::string text = RoundTrip(number);
   if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
   return text;
+}
+
+std::vector<std::string> RootFrames(const std::vector<ExportRequest>& poses) {
+  std::vector<std::string> roots;
+  for (const ExportRequest& pose : poses) {
+    const bool is_child = std::any_of(
+        poses.begin(), poses.end(), [&](const ExportRequest& other) { return other.child_frame == pose.parent_frame; });
+    const bool is_known = std::find(roots.begin(), roots.end(), pose.parent_frame) != roots.end();
+    if (!is_child && !is_known) roots.push_back(pose.parent_frame);
+  }
+  return roots;
+}
+
+std::string FrameWithTwoPoses(const std::vector<ExportRequest>& poses) {
+  std::set<std::string> seen;
+  for (const ExportRequest& pose : poses) {
+    if (!seen.insert(pose.child_frame).second) return pose.child_frame;
+  }
+  return "";
 }
 
 std::string JoinNumbers(const std::vector<double>& numbers, std::string_view separator) {

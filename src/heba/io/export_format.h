@@ -19,11 +19,18 @@ enum class ExportHolds {
   kArm,            // The estimated kinematics of the arm; no pose.
 };
 
-// Formats that hold several cameras in one file. A Failure if they cannot hold these; the names of the child frames
-// must differ.
-Outcome<std::string> ExportCameras_urdf(const std::vector<ExportRequest>& cameras);
-Outcome<std::string> ExportCameras_ros2(const std::vector<ExportRequest>& cameras);
-Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& cameras);
+// Formats that hold several poses in one file. A Failure if they cannot hold these. In the first three, a frame has one
+// pose at most. A URDF needs all poses in one tree of frames (RootFrames); a fragment, which does not define the frames
+// in which the poses are given, is included in the xacro file of a cell that defines them.
+Outcome<std::string> ExportPoses_urdf(const std::vector<ExportRequest>& poses);
+Outcome<std::string> ExportPoses_urdf_fragment(const std::vector<ExportRequest>& poses);
+Outcome<std::string> ExportPoses_ros2(const std::vector<ExportRequest>& poses);
+Outcome<std::string> ExportPoses_kalibr(const std::vector<ExportRequest>& cameras);
+
+// Returns the frames that have no pose in another one, in their order.
+std::vector<std::string> RootFrames(const std::vector<ExportRequest>& poses);
+// Returns the frame that has two poses; empty if none has.
+std::string FrameWithTwoPoses(const std::vector<ExportRequest>& poses);
 
 // The beginning of the first comment of every exported file.
 inline constexpr std::string_view kExportMark = "heba, calibration ";

@@ -1,5 +1,5 @@
 // Export of a rig's result to the formats of other software: one file for each camera and, where the format allows it,
-// one with all cameras.
+// files with all cameras and bases.
 #pragma once
 
 #include <string>
@@ -12,19 +12,24 @@ namespace heba {
 
 struct ExportedFile {
   std::string name;
-  std::string text;    // Empty if the format cannot hold the camera, or these cameras.
-  std::string reason;  // Why not, in words.
-  std::string camera;  // The camera whose file this is; empty for the file with all.
+  std::string text;        // Empty if the format cannot hold these poses.
+  std::string reason;      // Why not, in words.
+  std::string camera;      // The camera whose file this is; empty for files with several poses.
+  bool holds_all = false;  // True for a file with all cameras.
 };
 
 // Returns the pose and the intrinsics of each camera, in base_link or tool0 or, if there are several arms, in
 // ARM_base_link or ARM_tool0. The frame of a camera is called NAME_optical_frame. The base of the first arm is the
 // world.
 std::vector<ExportRequest> RigExportRequests(const RigResult& result);
+// Returns the pose of each base but the first in the first one.
+std::vector<ExportRequest> BaseExportRequests(const RigResult& result);
 
-// Returns the files of a format: CAMERA.FILE_NAME for each camera, and cameras.FILE_NAME with all if the format holds
-// several.
+// Returns the files of a format: CAMERA.FILE_NAME for each camera and, if there are several poses and the format holds
+// several, cameras.SUFFIX with all cameras and, for ROS, bases. A URDF has one root, so that poses with several roots
+// (the bases and each gripper) are in one file for each, cameras.ROOT.urdf; cameras.urdf.xacro has all of them for the
+// description of the cell, which defines the roots.
 std::vector<ExportedFile> ExportRig(const ExportFormat& format, const std::vector<ExportRequest>& cameras,
-                                    const RigResult& result);
+                                    const std::vector<ExportRequest>& bases, const RigResult& result);
 
 }  // namespace heba

@@ -35,7 +35,17 @@ Json SmoothJson(const std::optional<RobotNoise>& noise) {
   return Json{{"mm", 1000 * noise->translation_m}, {"deg", RadToDeg(noise->rotation_rad)}};
 }
 
-Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std::pair<double, double>>& truth) {
+Json TruthJson(const std::vector<std::optional<PoseError>>& errors, size_t place) {
+  const std::optional<PoseError> error = ErrorAt(errors, place);
+  return error ? Json{{"mm", error->mm}, {"deg", error->deg}} : Json(nullptr);
+}
+
+std::optional<PoseError> ReadTruthOf(const JsonReader& reader) {
+  if (!reader.Has("truth")) return std::nullopt;
+  return PoseError{ReadMagnitude(reader.Get("truth"), "mm"), ReadMagnitude(reader.Get("truth"), "deg")};
+}
+
+Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std::optional<PoseError>>& truth) {
   Json list = Json::array();
   for (size_t i = 0; i < poses.size(); ++i) {
     const RelativePose& pose = poses[i];
@@ -50,14 +60,13 @@ Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std:
       rows.push_back(std::move(row));
     }
     json["covariance"] = std::move(rows);
-    json["truth"] = nullptr;
-    if (i < truth.size()) json["truth"] = Json{{"mm", 1000 * truth[i].first}, {"deg", RadToDeg(truth[i].second)}};
+    json["truth"] = TruthJson(truth, i);
     list.push_back(std::move(json));
   }
   return list;
 }
 
-std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std::pair<double, double>>* truth) {
+std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std::optional<PoseError>>* truth) {
   std::vector<RelativePose> poses;
   for (const JsonReader& entry : reader.List()) {
     RelativePose& pose = poses.emplace_back();
@@ -70,9 +79,7 @@ std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std
       const std::vector<double> row = rows[static_cast<size_t>(r)].Numbers(6);
       pose.covariance.row(r) = Eigen::Map<const Eigen::Matrix<double, 1, 6>>(row.data());
     }
-    if (truth == nullptr || !entry.Has("truth")) continue;
-    truth->emplace_back(ReadMagnitude(entry.Get("truth"), "mm") / 1000,
-                        DegToRad(ReadMagnitude(entry.Get("truth"), "deg")));
+    if (truth != nullptr) truth->push_back(ReadTruthOf(entry));
   }
   return poses;
 }
@@ -135,6 +142,7 @@ Json CapturesJson(const RigResult& result) {
         {"image", image.image},
         {"points", num_points},
         {"points_rejected", num_rejected},
+        {"searched", image.was_searched},
         {"used", image.used},
         {"reason", image.reason},
         {"targets", targets},
@@ -169,6 +177,7 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
     const JsonReader& robot = Present(member, robots);
     solution.poses.world_from_base.push_back(
         ReadPoseJson(robot.Get("world_from_base"), "world", member.first + ".base"));
+    result->truth.bases.push_back(ReadTruthOf(robot));
     solution.robot_noise.emplace_back();
     solution.robot_noise_stddev.emplace_back();
     solution.smooth_noise.emplace_back();
@@ -199,8 +208,24 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
     result->target_types.push_back(entry.Get("type").Text());
     solution.poses.mount_from_target.push_back(ReadPoseJson(entry.Get("pose"), MountText(rig, target), member.first));
     solution.shapes.push_back(entry.Has("shape") ? ReadShapeJson(entry.Get("shape")) : TargetShape());
+    result->truth.targets.push_back(ReadTruthOf(entry));
     rig.targets.push_back(std::move(target));
   }
+}
+
+// Reads the pose of a camera or a target of `rig`, whose mount may be called by any of its names.
+template <typename Mounted>
+Rigid3d ReadPoseInMount(const JsonReader& pose, const RigProblem& rig, const Mounted& mounted) {
+  std::string mount = MountText(rig, mounted);
+  const std::string parent = pose.Get("parent").Text();
+  if (FindMount(rig.robots, parent) == mounted.mount) mount = parent;
+  return ReadPoseJson(pose, mount, mounted.name);
+}
+
+// Returns the entry of this name in a section; nothing if there is none.
+std::optional<JsonReader> FindEntry(const JsonReader& reader, const char* section, const std::string& name) {
+  if (!reader.Has(section) || !reader.Get(section).Has(name.c_str())) return std::nullopt;
+  return reader.Get(section).Get(name.c_str());
 }
 
 // Frees the groups of parameters of which a name is in the covariance, and reads it.
@@ -232,6 +257,8 @@ void ReadCaptures(const JsonReader& reader, RigResult* result) {
   for (const JsonReader& entry : reader.List()) {
     RigImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
                          entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
+    // Results of earlier versions lack this member.
+    if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
                                target.Get("points_rejected").Int(0, kMostCounted),
@@ -285,17 +312,19 @@ std::string RigResultToJson(const RigResult& result) {
                                         {"type", result.target_types[t]},
                                         {"pose", PoseWithSigmas(solution.poses.mount_from_target[t], mount, target.name,
                                                                 covariance, TargetPoseBlock(target))},
-                                        {"shape", ShapeJson(solution.shapes[t], covariance, TargetShapeBlock(target))}};
+                                        {"shape", ShapeJson(solution.shapes[t], covariance, TargetShapeBlock(target))},
+                                        {"truth", TruthJson(result.truth.targets, t)}};
   }
   json["robots"] = Json::object();
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     json["robots"][rig.robots[r]] =
         Json{{"world_from_base", PoseWithSigmas(solution.poses.world_from_base[r], "world", rig.robots[r] + ".base",
                                                 covariance, BaseBlock(rig.robots[r]))},
+             {"truth", TruthJson(result.truth.bases, r)},
              {"noise", NoiseJson(solution.robot_noise[r], solution.robot_noise_stddev[r])},
              {"smooth_errors", SmoothJson(SmoothNoiseOf(solution, r))}};
   }
-  json["relative"] = RelativeJson(result.relative_cameras, result.relative_truth);
+  json["relative"] = RelativeJson(result.relative_cameras, result.truth.relative_cameras);
   json["relative_targets"] = RelativeJson(result.relative_targets, {});
   json["relative_bases"] = RelativeJson(result.relative_bases, {});
   json["captures"] = CapturesJson(result);
@@ -326,7 +355,7 @@ RigResult ReadRigResult(const std::filesystem::path& path) {
   for (const RigCamera& camera : result.rig.cameras) {
     result.errors.push_back(ReadErrors(reader.Get("errors").Get(camera.name.c_str())));
   }
-  result.relative_cameras = ReadRelative(reader.Get("relative"), &result.relative_truth);
+  result.relative_cameras = ReadRelative(reader.Get("relative"), &result.truth.relative_cameras);
   result.relative_targets = ReadRelative(reader.Get("relative_targets"), nullptr);
   result.relative_bases = ReadRelative(reader.Get("relative_bases"), nullptr);
   ReadCaptures(reader.Get("captures"), &result);
@@ -350,17 +379,19 @@ std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth) {
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const std::string mount = MountText(rig, rig.cameras[c]);
     Json& entry = json["cameras"][rig.cameras[c].name];
-    entry = Json{{"mount", mount}, {"pose", PoseJson(truth.poses.mount_from_camera[c], mount, rig.cameras[c].name)}};
+    entry = Json{{"mount", mount}, {"pose", PoseJson(truth.mount_from_camera[c], mount, rig.cameras[c].name)}};
     if (truth.cameras[c]) entry["camera"] = CameraJson(*truth.cameras[c]);
   }
   for (size_t t = 0; t < rig.targets.size(); ++t) {
+    if (!truth.mount_from_target[t]) continue;
     const std::string mount = MountText(rig, rig.targets[t]);
     json["targets"][rig.targets[t].name] =
-        Json{{"mount", mount}, {"pose", PoseJson(truth.poses.mount_from_target[t], mount, rig.targets[t].name)}};
+        Json{{"mount", mount}, {"pose", PoseJson(*truth.mount_from_target[t], mount, rig.targets[t].name)}};
   }
   for (size_t r = 0; r < rig.robots.size(); ++r) {
+    if (!truth.world_from_base[r]) continue;
     json["robots"][rig.robots[r]] =
-        Json{{"world_from_base", PoseJson(truth.poses.world_from_base[r], "world", rig.robots[r] + ".base")}};
+        Json{{"world_from_base", PoseJson(*truth.world_from_base[r], "world", rig.robots[r] + ".base")}};
   }
   return FileText(json);
 }
@@ -371,26 +402,22 @@ RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) 
   RigTruth truth;
   for (const RigCamera& camera : rig.cameras) {
     const JsonReader entry = reader.Get("cameras").Get(camera.name.c_str());
-    truth.poses.mount_from_camera.push_back(ReadPoseJson(entry.Get("pose"), MountText(rig, camera), camera.name));
+    truth.mount_from_camera.push_back(ReadPoseInMount(entry.Get("pose"), rig, camera));
     truth.cameras.emplace_back();
     if (entry.Has("camera")) truth.cameras.back() = ReadCameraJson(entry.Get("camera"));
   }
   for (const RigTarget& target : rig.targets) {
-    // The poses of the targets, and of the bases, need not be known.
-    Rigid3d pose;
-    if (reader.Has("targets") && reader.Get("targets").Has(target.name.c_str())) {
-      pose =
-          ReadPoseJson(reader.Get("targets").Get(target.name.c_str()).Get("pose"), MountText(rig, target), target.name);
-    }
-    truth.poses.mount_from_target.push_back(pose);
+    const std::optional<JsonReader> entry = FindEntry(reader, "targets", target.name);
+    truth.mount_from_target.emplace_back();
+    if (entry) truth.mount_from_target.back() = ReadPoseInMount(entry->Get("pose"), rig, target);
   }
   for (size_t r = 0; r < rig.robots.size(); ++r) {
-    Rigid3d pose;
-    if (r > 0) {
-      pose = ReadPoseJson(reader.Get("robots").Get(rig.robots[r].c_str()).Get("world_from_base"), "world",
-                          rig.robots[r] + ".base");
+    const std::optional<JsonReader> entry = FindEntry(reader, "robots", rig.robots[r]);
+    truth.world_from_base.emplace_back();
+    if (r == 0) truth.world_from_base.back() = Rigid3d();
+    if (r > 0 && entry) {
+      truth.world_from_base.back() = ReadPoseJson(entry->Get("world_from_base"), "world", rig.robots[r] + ".base");
     }
-    truth.poses.world_from_base.push_back(pose);
   }
   return truth;
 }

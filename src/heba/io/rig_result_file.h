@@ -23,8 +23,8 @@ RigResult ReadRigResult(const std::filesystem::path& path);
 
 // Returns the text of truth.json: the poses in the form of result.json.
 std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth);
-// Reads truth.json, which must have the cameras, targets and arms of `rig`, with their mounts. Throws InputError with
-// the file and the fault.
+// Reads truth.json, which must have the cameras of `rig`, and may have its targets and arms, with their mounts. Throws
+// InputError with the file and the fault.
 RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig);
 
 }  // namespace heba

@@ -66,8 +66,8 @@ void ExpectRead(const TempFolder& folder, const ImportedRig& rig) {
   ASSERT_TRUE(config.truth.has_value());
   const RigTruth truth = ReadRigTruth(*config.truth, read);
   for (size_t c = 0; c < 2; ++c) {
-    EXPECT_LT(DistanceM(truth.poses.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-12);
-    EXPECT_LT(AngleRad(truth.poses.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-7);
+    EXPECT_LT(DistanceM(truth.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-12);
+    EXPECT_LT(AngleRad(truth.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-7);
   }
 }
 

@@ -173,6 +173,8 @@ int ExportOfRig(const fs::path& file) {
     request.length_unit = FLAGS_units;
     cameras.push_back(FLAGS_inverse ? Inverted(request) : request);
   }
+  std::vector<ExportRequest> bases;
+  for (const ExportRequest& base : BaseExportRequests(result)) bases.push_back(FLAGS_inverse ? Inverted(base) : base);
   if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
               << "/report.html gives the reasons" << std::endl;
@@ -180,7 +182,7 @@ int ExportOfRig(const fs::path& file) {
   std::vector<ExportedFile> files;
   for (const ExportFormat& format : ExportFormats()) {
     if (FLAGS_to != "all" && format.name != FormatAskedFor().name) continue;
-    for (ExportedFile& exported : ExportRig(format, cameras, result)) files.push_back(std::move(exported));
+    for (ExportedFile& exported : ExportRig(format, cameras, bases, result)) files.push_back(std::move(exported));
   }
   // A format that was asked for by its name must hold every camera, as with one camera.
   std::vector<std::string> refused;
@@ -197,13 +199,10 @@ int ExportOfRig(const fs::path& file) {
     return kWorkFailed;
   }
   if (FLAGS_out.empty() && FLAGS_to != "all") {
-    // The last file holds all cameras if the format allows it.
     for (const ExportedFile& exported : files) {
-      const bool is_all = exported.name.starts_with("cameras.") && !exported.text.empty();
-      if (is_all) {
-        std::cout << exported.text << std::flush;
-        return kDone;
-      }
+      if (!exported.holds_all || exported.text.empty()) continue;
+      std::cout << exported.text << std::flush;
+      return kDone;
     }
     for (const ExportedFile& exported : files) std::cout << exported.text;
     std::cout << std::flush;

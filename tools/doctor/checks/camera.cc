@@ -14,10 +14,6 @@
 namespace heba {
 namespace {
 
-std::string SizeText(int width_px, int height_px) {
-  return std::to_string(width_px) + " x " + std::to_string(height_px) + " px";
-}
-
 // Returns the camera of an image enlarged by `factor`; pixel (0, 0) is the centre of the first pixel.
 Camera Scaled(const Camera& camera, double factor) {
   Camera scaled = camera;
@@ -89,8 +85,8 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   const double higher = static_cast<double>(image.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
                   examination->config.data.camera_source + " is for images of " +
-                      SizeText(given.width_px, given.height_px) + ", but these are " +
-                      SizeText(image.width_px, image.height_px),
+                      ImageSizeText(given.width_px, given.height_px) + ", but these are " +
+                      ImageSizeText(image.width_px, image.height_px),
                   ""};
   constexpr double kSame = 0.01;
   const Camera scaled = OfSize(Scaled(given, wider), image);

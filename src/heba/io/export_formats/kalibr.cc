@@ -42,7 +42,7 @@ Outcome<std::string> CameraLines(const ExportRequest& request) {
 
 }  // namespace
 
-Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& cameras) {
+Outcome<std::string> ExportPoses_kalibr(const std::vector<ExportRequest>& cameras) {
   std::vector<std::string> remarks;
   std::string text;
   std::vector<std::string> numbers;
@@ -76,6 +76,6 @@ Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& came
   return CommentLines(remarks, "# ") + text;
 }
 
-Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) { return ExportCameras_kalibr({request}); }
+Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) { return ExportPoses_kalibr({request}); }
 
 }  // namespace heba

@@ -6,12 +6,14 @@
 
 namespace heba {
 
-Outcome<std::string> ExportCameras_ros2(const std::vector<ExportRequest>& cameras) {
+Outcome<std::string> ExportPoses_ros2(const std::vector<ExportRequest>& poses) {
+  const std::string twice = FrameWithTwoPoses(poses);
+  if (!twice.empty()) return Failure{"a frame of ROS has one parent, and " + twice + " would have two"};
   constexpr std::array kNames = {"--x", "--y", "--z", "--qx", "--qy", "--qz", "--qw"};
   std::vector<std::string> remarks;
   std::vector<std::string> nodes;
-  for (size_t c = 0; c < cameras.size(); ++c) {
-    const ExportRequest& request = cameras[c];
+  for (size_t c = 0; c < poses.size(); ++c) {
+    const ExportRequest& request = poses[c];
     const std::vector<double> numbers = TranslationAndQuaternion(request.parent_from_child);
     std::vector<std::string> words;
     std::string list;
@@ -23,7 +25,7 @@ Outcome<std::string> ExportCameras_ros2(const std::vector<ExportRequest>& camera
     remarks.push_back("by hand: ros2 run tf2_ros static_transform_publisher " + Join(words, " ") + " --frame-id " +
                       PlainText(request.parent_frame) + " --child-frame-id " + PlainText(request.child_frame));
     // The nodes of one launch file need different names.
-    const std::string number = cameras.size() > 1 ? "_" + std::to_string(c) : "";
+    const std::string number = poses.size() > 1 ? "_" + std::to_string(c) : "";
     // Text quoted for YAML is also valid in Python.
     nodes.push_back(
         "Node(\n"
@@ -39,6 +41,6 @@ Outcome<std::string> ExportCameras_ros2(const std::vector<ExportRequest>& camera
          Join(nodes, ", ") + "])\n";
 }
 
-Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) { return ExportCameras_ros2({request}); }
+Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) { return ExportPoses_ros2({request}); }
 
 }  // namespace heba

@@ -27,6 +27,14 @@ struct RigRecording {
   std::vector<std::filesystem::path> images;  // One per camera; empty if it recorded none.
 };
 
+// Images, or a row of poses, that belong to no capture of the data set.
+struct RigLeftOut {
+  std::string name;                           // The capture, an image as CAMERA/FILE, or a row as FILE:LINE.
+  std::string reason;                         // One clause.
+  std::string capture;                        // Empty for an image without a pose of the arms.
+  std::vector<std::filesystem::path> images;  // One per camera, empty if it recorded none; or an empty list.
+};
+
 // The recorded data of a rig.
 struct RigDataset {
   std::string name;
@@ -38,7 +46,7 @@ struct RigDataset {
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<RigRecording> captures;
   std::optional<RigTruth> truth;
-  std::vector<LeftOut> left_out;  // Is listed in the result.
+  std::vector<RigLeftOut> left_out;  // Is listed in the result.
 };
 
 struct RigRunOptions {

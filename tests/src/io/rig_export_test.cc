@@ -1,0 +1,172 @@
+#include "heba/io/rig_export.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include "heba/base/registry.h"
+#include "heba/geometry/rigid3.h"
+#include "tests/support/matchers.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+Rigid3d PoseOf(double number) { return {ExpRotation({0.1 * number, -0.2, 0.3}), Eigen::Vector3d(number, 0.5, -0.25)}; }
+
+// A rig whose arms and cameras have these names and mounts.
+RigResult RigOf(const std::vector<std::string>& arms, const std::vector<std::pair<std::string, Mount>>& cameras) {
+  RigResult result;
+  result.name = "cell";
+  result.rig.robots = arms;
+  RigSolution& solution = result.solution;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    solution.poses.world_from_base.push_back(r == 0 ? Rigid3d() : PoseOf(10.0 + static_cast<double>(r)));
+  }
+  for (const auto& [name, mount] : cameras) {
+    solution.poses.mount_from_camera.push_back(PoseOf(static_cast<double>(result.rig.cameras.size())));
+    solution.cameras.push_back({"pinhole", 640, 480, {600, 600, 320, 240}});
+    result.rig.cameras.push_back({name, mount, solution.cameras.back()});
+  }
+  solution.covariance.layout = RigUnknowns(result.rig);
+  const int size = solution.covariance.layout.size();
+  solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(size, size);
+  return result;
+}
+
+constexpr Mount kWorld{0, Mount::Part::kBase};
+constexpr Mount kGripper{0, Mount::Part::kGripper};
+
+std::vector<ExportedFile> FilesOf(const std::string& format, const RigResult& result, bool is_inverted = false) {
+  std::vector<ExportRequest> cameras = RigExportRequests(result);
+  std::vector<ExportRequest> bases = BaseExportRequests(result);
+  for (std::vector<ExportRequest>* const poses : {&cameras, &bases}) {
+    for (ExportRequest& pose : *poses) pose = is_inverted ? Inverted(pose) : pose;
+  }
+  return ExportRig(*FindEntry(ExportFormats(), format), cameras, bases, result);
+}
+
+const ExportedFile& FileOf(const std::vector<ExportedFile>& files, const std::string& name) {
+  static const ExportedFile none;
+  const auto found = std::find_if(files.begin(), files.end(), [&](const auto& file) { return file.name == name; });
+  if (found != files.end()) return *found;
+  ADD_FAILURE() << "no file " << name;
+  return none;
+}
+
+std::vector<std::string> NamesOf(const std::vector<ExportedFile>& files) {
+  std::vector<std::string> names;
+  for (const ExportedFile& file : files) names.push_back((file.text.empty() ? "not " : "") + file.name);
+  return names;
+}
+
+Rigid3d PoseOf(const urdf::ModelInterface& model, const std::string& joint) {
+  const urdf::Pose& pose = model.getJoint(joint)->parent_to_joint_origin_transform;
+  return {Eigen::Quaterniond(pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z),
+          Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z)};
+}
+
+std::vector<std::string> LinksOf(const urdf::ModelInterface& model) {
+  std::vector<std::string> links;
+  for (const auto& [name, link] : model.links_) links.push_back(name);
+  return links;
+}
+
+TEST(RigExportTest, AUrdfOfCamerasWithOneRootIsLoaded) {
+  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
+  const std::vector<ExportedFile> files = FilesOf("urdf", rig);
+  EXPECT_THAT(NamesOf(files),
+              ElementsAre("top.camera.urdf", "far-side.camera.urdf", "cameras.urdf", "cameras.urdf.xacro"));
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(FileOf(files, "cameras.urdf").text);
+  ASSERT_NE(model, nullptr);
+  EXPECT_EQ(model->getRoot()->name, "base_link");
+  EXPECT_THAT(LinksOf(*model), ElementsAre("base_link", "far_side_optical_frame", "top_optical_frame"));
+  EXPECT_THAT(PoseOf(*model, "base_link_to_far_side_optical_frame"),
+              IsNearPose(rig.solution.poses.mount_from_camera[1], 1e-12, 1e-12));
+}
+
+// The gripper has no constant pose in the base, so that a URDF of both has two roots, which parsers refuse.
+TEST(RigExportTest, EachRootHasAUrdfThatIsLoaded) {
+  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}, {"side", kWorld}});
+  const std::vector<ExportedFile> files = FilesOf("urdf", rig);
+  EXPECT_THAT(NamesOf(files),
+              ElementsAre("top.camera.urdf", "wrist.camera.urdf", "side.camera.urdf", "cameras.base_link.urdf",
+                          "cameras.tool0.urdf", "not cameras.urdf", "cameras.urdf.xacro"));
+  EXPECT_THAT(FileOf(files, "cameras.urdf").reason,
+              HasSubstr("one root link, and these poses are given in base_link and tool0"));
+  const urdf::ModelInterfaceSharedPtr fixed = urdf::parseURDF(FileOf(files, "cameras.base_link.urdf").text);
+  ASSERT_NE(fixed, nullptr);
+  EXPECT_THAT(LinksOf(*fixed), ElementsAre("base_link", "side_optical_frame", "top_optical_frame"));
+  const urdf::ModelInterfaceSharedPtr carried = urdf::parseURDF(FileOf(files, "cameras.tool0.urdf").text);
+  ASSERT_NE(carried, nullptr);
+  EXPECT_EQ(carried->getRoot()->name, "tool0");
+  EXPECT_THAT(LinksOf(*carried), ElementsAre("tool0", "wrist_optical_frame"));
+}
+
+// The fragment has the links of the cameras only; together with an arm that has the others, it is one URDF.
+TEST(RigExportTest, TheFragmentCompletesTheUrdfOfTheArm) {
+  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}});
+  const std::string fragment = FileOf(FilesOf("urdf", rig), "cameras.urdf.xacro").text;
+  EXPECT_THAT(fragment, HasSubstr("must define base_link, tool0"));
+  const size_t begin = fragment.find('\n', fragment.find("<robot ")) + 1;
+  const std::string content = fragment.substr(begin, fragment.find("</robot>") - begin);
+  const std::string arm =
+      "<robot name=\"arm\"><link name=\"base_link\"/><link name=\"tool0\"/>"
+      "<joint name=\"axis\" type=\"continuous\"><parent link=\"base_link\"/><child link=\"tool0\"/></joint>";
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(arm + content + "</robot>");
+  ASSERT_NE(model, nullptr);
+  EXPECT_THAT(LinksOf(*model), ElementsAre("base_link", "tool0", "top_optical_frame", "wrist_optical_frame"));
+}
+
+// The bases of all arms have constant poses in the first one, and are exported with the cameras, even with one camera.
+TEST(RigExportTest, BasesAreExported) {
+  const RigResult rig = RigOf({"left-arm", "right"}, {{"top", {1, Mount::Part::kBase}}});
+  const std::vector<ExportedFile> files = FilesOf("urdf", rig);
+  EXPECT_THAT(NamesOf(files), ElementsAre("top.camera.urdf", "cameras.urdf", "cameras.urdf.xacro"));
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(FileOf(files, "cameras.urdf").text);
+  ASSERT_NE(model, nullptr);
+  EXPECT_EQ(model->getRoot()->name, "left_arm_base_link");
+  EXPECT_THAT(PoseOf(*model, "left_arm_base_link_to_right_base_link"),
+              IsNearPose(rig.solution.poses.world_from_base[1], 1e-12, 1e-12));
+  EXPECT_THAT(PoseOf(*model, "right_base_link_to_top_optical_frame"),
+              IsNearPose(rig.solution.poses.mount_from_camera[0], 1e-12, 1e-12));
+  const std::string launch = FileOf(FilesOf("ros2", rig), "cameras.launch.py").text;
+  EXPECT_THAT(launch,
+              HasSubstr("'--frame-id', \"left_arm_base_link\",\n            '--child-frame-id', \"right_base_link\""));
+  EXPECT_THAT(launch, HasSubstr("one sigma along and about the axes of right_base_link: 1.0, 1.0, 1.0 mm"));
+  EXPECT_THAT(NamesOf(FilesOf("kalibr", rig)), ElementsAre("top.camchain.yaml"));
+}
+
+// With one arm and one camera, the camera's file has all poses.
+TEST(RigExportTest, OnePoseHasNoFileOfAll) {
+  EXPECT_THAT(NamesOf(FilesOf("urdf", RigOf({"robot"}, {{"top", kWorld}}))), ElementsAre("top.camera.urdf"));
+}
+
+// Inverted, both cameras are the parent of the base.
+TEST(RigExportTest, AFrameWithTwoParentsIsRefused) {
+  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
+  EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf").reason, HasSubstr("base_link would have two"));
+  EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf.xacro").reason, HasSubstr("base_link would have two"));
+  EXPECT_THAT(FileOf(FilesOf("ros2", rig, true), "cameras.launch.py").reason, HasSubstr("base_link would have two"));
+}
+
+// A file with all cameras is refused if the format cannot hold one of them, by its name.
+TEST(RigExportTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
+  RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
+  const std::vector<ExportedFile> inverted = FilesOf("kalibr", rig, true);
+  EXPECT_THAT(FileOf(inverted, "cameras.camchain.yaml").text, IsEmpty());
+  rig.solution.cameras[1] = {"brown5", 640, 480, {600, 600, 320, 240, 0.1, 0, 0, 0, 0.5}};
+  const std::vector<ExportedFile> files = FilesOf("kalibr", rig);
+  EXPECT_THAT(FileOf(files, "top.camchain.yaml").text, Not(IsEmpty()));
+  EXPECT_THAT(FileOf(files, "cameras.camchain.yaml").reason, HasSubstr("camera side: Kalibr's lens has"));
+}
+
+}  // namespace
+}  // namespace heba

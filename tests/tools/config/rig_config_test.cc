@@ -1,0 +1,154 @@
+#include "tools/config/rig_config.h"
+
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/files.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+#include "tools/config/rig_scene_config.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr const char* kTarget =
+    "{type: charuco, rows: 6, columns: 8, square: 22 mm, marker: 16 mm, dictionary: DICT_4X4_250}";
+
+// Two arms with poses that differ in x, and the images of two cameras, which are never opened here.
+class RigConfigTest : public testing::Test {
+ protected:
+  RigConfigTest() {
+    for (const char* camera : {"top", "side"}) {
+      for (const char* image : {"1.png", "2.png", "3.png"}) Write(std::string(camera) + "/" + image, "x");
+    }
+    Write("cell.yaml",
+          "robots:\n  left: {poses: left.csv}\n  right: {poses: right.csv}\n"
+          "cameras:\n  top: {mount: world, images: top}\n  side: {mount: world, images: side}\n"
+          "targets:\n  plate: {mount: left.gripper, target: " +
+              std::string(kTarget) + "}\n");
+  }
+
+  void Write(const std::string& name, const std::string& text) {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    WriteFileAtomically(folder_ / name, text);
+  }
+  // Writes a poses file: each row has the texts of `columns`, and x.
+  void WritePoses(const std::string& name, const std::string& columns,
+                  const std::vector<std::pair<std::string, int>>& rows) {
+    std::string text = (columns.empty() ? "" : columns + ",") + "x,y,z,qx,qy,qz,qw\n";
+    for (const auto& [texts, x] : rows) {
+      text += (texts.empty() ? "" : texts + ",") + std::to_string(x) + ",0,0,0,0,0,1\n";
+    }
+    Write(name, text);
+  }
+  RigConfig Read(const std::vector<std::string>& settings = {}) {
+    return ReadRigConfig(folder_ / "cell.yaml", settings);
+  }
+  // Returns x of an arm in each capture.
+  static std::vector<double> XOf(const RigConfig& config, size_t arm) {
+    std::vector<double> all;
+    for (const RigRecording& capture : config.data.captures) {
+      all.push_back(capture.base_from_gripper[arm].translation.x());
+    }
+    return all;
+  }
+  static std::vector<std::string> LeftOutOf(const RigConfig& config) {
+    std::vector<std::string> texts;
+    for (const RigLeftOut& entry : config.data.left_out) texts.push_back(entry.name + ": " + entry.reason);
+    return texts;
+  }
+
+  const TempFolder folder_;
+};
+
+TEST_F(RigConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+  WritePoses("right.csv", "image", {{"3.png", 30}, {"1.png", 10}, {"2.png", 20}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
+}
+
+TEST_F(RigConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
+  WritePoses("left.csv", "image.top,image.side", {{"1.png,2.png", 1}, {"2.png,3.png", 2}, {"3.png,1.png", 3}});
+  WritePoses("right.csv", "image.top,image.side", {{"3.png,1.png", 30}, {"2.png,3.png", 20}, {"1.png,2.png", 10}});
+  const RigConfig config = Read();
+  EXPECT_THAT(XOf(config, 0), ElementsAre(1, 2, 3));
+  EXPECT_THAT(XOf(config, 1), ElementsAre(10, 20, 30));
+  EXPECT_THAT(LeftOutOf(config), IsEmpty());
+}
+
+// The first arm has no names, so that its rows have the images by order; the other names them.
+TEST_F(RigConfigTest, RowsThatNameImagesBelongToThem) {
+  WritePoses("left.csv", "", {{"", 1}, {"", 2}, {"", 3}});
+  WritePoses("right.csv", "image", {{"3.png", 30}, {"2.png", 20}, {"1.png", 10}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
+}
+
+TEST_F(RigConfigTest, RowsWithoutNamesBelongTogetherByOrder) {
+  WritePoses("left.csv", "image", {{"2.png", 2}, {"1.png", 1}, {"3.png", 3}});
+  WritePoses("right.csv", "", {{"", 20}, {"", 10}, {"", 30}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(20, 10, 30));
+  WritePoses("right.csv", "", {{"", 20}, {"", 10}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv: has 2 rows, but"));
+}
+
+TEST_F(RigConfigTest, RowsThatNameOtherImagesAreRefused) {
+  WritePoses("left.csv", "image.top,image.side", {{"1.png,1.png", 1}, {"2.png,2.png", 2}});
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"3.png,3.png", 30}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }),
+              HasSubstr("right.csv: has no row for the capture capture_001 of " + (folder_ / "left.csv").string()));
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,2.png", 10}, {"2.png,1.png", 20}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:2: names the image 2.png, but the capture of " +
+                                                       (folder_ / "left.csv").string() + ":2 has 1.png"));
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"1.png,2.png", 20}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:3: names the image 1.png again, after"));
+}
+
+TEST_F(RigConfigTest, WhatBelongsToNoCaptureIsListed) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"9.png", 9}});
+  WritePoses("right.csv", "image", {{"8.png", 80}, {"1.png", 10}, {"2.png", 20}});
+  const RigConfig config = Read({"captures.exclude=[2.png]"});
+  EXPECT_THAT(XOf(config, 1), ElementsAre(10));
+  EXPECT_THAT(
+      LeftOutOf(config),
+      ElementsAre("top/3.png: the robot's pose is not in the poses file",
+                  "side/3.png: the robot's pose is not in the poses file", "2.png: left out by captures.exclude",
+                  "9.png: no camera has an image of it", "right.csv:2: the pose belongs to no capture of left.csv"));
+  const RigLeftOut& excluded = config.data.left_out[2];
+  EXPECT_EQ(excluded.capture, "2.png");
+  EXPECT_THAT(excluded.images, ElementsAre(folder_ / "top/2.png", folder_ / "side/2.png"));
+}
+
+TEST_F(RigConfigTest, NamesThatMakeOneFrameAreRefused) {
+  WritePoses("left.csv", "image", {{"1.png", 1}});
+  WritePoses("right.csv", "image", {{"1.png", 10}});
+  EXPECT_THAT(InputErrorOf([&] {
+                Read({"cameras.side-a={mount: world, images: " + (folder_ / "side").string() + "}",
+                      "cameras.side_a={mount: world, images: " + (folder_ / "side").string() + "}"});
+              }),
+              HasSubstr("by - and _ only"));
+  EXPECT_THAT(
+      InputErrorOf([&] { Read({"cameras.cameras={mount: world, images: " + (folder_ / "side").string() + "}"}); }),
+      HasSubstr("cameras.cameras: a camera cannot have this name"));
+}
+
+// The file of a camera that is called config would be that of the data set's config.
+TEST_F(RigConfigTest, ASceneHasNoCameraWithTheNameOfItsConfig) {
+  Write(
+      "scene.yaml",
+      "cameras:\n  config:\n    mount: world\n    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, "
+      "175 deg]}\n    camera: {model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}\n"
+      "targets:\n  plate:\n    mount: gripper\n    pose: {translation: [0 mm, 0 mm, 80 mm], rpy: [0 deg, 0 deg, 0 "
+      "deg]}\n    target: " +
+          std::string(kTarget) + "\nmotion: {captures: 3, distance: 600 mm, tilt: 30 deg}\n");
+  EXPECT_THAT(InputErrorOf([&] { ReadRigScene(folder_ / "scene.yaml", std::vector<std::string>()); }),
+              HasSubstr("cameras.config: a camera cannot have this name"));
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,276 @@
+// Tests of heba/rig_run.h.
+#include "heba/rig_run.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/files.h"
+#include "heba/base/units.h"
+#include "heba/io/rig_result_file.h"
+#include "tests/support/matchers.h"
+#include "tests/support/rig_scenes.h"
+#include "tests/support/temp_folder.h"
+#include "tools/batch/rig_pipeline.h"
+#include "tools/pages/rig_report.h"
+#include "tools/text/rig_table.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr const char* kTargets[] = {
+    "{type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250}",
+    "{type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250, first_marker: 100}"};
+
+// A simulated rig whose detections are known, so that no image is searched.
+class RigRunTest : public testing::Test {
+ protected:
+  // Fixed cameras `left` and `right`, a target `plate` on the gripper of the first arm, and a target `wall` on the
+  // world or, with two arms, on the gripper of the second.
+  RigScene MakeScene(size_t num_arms) {
+    Rng rng(4);
+    RigScene scene;
+    RigSceneSetting setting;
+    setting.has_free_intrinsics = false;
+    scene.problem.robots = {"one"};
+    scene.truth.world_from_base = {Rigid3d()};
+    if (num_arms == 2) {
+      scene.problem.robots.emplace_back("two");
+      scene.truth.world_from_base.emplace_back(ExpRotation({0.05, -0.02, 3.0}), Eigen::Vector3d(1.1, 0.1, 0.02));
+    }
+    const Eigen::Vector3d middle(0.55, 0, 0.4);
+    AddCamera("left", {0, Mount::Part::kBase}, LookingAt({0.5, 0.1, 1.3}, middle, 0.3), setting, &scene);
+    AddCamera("right", {0, Mount::Part::kBase}, LookingAt({0.7, 0.3, 1.2}, middle, -0.4), setting, &scene);
+    AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation({0.3, 0.2, 0.1}), {0.02, 0, 0.1}), &scene);
+    const Rigid3d on_world(ExpRotation({kPi, 0, 0}), {0.6, 0, 0.35});
+    const Rigid3d on_gripper(ExpRotation({-0.2, 0.3, 0.1}), {0, 0.03, 0.08});
+    AddTarget("wall", {num_arms - 1, num_arms == 2 ? Mount::Part::kGripper : Mount::Part::kBase},
+              num_arms == 2 ? on_gripper : on_world, &scene);
+    for (size_t t = 0; t < 2; ++t) {
+      scene.targets[t].points_in_target = AllPoints(*targets_[t]).points_in_target;
+      scene.problem.targets[t].shape = DesignedShape(scene.targets[t].points_in_target);
+    }
+    setting.num_captures = 16;
+    Simulate(setting, &rng, &scene);
+    return scene;
+  }
+
+  RigDataset DatasetOf(const RigScene& scene) {
+    RigDataset dataset;
+    dataset.name = "cell";
+    dataset.rig = scene.problem;
+    dataset.rig.captures.clear();
+    dataset.has_camera = {true, true};
+    dataset.camera_sources = {"left.yaml", "right.yaml"};
+    dataset.targets = targets_;
+    RigTruth truth{scene.truth.mount_from_camera,
+                   {scene.truth.mount_from_target.begin(), scene.truth.mount_from_target.end()},
+                   {scene.truth.world_from_base.begin(), scene.truth.world_from_base.end()},
+                   {std::nullopt, std::nullopt}};
+    dataset.truth = truth;
+    for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
+      RigRecording capture{"capture" + std::to_string(i), scene.problem.captures[i].base_from_gripper, {}};
+      for (const RigCamera& camera : scene.problem.cameras) {
+        // The size of an image is read from its file, which need not be an image.
+        capture.images.push_back(folder_ / (camera.name + "_" + std::to_string(i) + ".png"));
+        WriteFileAtomically(capture.images.back(), "x");
+      }
+      dataset.captures.push_back(std::move(capture));
+    }
+    return dataset;
+  }
+
+  // Runs a data set with the observations of a scene as detections.
+  static Outcome<RigRunOutput> RunOn(const RigDataset& dataset, const RigScene& scene, int folds = 0) {
+    std::vector<std::map<fs::path, CaptureDetection>> all(2);
+    for (size_t i = 0; i < dataset.captures.size(); ++i) {
+      for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+        const Camera& camera = scene.problem.cameras[c].camera;
+        for (size_t t = 0; t < 2; ++t) {
+          CaptureDetection& found = all[t][dataset.captures[i].images[c]];
+          found.width_px = camera.width_px;
+          found.height_px = camera.height_px;
+        }
+      }
+      for (const RigImage& image : scene.problem.captures[i].images) {
+        Detection& found = all[image.target][dataset.captures[i].images[image.camera]].detection;
+        found.ids = image.observations.ids;
+        for (Eigen::Index p = 0; p < image.observations.pixels.cols(); ++p) {
+          found.pixels.emplace_back(image.observations.pixels.col(p));
+        }
+      }
+    }
+    RigRunOptions options;
+    options.folds = folds;
+    for (size_t t = 0; t < 2; ++t) {
+      options.detect.push_back(
+          [all, t](const fs::path& image, const std::optional<ImageSize>& /*expected*/) { return all[t].at(image); });
+    }
+    return RunRig(dataset, options);
+  }
+
+  // Returns the observations of a target by a camera in a capture.
+  static Observations& ImageOf(RigScene* scene, size_t capture, size_t camera, size_t target) {
+    for (RigImage& image : scene->problem.captures[capture].images) {
+      if (image.camera == camera && image.target == target) return image.observations;
+    }
+    throw InputError("the camera does not see this target");
+  }
+
+  static const RigImageResult& ResultOf(const RigResult& result, const std::string& capture,
+                                        const std::string& camera) {
+    const auto found = std::find_if(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+      return image.capture == capture && image.camera == camera;
+    });
+    if (found == result.images.end()) throw InputError("the result has no image " + camera + " of " + capture);
+    return *found;
+  }
+
+  RigResult WrittenAndRead(const RigResult& result) {
+    WriteFileAtomically(folder_ / "result.json", RigResultToJson(result));
+    return ReadRigResult(folder_ / "result.json");
+  }
+
+  const TempFolder folder_;
+  const std::vector<std::shared_ptr<const Target>> targets_ = {ParseTarget(kTargets[0]), ParseTarget(kTargets[1])};
+};
+
+// A rejected point belongs neither to the error of the camera nor to that of the image.
+TEST_F(RigRunTest, RejectedPointsAreNoErrorsInSample) {
+  RigScene scene = MakeScene(1);
+  const Outcome<RigRunOutput> clean = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(clean) << clean.reason();
+  ImageOf(&scene, 5, 0, 0).pixels.col(7) += Eigen::Vector2d(40, 20);
+  const Outcome<RigRunOutput> run = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(run) << run.reason();
+  const RigImageResult& image = ResultOf(run->result, "capture5", "left");
+  EXPECT_TRUE(image.used);
+  ASSERT_FALSE(image.targets.empty());
+  EXPECT_EQ(image.targets[0].num_rejected, 1);
+  EXPECT_NEAR(*image.targets[0].rms_px, *ResultOf(clean->result, "capture5", "left").targets[0].rms_px, 0.05);
+  EXPECT_NEAR(*run->result.errors[0].reprojection_rms_px, *clean->result.errors[0].reprojection_rms_px, 0.01);
+}
+
+// Each target that is not used has its own reason, after its name.
+TEST_F(RigRunTest, EveryTargetOfAnImageHasItsReason) {
+  RigScene scene = MakeScene(1);
+  // The plate of another capture, and a single point of the wall that is elsewhere.
+  ImageOf(&scene, 6, 0, 0).pixels = ImageOf(&scene, 7, 0, 0).pixels;
+  ImageOf(&scene, 6, 0, 0).ids = ImageOf(&scene, 7, 0, 0).ids;
+  Observations& wall = ImageOf(&scene, 6, 0, 1);
+  const Points2 pixel = wall.pixels.leftCols<1>().array() + 60;
+  wall.pixels = pixel;
+  wall.ids.resize(1);
+  const Outcome<RigRunOutput> run = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(run) << run.reason();
+  const RigImageResult& image = ResultOf(run->result, "capture6", "left");
+  EXPECT_FALSE(image.used);
+  EXPECT_THAT(image.reason, AllOf(StartsWith("target plate: "),
+                                  HasSubstr("; target wall: none of its points is where the estimate predicts it")));
+}
+
+// The errors of targets and bases by the truth are in the result, in its file and in the table.
+TEST_F(RigRunTest, TruthOfTargetsAndBasesIsCompared) {
+  const RigScene scene = MakeScene(2);
+  RigDataset dataset = DatasetOf(scene);
+  const Rigid3d off(Eigen::Quaterniond::Identity(), {0.05, 0, 0});
+  dataset.truth->mount_from_target[1] = *dataset.truth->mount_from_target[1] * off;
+  const Outcome<RigRunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  for (const RigResult& result : {run->result, WrittenAndRead(run->result)}) {
+    const RigPoses& poses = result.solution.poses;
+    ASSERT_EQ(result.truth.targets.size(), 2U);
+    EXPECT_NEAR(result.truth.targets[0]->mm,
+                1000 * DistanceM(poses.mount_from_target[0], scene.truth.mount_from_target[0]), 1e-6);
+    EXPECT_NEAR(result.truth.targets[1]->mm, 50, 1);
+    ASSERT_EQ(result.truth.bases.size(), 2U);
+    EXPECT_FALSE(result.truth.bases[0].has_value());
+    EXPECT_NEAR(result.truth.bases[1]->mm, 1000 * DistanceM(poses.world_from_base[1], scene.truth.world_from_base[1]),
+                1e-6);
+    EXPECT_LT(result.truth.bases[1]->mm, 2);
+    EXPECT_GT(result.truth.bases[1]->mm, 0);
+    ASSERT_EQ(result.truth.relative_cameras.size(), 1U);
+    EXPECT_LT(result.truth.relative_cameras[0]->mm, 2);
+  }
+  const std::string table = RigTable(run->result, Colour::kPlain);
+  const std::string base = table.substr(table.find("base of arm two in world"));
+  EXPECT_THAT(base.substr(0, base.find("camera ")), HasSubstr("\n  true error "));
+}
+
+// A pose that the truth does not know has no error.
+TEST_F(RigRunTest, UnknownTruthIsNoError) {
+  const RigScene scene = MakeScene(2);
+  RigDataset dataset = DatasetOf(scene);
+  dataset.truth->mount_from_target[0].reset();
+  dataset.truth->world_from_base[1].reset();
+  const Outcome<RigRunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_FALSE(run->result.truth.targets[0].has_value());
+  EXPECT_TRUE(run->result.truth.targets[1].has_value());
+  EXPECT_FALSE(run->result.truth.bases[1].has_value());
+}
+
+// An image with fewer points than determine a pose does not count as one that shows the target.
+TEST_F(RigRunTest, NotesCountImagesThatDetermineAPose) {
+  const RigDataset dataset = DatasetOf(MakeScene(1));
+  std::vector<RigDetection> detections;
+  for (size_t i = 0; i < 5; ++i) {
+    RigDetection& found = detections.emplace_back(RigDetection{i, 1, 0, {}});
+    for (int id = 0; id <= static_cast<int>(i); ++id) {
+      found.detection.detection.ids.push_back(id);
+      found.detection.detection.pixels.emplace_back(10 * id, 20);
+    }
+  }
+  EXPECT_THAT(DetectionNotes(dataset, detections),
+              testing::ElementsAre("cell: camera left sees target plate in 0 of 0 images",
+                                   "cell: camera left sees target wall in 0 of 0 images",
+                                   "cell: camera right sees target plate in 2 of 5 images",
+                                   "cell: camera right sees target wall in 0 of 0 images"));
+}
+
+TEST_F(RigRunTest, WhatIsLeftOutIsListed) {
+  const RigScene scene = MakeScene(1);
+  RigDataset dataset = DatasetOf(scene);
+  const size_t num_images = 2 * dataset.captures.size();
+  dataset.left_out = {
+      {"extra", "left out by captures.exclude", "extra", {folder_ / "left_extra.png", folder_ / "right_extra.png"}},
+      {"right/late.png", "the robot's pose is not in the poses file", "", {{}, folder_ / "late.png"}},
+      {"two.csv:9", "the pose belongs to no capture of one.csv", "", {}}};
+  const Outcome<RigRunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  for (const RigResult& result : {run->result, WrittenAndRead(run->result)}) {
+    ASSERT_EQ(result.images.size(), num_images + 4);
+    const auto expect = [&](size_t place, const char* capture, const char* camera, const char* image,
+                            const char* reason) {
+      const RigImageResult& entry = result.images[num_images + place];
+      EXPECT_EQ(entry.capture, capture);
+      EXPECT_EQ(entry.camera, camera);
+      EXPECT_EQ(entry.image, image);
+      EXPECT_EQ(entry.reason, reason);
+      EXPECT_FALSE(entry.used);
+    };
+    expect(0, "extra", "left", "left_extra.png", "left out by captures.exclude");
+    expect(1, "extra", "right", "right_extra.png", "left out by captures.exclude");
+    expect(2, "", "right", "late.png", "the robot's pose is not in the poses file");
+    expect(3, "two.csv:9", "", "", "the pose belongs to no capture of one.csv");
+    // They are no images that the run could have used.
+    EXPECT_EQ(CountImages(result, "left"), std::pair(16, 16));
+  }
+  const std::string page = RigReportPage(dataset, *run, {"", "", "", ""});
+  EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
+  EXPECT_THAT(page, HasSubstr("late.png"));
+}
+
+}  // namespace
+}  // namespace heba
