@@ -97,14 +97,15 @@ std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<Targ
 
 // Adds the largest change in sigmas among focal lengths and principal point: the name `intrinsic`, such as fx, and the
 // numbers fx_px and fx_sigmas. Adds nothing if no sigma of these is known.
-void AddLargestMove(const Camera& given, const Solution& solution, Finding* finding) {
+void AddLargestMove(const Camera& given, const Camera& camera, const Covariance& covariance, std::string_view block,
+                    Finding* finding) {
   std::string largest;
   double by_px = 0;
   double sigmas = 0;
   for (size_t i = 0; i < 4; ++i) {
-    const std::string& name = solution.camera.Model().param_names()[i];
-    const std::optional<double> sigma = SigmaOf(solution.covariance, "camera." + name);
-    const double move_px = solution.camera.params[i] - given.params[i];
+    const std::string& name = camera.Model().param_names()[i];
+    const std::optional<double> sigma = SigmaOf(covariance, std::string(block) + "." + name);
+    const double move_px = camera.params[i] - given.params[i];
     if (!sigma || (!largest.empty() && std::abs(move_px / *sigma) <= std::abs(sigmas))) continue;
     largest = name;
     by_px = move_px;
@@ -252,30 +253,36 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
   if (!choice) return std::nullopt;
   const Solution& freed = choice->solution;
-  const UnknownBlock camera = freed.covariance.layout.Block(kCameraBlock);
+  return JudgeHeldIntrinsics(solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
+                             solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+}
+
+std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& all,
+                                           std::string_view block, double covariance_dof,
+                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed) {
+  const UnknownBlock camera = all.layout.Block(block);
   const Eigen::Index num_intrinsics = camera.size;
-  CHECK_EQ(num_intrinsics, NumParams(solution.camera.Model()));
-  const Eigen::MatrixXd covariance =
-      freed.covariance.matrix.block(camera.first, camera.first, num_intrinsics, num_intrinsics);
+  CHECK_EQ(num_intrinsics, NumParams(held.Model()));
+  const Eigen::MatrixXd covariance = all.matrix.block(camera.first, camera.first, num_intrinsics, num_intrinsics);
   Eigen::VectorXd difference(num_intrinsics);
   for (Eigen::Index i = 0; i < num_intrinsics; ++i) {
     const auto k = static_cast<size_t>(i);
-    difference[i] = freed.camera.params[k] - solution.camera.params[k];
+    difference[i] = freed.params[k] - held.params[k];
   }
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
   const double squares = scaled.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled));
   const double dof = static_cast<double>(num_intrinsics);
   constexpr double kBeyondDoubt = 1e-4;
-  const double p = FisherTail(std::max(0.0, squares) / dof, dof, freed.covariance_dof);
+  const double p = FisherTail(std::max(0.0, squares) / dof, dof, covariance_dof);
   if (!(p < kBeyondDoubt)) return std::nullopt;
-  const double move_m = DistanceM(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
-  const double move_rad = AngleRad(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+  const double move_m = DistanceM(mount_from_held, mount_from_freed);
+  const double move_rad = AngleRad(mount_from_held, mount_from_freed);
   constexpr double kBadM = 5e-3;
   const double bad_rad = DegToRad(0.5);
   Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful,
                   FindingCode("held_intrinsics")};
-  AddLargestMove(solution.camera, freed, &finding);
+  AddLargestMove(held, freed, all, block, &finding);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
   finding.numbers.emplace_back("p", p);
@@ -290,7 +297,7 @@ Finding DescribeCameraUse(const Camera& given, const Solution& solution, const B
     return finding;
   }
   finding.names = {{"use", options.camera_prior ? "prior" : "initial_guess"}};
-  AddLargestMove(given, solution, &finding);
+  AddLargestMove(given, solution.camera, solution.covariance, kCameraBlock, &finding);
   return finding;
 }
 

@@ -44,6 +44,11 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, bool is_focal_held);
 // F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
 std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options, const AutoModel& choose);
+// Returns that finding for a camera of which all intrinsics were freed. `covariance` has their `block`; the poses are
+// those of the camera with held and with free intrinsics.
+std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& covariance,
+                                           std::string_view block, double covariance_dof,
+                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed);
 
 // Returns the finding `camera`: how a given camera was used (held, as initial guess, as prior), and by how many sigmas
 // the refinement changed it.

@@ -48,6 +48,16 @@ int NumMovedImages(const RigProblem& problem, size_t target) {
   return num_images;
 }
 
+// Returns whether an arm moves a target against a camera in one of its images.
+bool IsMoved(const RigProblem& problem, size_t camera) {
+  return std::any_of(problem.captures.begin(), problem.captures.end(), [&](const RigCapture& capture) {
+    return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+      return image.camera == camera && image.observations.size() > 0 &&
+             MovesAgainst(problem.cameras[camera].mount, problem.targets[image.target].mount);
+    });
+  });
+}
+
 // Frees the shapes of the targets that arms move against cameras.
 void OpenShapes(RigProblem* problem) {
   for (size_t t = 0; t < problem->targets.size(); ++t) {
@@ -271,6 +281,37 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
   calibration.refined = std::move(judged->solution);
   return calibration;
+}
+
+std::vector<Finding> DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration,
+                                            const RigOptions& options) {
+  const RigSolution& solution = *calibration.refined;
+  RigProblem at = calibration.problem;
+  for (size_t c = 0; c < at.cameras.size(); ++c) at.cameras[c].camera = solution.cameras[c];
+  for (size_t t = 0; t < at.targets.size(); ++t) at.targets[t].shape = solution.shapes[t];
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < at.cameras.size(); ++c) {
+    if (!at.cameras[c].free_intrinsics.empty() || !IsMoved(problem, c)) continue;
+    RigProblem freed = at;
+    freed.cameras[c].free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
+                                        ParameterGroup::kDistortion};
+    for (size_t i = 0; i < freed.captures.size(); ++i) {
+      for (size_t k = 0; k < freed.captures[i].images.size(); ++k) {
+        RigImage& image = freed.captures[i].images[k];
+        if (image.camera != c || image.observations.size() > 0) continue;
+        image.observations = problem.captures[i].images[k].observations;
+      }
+    }
+    const Outcome<RigSolution> other = RefineRig(freed, solution.poses, options);
+    if (!other) continue;
+    std::optional<Finding> finding = JudgeHeldIntrinsics(
+        solution.cameras[c], other->cameras[c], other->covariance, CameraBlock(freed.cameras[c]), other->covariance_dof,
+        solution.poses.mount_from_camera[c], other->poses.mount_from_camera[c]);
+    if (!finding) continue;
+    finding->names.emplace_back("of_camera", at.cameras[c].name);
+    findings.push_back(std::move(*finding));
+  }
+  return findings;
 }
 
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration) {

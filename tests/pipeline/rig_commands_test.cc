@@ -229,6 +229,15 @@ TEST_F(RigCommandsTest, DetectRefusesACameraOfAnotherSizeAndWritesNothing) {
   EXPECT_FALSE(fs::exists(Path("refused")));
 }
 
+TEST_F(RigCommandsTest, RunRefusesTheImagesOfOneCameraForTwo) {
+  const CommandResult refused =
+      RunHeba({"run", Path("cell/config.yaml"), "--set", "cameras.left.images=" + Path("cell/right"), "--out",
+               Path("same"), "--quiet"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("cameras left and right have the same images in "));
+  EXPECT_FALSE(fs::exists(Path("same")));
+}
+
 // The wrist has no constant pose in the base, so that its URDF is another one.
 TEST_F(RigCommandsTest, ExportWritesAUrdfForEachRoot) {
   const CommandResult exported = RunHeba({"export", Path("run"), "--to", "urdf", "--out", Path("urdf")});

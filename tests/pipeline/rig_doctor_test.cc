@@ -109,6 +109,44 @@ TEST_F(RigDoctorTest, FindsNothingWrongWithAGoodRig) {
   EXPECT_THAT(doctor.out, HasSubstr("of 48 images determine a pose of a target; nothing is wrong")) << doctor.out;
 }
 
+// The two images that are looked at first do not show the board of the fourth camera, and a larger board would be found
+// in some of the others: as often as that of the config.
+TEST_F(RigDoctorTest, TakesNoBoardForAnotherBecauseTheFirstImagesDoNotShowIt) {
+  WriteAll(*folder_ / "edge.yaml", R"(
+cameras:
+  side:
+    mount: world
+    pose: {translation: [900 mm, 0 mm, 700 mm], rpy: [-110 deg, 0 deg, 90 deg]}
+    camera: &camera {model: brown5, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240, distortion: [-0.08, 0.05, 0.0005, -0.0003, 0]}
+  front:
+    mount: world
+    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, 175 deg]}
+    camera: {model: brown5, image_size: [800, 600], fx: 800, fy: 800, cx: 400, cy: 300, distortion: [-0.05, 0.02, 0, 0, 0]}
+  left:
+    mount: world
+    pose: {translation: [700 mm, 550 mm, 600 mm], rpy: [-105 deg, 0 deg, 165 deg]}
+    camera: *camera
+  right:
+    mount: world
+    pose: {translation: [300 mm, 550 mm, 600 mm], rpy: [-105 deg, 0 deg, -165 deg]}
+    camera: *camera
+targets:
+  plate:
+    mount: gripper
+    pose: {translation: [0 mm, -50 mm, 80 mm], rpy: [90 deg, 0 deg, 0 deg]}
+    target: {type: charuco, rows: 8, columns: 10, square: 18 mm, marker: 13 mm, dictionary: DICT_4X4_250}
+motion: {captures: 15, distance: 700 mm, tilt: 30 deg}
+image: {noise: 2 grey}
+robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
+)");
+  const CommandResult made =
+      RunHeba({"simulate", (*folder_ / "edge.yaml").string(), "--out", (*folder_ / "edge").string(), "--quiet"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const CommandResult doctor = RunHeba({"doctor", (*folder_ / "edge/config.yaml").string()});
+  EXPECT_EQ(doctor.status, 0) << doctor.err;
+  EXPECT_THAT(doctor.out, AllOf(HasSubstr("nothing is wrong"), Not(HasSubstr("[target]")))) << doctor.out;
+}
+
 TEST_F(RigDoctorTest, NamesTheCameraWhoseImagesAreShifted) {
   const std::string images = Renamed("right", "shifted", [](const std::string& name) {
     const int number = std::stoi(name);

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <set>
+#include <string>
+#include <utility>
 
 #include "heba/base/parallel.h"
 #include "heba/base/stopwatch.h"
@@ -269,6 +272,9 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     result.holdout_chi2 = errors.chi2_per_dof;
   }
   result.observations = DiagnoseRig(seen, output.calibration);
+  for (Finding& finding : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
+    result.observations.push_back(std::move(finding));
+  }
   for (Finding& finding : DiagnoseRigDirections(output.calibration)) result.observations.push_back(std::move(finding));
   result.verdict = JudgeRig(result);
   return output;
@@ -292,6 +298,30 @@ void CheckDataset(const RigDataset& dataset) {
   }
   const std::string faults = WhyNotToldApart(dataset);
   if (!faults.empty()) throw InputError(faults);
+}
+
+// Throws InputError if two cameras have the same images: images of two cameras are never equal to the last bit.
+void CheckOwnImages(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
+  std::map<std::pair<size_t, std::string>, std::set<size_t>> cameras_of;  // By capture and digest.
+  std::map<size_t, std::set<size_t>> captures_of;                         // By camera.
+  for (const RigDetection& detection : detections) {
+    captures_of[detection.camera].insert(detection.capture);
+    const std::string& digest = detection.detection.image_digest;
+    if (!digest.empty()) cameras_of[{detection.capture, digest}].insert(detection.camera);
+  }
+  std::map<std::pair<size_t, size_t>, size_t> num_shared;
+  for (const auto& [image, cameras] : cameras_of) {
+    for (auto a = cameras.begin(); a != cameras.end(); ++a) {
+      for (auto b = std::next(a); b != cameras.end(); ++b) ++num_shared[{*a, *b}];
+    }
+  }
+  for (const auto& [pair, count] : num_shared) {
+    const auto [a, b] = pair;
+    // A few may be frames without content.
+    if (2 * count <= std::min(captures_of[a].size(), captures_of[b].size())) continue;
+    throw InputError("cameras " + dataset.rig.cameras[a].name + " and " + dataset.rig.cameras[b].name +
+                     " have the same images in " + std::to_string(count) + " captures; correct the images of one");
+  }
 }
 
 }  // namespace
@@ -337,6 +367,7 @@ std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector
                      ImageSizeText(first_size.width_px, first_size.height_px) +
                      "; all images of a camera must have one resolution");
   }
+  CheckOwnImages(dataset, detections);
   return detections;
 }
 

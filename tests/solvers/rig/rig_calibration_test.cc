@@ -389,6 +389,26 @@ TEST(RigCalibration, NamesTheTargetOfAWrongSizeBesideOneOfUnknownSize) {
   EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.01, 2e-4);
 }
 
+TEST(RigCalibration, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
+  RigSceneSetting setting;
+  setting.has_free_intrinsics = false;
+  RigScene scene = MixedRig(22, setting);
+  const RigCalibrationOptions options = GivenCameras(scene);
+  const Outcome<RigCalibration> good = CalibrateRig(scene.problem, options);
+  ASSERT_TRUE(good && good->refined) << good.reason();
+  EXPECT_TRUE(DiagnoseHeldIntrinsics(scene.problem, *good, options.adjustment).empty());
+  for (const size_t i : {0, 1}) scene.problem.cameras[1].camera.params[i] *= 1.02;
+  const Outcome<RigCalibration> wrong = CalibrateRig(scene.problem, options);
+  ASSERT_TRUE(wrong && wrong->refined) << wrong.reason();
+  const std::vector<Finding> findings = DiagnoseHeldIntrinsics(scene.problem, *wrong, options.adjustment);
+  ASSERT_FALSE(findings.empty());
+  const auto worst = std::min_element(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
+    return *a.Number("p") < *b.Number("p");
+  });
+  EXPECT_EQ(worst->code, "held_intrinsics");
+  EXPECT_EQ(worst->Name("of_camera"), "right");
+}
+
 TEST(RigCalibration, NamesWhatNoImageJoins) {
   RigScene scene = TwoArmRig(13);
   for (RigCapture& capture : scene.problem.captures) {

@@ -179,9 +179,8 @@ std::vector<Symptom> Check_target(Examination* examination) {
   bool is_looked_for = false;
   const auto look_for_other = [&](const std::string& seen) -> std::optional<Symptom> {
     is_looked_for = true;
-    const size_t num_now = examination->detections.empty()
-                               ? NumPoints(few)
-                               : NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
+    // Both targets are compared in the same images: the few may not show the target at all.
+    const size_t num_now = NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
     const std::optional<OtherTarget> other =
         FindOther(sample, examination->other_codes, num_now, examination->num_threads);
     if (!other) return std::nullopt;
