@@ -14,14 +14,14 @@ struct SmoothSearch {
   std::vector<LinearisedView> views;  // One per robot pose.
   std::vector<Rigid3d> poses;         // base_from_gripper of each, as the robot reports it.
   double unit_px = 1;                 // RestrictedLogLikelihood.
-  std::vector<VarianceGroup> groups;  // Those without smooth errors.
+  std::vector<VarianceGroup> groups;  // The groups without those of smooth errors.
   // Column of LinearisedView::by_effects of the correction of the robot's pose, the first of six.
   Eigen::Index first_column = 0;
 };
 
 struct FoundSmoothErrors {
   SmoothErrors errors;             // With the most likely standard deviations.
-  double log_likelihood_gain = 0;  // Of the restricted likelihood, over no smooth errors.
+  double log_likelihood_gain = 0;  // The log-likelihood ratio (restricted) to a model without smooth errors.
 };
 
 // Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found

@@ -56,7 +56,7 @@ std::vector<CandidateMotion> CandidateMotions(const Camera& camera, const Rigid3
 
 // The images of points as a camera would see them, without noise and without weights.
 struct ImaginedPoints {
-  Observations inside;  // Those that lie in the image.
+  Observations inside;  // The points that lie in the image.
   int num_outside = 0;
 };
 // Returns nothing if a point has no image. `points` lie where they are, not as designed.

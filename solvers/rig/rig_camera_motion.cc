@@ -122,7 +122,7 @@ size_t PlaceOf(const std::vector<Displacement>& all, const Mean& before, const M
 std::optional<Jump> ClearestJump(const RigProblem& problem, const RigSolution& solution, size_t camera) {
   const std::vector<Displacement> all = DisplacementsOf(problem, solution, camera);
   std::optional<Jump> clearest;
-  // Of many captures, some are tried.
+  // At most 200 places are tried, evenly chosen.
   const size_t step = std::max<size_t>(1, all.size() / 200);
   for (size_t k = kFewest; k + kFewest <= all.size(); k += step) {
     if (all[k].capture == all[k - 1].capture) continue;

@@ -362,7 +362,7 @@ Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const
   // cameras in the order that fits it best.
   struct Best {
     LocatedFrame found;
-    std::vector<CameraObservations> views;  // As designed.
+    std::vector<CameraObservations> views;  // The points have their places in the design.
   };
   std::optional<Best> best;
   for (size_t v = 0; v < read.size(); ++v) {

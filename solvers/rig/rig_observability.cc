@@ -24,7 +24,7 @@ struct Sight {
   std::vector<size_t> captures;
   int fewest_points = 0;
   double side = 0;          // The sign of the z component of the camera's position in the target.
-  double least_cosine = 1;  // Of the angle between the target's normal and the ray to its centre.
+  double least_cosine = 1;  // The least cosine of the angle of the ray to the target's normal.
   double farthest_m = 0;
 };
 using Sights = std::map<std::pair<size_t, size_t>, Sight>;

@@ -1,4 +1,4 @@
-// What the captures of a rig leave uncertain about each camera, and which captures would determine it better.
+// Finds the directions in which each camera of a rig is known least, and the captures that would determine it better.
 #pragma once
 
 #include <optional>

@@ -84,7 +84,7 @@ std::vector<PosedImage> PosedImages(const RigProblem& problem, const std::vector
   return posed;
 }
 
-// What is placed: a part, by images, with all others in place.
+// Places one part of a rig by images of which all other parts are in place.
 class Placer {
  public:
   Placer(const RigProblem& problem, const PartPoses& poses, const RigPart& part,

@@ -17,7 +17,8 @@ namespace heba {
 struct RigPart {
   enum class Kind { kOrigin, kCamera, kTarget, kBase };
   Kind kind = Kind::kOrigin;
-  size_t index = 0;  // Of the camera, target or arm; of an origin: 0 is the first base, 1 + r the gripper of arm r.
+  // The index of the camera, target or arm; that of an origin is 0 for the first base, 1 + r for the gripper of arm r.
+  size_t index = 0;
   auto operator<=>(const RigPart& other) const = default;
 };
 
@@ -31,14 +32,14 @@ using PartPoses = std::map<RigPart, Rigid3d>;
 struct PlacingImage {
   const RigCapture* capture = nullptr;
   const RigImage* image = nullptr;
-  std::vector<RigPart> parts;  // Those whose poses determine camera_from_target; no origins.
+  std::vector<RigPart> parts;  // The parts whose poses determine camera_from_target, without origins.
 };
 std::vector<PlacingImage> PlacingImages(const RigProblem& problem);
 
 // The order in which the points of a symmetric target are read.
 struct ReadingOrder {
   Points3 points_in_target;
-  double rms_px = 0;  // Of the image, with these points; large if a point has no image.
+  double rms_px = 0;  // The error of the image with these points; large if a point has no image.
 };
 // Returns the reading order with the smallest error, if the camera sees the target in this pose.
 ReadingOrder BestReadingOrder(const RigProblem& problem, const RigImage& image, const Rigid3d& camera_from_target);
@@ -54,8 +55,9 @@ inline constexpr double kClearMisfit = 4;
 // A pose that images allow.
 struct Placement {
   Rigid3d pose;
-  size_t target = 0;       // The target in the image that it comes from.
-  double variance_m2 = 0;  // Of a point half a metre away, if that image has an error of 1 px or its own, if larger.
+  size_t target = 0;  // The target in the image that it comes from.
+  // The variance of a point half a metre away if that image has an error of 1 px, or its own error if that is larger.
+  double variance_m2 = 0;
 };
 
 // Returns the poses of `part` that the images allow, the best first: several if a symmetric target can be read in

@@ -59,7 +59,7 @@ std::optional<Failure> CheckObservable(const Information& information) {
               order.end());
   std::stable_partition(order.begin(), order.end(), [&](int i) { return owner_of(i) != UnknownOwner::kPose; });
   std::vector<std::string> parts;
-  std::vector<std::string> keys;  // Those that hold intrinsics.
+  std::vector<std::string> keys;  // The keys of a config that hold the intrinsics.
   bool has_shape = false;
   for (const int i : order) {
     if (owner_of(i) == UnknownOwner::kCamera) {

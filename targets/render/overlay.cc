@@ -9,7 +9,7 @@
 namespace heba {
 namespace {
 
-// Of the points of the first target, the second, and so on.
+// The colours of the points of the first target, the second, and so on.
 const std::array<cv::Scalar, 4> kPointColours = {cv::Scalar(0, 200, 0), cv::Scalar(255, 160, 0),
                                                  cv::Scalar(0, 220, 220), cv::Scalar(60, 60, 255)};
 const cv::Scalar kCaptionColour(255, 255, 255);

@@ -23,7 +23,7 @@ using testing::Not;
 using testing::StartsWith;
 
 constexpr int kNumCaptures = 12;
-constexpr int kNumPoints = 35;  // Of each target.
+constexpr int kNumPoints = 35;  // Each target has as many.
 
 // A cell with two fixed cameras and one on the gripper, a target on the gripper and one that stands beside the arm, and
 // the run of it.
@@ -258,7 +258,7 @@ TEST_F(RigCommandsTest, ExportWritesAUrdfForEachRoot) {
   EXPECT_EQ(printed.out, fragment);
 }
 
-// What the config leaves out has entries too.
+// Captures that the config leaves out have entries too.
 TEST_F(RigCommandsTest, TheResultListsWhatWasLeftOut) {
   const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--set", "captures.exclude=[001.png]", "--set",
                                      "evaluate.folds=0", "--out", Path("left_out")});

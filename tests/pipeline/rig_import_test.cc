@@ -50,7 +50,7 @@ TEST(RigImportTest, CalibratesTheMetricDataSet) {
   ASSERT_EQ(run.status, 0) << run.err;
   const nlohmann::json result = nlohmann::json::parse(ReadAll(folder / "run/result.json"));
   for (const char* camera : {"camera1", "camera2"}) {
-    // Of one camera alone, another program's estimate is 1.1 mm from the truth (README of the data).
+    // Another program's estimate from one camera alone is 1.1 mm from the truth (README of the data).
     const nlohmann::json& truth = result["errors"][camera]["truth"];
     EXPECT_LT(truth["mm"].get<double>(), 1.0) << camera;
     // With the principal point as the file states it, the rotation is wrong by 0.06 deg.

@@ -297,7 +297,7 @@ class SymmetricRigTest : public testing::Test {
   }
 
   static fs::path* folder_;
-  static std::vector<std::string> names_;  // Of the captures in which both cameras see both targets.
+  static std::vector<std::string> names_;  // The captures in which both cameras see both targets.
   static std::vector<Rigid3d> world_from_gripper_;
   static std::map<std::string, Rigid3d> gripper_from_target_;
 };

@@ -13,7 +13,7 @@ namespace heba {
 // An estimate of a pose.
 struct UncertainPose {
   Rigid3d pose;
-  // Of the tangent on the right: translation (m), then rotation (rad), in the child frame.
+  // The covariance of the tangent on the right: translation (m), then rotation (rad), in the child frame.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double covariance_dof = std::numeric_limits<double>::infinity();  // Solution::covariance_dof.
 };

@@ -47,7 +47,7 @@ struct ImportedCamera {
   std::optional<Rigid3d> mount_from_camera;  // The true pose.
 };
 
-// What the cameras of a rig recorded at one pose of the arm.
+// The images that the cameras of a rig recorded at one pose of the arm.
 struct ImportedRigCapture {
   Rigid3d base_from_gripper;
   std::vector<std::string> images;  // File names, one for each camera; empty for a camera without an image.

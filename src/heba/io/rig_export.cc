@@ -10,7 +10,7 @@ namespace {
 // A kind of file with several poses.
 struct PosesFormat {
   const char* format;
-  const char* suffix;  // Of the file's name.
+  const char* suffix;  // The file's name ends with it.
   Outcome<std::string> (*write)(const std::vector<ExportRequest>& poses);
   bool holds_bases;
   bool has_one_root;  // Whether there is a file for each root frame.
@@ -105,7 +105,7 @@ std::vector<ExportRequest> BaseExportRequests(const RigResult& result) {
 std::vector<ExportedFile> ExportRig(const ExportFormat& format, const std::vector<ExportRequest>& cameras,
                                     const std::vector<ExportRequest>& bases, const RigResult& result) {
   std::vector<ExportedFile> files;
-  std::string fault;  // Of a camera, in a file with all.
+  std::string fault;  // The fault of a camera that a file with all cannot hold.
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::string& camera = result.rig.cameras[c].name;
     files.push_back(FileOf(camera + "." + format.file_name, ExportText(format, cameras[c])));

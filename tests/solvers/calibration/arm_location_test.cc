@@ -112,7 +112,7 @@ Eigen::VectorXd FlippedPosture(const Arm& arm, const Eigen::VectorXd& joints) {
 // The errors of positions against their stated covariances, over many cells.
 struct Agreement {
   double chi_square_sum = 0;
-  int num_outside = 0;  // Of the 95 % confidence region.
+  int num_outside = 0;  // The number of errors outside the 95 % confidence region.
   double by_calibration_m2 = 0;
 
   void Add(const Eigen::Vector3d& off_m, const PositionCovariance& covariance, double dof) {

@@ -65,13 +65,13 @@ Camera ReadCamera(const fs::path& file, std::vector<std::string>* remarks, const
   return simpler ? *simpler : camera;
 }
 
-// What CalibrationInfo.yaml states.
+// The contents of CalibrationInfo.yaml.
 struct Info {
   fs::path file;
   Setup setup = Setup::kEyeToHand;
   std::string target;  // Empty if its type is unknown.
   int num_cameras = 1;
-  std::string prefix;  // Of the cameras' folders.
+  std::string prefix;  // The cameras' folders begin with it.
 };
 
 Info ReadInfo(const fs::path& root, std::vector<std::string>* remarks) {
