@@ -38,24 +38,17 @@ ImageSet RejectedByPairs(const RigProblem& problem, const std::vector<RigPair>& 
 
 // Returns the number of images in which an arm moves the target against the camera: they tell its shape.
 int NumMovedImages(const RigProblem& problem, size_t target) {
-  int num_images = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
-      if (image.target != target || image.observations.size() == 0) continue;
-      num_images += MovesAgainst(problem.cameras[image.camera].mount, problem.targets[target].mount) ? 1 : 0;
-    }
-  }
-  return num_images;
+  return CountImages(problem, [&](const RigImage& image) {
+    return image.target == target && MovesAgainst(problem.cameras[image.camera].mount, problem.targets[target].mount);
+  });
 }
 
 // Returns whether an arm moves a target against a camera in one of its images.
 bool IsMoved(const RigProblem& problem, size_t camera) {
-  return std::any_of(problem.captures.begin(), problem.captures.end(), [&](const RigCapture& capture) {
-    return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
-      return image.camera == camera && image.observations.size() > 0 &&
-             MovesAgainst(problem.cameras[camera].mount, problem.targets[image.target].mount);
-    });
-  });
+  const auto is_moved = [&](const RigImage& image) {
+    return image.camera == camera && MovesAgainst(problem.cameras[camera].mount, problem.targets[image.target].mount);
+  };
+  return CountImages(problem, is_moved) > 0;
 }
 
 // Frees the shapes of the targets that arms move against cameras.

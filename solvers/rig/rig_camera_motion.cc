@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 
 #include "heba/base/distributions.h"
+#include "heba/base/median.h"
 #include "heba/data/target_shape.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
@@ -46,12 +47,6 @@ std::vector<Displacement> DisplacementsOf(const RigProblem& problem, const RigSo
   return displacements;
 }
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Returns the tangents of [first, last) without those that are far from the others.
 std::vector<Tangent6> InliersOf(const std::vector<Displacement>& all, size_t first, size_t last) {
   Tangent6 middle;
@@ -59,9 +54,9 @@ std::vector<Tangent6> InliersOf(const std::vector<Displacement>& all, size_t fir
   for (Eigen::Index c = 0; c < 6; ++c) {
     std::vector<double> values;
     for (size_t i = first; i < last; ++i) values.push_back(all[i].tangent[c]);
-    middle[c] = MedianOf(values);
+    middle[c] = Median(values);
     for (double& value : values) value = std::abs(value - middle[c]);
-    scale[c] = MedianOf(values) / 0.6745;  // The standard deviation of normal numbers.
+    scale[c] = Median(values) / 0.6745;  // The standard deviation of normal numbers.
   }
   constexpr double kFar = 10;
   std::vector<Tangent6> inliers;
@@ -173,14 +168,8 @@ RigProblem WithHeldIntrinsics(RigProblem split, const Jump& jump, const Camera& 
   return split;
 }
 
-int NumImages(const RigProblem& problem, size_t camera) {
-  int num_images = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
-      num_images += image.camera == camera && image.observations.size() > 0 ? 1 : 0;
-    }
-  }
-  return num_images;
+int NumImagesOf(const RigProblem& problem, size_t camera) {
+  return CountImages(problem, [&](const RigImage& image) { return image.camera == camera; });
 }
 
 // Returns the pose of the second camera of a split rig in the first one, if the images agree with it: few of either
@@ -191,7 +180,7 @@ std::optional<RelativePose> MotionOf(const RigProblem& split, const JudgedRig& j
     int num_left_out = 0;
     for (const auto& [i, k] : judged.left_out) num_left_out += split.captures[i].images[k].camera == camera ? 1 : 0;
     constexpr double kFew = 0.25;
-    if (num_left_out > kFew * NumImages(split, camera)) return std::nullopt;
+    if (num_left_out > kFew * NumImagesOf(split, camera)) return std::nullopt;
   }
   for (const RelativePose& pose : RelativeCameraPoses(split, judged.solution)) {
     if (pose.parent == split.cameras[jump.camera].name && pose.child == split.cameras[after].name) return pose;
@@ -250,7 +239,7 @@ std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig&
   if (FisherTail(statistic, kSize, two->solution.covariance_dof) > kLevel) return std::nullopt;
   // Its size is measured with the lens of the longer part, because two lenses take up a part of the motion.
   const size_t after = split.cameras.size() - 1;
-  const size_t longer = NumImages(split, jump.camera) >= NumImages(split, after) ? jump.camera : after;
+  const size_t longer = NumImagesOf(split, jump.camera) >= NumImagesOf(split, after) ? jump.camera : after;
   jump = Corrected(problem, two->left_out, jump);
   const RigProblem held = WithHeldIntrinsics(Split(problem, jump), jump, two->solution.cameras[longer]);
   const Outcome<JudgedRig> measured = RefineWithoutOutliers(held, two->solution.poses, left_out, options);

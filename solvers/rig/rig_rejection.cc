@@ -7,18 +7,6 @@
 #include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
-namespace {
-
-int NumImages(const RigProblem& problem) {
-  int num_images = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) num_images += image.observations.size() > 0;
-  }
-  return num_images;
-}
-
-}  // namespace
-
 RigProblem Without(RigProblem problem, const ImageSet& images) {
   for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
   return problem;
@@ -49,7 +37,8 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
   Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
   if (!solution) return Failure{solution.reason()};
   if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
-  const double least_chance = kCaptureFalseAlarm / std::max(1, NumImages(problem));
+  const double least_chance =
+      kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const RigImage&) { return true; }));
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
     const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);

@@ -15,6 +15,18 @@ using ImageSet = std::set<std::pair<size_t, size_t>>;  // Capture, and index in 
 // Returns the problem without the points of these images.
 RigProblem Without(RigProblem problem, const ImageSet& images);
 
+// Returns the number of images with points for which `is_counted`, a predicate of a RigImage, holds.
+template <typename Predicate>
+int CountImages(const RigProblem& problem, const Predicate& is_counted) {
+  int num_images = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.observations.size() > 0 && is_counted(image)) ++num_images;
+    }
+  }
+  return num_images;
+}
+
 // Returns the images of a capture in which an arm moves the target against the camera.
 std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot);
 

@@ -292,20 +292,9 @@ TEST(RigCalibration, NamesTheMovedCameraInSpiteOfAStrayPoint) {
   RigScene scene = MixedRig(19, setting);
   Tangent6 knock;
   knock << 0, 0, 0, DegToRad(1.5), DegToRad(1.0), 0;
-  RigPoses moved = scene.truth;
-  moved.mount_from_camera[0] = Retract(moved.mount_from_camera[0], knock);
-  Rng rng(20);
   // The camera is moved after the first ten captures.
-  for (size_t i = 10; i < scene.problem.captures.size(); ++i) {
-    for (RigImage& image : scene.problem.captures[i].images) {
-      if (image.camera != 0) continue;
-      const Rigid3d camera_from_target = CameraFromTarget(scene.problem, moved, 0, image.target, scene.arms[i]);
-      image.observations = SimulateView("", scene.problem.cameras[0].camera, {}, camera_from_target,
-                                        scene.targets[image.target].points_in_target, setting.noise_px, &rng)
-                               ->observations;
-    }
-  }
-  // Of the images on either side, one has a single point far off.
+  Move(0, 10, knock, &scene);
+  // One image on either side has a single point far off.
   for (const size_t capture : {3, 20}) {
     RigImage stray;
     stray.camera = 0;

@@ -11,7 +11,7 @@
 
 #include "heba/rig_calibration.h"
 #include "solvers/rig/rig_study.h"
-#include "tests/support/rig_scenes.h"
+#include "tests/support/rig_study_cells.h"
 
 namespace heba {
 namespace {
@@ -25,22 +25,6 @@ struct RigKind {
   std::function<RigScene(uint64_t, const RigSceneSetting&)> make;
 };
 void PrintTo(const RigKind& kind, std::ostream* stream) { *stream << kind.name; }
-
-// Returns a study's cell of the scene, whose estimator starts from the true cameras.
-RigStudyCell CellOf(const RigScene& scene, const RigSceneSetting& setting) {
-  RigStudyCell cell;
-  cell.rig = scene.problem;
-  cell.rig.captures.clear();
-  cell.poses = scene.truth;
-  cell.targets = scene.targets;
-  cell.arms = scene.arms;
-  cell.simulation.noise_px = setting.noise_px;
-  cell.simulation.robot_noise = setting.robot_noise;
-  cell.options.has_camera.assign(cell.rig.cameras.size(), true);
-  cell.options.choose_target_shape = false;
-  cell.estimators = {RigEstimator::kJointly};
-  return cell;
-}
 
 // The sums over trials of one kind of poses.
 struct Errors {
@@ -71,7 +55,8 @@ TEST_P(RigStatisticsTest, ReachesTheBoundWithHonestCovariance) {
   const RigSceneSetting setting;
   std::map<std::string, Errors> of_kinds;
   for (int trial = 0; trial < kNumTrials; ++trial) {
-    const RigStudyCell cell = CellOf(GetParam().make(static_cast<uint64_t>(1000 + trial), setting), setting);
+    RigStudyCell cell = CellOf(GetParam().make(static_cast<uint64_t>(1000 + trial), setting), setting);
+    cell.estimators = {RigEstimator::kJointly};
     const std::vector<std::string> poses = StudiedRigPoses(cell);
     const Outcome<std::vector<Matrix6>> bounds = RigErrorBound(cell);
     ASSERT_TRUE(bounds) << bounds.reason();
