@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "heba/base/units.h"
+
 namespace heba {
 namespace {
 
@@ -92,6 +94,20 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     }
   }
   return {std::move(best), best_log_likelihood - log_likelihood_without};
+}
+
+Finding DescribeSmoothErrors(const RobotNoise& smooth, const SmoothLengths& lengths, const RobotNoise& before,
+                             const RobotNoise& after) {
+  return {Grade::kGood,
+          FindingCode("smooth_errors"),
+          {{"smooth_mm", 1000 * smooth.translation_m},
+           {"smooth_deg", RadToDeg(smooth.rotation_rad)},
+           {"length_mm", 1000 * lengths.translation_m},
+           {"length_deg", RadToDeg(lengths.rotation_rad)},
+           {"before_mm", 1000 * before.translation_m},
+           {"before_deg", RadToDeg(before.rotation_rad)},
+           {"after_mm", 1000 * after.translation_m},
+           {"after_deg", RadToDeg(after.rotation_rad)}}};
 }
 
 }  // namespace heba

@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "heba/data/smooth_errors.h"
+#include "heba/data/solution.h"
+#include "heba/evaluation/finding.h"
 #include "solvers/uncertainty/linearisation.h"
 #include "solvers/uncertainty/variance_components.h"
 
@@ -27,5 +29,10 @@ struct FoundSmoothErrors {
 // Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found
 // by descent over factors of two. If there are more than 250 poses, as many of them are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
+
+// Returns the finding `smooth_errors`: their standard deviations and lengths, and the noise of the robot without and
+// with them.
+Finding DescribeSmoothErrors(const RobotNoise& smooth, const SmoothLengths& lengths, const RobotNoise& before,
+                             const RobotNoise& after);
 
 }  // namespace heba

@@ -130,9 +130,13 @@ std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& kn
 
 Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise) {
   if (free.effects == nullptr) return {};
-  Eigen::VectorXd weights(free.effects->size());
+  return EffectWeights(*free.effects, noise.effect_sigmas);
+}
+
+Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas) {
+  Eigen::VectorXd weights(effects.size());
   for (Eigen::Index i = 0; i < weights.size(); ++i) {
-    weights[i] = 1 / noise.effect_sigmas[free.effects->effects[static_cast<size_t>(i)].group];
+    weights[i] = 1 / sigmas[effects.effects[static_cast<size_t>(i)].group];
   }
   return weights;
 }

@@ -84,6 +84,8 @@ double FitCost(const Problem& problem, const ViewDistances& squared_distances, c
 
 // Returns the inverse standard deviations of the free effects.
 Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise);
+// Likewise for effects whose groups have these standard deviations.
+Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas);
 
 // Returns camera_from_target of a view: its robot pose with its effect and its correction.
 Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);

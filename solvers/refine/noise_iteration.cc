@@ -14,8 +14,6 @@ namespace {
 // A robot with smaller sigmas counts as exact: the prior then holds its corrections regardless of the images.
 constexpr double kExactM = 1e-8;
 constexpr double kExactRad = 1e-8;
-// Likewise for the standard deviation of effects, rad or m.
-constexpr double kExactEffect = 1e-8;
 
 struct EstimatedNoise {
   FitNoise noise;

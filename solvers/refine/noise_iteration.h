@@ -6,6 +6,9 @@
 
 namespace heba {
 
+// Effects of a robot with a smaller standard deviation, rad or m, count as exact.
+inline constexpr double kExactEffect = 1e-8;
+
 // Returns the noise with both sigmas at least 1e-8 m and 1e-8 rad: a robot with smaller sigmas counts as exact.
 RobotNoise AtLeastExact(const RobotNoise& noise);
 

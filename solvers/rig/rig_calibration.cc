@@ -322,17 +322,8 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
   for (const RigSmoothErrors& of_arm : calibration.smooth_errors) {
     const RobotNoise smooth = SmoothNoiseOf(solution, of_arm.robot).value_or(RobotNoise{});
     const RobotNoise after = solution.robot_noise[of_arm.robot].value_or(RobotNoise{});
-    findings.push_back({Grade::kGood,
-                        FindingCode("smooth_errors"),
-                        {{"smooth_mm", 1000 * smooth.translation_m},
-                         {"smooth_deg", RadToDeg(smooth.rotation_rad)},
-                         {"length_mm", 1000 * of_arm.lengths.translation_m},
-                         {"length_deg", RadToDeg(of_arm.lengths.rotation_rad)},
-                         {"before_mm", 1000 * of_arm.noise_before.translation_m},
-                         {"before_deg", RadToDeg(of_arm.noise_before.rotation_rad)},
-                         {"after_mm", 1000 * after.translation_m},
-                         {"after_deg", RadToDeg(after.rotation_rad)}},
-                        {{"of_arm", problem.robots[of_arm.robot]}}});
+    findings.push_back(DescribeSmoothErrors(smooth, of_arm.lengths, of_arm.noise_before, after));
+    findings.back().names.emplace_back("of_arm", problem.robots[of_arm.robot]);
   }
   for (const MovedCamera& moved : calibration.moved) {
     Finding finding{Grade::kBad,

@@ -16,6 +16,7 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_fit.h"
 #include "solvers/rig/rig_outliers.h"
+#include "solvers/rig/rig_rejection.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -65,9 +66,8 @@ RigProblem PartOf(RigProblem problem, const std::vector<int>& fold_of, int fold,
 // and more of them, those with the fewest images first.
 std::vector<CameraSet> CamerasToKeep(const RigProblem& problem) {
   std::vector<std::pair<int, size_t>> cameras;
-  for (size_t c = 0; c < problem.cameras.size(); ++c) cameras.emplace_back(0, c);
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) cameras[image.camera].first += image.observations.size() > 0 ? 1 : 0;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    cameras.emplace_back(CountImages(problem, [&](const RigImage& image) { return image.camera == c; }), c);
   }
   std::sort(cameras.begin(), cameras.end());
   std::vector<CameraSet> sets;

@@ -18,9 +18,6 @@
 namespace heba {
 namespace {
 
-// Effects with a smaller standard deviation, rad or m, count as exact.
-constexpr double kExactEffect = 1e-8;
-
 // The points of each camera.
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
   std::vector<std::vector<const Observations*>> all(problem.cameras.size());
@@ -42,15 +39,6 @@ std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
     if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], all[c]);
   }
   return weighted;
-}
-
-// Returns the weights of the priors of an arm's effects.
-Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas) {
-  Eigen::VectorXd weights(effects.size());
-  for (Eigen::Index i = 0; i < weights.size(); ++i) {
-    weights[i] = 1 / sigmas[effects.effects[static_cast<size_t>(i)].group];
-  }
-  return weights;
 }
 
 std::vector<BlockPrior> EffectPriors(const RigProblem& problem, const RigNoise& noise) {
@@ -320,6 +308,7 @@ Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const 
 Eigen::VectorXd ResidualOf(const RigProblem& problem, const RigState& state, const LinearisedView& view,
                            const Eigen::VectorXd& corrections) {
   Eigen::VectorXd residual = view.offset - view.by_effects * corrections;
+  if (state.effects.empty()) return residual;
   const UnknownLayout layout = RigUnknowns(problem);
   for (size_t r = 0; r < state.effects.size(); ++r) {
     if (EffectsOf(problem, r) == nullptr) continue;

@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
-#include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/smooth_search.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/captures.h"
 
@@ -134,17 +134,7 @@ std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetect
       Recalibrate(ViewsOf(*dataset, detections), with_errors, options, calibration);
   const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
   if (!why_not && smooth) {
-    const RobotNoise& after = *calibration->refined->robot_noise;
-    return Finding{Grade::kGood,
-                   FindingCode("smooth_errors"),
-                   {{"smooth_mm", 1000 * smooth->translation_m},
-                    {"smooth_deg", RadToDeg(smooth->rotation_rad)},
-                    {"length_mm", 1000 * errors->lengths().translation_m},
-                    {"length_deg", RadToDeg(errors->lengths().rotation_rad)},
-                    {"before_mm", 1000 * before.translation_m},
-                    {"before_deg", RadToDeg(before.rotation_rad)},
-                    {"after_mm", 1000 * after.translation_m},
-                    {"after_deg", RadToDeg(after.rotation_rad)}}};
+    return DescribeSmoothErrors(*smooth, errors->lengths(), before, *calibration->refined->robot_noise);
   }
   for (Capture& capture : dataset->captures) capture.effect = nullptr;
   return std::nullopt;
