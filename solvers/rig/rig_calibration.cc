@@ -11,6 +11,7 @@
 #include "heba/base/units.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/rig/rig_arms.h"
 #include "solvers/rig/rig_camera_motion.h"
 #include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
@@ -125,6 +126,8 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
   const RigProblem used = WithoutRejected(Without(*problem, judged->left_out), judged->solution);
   for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
+    // The errors of a known arm are its own.
+    if (EffectsOf(*problem, arm.robot) != nullptr) continue;
     const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kLevel;
     if (options.smooth == SmoothPoseErrors::kAuto && !is_likely) continue;
     added.push_back({arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot]});
@@ -222,6 +225,7 @@ std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig&
 }  // namespace
 
 Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options) {
+  CHECK(options.arms.empty() || options.arms.size() == problem.robots.size());
   RigCalibration calibration;
   calibration.problem = problem;
   RigProblem& rig = calibration.problem;
@@ -260,6 +264,7 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
                                    options.adjustment);
   }
+  if (judged) calibration.arms = AddArmErrors(options, &rig, &*judged);
   if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
   if (judged && options.choose_target_shape) {
     rig = WithChosenShapes(std::move(rig), judged->solution);

@@ -41,7 +41,16 @@ std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
   return weighted;
 }
 
-std::vector<BlockPrior> EffectPriors(const RigProblem& problem, const RigNoise& noise) {
+// Returns the weights 1 / sigma of the parameters of a target's shape; zeros if nothing is known about them.
+Eigen::Vector4d ShapeWeights(const RigTarget& target) {
+  const std::vector<TargetShapeGroup>& free = target.free_shape;
+  const bool has_scale = std::find(free.begin(), free.end(), TargetShapeGroup::kScale) != free.end();
+  if (!target.scale_sigma || !has_scale) return Eigen::Vector4d::Zero();
+  return {1 / *target.scale_sigma, 1 / *target.scale_sigma, 0, 0};
+}
+
+// Returns the priors of the arms' effects and of the targets' scales.
+std::vector<BlockPrior> PriorsOf(const RigProblem& problem, const RigNoise& noise) {
   std::vector<BlockPrior> priors;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
@@ -49,6 +58,11 @@ std::vector<BlockPrior> EffectPriors(const RigProblem& problem, const RigNoise& 
     const size_t index = priors.size();
     priors.push_back({UnknownOwner::kEffects, EffectWeights(*effects, noise.effect_sigmas[r]),
                       Eigen::VectorXd::Zero(effects->size()), index});
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const Eigen::Vector4d weights = ShapeWeights(problem.targets[t]);
+    if (weights.isZero(0)) continue;
+    priors.push_back({UnknownOwner::kTarget, weights, Eigen::Vector4d(1, 1, 0, 0), t});
   }
   return priors;
 }
@@ -70,8 +84,7 @@ ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(rig_options.max_iterations);
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
-  ceres::Solver::Summary summary =
-      SolveCaptures(solver_options, &cost, &unknowns, EffectPriors(*fit->problem, fit->noise));
+  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, PriorsOf(*fit->problem, fit->noise));
   fit->state = WithValues(std::move(fit->state), unknowns.Values());
   const std::vector<size_t> moving = MovingRobots(*fit->problem);
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();
@@ -171,7 +184,11 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
     const std::vector<std::vector<double>> distances = DistancesOfCameras(fit, options.num_threads);
     for (size_t c = 0; c < distances.size(); ++c) result.noise.pixel_px[c] = SigmaFromMedian(distances[c]);
   }
-  const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
+  std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
+  for (LinearisedView& view :
+       ScaleViews(*fit.problem, fit.state, loss.consistency, captures.front().by_effects.cols())) {
+    captures.push_back(std::move(view));
+  }
   const bool robots_are_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::vector<VarianceGroup> groups = RigVarianceGroups(
       *fit.problem, fit.noise, loss.consistency, !options.pixel_noise_px, robots_are_free, options.robot_noise_prior);
@@ -259,6 +276,29 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
     }
   }
   return result;
+}
+
+std::vector<LinearisedView> ScaleViews(const RigProblem& problem, const RigState& state, double row_variance,
+                                       Eigen::Index num_effects) {
+  const UnknownLayout layout = RigUnknowns(problem);
+  std::vector<LinearisedView> views;
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const Eigen::Vector4d weights = std::sqrt(row_variance) * ShapeWeights(problem.targets[t]);
+    if (weights.isZero(0)) continue;
+    const UnknownBlock block = layout.Block(TargetShapeBlock(problem.targets[t]));
+    LinearisedView& view = views.emplace_back();
+    view.by_unknowns = Eigen::MatrixXd::Zero(2, layout.size());
+    view.by_effects = Eigen::MatrixXd::Zero(2, num_effects);
+    view.offset.resize(2);
+    view.num_rows_without_effects = 2;
+    for (Eigen::Index i = block.first; i < block.end(); ++i) {
+      const int param = layout[i].index;
+      if (layout[i].group != UnknownGroup::kScale) continue;
+      view.by_unknowns(param, i) = -weights[param];
+      view.offset[param] = weights[param] * (state.shapes[t].params[static_cast<size_t>(param)] - 1);
+    }
+  }
+  return views;
 }
 
 Eigen::VectorXd CorrectionVariances(const RigNoise& noise, size_t num_moving) {
@@ -381,6 +421,14 @@ std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
     const UnknownBlock block = information.layout.Block(ErrorsBlock(fit.problem->robots[r]));
     information.matrix.diagonal().segment(block.first, block.size) +=
         EffectWeights(*effects, fit.noise.effect_sigmas[r]).cwiseAbs2();
+  }
+  for (const RigTarget& target : fit.problem->targets) {
+    const Eigen::Vector4d weights = ShapeWeights(target);
+    const UnknownBlock block = information.layout.Block(TargetShapeBlock(target));
+    for (Eigen::Index i = block.first; i < block.end(); ++i) {
+      const double weight = weights[information.layout[i].index];
+      information.matrix(i, i) += weight * weight;
+    }
   }
   return information;
 }

@@ -5,9 +5,12 @@
 
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
+#include "heba/base/text.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/rig_result_file.h"
+#include "heba/simulation/arm_captures.h"
+#include "heba/simulation/rig_motion.h"
 #include "targets/images/image.h"
 #include "tools/files/result_folder.h"
 
@@ -21,13 +24,58 @@ std::string ImageName(size_t index) {
   return name;
 }
 
+std::string JointsName(const RigProblem& rig, size_t robot) {
+  return rig.robots.size() == 1 ? "joints.csv" : rig.robots[robot] + "_joints.csv";
+}
+
+// Returns the arms with errors drawn at random.
+std::vector<std::optional<SimulatedArm>> DrawArms(const RigSceneConfig& scene, Rng* rng) {
+  std::vector<std::optional<SimulatedArm>> arms;
+  for (const std::optional<SceneArm>& arm : scene.arms) {
+    arms.emplace_back();
+    if (!arm) continue;
+    arms.back() = SimulatedArm{arm->nominal, DrawArmErrors(arm->nominal, arm->sigmas, rng), arm->tip_from_gripper,
+                               arm->has_several_configurations, arm->joint_noise_rad};
+  }
+  return arms;
+}
+
+std::string JointsText(const RigMotion& motion, size_t robot) {
+  std::string text = "image";
+  for (Eigen::Index j = 0; j < motion.joints.front()[robot].size(); ++j) text += ",j" + std::to_string(j + 1);
+  text += "\n";
+  for (size_t i = 0; i < motion.joints.size(); ++i) {
+    text += ImageName(i);
+    for (const double joint : motion.joints[i][robot]) text += "," + RoundTrip(joint);
+    text += "\n";
+  }
+  return text;
+}
+
+// Adds the kinematics of an arm to the config: beside its poses or, if it is the only one, in a section of its own.
+void AddArmKeys(const RigSceneConfig& scene, size_t robot, YAML::Node* config, YAML::Node* poses) {
+  const SceneArm& arm = *scene.arms[robot];
+  YAML::Node keys;
+  keys["model"] = arm.nominal.name;
+  // Recorded joints tell the tool.
+  if (!arm.records_joints) keys["tool"] = PoseNode(arm.tip_from_gripper);
+  if (arm.records_joints) (*poses)["joints"] = JointsName(scene.rig, robot);
+  if (scene.rig.robots.size() == 1) {
+    (*config)["robot"] = keys;
+    return;
+  }
+  for (const auto& entry : keys) (*poses)[entry.first] = entry.second;
+}
+
 std::string ConfigText(const RigSceneConfig& scene) {
   YAML::Node config;
   const bool is_one = scene.rig.robots.size() == 1;
-  for (const std::string& robot : scene.rig.robots) {
+  for (size_t r = 0; r < scene.rig.robots.size(); ++r) {
+    const std::string& robot = scene.rig.robots[r];
     YAML::Node poses;
     poses["poses"] = is_one ? "poses.csv" : robot + ".csv";
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
+    if (scene.arms[r]) AddArmKeys(scene, r, &config, &poses);
     if (is_one) config["captures"] = poses;
     if (!is_one) config["robots"][robot] = poses;
   }
@@ -62,21 +110,25 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
   StagedFolder folder(output, "a data set");
   const RigProblem& rig = scene.rig;
   Rng rng(scene.seed);
-  const Outcome<std::vector<ArmPoses>> arms =
-      SimulateArmPoses(rig, scene.poses, SimulatedTargets(scene), scene.options, &rng);
-  if (!arms) return Failure{arms.reason()};
+  const std::vector<std::optional<SimulatedArm>> arms = DrawArms(scene, &rng);
+  const Outcome<RigMotion> motion =
+      SimulateRigMotion(rig, scene.poses, SimulatedTargets(scene), scene.options, arms, &rng);
+  if (!motion) return Failure{motion.reason()};
+  const size_t num_captures = motion->exact.size();
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     std::vector<PoseRow> rows;
-    for (size_t i = 0; i < arms->size(); ++i) {
+    for (size_t i = 0; i < num_captures; ++i) {
       PoseRow& row = rows.emplace_back();
       row.image = ImageName(i);
-      row.pose = ReportedPose((*arms)[i][r], scene.options.robot_noise, &rng);
+      row.pose = ReportedPose(motion->stated[i][r], scene.options.robot_noise, &rng);
     }
     const std::string name = rig.robots.size() == 1 ? "poses.csv" : rig.robots[r] + ".csv";
     WriteFileAtomically(folder.staging() / name, PoseFileText(rows, scene.pose_format));
+    if (!scene.arms[r] || !scene.arms[r]->records_joints) continue;
+    WriteFileAtomically(folder.staging() / JointsName(rig, r), JointsText(*motion, r));
   }
   const size_t num_cameras = rig.cameras.size();
-  const int num_images = static_cast<int>(arms->size() * num_cameras);
+  const int num_images = static_cast<int>(num_captures * num_cameras);
   for (const RigCamera& camera : rig.cameras) fs::create_directory(folder.staging() / camera.name);
   {
     Progress progress("render", num_images, verbosity);
@@ -92,7 +144,7 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       std::vector<RenderedSheet> sheets;
       for (size_t t = 0; t < rig.targets.size(); ++t) {
         sheets.push_back(
-            {&scene.targets[t]->Draw(), CameraFromTarget(rig, poses, c, t, (*arms)[i]), rig.targets[t].shape});
+            {&scene.targets[t]->Draw(), CameraFromTarget(rig, poses, c, t, motion->exact[i]), rig.targets[t].shape});
       }
       RenderOptions options = scene.image;
       options.seed = scene.seed * 1000003 + static_cast<uint64_t>(index);
@@ -105,7 +157,11 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
   RigTruth truth{scene.poses.mount_from_camera,
                  {scene.poses.mount_from_target.begin(), scene.poses.mount_from_target.end()},
                  {scene.poses.world_from_base.begin(), scene.poses.world_from_base.end()},
+                 {},
                  {}};
+  for (const std::optional<SimulatedArm>& arm : arms) {
+    truth.arm_errors.push_back(arm ? arm->errors : Eigen::VectorXd());
+  }
   for (const RigCamera& camera : rig.cameras) {
     truth.cameras.emplace_back(camera.camera);
     WriteFileAtomically(folder.staging() / (camera.name + ".yaml"), CameraToYaml(camera.camera));

@@ -17,6 +17,7 @@
 #include "tools/config/image_list.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
+#include "tools/config/robot_section.h"
 
 namespace heba {
 namespace {
@@ -34,9 +35,32 @@ struct ArmRows {
   fs::path file;
   PoseReading reading;
   std::vector<PoseRow> rows;
+  std::optional<RobotArm> robot;            // Its kinematics, if the config names them.
+  std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
 };
 
-ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras,
+std::string CaptureName(const PoseRow& row, size_t index) {
+  if (!row.image.empty()) return row.image;
+  char name[32];
+  std::snprintf(name, sizeof(name), "capture_%03zu", index);
+  return name;
+}
+
+// Reads the recorded joints of an arm, `joints` with `joint_angle` of `reader`, if there are any.
+void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, RigConfig* config) {
+  if (!reader.Has("joints")) return;
+  if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
+  const fs::path file = reader.Path("joints");
+  config->data_files.push_back(file);
+  std::vector<std::string> names;
+  for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
+  const bool are_deg = ReadJointsAreDeg(reader);
+  arm->joints = ReadJoints(arm->robot->arm, file, are_deg, names);
+}
+
+// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
+// section `robot` of `root`.
+ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
                 RigConfig* config) {
   ArmRows arm;
   arm.section = section;
@@ -50,6 +74,15 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
   } else {
     config->data_files.push_back(arm.file);
   }
+  if (root != nullptr && root->Has("robot")) {
+    MapReader robot(root->Get("robot"));
+    arm.robot = ReadRobotArm(robot, &config->data_files);
+    robot.Finish();
+    root->Record("robot", robot.used());
+  } else if (root == nullptr && reader.Has("model")) {
+    arm.robot = ReadRobotArm(reader, &config->data_files);
+  }
+  ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
   return arm;
 }
 
@@ -176,20 +209,13 @@ std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows
   return places;
 }
 
-std::string CaptureName(const PoseRow& row, size_t index) {
-  if (!row.image.empty()) return row.image;
-  char name[32];
-  std::snprintf(name, sizeof(name), "capture_%03zu", index);
-  return name;
-}
-
 // Reads the arms: `robots`, or the short form in `captures`.
 std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RigConfig* config) {
   std::vector<ArmRows> arms;
   if (!root.Has("robots")) {
     config->data.rig.robots = {"robot"};
     MapReader captures(root.Get("captures"));
-    arms.push_back(ReadArm(captures, "captures", cameras, config));
+    arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
     captures.Find("exclude");
     captures.Finish();
     root.Record("captures", captures.used());
@@ -199,7 +225,7 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
   config->data.rig.robots = NamesIn(section, "left");
   for (const std::string& name : config->data.rig.robots) {
     MapReader reader(section.Get(name));
-    arms.push_back(ReadArm(reader, "robots." + name, cameras, config));
+    arms.push_back(ReadArm(reader, "robots." + name, cameras, nullptr, config));
     reader.Finish();
     section.Record(name, reader.used());
   }
@@ -288,6 +314,11 @@ void ReadRefine(MapReader& root, RigConfig* config) {
   config->options.calibration.choose_target_shape = shape.is_chosen;
   for (RigTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
   RigOptions& adjustment = config->options.calibration.adjustment;
+  std::vector<Arm> arms;
+  for (const std::optional<RobotArm>& robot : config->data.arms) {
+    if (robot) arms.push_back(robot->arm);
+  }
+  config->options.kinematics = ReadKinematics(reader, arms, root.Has("robots") ? "robots.NAME.model" : "robot.model");
   ReadRigNoise(reader, &config->options.calibration);
   adjustment.pixel_noise_px = ReadPixelNoise(reader);
   adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
@@ -342,6 +373,9 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   MapReader reader(value);
   data.name = ReadFolderName(reader, path.stem().string());
   data.about = ReadAbout(reader);
+  if (reader.Has("robots") && reader.Has("robot")) {
+    reader.Get("robot").Fail("with 'robots', the keys of an arm are beside its poses: robots.NAME.model");
+  }
   for (const char* key : {"target", "camera", "setup"}) {
     if (reader.Has(key)) {
       reader.Get(key).Fail(
@@ -366,6 +400,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   for (const ArmRows& arm : arms) {
     rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
     config.arms.push_back({arm.section, arm.file, arm.reading, {}});
+    data.arms.push_back(arm.robot);
   }
   for (size_t i = 0; i < names.size(); ++i) {
     RigRecording capture{names[i], {}, {}};
@@ -386,6 +421,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
       }
       const PoseRow& row = arms[r].rows[*rows_of_arms[r][i]];
       capture.base_from_gripper.push_back(row.pose);
+      capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[*rows_of_arms[r][i]]);
       config.arms[r].numbers.push_back(row.numbers);
     }
     data.captures.push_back(std::move(capture));

@@ -8,7 +8,6 @@
 #include "tools/config/file_kind.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
-#include "tools/config/scene_config.h"
 
 namespace heba {
 namespace {
@@ -34,6 +33,13 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
     scene->rig.robots = {"robot"};
     scene->poses.world_from_base = {Rigid3d()};
     scene->options.homes = {DefaultHome()};
+    scene->arms.emplace_back();
+    if (root.Has("robot")) {
+      MapReader robot(root.Get("robot"));
+      scene->arms.back() = ReadSceneArm(robot);
+      robot.Finish();
+      root.Record("robot", robot.used());
+    }
     return;
   }
   MapReader section(root.Get("robots"));
@@ -45,6 +51,8 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
       reader.Get("world_from_base").Fail("the base of the first arm is the world; leave the key out");
     }
     scene->poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
+    scene->arms.emplace_back();
+    if (reader.Has("model")) scene->arms.back() = ReadSceneArm(reader);
     scene->options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : DefaultHome());
     reader.Finish();
     section.Record(name, reader.used());

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "heba/simulation/rig_scene.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
+#include "tools/config/scene_config.h"
 
 namespace heba {
 
@@ -23,7 +25,8 @@ struct CameraMotion {
 };
 
 struct RigSceneConfig {
-  RigProblem rig;  // With the true cameras, without captures.
+  RigProblem rig;                             // With the true cameras, without captures.
+  std::vector<std::optional<SceneArm>> arms;  // One per arm: its kinematics, if they have errors.
   RigPoses poses;
   std::vector<CameraMotion> motions;
   std::vector<std::shared_ptr<const Target>> targets;

@@ -16,40 +16,14 @@ namespace heba {
 namespace {
 
 // Reads an arm of the table, or a URDF with the links between which the joints lie.
-Arm ReadArm(MapReader& reader, RunConfig* config) {
+Arm ReadArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
   const std::string model = reader.Get("model").AsText();
   if (!model.ends_with(".urdf")) return *FindArm(reader.Choice("model", ArmNames()));
   const std::filesystem::path file = reader.Path("model");
-  config->data_files.push_back(file);
+  data_files->push_back(file);
   Arm arm = UrdfArm::Read(file, reader.Text("base_link", ""), reader.Text("tip_link", ""))->Kinematics();
   arm.name = file.stem().string();
   return arm;
-}
-
-// Sets the joints of the captures from the rows of the file: by image, or in the order of the captures.
-void SetJoints(const Arm& arm, RunConfig* config) {
-  const std::filesystem::path& file = config->joints_file;
-  const std::vector<PoseRow> rows = ReadPoseFile(file, NumbersFormat(JointColumns(arm)));
-  std::vector<Capture>& captures = config->data.captures;
-  const bool has_images = !rows.front().image.empty();
-  if (!has_images && rows.size() != captures.size()) {
-    throw InputError(file.string() + ": has " + std::to_string(rows.size()) + " rows for " +
-                     std::to_string(captures.size()) + " captures; a column image would say which belong together");
-  }
-  std::map<std::string, const PoseRow*> row_of_image;
-  for (const PoseRow& row : rows) row_of_image[row.image] = &row;
-  for (size_t i = 0; i < captures.size(); ++i) {
-    const PoseRow* row = &rows[i < rows.size() ? i : 0];
-    if (has_images) {
-      const auto found = row_of_image.find(captures[i].name);
-      if (found == row_of_image.end()) {
-        throw InputError(file.string() + ": has no row for the capture " + captures[i].name);
-      }
-      row = found->second;
-    }
-    const Eigen::VectorXd positions = PositionsOf(arm, row->numbers, config->joints_are_deg);
-    captures[i].joints.assign(positions.begin(), positions.end());
-  }
 }
 
 // Returns the arm with the mass on its flange, in whose frame `centre` is.
@@ -70,6 +44,30 @@ Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader* robot) {
 }
 
 }  // namespace
+
+std::vector<std::vector<double>> ReadJoints(const Arm& arm, const std::filesystem::path& file, bool are_deg,
+                                            const std::vector<std::string>& names) {
+  const std::vector<PoseRow> rows = ReadPoseFile(file, NumbersFormat(JointColumns(arm)));
+  const bool has_images = !rows.front().image.empty();
+  if (!has_images && rows.size() != names.size()) {
+    throw InputError(file.string() + ": has " + std::to_string(rows.size()) + " rows for " +
+                     std::to_string(names.size()) + " captures; a column image would say which belong together");
+  }
+  std::map<std::string, const PoseRow*> row_of_image;
+  for (const PoseRow& row : rows) row_of_image[row.image] = &row;
+  std::vector<std::vector<double>> joints;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const PoseRow* row = &rows[i < rows.size() ? i : 0];
+    if (has_images) {
+      const auto found = row_of_image.find(names[i]);
+      if (found == row_of_image.end()) throw InputError(file.string() + ": has no row for the capture " + names[i]);
+      row = found->second;
+    }
+    const Eigen::VectorXd positions = PositionsOf(arm, row->numbers, are_deg);
+    joints.emplace_back(positions.begin(), positions.end());
+  }
+  return joints;
+}
 
 bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
 
@@ -96,20 +94,12 @@ void ReadJointsFile(MapReader& captures, RunConfig* config) {
   config->data_files.push_back(config->joints_file);
 }
 
-void ReadRobotSection(MapReader& root, RunConfig* config) {
-  const std::optional<ConfigValue> value = root.Find("robot");
-  if (!value) {
-    if (!config->joints_file.empty()) {
-      throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
-    }
-    return;
-  }
-  MapReader reader(*value);
+RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
   RobotArm robot;
-  robot.arm = ReadArm(reader, config);
+  robot.arm = ReadArm(reader, data_files);
   if (reader.Has("kinematics")) {
     const std::filesystem::path file = reader.Path("kinematics");
-    config->data_files.push_back(file);
+    data_files->push_back(file);
     robot.arm = ReadArmFile(file, robot.arm);
   }
   if (const std::optional<ConfigValue> payload = reader.Find("payload"))
@@ -133,25 +123,42 @@ void ReadRobotSection(MapReader& root, RunConfig* config) {
     }
     reader.Record("joints_near", used);
   }
+  return robot;
+}
+
+void ReadRobotSection(MapReader& root, RunConfig* config) {
+  const std::optional<ConfigValue> value = root.Find("robot");
+  if (!value) {
+    if (!config->joints_file.empty()) {
+      throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
+    }
+    return;
+  }
+  MapReader reader(*value);
+  RobotArm robot = ReadRobotArm(reader, &config->data_files);
   reader.Finish();
   root.Record("robot", reader.used());
-  if (!config->joints_file.empty()) SetJoints(robot.arm, config);
+  if (!config->joints_file.empty()) {
+    std::vector<std::string> names;
+    for (const Capture& capture : config->data.captures) names.push_back(capture.name);
+    std::vector<std::vector<double>> joints = ReadJoints(robot.arm, config->joints_file, config->joints_are_deg, names);
+    for (size_t i = 0; i < names.size(); ++i) config->data.captures[i].joints = std::move(joints[i]);
+  }
   config->data.robot = std::move(robot);
 }
 
-void ReadKinematics(MapReader& refine, RunConfig* config) {
+Kinematics ReadKinematics(MapReader& refine, const std::vector<Arm>& arms, const std::string& key) {
   const std::optional<ConfigValue> value = refine.Find("kinematics");
   if (!value) {
-    if (config->data.robot) refine.Record("kinematics", YAML::Node("auto"));
-    return;
+    if (!arms.empty()) refine.Record("kinematics", YAML::Node("auto"));
+    return Kinematics::kAuto;
   }
-  Kinematics& kinematics = config->options.kinematics;
+  Kinematics kinematics = Kinematics::kAuto;
   if (value->IsText()) {
     const std::string choice = value->AsChoice({"auto", "none", "offsets", "geometry", "gravity"});
     if (choice == "geometry") value->Fail("must be a list: [offsets, geometry]");
     if (choice == "gravity") value->Fail("must be a list: [offsets, geometry, gravity]");
     kinematics = choice == "auto" ? Kinematics::kAuto : choice == "none" ? Kinematics::kNone : Kinematics::kOffsets;
-    refine.Record("kinematics", value->node());
   } else {
     std::vector<std::string> parts;
     for (const ConfigValue& item : value->AsList()) parts.push_back(item.AsChoice({"offsets", "geometry", "gravity"}));
@@ -159,13 +166,15 @@ void ReadKinematics(MapReader& refine, RunConfig* config) {
     if (!has("offsets")) value->Fail("offsets must be among them");
     if (has("gravity") && !has("geometry")) value->Fail("gravity needs geometry beside it");
     kinematics = has("gravity") ? Kinematics::kGravity : has("geometry") ? Kinematics::kGeometry : Kinematics::kOffsets;
-    refine.Record("kinematics", value->node());
   }
-  if (!config->data.robot && kinematics != Kinematics::kNone) value->Fail("needs an arm (robot.model)");
-  if (kinematics == Kinematics::kGravity && config->data.robot->arm.load == nullptr) {
-    value->Fail("gravity needs the masses of the links of the arm " + config->data.robot->arm.name +
+  refine.Record("kinematics", value->node());
+  if (arms.empty() && kinematics != Kinematics::kNone) value->Fail("needs an arm (" + key + ")");
+  for (const Arm& arm : arms) {
+    if (kinematics != Kinematics::kGravity || arm.load != nullptr) continue;
+    value->Fail("gravity needs the masses of the links of the arm " + arm.name +
                 ", which are not known; a URDF with <inertial> states them");
   }
+  return kinematics;
 }
 
 }  // namespace heba

@@ -1,6 +1,7 @@
 // Reads the section `robot` of a config, the recorded joints of the captures, and refine.kinematics.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,20 @@ Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, 
 // optionally image.
 void ReadJointsFile(MapReader& captures, RunConfig* config);
 
+// Reads the recorded joints (rad or m) of the captures with these names: columns j1 to jN and optionally image. The
+// rows belong to the captures by image, or by order.
+std::vector<std::vector<double>> ReadJoints(const Arm& arm, const std::filesystem::path& file, bool are_deg,
+                                            const std::vector<std::string>& names);
+
+// Reads an arm from the keys model, base_link, tip_link, kinematics, payload, tool and joints_near. Adds the files that
+// it reads to `data_files`.
+RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files);
+
 // Reads the arm and, if RunConfig::joints_file names a file, the joints of the captures.
 void ReadRobotSection(MapReader& root, RunConfig* config);
 
-// Reads which of the arm's errors are estimated. The arm must have been read.
-void ReadKinematics(MapReader& refine, RunConfig* config);
+// Reads which errors of the arms are estimated. `arms` are those whose kinematics are known, `key` the one that names
+// an arm.
+Kinematics ReadKinematics(MapReader& refine, const std::vector<Arm>& arms, const std::string& key);
 
 }  // namespace heba

@@ -148,7 +148,9 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   config->options.choose.target_shape = shape.is_chosen;
   config->options.bundle.free_shape = shape.groups;
   ReadRobotModel(&reader, config);
-  ReadKinematics(reader, config);
+  std::vector<Arm> arms;
+  if (config->data.robot) arms.push_back(config->data.robot->arm);
+  config->options.kinematics = ReadKinematics(reader, arms, "robot.model");
   config->options.bundle.pixel_noise_px = ReadPixelNoise(reader);
   ReadIntrinsicsPrior(&reader, config);
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));

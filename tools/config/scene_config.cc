@@ -13,10 +13,7 @@
 #include "tools/config/run_config.h"
 
 namespace heba {
-namespace {
-
-SceneArm ReadSceneArm(MapReader& root) {
-  MapReader reader(root.Get("robot"));
+SceneArm ReadSceneArm(MapReader& reader) {
   SceneArm arm;
   arm.nominal = *FindArm(reader.Choice("model", ArmNames()));
   arm.sigmas = {reader.Angle("offsets", 0.0), reader.Length("lengths", 0.0), reader.Angle("angles", 0.0)};
@@ -36,12 +33,8 @@ SceneArm ReadSceneArm(MapReader& root) {
   }
   // Poses do not tell the joints of captures in several configurations.
   arm.records_joints = reader.Bool("record_joints", arm.has_several_configurations);
-  reader.Finish();
-  root.Record("robot", reader.used());
   return arm;
 }
-
-}  // namespace
 
 void ReadMotion(MapReader& motion, MotionOptions* options) {
   options->num_captures = motion.Int("captures", {0, 10000}, options->num_captures);
@@ -145,7 +138,12 @@ SceneConfig ReadScene(const ConfigValue& value) {
     motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");
   }
 
-  if (reader.Has("robot")) scene.arm = ReadSceneArm(reader);
+  if (reader.Has("robot")) {
+    MapReader robot(reader.Get("robot"));
+    scene.arm = ReadSceneArm(robot);
+    robot.Finish();
+    reader.Record("robot", robot.used());
+  }
   MapReader robot = reader.Section("robot_noise");
   const RobotNoise noise = ReadRobotNoise(robot, 0.0);
   reader.Record("robot_noise", robot.used());

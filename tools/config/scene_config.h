@@ -30,6 +30,10 @@ struct SceneArm {
   bool records_joints = false;  // Whether the data set has the joints.
 };
 
+// Reads an arm from the keys model, offsets, lengths, angles, gravity, joint_noise, configurations, tool and
+// record_joints.
+SceneArm ReadSceneArm(MapReader& reader);
+
 struct SceneConfig {
   Setup setup = Setup::kEyeToHand;
   std::shared_ptr<const Target> target;

@@ -64,17 +64,16 @@ RobotNoise WithJointNoise(RobotNoise noise, const std::vector<View>& views) {
 
 }  // namespace
 
-RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
-                          const Calibration& calibration) {
-  const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
+RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const std::vector<UndeterminedParam>& undetermined, const ArmEstimate& estimate) {
   RobotSummary summary;
-  summary.nominal = dataset.robot->arm;
-  summary.tip_from_gripper = setup ? setup->tip_from_gripper : dataset.robot->tip_from_gripper;
+  summary.nominal = robot.arm;
+  summary.tip_from_gripper = setup ? setup->tip_from_gripper : robot.tip_from_gripper;
   summary.errors = Eigen::VectorXd::Zero(summary.nominal.num_params());
   summary.error_sigmas.resize(static_cast<size_t>(summary.nominal.num_params()));
-  if (solution.robot_noise) summary.noise_after = WithJointNoise(*solution.robot_noise, calibration.views);
-  summary.noise_before = summary.noise_after;
-  for (const UndeterminedParam& param : UndeterminedParams(summary.nominal, dataset.setup)) {
+  summary.noise_after = estimate.noise_after;
+  summary.noise_before = estimate.noise_after;
+  for (const UndeterminedParam& param : undetermined) {
     summary.undetermined.emplace_back(ArmParamName(param.place), param.with);
   }
   if (kinematics == Kinematics::kNone) summary.reason = "refine.kinematics is none";
@@ -86,33 +85,68 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
     summary.reason = setup->reason;
     return summary;
   }
-  const bool has_arm = solution.shared_effects != nullptr && solution.shared_effects->kind == SharedEffectsKind::kArm;
-  if (!has_arm) {
-    if (summary.reason.empty()) summary.reason = WhyDeclined(calibration);
+  if (estimate.errors == nullptr) {
+    if (summary.reason.empty()) summary.reason = estimate.reason;
     return summary;
   }
   summary.is_estimated = true;
-  summary.errors_name = solution.shared_effects->name;
-  summary.errors = AllEffects(*solution.shared_effects, solution.effects);
-  const UnknownBlock block = solution.covariance.layout.Block(kRobotBlock);
+  summary.errors_name = estimate.errors->name;
+  summary.errors = AllEffects(*estimate.errors, estimate.values);
   // A parameter whose sigma is nearly that of its prior was not determined by the captures.
   constexpr double kNothingLearnt = 0.9;
-  for (size_t i = 0; i < solution.shared_effects->effects.size(); ++i) {
-    const SharedEffect& effect = solution.shared_effects->effects[i];
-    const Eigen::Index place = block.first + static_cast<Eigen::Index>(i);
-    const double sigma = std::sqrt(solution.covariance.matrix(place, place));
-    summary.error_sigmas[static_cast<size_t>(effect.index)] = sigma;
-    if (sigma > kNothingLearnt * solution.effect_sigmas[effect.group]) {
+  for (Eigen::Index i = 0; i < estimate.errors->size(); ++i) {
+    const SharedEffect& effect = estimate.errors->effects[static_cast<size_t>(i)];
+    summary.error_sigmas[static_cast<size_t>(effect.index)] = estimate.stddev[i];
+    if (estimate.stddev[i] > kNothingLearnt * estimate.group_sigmas[effect.group]) {
       summary.undetermined.emplace_back(effect.name, "its prior: these captures hardly depend on it");
     }
   }
-  for (const ModelAlternative& alternative : calibration.alternatives) {
-    if (alternative.model.effects == nullptr && alternative.robot_noise &&
-        alternative.model.shape == calibration.bundle.free_shape) {
-      summary.noise_before = WithJointNoise(*alternative.robot_noise, calibration.views);
-    }
-  }
+  if (estimate.noise_before) summary.noise_before = estimate.noise_before;
   return summary;
+}
+
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const Calibration& calibration) {
+  const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
+  ArmEstimate estimate;
+  if (solution.robot_noise) estimate.noise_after = WithJointNoise(*solution.robot_noise, calibration.views);
+  const bool has_arm = solution.shared_effects != nullptr && solution.shared_effects->kind == SharedEffectsKind::kArm;
+  if (has_arm) {
+    const UnknownBlock block = solution.covariance.layout.Block(kRobotBlock);
+    estimate.errors = solution.shared_effects;
+    estimate.values = solution.effects;
+    estimate.stddev = solution.covariance.matrix.diagonal().segment(block.first, block.size).cwiseSqrt();
+    estimate.group_sigmas = solution.effect_sigmas;
+    for (const ModelAlternative& alternative : calibration.alternatives) {
+      if (alternative.model.effects == nullptr && alternative.robot_noise &&
+          alternative.model.shape == calibration.bundle.free_shape) {
+        estimate.noise_before = WithJointNoise(*alternative.robot_noise, calibration.views);
+      }
+    }
+  } else {
+    estimate.reason = WhyDeclined(calibration);
+  }
+  return SummariseArm(*dataset.robot, kinematics, setup, UndeterminedParams(dataset.robot->arm, dataset.setup),
+                      estimate);
+}
+
+Finding DescribeEstimate(const RobotSummary& robot) {
+  const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
+  if (!robot.is_estimated) {
+    return {Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}};
+  }
+  Finding finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}};
+  // Without a model that lacks the errors of the arm, there is nothing to compare.
+  const bool falls = robot.noise_before && robot.noise_after &&
+                     (robot.noise_before->translation_m != robot.noise_after->translation_m ||
+                      robot.noise_before->rotation_rad != robot.noise_after->rotation_rad);
+  if (falls) {
+    finding.numbers = {{"before_mm", 1000 * robot.noise_before->translation_m},
+                       {"before_deg", RadToDeg(robot.noise_before->rotation_rad)},
+                       {"after_mm", 1000 * robot.noise_after->translation_m},
+                       {"after_deg", RadToDeg(robot.noise_after->rotation_rad)}};
+  }
+  return finding;
 }
 
 namespace {
@@ -145,22 +179,8 @@ Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, cons
 }  // namespace
 
 std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
-  const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
-  if (!robot.is_estimated) {
-    return {Finding{Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}}};
-  }
-  std::vector<Finding> findings = {
-      Finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}}};
-  // Without a model that lacks the errors of the arm, there is nothing to compare.
-  const bool falls = robot.noise_before && robot.noise_after &&
-                     (robot.noise_before->translation_m != robot.noise_after->translation_m ||
-                      robot.noise_before->rotation_rad != robot.noise_after->rotation_rad);
-  if (falls) {
-    findings[0].numbers = {{"before_mm", 1000 * robot.noise_before->translation_m},
-                           {"before_deg", RadToDeg(robot.noise_before->rotation_rad)},
-                           {"after_mm", 1000 * robot.noise_after->translation_m},
-                           {"after_deg", RadToDeg(robot.noise_after->rotation_rad)}};
-  }
+  std::vector<Finding> findings = {DescribeEstimate(robot)};
+  if (!robot.is_estimated) return findings;
   if (!robot.configuration.empty()) findings.push_back(OneConfiguration(robot, dataset, calibration));
   return findings;
 }

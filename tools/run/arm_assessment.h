@@ -1,21 +1,42 @@
 // The statements of a run about the arm: its estimated kinematics, or the reason why they were not estimated.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "heba/robot/arm_errors.h"
 #include "heba/run.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {
 
-// Describes the estimation of the arm's kinematics. `setup` is empty if none was wanted.
+// What a calibration says about an arm.
+struct ArmEstimate {
+  std::shared_ptr<const SharedEffects> errors;  // Those that were estimated; null if none were.
+  std::string reason;                           // The reason why, in one clause.
+  Eigen::VectorXd values;                       // One per error.
+  Eigen::VectorXd stddev;                       // One sigma of each.
+  std::vector<double> group_sigmas;             // The standard deviation of each group of errors.
+  std::optional<RobotNoise> noise_before;       // The noise of the poses without the errors and with them.
+  std::optional<RobotNoise> noise_after;
+};
+// Describes the estimation of an arm's kinematics. `setup` is empty if none was wanted; `undetermined` are the
+// parameters that no captures determine.
+RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const std::vector<UndeterminedParam>& undetermined, const ArmEstimate& estimate);
+
+// Likewise for a calibration of one camera and one target.
 RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const Calibration& calibration);
 
 // Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
 std::string WhyDeclined(const Calibration& calibration);
+
+// Returns the finding that the errors of the arm were estimated, with the noise without and with them, or that they
+// were not.
+Finding DescribeEstimate(const RobotSummary& robot);
 
 // Returns what is to be said about it. `calibration` is the one that estimated the arm.
 std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration);

@@ -18,6 +18,7 @@
 #include "targets/images/image.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
+#include "tools/run/rig_arm_errors.h"
 
 namespace heba {
 namespace {
@@ -222,6 +223,8 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigCalibrationOptions calibration_options = options.calibration;
   calibration_options.has_camera = dataset.has_camera;
   calibration_options.adjustment.num_threads = options.num_threads;
+  const std::vector<std::optional<ArmSetup>> arms = SetUpArms(dataset, options.kinematics);
+  calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
   Outcome<RigCalibration> calibration = CalibrateRig(seen, calibration_options);
   if (!calibration) return Failure{calibration.reason()};
   if (!calibration->refined) return Failure{calibration->refined.reason()};
@@ -234,11 +237,13 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.about = dataset.about;
   result.rig = output.calibration.problem;
   result.rig.captures.clear();
-  result.rig.effects.clear();
+  // The basis of smooth errors is not written.
+  for (std::shared_ptr<const SharedEffects>& effects : result.rig.effects) {
+    if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) effects = nullptr;
+  }
   for (const std::shared_ptr<const Target>& target : dataset.targets)
     result.target_types.push_back(std::string(target->type()));
-  // Smooth errors, whose basis is not written, are left out.
-  result.solution = WithoutEffects(result.rig, solution);
+  result.solution = WithEffectsOf(result.rig, solution);
   result.solution.captures.clear();
   result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
   result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
@@ -271,7 +276,10 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     }
     result.holdout_chi2 = errors.chi2_per_dof;
   }
+  RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
+  result.arms = std::move(summaries.arms);
   result.observations = DiagnoseRig(seen, output.calibration);
+  for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
     result.observations.push_back(std::move(finding));
   }
@@ -291,7 +299,14 @@ void CheckDataset(const RigDataset& dataset) {
       dataset.targets.size() != dataset.rig.targets.size()) {
     throw InputError("the lists of the data set differ in size from those of the rig");
   }
+  const size_t num_arms = dataset.rig.robots.size();
+  if (!dataset.arms.empty() && dataset.arms.size() != num_arms) {
+    throw InputError("the kinematics of the arms differ in number from the arms");
+  }
   for (const RigRecording& capture : dataset.captures) {
+    if (!capture.joints.empty() && capture.joints.size() != num_arms) {
+      throw InputError("capture " + capture.name + " needs a list of joints for each arm, or none");
+    }
     if (capture.base_from_gripper.size() != dataset.rig.robots.size() || capture.images.size() != num_cameras) {
       throw InputError("capture " + capture.name + " needs one pose for each arm and one image for each camera");
     }

@@ -19,6 +19,16 @@
 
 namespace heba {
 
+// The errors of an arm's kinematics that may be estimated.
+struct RigArmErrors {
+  // The candidate models, each containing those before it; none if the arm is not known.
+  std::vector<std::shared_ptr<const SharedEffects>> models;
+  bool is_chosen = true;  // Whether the captures decide among them; otherwise the last is estimated.
+  // Possible effects of the arm's errors on its poses, such as those of its configurations, of which the captures
+  // determine the right one. Each has one entry per capture, a function of all effects (SharedEffects::num_all).
+  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects_of_captures;
+};
+
 struct RigCalibrationOptions {
   RigOptions adjustment;
   // For each camera, whether RigCamera::camera is given. Otherwise its size is, and its model unless that is to be
@@ -28,6 +38,9 @@ struct RigCalibrationOptions {
   // Errors of the arms' poses that vary smoothly with the pose. They need an estimated noise of the arms without a
   // prior.
   SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
+  // One for each arm, or an empty list: no arm is known. Errors of an arm need an estimated noise of the arms, too; an
+  // arm of which they are estimated has no smooth errors beside them.
+  std::vector<RigArmErrors> arms = {};
 };
 
 // The calibration of one pair of a camera and a target by itself, as of a single camera.
@@ -54,6 +67,16 @@ struct RigSmoothErrors {
   RobotNoise noise_before;  // The noise of the arm without them.
 };
 
+// What the captures say about the errors of an arm's kinematics.
+struct RigArmChoice {
+  size_t robot = 0;
+  size_t branch = 0;                           // Index in RigArmErrors::effects_of_captures.
+  std::shared_ptr<const SharedEffects> model;  // The errors that are part of the solution; null if none are.
+  std::string reason;                          // Reason why none are, in one clause.
+  std::optional<RobotNoise> noise_before;      // The noise of the arm without them, if it has any.
+  std::vector<ModelAlternative> alternatives;  // The models that were compared, the simplest first.
+};
+
 // A camera that was moved on its mount during the captures. The images of the shorter part, before or after the motion,
 // are not used.
 struct MovedCamera {
@@ -71,6 +94,7 @@ struct RigCalibration {
   std::vector<RigPair> pairs;
   std::vector<UnusedRigImage> unused;
   std::vector<MovedCamera> moved;
+  std::vector<RigArmChoice> arms;  // One for each arm with models to choose from (RigCalibrationOptions::arms).
   std::vector<RigSmoothErrors> smooth_errors;
   RigPoses start;
   Outcome<RigSolution> refined = Failure{"not run"};

@@ -51,6 +51,8 @@ struct RigTarget {
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
   std::string mount_name = {};  // RigCamera::mount_name.
+  // One sigma of each scale of its shape, about that of the design; nothing if nothing is known about it.
+  std::optional<double> scale_sigma = {};
 };
 
 // The points of one target in one camera.

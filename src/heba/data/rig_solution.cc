@@ -128,7 +128,7 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
   return layout;
 }
 
-RigSolution WithoutEffects(const RigProblem& problem, RigSolution solution) {
+RigSolution WithEffectsOf(const RigProblem& problem, RigSolution solution) {
   Covariance kept{RigUnknowns(problem), {}};
   std::vector<Eigen::Index> places;
   for (Eigen::Index i = 0; i < kept.layout.size(); ++i) {
@@ -138,8 +138,11 @@ RigSolution WithoutEffects(const RigProblem& problem, RigSolution solution) {
   }
   kept.matrix = solution.covariance.matrix(places, places);
   solution.covariance = std::move(kept);
-  solution.effects.clear();
-  solution.effect_sigmas.clear();
+  for (size_t r = 0; r < solution.effects.size(); ++r) {
+    if (EffectsOf(problem, r) != nullptr) continue;
+    solution.effects[r].resize(0);
+    solution.effect_sigmas[r].clear();
+  }
   return solution;
 }
 

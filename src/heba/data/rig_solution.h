@@ -65,9 +65,9 @@ std::string ErrorsBlock(const std::string& robot);
 // Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, the
 // effects of the arms, and the free parameters of the cameras and of the targets' shapes, in that order.
 UnknownLayout RigUnknowns(const RigProblem& problem);
-// Returns the solution without the effects of the arms: what remains of the covariance is that of the other unknowns.
-// `problem` is the one that was solved, without its effects.
-RigSolution WithoutEffects(const RigProblem& problem, RigSolution solution);
+// Returns the solution with no other effects of the arms than those of `problem`, which is the one that was solved but
+// for effects that it lacks: what remains of the covariance is that of the other unknowns.
+RigSolution WithEffectsOf(const RigProblem& problem, RigSolution solution);
 
 // A pose with the derivative of its tangent (m, rad, in the child frame) by the unknowns of a layout.
 struct PoseByUnknowns {

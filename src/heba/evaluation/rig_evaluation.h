@@ -64,6 +64,8 @@ struct RigTruth {
   std::vector<std::optional<Rigid3d>> mount_from_target;
   std::vector<std::optional<Rigid3d>> world_from_base;
   std::vector<std::optional<Camera>> cameras;
+  // One per arm: the errors of its parameters (ArmParamPlace), for the record; empty if they are not known.
+  std::vector<Eigen::VectorXd> arm_errors = {};
 };
 
 // The distance and the angle between a pose and the true one.
@@ -88,8 +90,11 @@ std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& er
 struct RigResult {
   std::string name;
   std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
-  // The names, mounts, cameras and targets. It has no captures.
+  // The names, mounts, cameras and targets, and the errors of the arms' kinematics that were estimated. It has no
+  // captures.
   RigProblem rig;
+  // One per arm: its kinematics, if the data set names them; or an empty list.
+  std::vector<std::optional<RobotSummary>> arms;
   std::vector<std::string> target_types;
   RigSolution solution;                        // Without the outcomes of the captures.
   std::vector<RigErrors> errors;               // One per camera.

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/base/units.h"
+#include "heba/io/arm_json.h"
 #include "heba/io/result_json.h"
 
 namespace heba {
@@ -53,60 +54,6 @@ std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
   return tangent;
 }
 
-Json NumbersJson(const std::optional<RobotNoise>& noise, const char* when) {
-  const std::string prefix = when;
-  return Json{{prefix + "_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
-              {prefix + "_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)}};
-}
-
-Json RobotJson(const RobotSummary& robot) {
-  Json parameters = Json::array();
-  for (int place = 0; place < robot.nominal.num_params(); ++place) {
-    const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
-    const auto param = static_cast<ArmParam>(place % kNumArmParams);
-    const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
-    const bool is_usual = param != ArmParam::kBeta && param != ArmParam::kCompliance;
-    if (!is_usual && joint[param] == 0 && !sigma) continue;
-    // An offset is the error of the joint's zero, whatever angle the parameter theta has there.
-    const double nominal = param == ArmParam::kTheta ? 0 : joint[param];
-    parameters.push_back(Json{{"name", ArmParamName(place)},
-                              {"unit", ArmParamUnit(robot.nominal, place)},
-                              {"nominal", nominal},
-                              {"value", nominal + robot.errors[place]},
-                              {"std", OrNull(sigma)}});
-  }
-  Json undetermined = Json::array();
-  for (const auto& [name, with] : robot.undetermined) undetermined.push_back(Json{{"name", name}, {"with", with}});
-  Json joints = Json::array();
-  for (size_t j = 0; j < robot.nominal.joints.size(); ++j) {
-    const ArmJoint& joint = robot.nominal.joints[j];
-    joints.push_back(Json{{"theta_rad", joint.theta_rad},
-                          {"d_m", joint.d_m},
-                          {"a_m", joint.a_m},
-                          {"alpha_rad", joint.alpha_rad},
-                          {"beta_rad", joint.beta_rad},
-                          {"turns", joint.is_turning}});
-    if (robot.nominal.load == nullptr) continue;
-    const PointMass& link = robot.nominal.load->links[j];
-    joints.back()["mass_kg"] = link.mass_kg;
-    joints.back()["centre_of_mass_m"] = {link.centre_m.x(), link.centre_m.y(), link.centre_m.z()};
-  }
-  Json sigma = NumbersJson(robot.noise_before, "before");
-  sigma.update(NumbersJson(robot.noise_after, "after"));
-  return Json{{"model", robot.nominal.name},
-              {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
-              {"configuration", robot.configuration},
-              {"parameters", parameters},
-              {"undetermined", undetermined},
-              {"sigma", sigma},
-              {"decision", robot.is_estimated ? "estimated" : "declined"},
-              {"reason", robot.reason},
-              {"nominal", Json{{"base_from_first", PoseJson(robot.nominal.base_from_first, "base", "first")},
-                               {"joints", joints},
-                               {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
-                               {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
-}
-
 // Returns the covariance of the unknowns. Smooth errors, whose basis is not written, are left out: what remains is the
 // covariance of the others.
 Json CovarianceJson(const Solution& solution) {
@@ -118,24 +65,6 @@ Json CovarianceJson(const Solution& solution) {
     if (!is_smooth) written.push_back(i);
   }
   return CovarianceJson(covariance, written);
-}
-
-// Returns the errors of the robot that captures share, or null if they were not estimated.
-Json SharedEffectsJson(const Solution& solution) {
-  if (solution.shared_effects == nullptr) return nullptr;
-  const SharedEffects& shared = *solution.shared_effects;
-  Json groups = Json::array();
-  for (size_t i = 0; i < shared.groups.size(); ++i) {
-    const EffectGroup& group = shared.groups[i];
-    const double sigma = i < solution.effect_sigmas.size() ? solution.effect_sigmas[i] : group.sigma;
-    groups.push_back(Json{{"name", group.name}, {"unit", group.unit}, {"sigma", Finite(sigma)}});
-  }
-  Json effects = Json::array();
-  for (Eigen::Index i = 0; i < shared.size(); ++i) {
-    const SharedEffect& effect = shared.effects[static_cast<size_t>(i)];
-    effects.push_back(Json{{"name", effect.name}, {"group", effect.group}, {"value", solution.effects[i]}});
-  }
-  return Json{{"model", shared.name}, {"groups", groups}, {"effects", effects}};
 }
 
 Json EstimateJson(const Estimate& estimate, Setup setup) {
@@ -267,9 +196,11 @@ std::string ResultToJson(const RunResult& result) {
   for (const Estimate& estimate : result.estimates) {
     json["estimates"].push_back(EstimateJson(estimate, result.setup));
     if (!result.robot || &estimate != with_robot) continue;
-    json["estimates"].back()["robot"] = RobotJson(*result.robot);
+    json["estimates"].back()["robot"] = ArmJson(*result.robot);
     if (!result.robot->is_estimated || !estimate.solution) continue;
-    json["estimates"].back()["robot"]["estimated"] = SharedEffectsJson(*estimate.solution);
+    const Solution& solution = *estimate.solution;
+    json["estimates"].back()["robot"]["estimated"] =
+        ArmEffectsJson({solution.shared_effects, solution.effects, solution.effect_sigmas});
   }
   json["working_point"] = WorkingPointJson(result.working_point);
   json["timing_s"] = TimingJson(result.timing);

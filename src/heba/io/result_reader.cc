@@ -4,16 +4,17 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
+#include "heba/io/arm_json.h"
 #include "heba/io/json_reader.h"
 #include "heba/io/result_file.h"
 #include "heba/io/result_json.h"
@@ -68,89 +69,6 @@ UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const
 // `model` is null if the estimate has no camera.
 Covariance ReadCovariance(const JsonReader& reader, const CameraModel* model) {
   return ReadCovarianceMatrix(reader, LayoutOf(reader.Get("order"), model, ReadOrder(reader)));
-}
-
-std::optional<RobotNoise> ReadSigmas(const JsonReader& reader, const std::string& when) {
-  const std::string mm = when + "_mm";
-  const std::string deg = when + "_deg";
-  if (!reader.Has(mm.c_str())) return std::nullopt;
-  return RobotNoise{ReadMagnitude(reader, mm.c_str()) / 1000, DegToRad(ReadMagnitude(reader, deg.c_str()))};
-}
-
-RobotSummary ReadRobot(const JsonReader& reader) {
-  RobotSummary robot;
-  robot.nominal.name = reader.Get("model").Text();
-  robot.has_recorded_joints = reader.Get("angles").Text() == "recorded";
-  robot.configuration = reader.Get("configuration").Text();
-  robot.is_estimated = reader.Get("decision").Text() == "estimated";
-  robot.reason = reader.Get("reason").Text();
-  const JsonReader nominal = reader.Get("nominal");
-  robot.nominal.base_from_first = ReadPoseJson(nominal.Get("base_from_first"), "base", "first");
-  robot.nominal.last_from_tip = ReadPoseJson(nominal.Get("last_from_tip"), "last", "tip");
-  robot.tip_from_gripper = ReadPoseJson(nominal.Get("tip_from_gripper"), "tip", "gripper");
-  std::vector<PointMass> links;  // Earlier results, and arms without known masses, have none.
-  for (const JsonReader& joint : nominal.Get("joints").List()) {
-    robot.nominal.joints.push_back({joint.Get("theta_rad").Number(), joint.Get("d_m").Number(),
-                                    joint.Get("a_m").Number(), joint.Get("alpha_rad").Number(),
-                                    joint.Get("beta_rad").Number(), joint.Get("turns").Bool()});
-    if (!joint.Has("mass_kg")) continue;
-    const std::vector<double> centre = joint.Get("centre_of_mass_m").Numbers(3);
-    links.push_back({ReadMagnitude(joint, "mass_kg"), {centre[0], centre[1], centre[2]}});
-  }
-  if (!links.empty()) {
-    if (links.size() != robot.nominal.joints.size()) nominal.Get("joints").Fail("some joints have no mass_kg");
-    robot.nominal = WithLinks(std::move(robot.nominal), std::move(links));
-  }
-  robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
-  robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
-  for (const JsonReader& parameter : reader.Get("parameters").List()) {
-    const std::string name = parameter.Get("name").Text();
-    int place = 0;
-    while (place < robot.nominal.num_params() && ArmParamName(place) != name) ++place;
-    if (place == robot.nominal.num_params()) parameter.Fail("the arm has no parameter '" + name + "'");
-    robot.errors[place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
-    robot.error_sigmas[static_cast<size_t>(place)] = ReadOptionalMagnitude(parameter, "std");
-  }
-  for (const JsonReader& entry : reader.Get("undetermined").List()) {
-    robot.undetermined.emplace_back(entry.Get("name").Text(), entry.Get("with").Text());
-  }
-  robot.noise_before = ReadSigmas(reader.Get("sigma"), "before");
-  robot.noise_after = ReadSigmas(reader.Get("sigma"), "after");
-  return robot;
-}
-
-// Reads the errors of the arm that the solution has estimated: those whose names are in the layout of its covariance.
-// Earlier results lack their groups.
-void ReadArmEffects(const JsonReader& reader, RobotSummary* robot, Solution* solution) {
-  if (!robot->is_estimated) return;
-  SharedEffects shared;
-  shared.num_all = robot->nominal.num_params();
-  std::map<std::string, size_t> group_of;
-  if (reader.Has("estimated")) {
-    const JsonReader estimated = reader.Get("estimated");
-    robot->errors_name = estimated.Get("model").Text();
-    for (const JsonReader& group : estimated.Get("groups").List()) {
-      const double sigma = ReadFinite(group, "sigma", std::numeric_limits<double>::infinity());
-      shared.groups.push_back({group.Get("name").Text(), group.Get("unit").Text(), sigma});
-      solution->effect_sigmas.push_back(sigma);
-    }
-    for (const JsonReader& effect : estimated.Get("effects").List()) {
-      const int group = effect.Get("group").Int(0, static_cast<int>(shared.groups.size()) - 1);
-      group_of[effect.Get("name").Text()] = static_cast<size_t>(group);
-    }
-  }
-  shared.name = robot->errors_name;
-  std::vector<double> values;
-  for (const std::string& name : solution->covariance.layout.Block(kRobotBlock).effects) {
-    int place = 0;
-    while (place < shared.num_all && ArmParamName(place) != name) ++place;
-    if (place == shared.num_all) reader.Fail("the covariance names '" + name + "', which the arm does not have");
-    const auto group = group_of.find(name);
-    shared.effects.push_back({name, place, group == group_of.end() ? 0 : group->second});
-    values.push_back(robot->errors[place]);
-  }
-  solution->effects = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-  solution->shared_effects = std::make_shared<const SharedEffects>(std::move(shared));
 }
 
 Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
@@ -262,9 +180,15 @@ RunResult ReadResult(const std::filesystem::path& path) {
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
     if (!estimate.Has("robot")) continue;
-    result.robot = ReadRobot(estimate.Get("robot"));
+    result.robot = ReadArmJson(estimate.Get("robot"));
     std::optional<Solution>& solution = result.estimates.back().solution;
-    if (solution) ReadArmEffects(estimate.Get("robot"), &*result.robot, &*solution);
+    if (!solution || !result.robot->is_estimated) continue;
+    ArmEffects effects =
+        ReadArmEffects(estimate.Get("robot"), *result.robot, solution->covariance.layout.Block(kRobotBlock).effects);
+    result.robot->errors_name = effects.shared->name;
+    solution->shared_effects = std::move(effects.shared);
+    solution->effects = std::move(effects.values);
+    solution->effect_sigmas = std::move(effects.sigmas);
   }
   if (reader.Has("working_point")) {
     const JsonReader point = reader.Get("working_point");

@@ -5,8 +5,10 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "heba/base/units.h"
+#include "heba/io/arm_json.h"
 #include "heba/io/result_file.h"
 #include "heba/io/result_json.h"
 
@@ -167,6 +169,35 @@ RobotNoise ReadNoise(const JsonReader& reader) {
   return {ReadMagnitude(reader, "mm") / 1000, DegToRad(ReadMagnitude(reader, "deg")), 0};
 }
 
+// Returns the kinematics of an arm; null if the data set did not name them.
+Json KinematicsJson(const RigResult& result, size_t robot) {
+  if (robot >= result.arms.size() || !result.arms[robot]) return nullptr;
+  Json json = ArmJson(*result.arms[robot]);
+  const bool is_estimated = EffectsOf(result.rig, robot) != nullptr;
+  json["estimated"] = is_estimated ? ArmEffectsJson({result.rig.effects[robot], result.solution.effects[robot],
+                                                     result.solution.effect_sigmas[robot]})
+                                   : Json(nullptr);
+  return json;
+}
+
+// Reads the kinematics of an arm, the next one of the result.
+void ReadKinematics(const JsonReader& robot, RigResult* result) {
+  RigSolution& solution = result->solution;
+  result->arms.emplace_back();
+  result->rig.effects.emplace_back();
+  solution.effects.emplace_back();
+  solution.effect_sigmas.emplace_back();
+  if (!robot.Has("robot")) return;
+  const JsonReader reader = robot.Get("robot");
+  result->arms.back() = ReadArmJson(reader);
+  if (!result->arms.back()->is_estimated) return;
+  ArmEffects effects = ReadArmEffects(reader, *result->arms.back());
+  result->arms.back()->errors_name = effects.shared->name;
+  result->rig.effects.back() = std::move(effects.shared);
+  solution.effects.back() = std::move(effects.values);
+  solution.effect_sigmas.back() = std::move(effects.sigmas);
+}
+
 // Reads the names, mounts, cameras, shapes and poses.
 void ReadRig(const JsonReader& reader, RigResult* result) {
   RigProblem& rig = result->rig;
@@ -178,6 +209,7 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
     solution.poses.world_from_base.push_back(
         ReadPoseJson(robot.Get("world_from_base"), "world", member.first + ".base"));
     result->truth.bases.push_back(ReadTruthOf(robot));
+    ReadKinematics(robot, result);
     solution.robot_noise.emplace_back();
     solution.robot_noise_stddev.emplace_back();
     solution.smooth_noise.emplace_back();
@@ -322,7 +354,8 @@ std::string RigResultToJson(const RigResult& result) {
                                                 covariance, BaseBlock(rig.robots[r]))},
              {"truth", TruthJson(result.truth.bases, r)},
              {"noise", NoiseJson(solution.robot_noise[r], solution.robot_noise_stddev[r])},
-             {"smooth_errors", SmoothJson(SmoothNoiseOf(solution, r))}};
+             {"smooth_errors", SmoothJson(SmoothNoiseOf(solution, r))},
+             {"robot", KinematicsJson(result, r)}};
   }
   json["relative"] = RelativeJson(result.relative_cameras, result.truth.relative_cameras);
   json["relative_targets"] = RelativeJson(result.relative_targets, {});
@@ -389,9 +422,14 @@ std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth) {
         Json{{"mount", mount}, {"pose", PoseJson(*truth.mount_from_target[t], mount, rig.targets[t].name)}};
   }
   for (size_t r = 0; r < rig.robots.size(); ++r) {
-    if (!truth.world_from_base[r]) continue;
-    json["robots"][rig.robots[r]] =
-        Json{{"world_from_base", PoseJson(*truth.world_from_base[r], "world", rig.robots[r] + ".base")}};
+    Json entry;
+    if (truth.world_from_base[r]) {
+      entry["world_from_base"] = PoseJson(*truth.world_from_base[r], "world", rig.robots[r] + ".base");
+    }
+    for (Eigen::Index place = 0; r < truth.arm_errors.size() && place < truth.arm_errors[r].size(); ++place) {
+      entry["robot"][ArmParamName(static_cast<int>(place))] = truth.arm_errors[r][place];
+    }
+    if (!entry.is_null()) json["robots"][rig.robots[r]] = std::move(entry);
   }
   return FileText(json);
 }
@@ -415,7 +453,7 @@ RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) 
     const std::optional<JsonReader> entry = FindEntry(reader, "robots", rig.robots[r]);
     truth.world_from_base.emplace_back();
     if (r == 0) truth.world_from_base.back() = Rigid3d();
-    if (r > 0 && entry) {
+    if (r > 0 && entry && entry->Has("world_from_base")) {
       truth.world_from_base.back() = ReadPoseJson(entry->Get("world_from_base"), "world", rig.robots[r] + ".base");
     }
   }

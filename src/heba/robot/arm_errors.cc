@@ -60,8 +60,12 @@ Matrix6X GripperByJoints(const Arm& arm, const Eigen::VectorXd& joints, const Ri
 
 std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup) {
   const bool is_camera_in_base = setup == Setup::kEyeToHand;
-  const std::string in_base = is_camera_in_base ? "the hand-eye pose" : "the board's pose";
-  const std::string on_flange = is_camera_in_base ? "the board's pose" : "the hand-eye pose";
+  return UndeterminedParams(arm, is_camera_in_base ? "the hand-eye pose" : "the board's pose",
+                            is_camera_in_base ? "the board's pose" : "the hand-eye pose");
+}
+
+std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, const std::string& in_base,
+                                                  const std::string& on_flange) {
   const int last = arm.num_joints() - 1;
   const std::vector<int> first_of = FirstOfParallels(arm);
   std::vector<UndeterminedParam> undetermined;

@@ -60,5 +60,8 @@ struct UndeterminedParam {
 // in the base, the last joint's parameters like the pose of what is on the flange, and the parameters d of parallel
 // axes, of which only the sum matters, like the first of them.
 std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup);
+// Likewise, with these names for the poses of what is fixed in the base and of what is on the flange.
+std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, const std::string& in_base,
+                                                  const std::string& on_flange);
 
 }  // namespace heba

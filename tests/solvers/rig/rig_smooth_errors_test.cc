@@ -116,7 +116,7 @@ TEST(RigSmoothErrorsTest, EachArmHasItsOwn) {
   // Without the effects, the covariance of the other unknowns is the same.
   RigProblem without = calibration.problem;
   without.effects.clear();
-  const RigSolution plain = WithoutEffects(without, solution);
+  const RigSolution plain = WithEffectsOf(without, solution);
   EXPECT_EQ(plain.covariance.layout.Names(), RigUnknowns(without).Names());
   EXPECT_TRUE(plain.effects.empty());
   const std::string block = TargetPoseBlock(without.targets[1]);

@@ -25,6 +25,8 @@ struct RigRecording {
   std::string name;
   std::vector<Rigid3d> base_from_gripper;     // One per arm.
   std::vector<std::filesystem::path> images;  // One per camera; empty if it recorded none.
+  // The positions of the joints of each arm, rad or m; an empty list of an arm, or of all: not recorded.
+  std::vector<std::vector<double>> joints = {};
 };
 
 // Images, or a row of poses, that belong to no capture of the data set.
@@ -45,14 +47,17 @@ struct RigDataset {
   std::vector<std::string> camera_sources;  // One per camera: what starts the messages about it.
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<RigRecording> captures;
+  // One per arm: its kinematics, if they are known; or an empty list.
+  std::vector<std::optional<RobotArm>> arms = {};
   std::optional<RigTruth> truth;
   std::vector<RigLeftOut> left_out;  // Is listed in the result.
 };
 
 struct RigRunOptions {
-  RigCalibrationOptions calibration;  // Its `has_camera` is not used.
-  int folds = 5;                      // Number of folds of the cross-validation; 0: none.
-  int num_threads = 1;                // The result does not depend on it.
+  RigCalibrationOptions calibration;          // Its `has_camera` and `arms` are not used.
+  Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if RigDataset::arms has any.
+  int folds = 5;                              // Number of folds of the cross-validation; 0: none.
+  int num_threads = 1;                        // The result does not depend on it.
   // One per target; replace DetectWithDigest. Empty: none is replaced.
   std::vector<DetectFunction> detect;
 };

@@ -1,0 +1,67 @@
+#include "heba/simulation/rig_motion.h"
+
+#include <string>
+#include <utility>
+
+#include "heba/simulation/arm_captures.h"
+
+namespace heba {
+
+Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& poses,
+                                     const std::vector<SimulatedTarget>& targets, const RigSceneOptions& options,
+                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng) {
+  constexpr int kMostRounds = 20;
+  const auto num_captures = static_cast<size_t>(options.motion.num_captures);
+  std::vector<std::optional<Eigen::VectorXd>> home(rig.robots.size());
+  RigMotion motion;
+  for (int round = 0; round < kMostRounds && motion.exact.size() < num_captures; ++round) {
+    const Outcome<std::vector<ArmPoses>> drawn = SimulateArmPoses(rig, poses, targets, options, rng);
+    if (!drawn) return Failure{drawn.reason()};
+    for (const ArmPoses& wanted : *drawn) {
+      ArmPoses exact = wanted;
+      ArmPoses stated = wanted;
+      std::vector<Eigen::VectorXd> joints(rig.robots.size());
+      bool is_reached = true;
+      for (size_t r = 0; r < arms.size() && is_reached; ++r) {
+        if (!arms[r]) continue;
+        const SimulatedArm& arm = *arms[r];
+        const std::optional<Eigen::VectorXd> posture =
+            DrawPosture(arm.nominal, wanted[r] * Inverse(arm.tip_from_gripper), home[r],
+                        !home[r] || arm.has_several_configurations, rng);
+        is_reached = posture.has_value();
+        if (!posture) continue;
+        if (!home[r]) home[r] = posture;
+        joints[r] = *posture;
+        Eigen::VectorXd reached = *posture;
+        for (double& joint : reached) joint += arm.joint_noise_rad * rng->Normal();
+        exact[r] = BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, arm.tip_from_gripper);
+        stated[r] = BaseFromGripper(arm.nominal, joints[r], arm.tip_from_gripper);
+      }
+      if (!is_reached) continue;
+      motion.exact.push_back(std::move(exact));
+      motion.stated.push_back(std::move(stated));
+      motion.joints.push_back(std::move(joints));
+      if (motion.exact.size() == num_captures) break;
+    }
+  }
+  if (motion.exact.size() < num_captures) {
+    return Failure{"the arms reach " + std::to_string(motion.exact.size()) + " of " + std::to_string(num_captures) +
+                   " poses from which a camera sees a target; move the cameras and targets nearer to the arms"};
+  }
+  return motion;
+}
+
+std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPoses& poses,
+                                            const std::vector<SimulatedTarget>& targets, const RigMotion& motion,
+                                            const RigSceneOptions& options, Rng* rng) {
+  std::vector<RigCapture> captures = SimulateRigCaptures(rig, poses, targets, motion.exact, options, rng);
+  for (size_t i = 0; i < captures.size(); ++i) {
+    for (size_t r = 0; r < rig.robots.size(); ++r) {
+      Rigid3d& reported = captures[i].base_from_gripper[r];
+      reported = motion.stated[i][r] * (Inverse(motion.exact[i][r]) * reported);
+    }
+  }
+  return captures;
+}
+
+}  // namespace heba

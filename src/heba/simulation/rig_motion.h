@@ -1,0 +1,46 @@
+// Simulated motion of the arms of a rig, whose kinematics may have errors.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/base/error.h"
+#include "heba/base/rng.h"
+#include "heba/data/rig.h"
+#include "heba/robot/arm.h"
+#include "heba/simulation/rig_scene.h"
+
+namespace heba {
+
+// An arm whose kinematics are not those that its controller assumes.
+struct SimulatedArm {
+  Arm nominal;
+  Eigen::VectorXd errors;  // One per parameter.
+  Rigid3d tip_from_gripper;
+  // Whether captures are taken in any configuration of the arm, or all in that of the first one.
+  bool has_several_configurations = true;
+  double joint_noise_rad = 0;  // One sigma of each joint in each capture.
+};
+
+// The motion of the arms, with one entry per capture.
+struct RigMotion {
+  std::vector<ArmPoses> exact;
+  std::vector<ArmPoses> stated;  // Those that controllers without noise report.
+  // The commanded joints of each arm (rad or m); empty for an arm that is exact.
+  std::vector<std::vector<Eigen::VectorXd>> joints;
+};
+// Simulates the motion of arms, of which those in `arms` (one per arm) have errors: in each capture, they are commanded
+// near a pose of SimulateArmPoses that they reach. Returns a Failure if they reach too few of them.
+Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& poses,
+                                     const std::vector<SimulatedTarget>& targets, const RigSceneOptions& options,
+                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng);
+
+// Simulates the captures of a motion (SimulateRigCaptures of heba/simulation/rig_scene.h): the poses that the arms
+// report are the stated ones with noise.
+std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPoses& poses,
+                                            const std::vector<SimulatedTarget>& targets, const RigMotion& motion,
+                                            const RigSceneOptions& options, Rng* rng);
+
+}  // namespace heba

@@ -1,0 +1,155 @@
+// Tests of errors of the arms' kinematics in the calibration of a rig.
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "heba/base/units.h"
+#include "heba/rig_calibration.h"
+#include "tests/support/rig_arm_scenes.h"
+
+namespace heba {
+namespace {
+
+constexpr ArmErrorSigmas kErrors = {DegToRad(0.05), 0.3e-3, DegToRad(0.03), 0};
+
+RigSceneSetting Setting(int num_captures) {
+  RigSceneSetting setting;
+  setting.num_captures = num_captures;
+  setting.robot_noise = {0.02e-3, DegToRad(0.004), 0};
+  return setting;
+}
+
+RigCalibration Calibrated(const RigArmScene& scene, std::vector<RigArmErrors> arms) {
+  RigCalibrationOptions options;
+  options.has_camera.assign(scene.rig.problem.cameras.size(), true);
+  options.smooth = SmoothPoseErrors::kNone;
+  options.arms = std::move(arms);
+  Outcome<RigCalibration> calibration = CalibrateRig(scene.rig.problem, options);
+  CHECK(calibration.ok()) << calibration.reason();
+  CHECK(calibration->refined.ok()) << calibration->refined.reason();
+  return std::move(*calibration);
+}
+
+struct Errors {
+  double chi2 = 0;
+  double squares_m2 = 0;
+  int num_poses = 0;
+};
+
+// Adds the errors of the poses of the cameras in each other, which no error of an arm's base or flange reaches.
+void Add(const RigScene& scene, const RigCalibration& calibration, Errors* errors) {
+  for (const RelativePose& pose : RelativeCameraPoses(calibration.problem, *calibration.refined)) {
+    std::vector<Rigid3d> ends;
+    for (const std::string& name : {pose.parent, pose.child}) {
+      for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+        if (scene.problem.cameras[c].name == name) ends.push_back(scene.truth.mount_from_camera[c]);
+      }
+    }
+    const Tangent6 error = LocalCoordinates(pose.parent_from_child, Inverse(ends[0]) * ends[1]);
+    errors->chi2 += error.dot(pose.covariance.ldlt().solve(error));
+    errors->squares_m2 += error.head<3>().squaredNorm();
+    ++errors->num_poses;
+  }
+}
+
+// Returns the RMS over all captures of the distance between the true position of a gripper and that which a solution
+// gives it, of which the common part is taken out: it belongs to the base and the tool.
+double GripperErrorM(const RigArmScene& scene, size_t robot, const RigCalibration* calibration) {
+  std::vector<Rigid3d> residual;
+  for (size_t i = 0; i < scene.rig.arms.size(); ++i) {
+    const RigCapture& capture = (calibration != nullptr ? calibration->problem : scene.rig.problem).captures[i];
+    const Rigid3d stated = calibration != nullptr ? WithErrors(capture, calibration->refined->effects)[robot]
+                                                  : capture.base_from_gripper[robot];
+    residual.push_back(Inverse(scene.rig.arms[i][robot]) * stated);
+  }
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Rigid3d& pose : residual) mean += pose.translation / static_cast<double>(residual.size());
+  double squares_m2 = 0;
+  for (const Rigid3d& pose : residual) squares_m2 += (pose.translation - mean).squaredNorm();
+  return std::sqrt(squares_m2 / static_cast<double>(residual.size()));
+}
+
+TEST(RigArmsTest, TheErrorsOfAnArmAreEstimatedAndTheCovarianceIsHonest) {
+  constexpr int kTrials = 5;
+  Errors with_arm;
+  Errors without;
+  for (uint64_t trial = 0; trial < kTrials; ++trial) {
+    const RigSceneSetting setting = Setting(30);
+    const RigArmScene scene = WithArms(ReachableRig(100 + trial, setting), setting, kErrors, 7 + trial);
+    const RigCalibration found = Calibrated(scene, ErrorsOf(scene));
+    ASSERT_EQ(found.arms.size(), 1U);
+    ASSERT_NE(found.arms.front().model, nullptr) << found.arms.front().reason;
+    const RobotNoise& noise = *found.refined->robot_noise[0];
+    EXPECT_LT(noise.translation_m, 0.1e-3);
+    EXPECT_GT(found.arms.front().noise_before->translation_m, 3 * noise.translation_m);
+    // The noise of the poses alone is 0.035 mm.
+    EXPECT_LT(GripperErrorM(scene, 0, &found), 0.3 * GripperErrorM(scene, 0, nullptr));
+    Add(scene.rig, found, &with_arm);
+    Add(scene.rig, Calibrated(scene, {}), &without);
+  }
+  const double mean_chi2 = with_arm.chi2 / with_arm.num_poses;
+  std::printf("mean chi-square %.2f (6), without the errors %.2f; errors %.4f and %.4f mm\n", mean_chi2,
+              without.chi2 / without.num_poses, 1000 * std::sqrt(with_arm.squares_m2 / with_arm.num_poses),
+              1000 * std::sqrt(without.squares_m2 / without.num_poses));
+  // The mean of five chi-squares with six degrees of freedom has a standard deviation of 1.55.
+  EXPECT_LT(mean_chi2, 11);
+  EXPECT_LT(with_arm.squares_m2, without.squares_m2);
+}
+
+TEST(RigArmsTest, AnArmWithoutErrorsIsDeclinedAndTheResultIsTheSame) {
+  const RigSceneSetting setting = Setting(25);
+  const RigArmScene scene = WithArms(ReachableRig(3, setting), setting, {}, 5);
+  const RigCalibration found = Calibrated(scene, ErrorsOf(scene));
+  ASSERT_EQ(found.arms.size(), 1U);
+  EXPECT_EQ(found.arms.front().model, nullptr);
+  EXPECT_NE(found.arms.front().reason.find("not significantly better"), std::string::npos) << found.arms.front().reason;
+  const RigCalibration plain = Calibrated(scene, {});
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_LT(DistanceM(found.refined->poses.mount_from_camera[c], plain.refined->poses.mount_from_camera[c]), 1e-9);
+  }
+}
+
+TEST(RigArmsTest, EachOfTwoArmsHasItsOwnErrors) {
+  const RigSceneSetting setting = Setting(40);
+  const RigArmScene scene = WithArms(TwoArmRig(11, setting), setting, kErrors, 13);
+  const RigCalibration found = Calibrated(scene, ErrorsOf(scene));
+  ASSERT_EQ(found.arms.size(), 2U);
+  for (size_t r = 0; r < 2; ++r) {
+    ASSERT_NE(found.arms[r].model, nullptr) << found.arms[r].reason;
+    EXPECT_LT(GripperErrorM(scene, r, &found), 0.4 * GripperErrorM(scene, r, nullptr)) << "arm " << r;
+  }
+}
+
+TEST(RigArmsTest, TheConfigurationOfRecoveredJointsIsFound) {
+  const RigSceneSetting setting = Setting(30);
+  const RigArmScene scene = WithArms(FourCameraRig(21, setting), setting, kErrors, 23);
+  std::vector<RigArmErrors> errors = ErrorsOf(scene);
+  // Joints of another posture than the true one, as another configuration would have.
+  std::vector<std::shared_ptr<const PoseEffect>> wrong;
+  for (const std::vector<Eigen::VectorXd>& joints : scene.joints) {
+    Eigen::VectorXd other = joints[0].reverse();
+    wrong.push_back(MakeArmEffect(scene.arms[0]->nominal, other, scene.arms[0]->tip_from_gripper));
+  }
+  errors[0].effects_of_captures.insert(errors[0].effects_of_captures.begin(), std::move(wrong));
+  const RigCalibration found = Calibrated(scene, errors);
+  EXPECT_EQ(found.arms.front().branch, 1U);
+  EXPECT_NE(found.arms.front().model, nullptr);
+}
+
+TEST(RigArmsTest, ModelsThatAreAskedForAreEstimatedWithoutAChoice) {
+  const RigSceneSetting setting = Setting(25);
+  const RigArmScene scene = WithArms(ReachableRig(31, setting), setting, {}, 33);
+  std::vector<RigArmErrors> errors = ErrorsOf(scene);
+  errors[0].is_chosen = false;
+  const RigCalibration found = Calibrated(scene, errors);
+  EXPECT_EQ(found.arms.front().model, errors[0].models.back());
+  EXPECT_TRUE(found.arms.front().alternatives.empty());
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,123 @@
+#include "tools/run/rig_arm_errors.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "heba/robot/arm_errors.h"
+#include "tools/run/arm_assessment.h"
+
+namespace heba {
+namespace {
+
+// Returns the effects of an arm's errors on the poses of all captures. Those of captures whose joints are missing are
+// zero.
+std::vector<std::shared_ptr<const PoseEffect>> EffectsOfCaptures(const Arm& arm, const ArmSetup& setup,
+                                                                 const ArmBranch& branch) {
+  std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsOf(arm, setup.tip_from_gripper, branch);
+  for (std::shared_ptr<const PoseEffect>& effect : effects) {
+    if (effect == nullptr) effect = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
+  }
+  return effects;
+}
+
+const RigArmChoice* FindChoice(const RigCalibration& calibration, size_t robot) {
+  const auto found = std::find_if(calibration.arms.begin(), calibration.arms.end(),
+                                  [&](const RigArmChoice& choice) { return choice.robot == robot; });
+  return found == calibration.arms.end() ? nullptr : &*found;
+}
+
+// Returns what a calibration says about an arm; `choice` may be null.
+ArmEstimate EstimateOf(const RigCalibration& calibration, const RigArmChoice* choice, size_t robot) {
+  const RigSolution& solution = *calibration.refined;
+  ArmEstimate estimate;
+  estimate.noise_after = solution.robot_noise[robot];
+  if (choice == nullptr) return estimate;
+  estimate.reason = choice->reason;
+  if (choice->model == nullptr) return estimate;
+  const UnknownBlock block = solution.covariance.layout.Block(ErrorsBlock(calibration.problem.robots[robot]));
+  estimate.errors = choice->model;
+  estimate.values = solution.effects[robot];
+  estimate.stddev = solution.covariance.matrix.diagonal().segment(block.first, block.size).cwiseSqrt();
+  estimate.group_sigmas = solution.effect_sigmas[robot];
+  estimate.noise_before = choice->noise_before;
+  return estimate;
+}
+
+}  // namespace
+
+Dataset RecordingOf(const RigDataset& dataset, size_t robot) {
+  Dataset recording;
+  recording.robot = *dataset.arms[robot];
+  for (const RigRecording& capture : dataset.captures) {
+    Capture& of_arm = recording.captures.emplace_back();
+    of_arm.name = capture.name;
+    of_arm.base_from_gripper = capture.base_from_gripper[robot];
+    if (!capture.joints.empty()) of_arm.joints = capture.joints[robot];
+  }
+  return recording;
+}
+
+std::vector<std::optional<ArmSetup>> SetUpArms(const RigDataset& dataset, Kinematics kinematics) {
+  std::vector<std::optional<ArmSetup>> setups;
+  for (size_t r = 0; r < dataset.arms.size(); ++r) {
+    setups.emplace_back();
+    if (!dataset.arms[r] || kinematics == Kinematics::kNone) continue;
+    setups.back() = SetUpArm(RecordingOf(dataset, r));
+    const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.arms[r]->arm.load == nullptr;
+    if (lacks_masses && setups.back()->reason.empty()) {
+      setups.back()->reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
+    }
+  }
+  return setups;
+}
+
+std::vector<RigArmErrors> ErrorsOfArms(const RigDataset& dataset, const std::vector<std::optional<ArmSetup>>& setups,
+                                       Kinematics kinematics) {
+  std::vector<RigArmErrors> errors(setups.size());
+  for (size_t r = 0; r < setups.size(); ++r) {
+    if (!setups[r] || !setups[r]->reason.empty()) continue;
+    const Arm& arm = dataset.arms[r]->arm;
+    errors[r].models = CandidateArmErrors(arm, kinematics, dataset.captures.size());
+    errors[r].is_chosen = kinematics == Kinematics::kAuto;
+    for (const ArmBranch& branch : setups[r]->branches) {
+      errors[r].effects_of_captures.push_back(EffectsOfCaptures(arm, *setups[r], branch));
+    }
+  }
+  return errors;
+}
+
+RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::optional<ArmSetup>> setups,
+                              Kinematics kinematics, const RigCalibration& calibration) {
+  RigArmSummaries summaries;
+  for (size_t r = 0; r < dataset.arms.size(); ++r) {
+    summaries.arms.emplace_back();
+    if (!dataset.arms[r]) continue;
+    const RobotArm& robot = *dataset.arms[r];
+    const RigArmChoice* const choice = FindChoice(calibration, r);
+    ArmEstimate estimate = EstimateOf(calibration, choice, r);
+    if (estimate.errors != nullptr) {
+      setups[r]->branches = {setups[r]->branches[choice->branch]};
+    } else if (choice != nullptr && !setups[r]->is_recorded) {
+      estimate.reason +=
+          "; if the captures are in several configurations, record their joints (joints beside the poses)";
+    }
+    summaries.arms.back() = SummariseArm(robot, kinematics, setups[r],
+                                         UndeterminedParams(robot.arm, "the poses of what is fixed in the base",
+                                                            "the poses of what the gripper carries"),
+                                         estimate);
+    const RobotSummary& arm = *summaries.arms.back();
+    std::vector<Finding> findings = {DescribeEstimate(arm)};
+    if (setups[r]) {
+      std::optional<Finding> singular = FindSingularCaptures(RecordingOf(dataset, r), *setups[r], arm.is_estimated);
+      if (singular) findings.push_back(std::move(*singular));
+    }
+    for (Finding& finding : findings) {
+      finding.names.emplace_back("of_arm", dataset.rig.robots[r]);
+      summaries.findings.push_back(std::move(finding));
+    }
+  }
+  return summaries;
+}
+
+}  // namespace heba

@@ -1,0 +1,33 @@
+// The kinematics of the arms of a rig: their joints, the errors among which is chosen, and what a run says about them.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "heba/evaluation/finding.h"
+#include "heba/rig_run.h"
+#include "tools/run/arm_setup.h"
+
+namespace heba {
+
+// Returns the recorded data of one arm, without images; its kinematics must be known (RigDataset::arms).
+Dataset RecordingOf(const RigDataset& dataset, size_t robot);
+
+// Returns the joints of each arm in all captures; nothing for arms whose kinematics are not known, and for all of them
+// with Kinematics::kNone.
+std::vector<std::optional<ArmSetup>> SetUpArms(const RigDataset& dataset, Kinematics kinematics);
+// Returns the errors of each arm among which is chosen, or those that were asked for; none for an arm without joints.
+std::vector<RigArmErrors> ErrorsOfArms(const RigDataset& dataset, const std::vector<std::optional<ArmSetup>>& setups,
+                                       Kinematics kinematics);
+
+// The description of each arm, nothing if its kinematics are not known, and the findings about them.
+struct RigArmSummaries {
+  std::vector<std::optional<RobotSummary>> arms;
+  std::vector<Finding> findings;
+};
+// Describes the estimation of the arms' kinematics by a calibration whose adjustment succeeded. `setups` is that of
+// SetUpArms.
+RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::optional<ArmSetup>> setups,
+                              Kinematics kinematics, const RigCalibration& calibration);
+
+}  // namespace heba
