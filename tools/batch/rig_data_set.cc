@@ -111,21 +111,21 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
   const RigProblem& rig = scene.rig;
   Rng rng(scene.seed);
   const std::vector<std::optional<SimulatedArm>> arms = DrawArms(scene, &rng);
-  const Outcome<RigMotion> motion =
+  const Outcome<RigMotion> arm_motion =
       SimulateRigMotion(rig, scene.poses, SimulatedTargets(scene), scene.options, arms, &rng);
-  if (!motion) return Failure{motion.reason()};
-  const size_t num_captures = motion->exact.size();
+  if (!arm_motion) return Failure{arm_motion.reason()};
+  const size_t num_captures = arm_motion->exact.size();
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     std::vector<PoseRow> rows;
     for (size_t i = 0; i < num_captures; ++i) {
       PoseRow& row = rows.emplace_back();
       row.image = ImageName(i);
-      row.pose = ReportedPose(motion->stated[i][r], scene.options.robot_noise, &rng);
+      row.pose = ReportedPose(arm_motion->stated[i][r], scene.options.robot_noise, &rng);
     }
     const std::string name = rig.robots.size() == 1 ? "poses.csv" : rig.robots[r] + ".csv";
     WriteFileAtomically(folder.staging() / name, PoseFileText(rows, scene.pose_format));
     if (!scene.arms[r] || !scene.arms[r]->records_joints) continue;
-    WriteFileAtomically(folder.staging() / JointsName(rig, r), JointsText(*motion, r));
+    WriteFileAtomically(folder.staging() / JointsName(rig, r), JointsText(*arm_motion, r));
   }
   const size_t num_cameras = rig.cameras.size();
   const int num_images = static_cast<int>(num_captures * num_cameras);
@@ -143,8 +143,8 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       }
       std::vector<RenderedSheet> sheets;
       for (size_t t = 0; t < rig.targets.size(); ++t) {
-        sheets.push_back(
-            {&scene.targets[t]->Draw(), CameraFromTarget(rig, poses, c, t, motion->exact[i]), rig.targets[t].shape});
+        sheets.push_back({&scene.targets[t]->Draw(), CameraFromTarget(rig, poses, c, t, arm_motion->exact[i]),
+                          rig.targets[t].shape});
       }
       RenderOptions options = scene.image;
       options.seed = scene.seed * 1000003 + static_cast<uint64_t>(index);
