@@ -47,14 +47,7 @@ std::shared_ptr<const RigProblem> KeepFlagged(const RigProblem& problem, const R
 
 // Returns flags for the points that pass their test at the estimate.
 RigPointFlags FindInlierPoints(const RigProblem& problem, const RigFit& fit) {
-  RigProblem weighted = problem;
-  std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
-  for (RigCapture& capture : weighted.captures) {
-    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
-  }
-  for (size_t c = 0; c < of_cameras.size(); ++c) {
-    if (fit.unmodelled_sigma_px[c]) WeightByCovariance(*fit.unmodelled_sigma_px[c], of_cameras[c]);
-  }
+  const RigProblem weighted = WeightPoints(problem, fit.unmodelled_sigma_px);
   RigPointFlags flags = AllFlags(problem, false);
   for (size_t i = 0; i < weighted.captures.size(); ++i) {
     for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {

@@ -129,8 +129,8 @@ std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, co
   return best;
 }
 
-// Returns the model of an arm's errors with the variances of those groups that `smaller` lacks at zero. `smaller` may
-// be null.
+// Returns the restricted log-likelihood of a model of an arm's errors: the largest one with the variances of the groups
+// that `smaller` lacks at zero. `smaller` may be null.
 double LogLikelihoodOf(LinearisedRig rig, size_t robot, const SharedEffects& largest, const SharedEffects* smaller) {
   const size_t first = rig.first_group_of.at(robot);
   for (size_t g = smaller == nullptr ? 0 : smaller->groups.size(); g < largest.groups.size(); ++g) {

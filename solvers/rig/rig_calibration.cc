@@ -10,6 +10,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/diagnostics.h"
+#include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_arms.h"
 #include "solvers/rig/rig_camera_motion.h"
@@ -173,14 +174,10 @@ std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, con
   const RigImage& image = problem.captures[index.capture].images[index.image];
   const Rigid3d predicted = CameraFromTarget(problem, solution.poses, image.camera, image.target,
                                              WithErrors(problem.captures[index.capture], solution.effects));
-  std::optional<TargetPose> seen;
-  for (const TargetPose& pose : EstimateTargetPose(solution.cameras[image.camera],
-                                                   ApplyShape(image.observations, solution.shapes[image.target]))) {
-    const bool is_nearer =
-        !seen || AngleRad(pose.camera_from_target, predicted) < AngleRad(seen->camera_from_target, predicted);
-    if (is_nearer) seen = pose;
-  }
-  if (!seen) return "its points do not fit the target: probably misread";
+  const std::vector<TargetPose> poses =
+      EstimateTargetPose(solution.cameras[image.camera], ApplyShape(image.observations, solution.shapes[image.target]));
+  const TargetPose* const seen = NearestPose(poses, predicted);
+  if (seen == nullptr) return "its points do not fit the target: probably misread";
   const Rigid3d step = Inverse(predicted) * seen->camera_from_target;
   return "contradicts the other images: the target is " + Significant(1000 * step.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(RotationAngle(step.rotation)), 2) +

@@ -27,20 +27,6 @@ std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& 
   return all;
 }
 
-// Returns a copy of the problem, whitened with the detectors' covariances and the unmodelled sigma of each camera.
-std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
-                                           const std::vector<std::optional<double>>& unmodelled_sigma_px) {
-  auto weighted = std::make_shared<RigProblem>(problem);
-  std::vector<std::vector<Observations*>> all(problem.cameras.size());
-  for (RigCapture& capture : weighted->captures) {
-    for (RigImage& image : capture.images) all[image.camera].push_back(&image.observations);
-  }
-  for (size_t c = 0; c < all.size(); ++c) {
-    if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], all[c]);
-  }
-  return weighted;
-}
-
 // Returns the weights 1 / sigma of the parameters of a target's shape; zeros if nothing is known about them.
 Eigen::Vector4d ShapeWeights(const RigTarget& target) {
   const std::vector<TargetShapeGroup>& free = target.free_shape;
@@ -253,11 +239,23 @@ bool UpdateWeights(RigFit* fit) {
     current_px = next_px;
     has_changed = true;
   }
-  if (has_changed) fit->problem = Weighted(*fit->problem, fit->unmodelled_sigma_px);
+  if (has_changed)
+    fit->problem = std::make_shared<const RigProblem>(WeightPoints(*fit->problem, fit->unmodelled_sigma_px));
   return has_changed;
 }
 
 }  // namespace
+
+RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px) {
+  std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
+  for (RigCapture& capture : problem.captures) {
+    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
+  }
+  for (size_t c = 0; c < of_cameras.size(); ++c) {
+    if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], of_cameras[c]);
+  }
+  return problem;
+}
 
 std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
                                                 const RigState& state, const RigNoise& noise, const Loss& loss) {
@@ -436,7 +434,7 @@ std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
 Outcome<RigFit> IterateRig(RigFit fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
   if (std::any_of(fit.unmodelled_sigma_px.begin(), fit.unmodelled_sigma_px.end(),
                   [](const auto& sigma_px) { return sigma_px.has_value(); })) {
-    fit.problem = Weighted(*fit.problem, fit.unmodelled_sigma_px);
+    fit.problem = std::make_shared<const RigProblem>(WeightPoints(*fit.problem, fit.unmodelled_sigma_px));
   }
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {

@@ -32,6 +32,10 @@ struct RigFit {
   Convergence convergence;
 };
 
+// Returns the problem with points that are weighted by the detectors' covariances and the unmodelled sigma of their
+// camera; those of a camera without one keep their weights.
+RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
+
 // The linearised images (LinearisedView, one per image in the order of ImagesOf), and the groups of those that share
 // their corrections.
 struct LinearisedImages {

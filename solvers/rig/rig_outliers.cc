@@ -112,14 +112,7 @@ RigNoise NoiseOf(const RigSolution& solution) {
 }
 
 RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
-  std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
-  for (RigCapture& capture : problem.captures) {
-    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
-  }
-  for (size_t c = 0; c < of_cameras.size(); ++c) {
-    if (solution.unmodelled_sigma_px[c]) WeightByCovariance(*solution.unmodelled_sigma_px[c], of_cameras[c]);
-  }
-  return problem;
+  return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
 }
 
 RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
