@@ -131,6 +131,11 @@ std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& er
   return errors.empty() ? std::nullopt : errors[place];
 }
 
+const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot) {
+  if (robot >= result.arms.size() || !result.arms[robot]) return nullptr;
+  return result.arms[robot]->is_estimated ? &*result.arms[robot] : nullptr;
+}
+
 Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
