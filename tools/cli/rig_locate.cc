@@ -87,7 +87,8 @@ std::vector<GivenArmPose> PosesOfFlags(const FinishedRig& rig) {
 }
 
 std::vector<RigArmPose> PosesFor(const FinishedRig& rig, const std::vector<size_t>& cameras) {
-  return PosesForCameras(rig.result, cameras, PosesOfFlags(rig), "--pose", FLAGS_joints.empty() ? "--pose" : "--joints");
+  return PosesForCameras(rig.result, cameras, PosesOfFlags(rig), "--pose",
+                         FLAGS_joints.empty() ? "--pose" : "--joints");
 }
 
 // Returns the poses of the arms that carry cameras, as stated and as corrected by their estimated errors.
@@ -187,8 +188,7 @@ int LocatePoint(const FinishedRig& rig) {
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : pixels) cameras.push_back(pixel.camera);
   const std::vector<RigArmPose> arms = PosesFor(rig, cameras);
-  const Outcome<RigPoint> point =
-      TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
+  const Outcome<RigPoint> point = TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
   if (!point) {
     PrintError("--pixels: " + point.reason());
     return kWorkFailed;

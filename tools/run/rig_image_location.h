@@ -31,8 +31,9 @@ struct RigTargetLocation {
 };
 
 // Returns the location of each target of which a camera sees at least four points. `targets` has those of the result,
-// whose symmetries are set, `base_from_gripper` the pose of each arm as it states it, and `near` a rough world_from_target of each
-// target or nothing; an empty list stands for none. Images that contradict each other locate nothing.
+// whose symmetries are set, `base_from_gripper` the pose of each arm as it states it, and `near` a rough
+// world_from_target of each target or nothing; an empty list stands for none. Images that contradict each other locate
+// nothing.
 std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
                                                   const std::vector<std::shared_ptr<const Target>>& targets,
                                                   const std::vector<RigSighting>& sightings,
@@ -46,8 +47,8 @@ struct GivenArmPose {
 };
 // The pose of an arm at which images were taken.
 struct RigArmPose {
-  bool carries_camera = false;  // Whether it carries one of the cameras.
-  StatedPose stated;            // With its errors, if they are estimated and known; the identity if it carries none.
+  bool carries_camera = false;    // Whether it carries one of the cameras.
+  StatedPose stated;              // With its errors, if they are estimated and known; the identity if it carries none.
   std::string why_not_corrected;  // If the errors of the arm are estimated, but not those of this pose.
 };
 // Returns the pose of each arm for images of these cameras. Throws InputError, which begins with `pose_name` or

@@ -111,8 +111,7 @@ std::string ArmPosesText(const RigResult& result, const std::vector<RigArmPose>&
     const StatedPose& stated = arms[r].stated;
     if (stated.effect == nullptr) {
       text += pose + "not corrected by its estimated errors, whose uncertainty is missing in the sigmas: " +
-              arms[r].why_not_corrected +
-              "; --joints, the positions of the joints at that pose, would tell them\n";
+              arms[r].why_not_corrected + "; --joints, the positions of the joints at that pose, would tell them\n";
       continue;
     }
     const Rigid3d corrected = Correct(result.rig, result.solution, r, stated).base_from_mount;

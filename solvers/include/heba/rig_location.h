@@ -42,10 +42,10 @@ inline constexpr double kContradictionChance = 1e-9;
 // Locates a target, whose points are as manufactured, by least squares over the points of all cameras, whitened by the
 // noise of each camera (RigSolution::pixel_sigmas_px and image_sigmas_px). The errors of the arms' poses are unknowns
 // with the arms' noise as their prior, so that a camera on a noisy arm counts for less. `base_from_gripper` has the
-// pose of each arm as it states it, which is corrected by the estimated errors of the arm (Correct); those of arms that carry
-// none of these cameras are not used. Returns a Failure if no image
-// determines a pose, or if the images contradict each other so much that a point has no image. Images that contradict
-// each other less have a location with a small RigLocation::chance.
+// pose of each arm as it states it, which is corrected by the estimated errors of the arm (Correct); those of arms that
+// carry none of these cameras are not used. Returns a Failure if no image determines a pose, or if the images
+// contradict each other so much that a point has no image. Images that contradict each other less have a location with
+// a small RigLocation::chance.
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
                                  const std::vector<StatedPose>& base_from_gripper);
