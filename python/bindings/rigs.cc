@@ -35,17 +35,39 @@ size_t IndexOf(const std::string& what, const std::string& name, const std::vect
   return static_cast<size_t>(found - names.begin());
 }
 
-// Returns the given pose of each arm.
-std::vector<std::optional<Rigid3d>> PosesOf(const std::vector<std::pair<std::string, Rigid3d>>& given,
-                                            const std::vector<std::string>& robots) {
-  std::vector<std::optional<Rigid3d>> poses(robots.size());
-  for (const auto& [name, pose] : given) {
+// The positions of the joints of an arm (rad or m), with the arm's name as in ArmPose.
+using ArmJoints = std::pair<std::string, std::vector<double>>;
+
+// Returns what is given for each arm.
+std::vector<GivenArmPose> PosesOf(const std::vector<std::pair<std::string, Rigid3d>>& poses,
+                                  const std::vector<ArmJoints>& joints, const std::vector<std::string>& robots) {
+  const auto index_of = [&](const std::string& what, const std::string& name) {
     if (name.empty() && robots.size() > 1) {
-      throw InputError("pose: the rig has several arms; a dictionary of their poses is needed: " + Join(robots, ", "));
+      throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " +
+                       Join(robots, ", "));
     }
-    poses[name.empty() ? 0 : IndexOf("pose", name, robots)] = pose;
+    return name.empty() ? 0 : IndexOf(what, name, robots);
+  };
+  std::vector<GivenArmPose> given(robots.size());
+  for (const auto& [name, pose] : poses) given[index_of("pose", name)].base_from_gripper = pose;
+  for (const auto& [name, positions] : joints) {
+    given[index_of("joints", name)].joints =
+        Eigen::Map<const Eigen::VectorXd>(positions.data(), static_cast<Eigen::Index>(positions.size()));
   }
-  return poses;
+  return given;
+}
+
+// Returns the stated poses of the arms. Throws InputError if one cannot be corrected by the estimated errors of the
+// arm.
+std::vector<StatedPose> CorrectedPoses(const RigResult& result, const std::vector<size_t>& cameras,
+                                       const std::vector<GivenArmPose>& given) {
+  const std::vector<RigArmPose> arms = PosesForCameras(result, cameras, given, "pose", "joints");
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (arms[r].why_not_corrected.empty()) continue;
+    throw InputError("pose: arm " + result.rig.robots[r] + ": " + arms[r].why_not_corrected +
+                     "; joints, those of the arm, would tell them");
+  }
+  return StatedPosesOf(arms);
 }
 
 // Returns the detection of a target in the image of a camera, whose size must be that of the calibration.
@@ -64,7 +86,8 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
 // world_from_target, the covariance (6 x 6, in the target's frame), the RMS in px, the number of poses that fit, and
 // RigLocation::chance. Throws InputError if the images of a target contradict each other, or if no target is located.
 std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, const std::vector<CameraImage>& images,
-                                         const std::vector<ArmPose>& base_from_grippers) {
+                                         const std::vector<ArmPose>& base_from_grippers,
+                                         const std::vector<ArmJoints>& joints) {
   std::vector<std::pair<std::string, Rigid3d>> given;
   for (const auto& [name, pose] : base_from_grippers) given.emplace_back(name, PosesFrom(pose).front());
   std::vector<cv::Mat> pixels;
@@ -82,7 +105,8 @@ std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, co
     for (const RigCamera& camera : problem.cameras) names.push_back(camera.name);
     std::vector<size_t> cameras;
     for (const CameraImage& image : images) cameras.push_back(IndexOf("image", std::get<0>(image), names));
-    const std::vector<Rigid3d> poses = PosesForCameras(problem, cameras, PosesOf(given, problem.robots), "pose");
+    const std::vector<StatedPose> poses =
+        CorrectedPoses(rig.result, cameras, PosesOf(given, joints, problem.robots));
     std::vector<RigSighting> sightings;
     for (size_t i = 0; i < images.size(); ++i) {
       for (size_t t = 0; t < rig.targets.size(); ++t) {
@@ -121,7 +145,8 @@ void BindRigs(pybind11::module_& module) {
         return IsRigResult(RunFolderOf(folder) / "result.json");
       },
       arg("folder"));
-  module.def("locate_by_rig", &LocateByRig, arg("folder"), arg("images"), arg("base_from_gripper"));
+  module.def("locate_by_rig", &LocateByRig, arg("folder"), arg("images"), arg("base_from_gripper"),
+             arg("joints"));
 }
 
 }  // namespace heba

@@ -147,7 +147,11 @@ def locate(
 
 @overload
 def locate(
-    run_folder: str | os.PathLike[str] | RigResult, image: Mapping[str, Image], *, pose: Any = None
+    run_folder: str | os.PathLike[str] | RigResult,
+    image: Mapping[str, Image],
+    *,
+    pose: Any = None,
+    joints: Sequence[float] | Mapping[str, Sequence[float]] = (),
 ) -> list[RigLocation]: ...
 
 
@@ -157,7 +161,7 @@ def locate(
     image: Image | Mapping[str, Image],
     *,
     pose: Any = None,
-    joints: Sequence[float] = (),
+    joints: Sequence[float] | Mapping[str, Sequence[float]] = (),
 ) -> list[Location] | list[RigLocation]:
     """Locates the target of a run in the robot's base, or those of a rig in the world, with their uncertainty.
 
@@ -167,7 +171,7 @@ def locate(
         pose: For a camera on the robot: base_from_gripper of the image, 4 x 4, as the robot states it. For a rig with
             several arms: a dictionary of these poses by the names of the arms that carry one of the cameras.
         joints: The positions of the arm's joints at that pose (rad or m), if the run has estimated the errors of an arm
-            whose configuration the pose does not tell.
+            whose configuration the pose does not tell. For a rig with several arms: a dictionary by their names.
 
     Returns:
         The pose; several for a target that looks the same after a rotation. The first has its x axis most along that
@@ -185,22 +189,27 @@ def locate(
         return _locate_by_rig(folder, image, pose, joints)
     if isinstance(image, Mapping):
         raise Error("image: the run has one camera; one image is needed, no dictionary")
+    if isinstance(joints, Mapping):
+        raise Error("joints: the run has one arm; its joints are needed, no dictionary")
     base_from_gripper = None if pose is None else _one_pose(pose, "pose")
     return [Location(*found) for found in _heba.locate(folder, *_image(image, "image"), base_from_gripper, list(joints))]
 
 
 def _locate_by_rig(
-    folder: Path, images: Image | Mapping[str, Image], pose: Any, joints: Sequence[float]
+    folder: Path,
+    images: Image | Mapping[str, Image],
+    pose: Any,
+    joints: Sequence[float] | Mapping[str, Sequence[float]],
 ) -> list[RigLocation]:
     if not isinstance(images, Mapping) or not images:
         raise Error("image: the run is that of a rig; a dictionary of images by the names of its cameras is needed")
-    if len(joints) > 0:
-        raise Error("joints: the errors of an arm are not estimated with a rig; leave joints out")
+    positions = joints if isinstance(joints, Mapping) else {"": joints} if len(joints) > 0 else {}
     poses = pose if isinstance(pose, Mapping) else {} if pose is None else {"": pose}
     found = _heba.locate_by_rig(
         folder,
         [(name, *_image(image, f"image of camera {name}")) for name, image in images.items()],
         [(name, _one_pose(one, f"pose {name}".rstrip())) for name, one in poses.items()],
+        [(name, list(one)) for name, one in positions.items()],
     )
     return [RigLocation(target, tuple(cameras), *figures) for target, cameras, *figures in found]
 

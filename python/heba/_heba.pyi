@@ -29,6 +29,7 @@ def locate_by_rig(
     folder: str | Path,
     images: Sequence[tuple[str, np.ndarray | None, str | Path]],
     base_from_gripper: Sequence[tuple[str, np.ndarray]],
+    joints: Sequence[tuple[str, Sequence[float]]],
 ) -> list[tuple[str, list[str], np.ndarray, np.ndarray, float, int, float]]: ...
 def calibrate(
     setup: str,

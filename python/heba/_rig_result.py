@@ -53,11 +53,14 @@ class RigArm:
         covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the frame of the base;
             None for the first arm.
         noise: The noise of its poses as in result.json; None if there is none.
+        kinematics: Its kinematics and their estimated errors, `robot` of result.json; None if the config names no
+            model of the arm.
     """
 
     pose: np.ndarray
     covariance: np.ndarray | None
     noise: dict[str, Any] | None
+    kinematics: dict[str, Any] | None
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ class RigResult(RunFolder):
         arms = {}
         for name, arm in self.data["robots"].items():
             covariance = self._covariance_of(f"robots.{name}.world_from_base") if arms else None
-            arms[name] = RigArm(matrix_of(arm["world_from_base"]), covariance, arm["noise"])
+            arms[name] = RigArm(matrix_of(arm["world_from_base"]), covariance, arm["noise"], arm.get("robot"))
         return arms
 
     @needs_numpy

@@ -29,8 +29,19 @@ struct PlacedCamera {
   Matrix6X by_corrections;
 };
 
+// Returns the poses of the grippers, corrected by the estimated errors of the arms.
+std::vector<PoseByUnknowns> PlaceGrippers(const RigProblem& rig, const RigSolution& solution,
+                                          const std::vector<StatedPose>& base_from_gripper) {
+  std::vector<PoseByUnknowns> grippers;
+  for (size_t r = 0; r < base_from_gripper.size(); ++r) {
+    CorrectedPose corrected = Correct(rig, solution, r, base_from_gripper[r]);
+    grippers.push_back({corrected.base_from_mount, std::move(corrected.by_unknowns)});
+  }
+  return grippers;
+}
+
 PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, size_t camera,
-                         const std::vector<Rigid3d>& base_from_gripper) {
+                         const std::vector<PoseByUnknowns>& grippers) {
   const UnknownLayout& layout = solution.covariance.layout;
   const Mount& mount = rig.cameras[camera].mount;
   const PoseByUnknowns mount_from_camera =
@@ -39,8 +50,7 @@ PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, siz
       UnknownPose(solution.poses.world_from_base[mount.robot], layout, BaseBlock(rig.robots[mount.robot]));
   Matrix6X by_corrections = Matrix6X::Zero(6, 6 * static_cast<Eigen::Index>(rig.robots.size()));
   if (mount.part == Mount::Part::kGripper) {
-    const PoseByUnknowns stated{base_from_gripper[mount.robot], Matrix6X::Zero(6, layout.size())};
-    world_from_mount = world_from_mount * stated;
+    world_from_mount = world_from_mount * grippers[mount.robot];
     // The correction multiplies the pose of the gripper on the right.
     by_corrections.middleCols<6>(6 * static_cast<Eigen::Index>(mount.robot)) = Adjoint(Inverse(mount_from_camera.pose));
   }
@@ -127,11 +137,11 @@ struct FrameEquations {
 class FrameLocation {
  public:
   FrameLocation(const RigProblem& rig, const RigSolution& solution, const std::vector<CameraObservations>& seen,
-                const std::vector<Rigid3d>& base_from_gripper, Eigen::Index num_coordinates)
+                const std::vector<StatedPose>& base_from_gripper, Eigen::Index num_coordinates)
       : rig_(rig),
         solution_(solution),
         seen_(seen),
-        base_from_gripper_(base_from_gripper),
+        grippers_(PlaceGrippers(rig, solution, base_from_gripper)),
         num_coordinates_(num_coordinates),
         sigmas_(CorrectionSigmas(solution)) {}
 
@@ -212,7 +222,7 @@ class FrameLocation {
   // Returns the RMS of the distances of all points.
   double RmsPx(const LocatedFrame& located) const {
     SquaredErrors sum;
-    const std::vector<Rigid3d> grippers = Corrected(base_from_gripper_, CorrectionsOf(located.state));
+    const std::vector<PoseByUnknowns> grippers = GrippersAt(located.state);
     for (const CameraObservations& view : seen_) {
       const Rigid3d world_from_camera = PlaceCamera(rig_, solution_, view.camera, grippers).world_from_camera.pose;
       const std::optional<SquaredErrors> errors =
@@ -224,14 +234,16 @@ class FrameLocation {
   }
 
  private:
-  std::vector<Rigid3d> CorrectionsOf(const FrameState& state) const {
-    std::vector<Rigid3d> corrections;
+  std::vector<PoseByUnknowns> GrippersAt(const FrameState& state) const {
+    const Eigen::Index num_unknowns = solution_.covariance.layout.size();
+    std::vector<PoseByUnknowns> corrected;
     for (size_t r = 0; r < rig_.robots.size(); ++r) {
       const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
       const Tangent6 tangent = state.corrections.segment<6>(first).cwiseProduct(sigmas_.segment<6>(first));
-      corrections.push_back(Retract(Rigid3d(), tangent));
+      const PoseByUnknowns correction{Retract(Rigid3d(), tangent), Matrix6X::Zero(6, num_unknowns)};
+      corrected.push_back(grippers_[r] * correction);
     }
-    return corrections;
+    return corrected;
   }
 
   Eigen::MatrixXd WithPrior(Eigen::MatrixXd normal) const {
@@ -244,7 +256,7 @@ class FrameLocation {
     const UnknownLayout& layout = solution_.covariance.layout;
     std::vector<ViewEquations> views;
     const RigNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
-    const std::vector<Rigid3d> grippers = Corrected(base_from_gripper_, CorrectionsOf(state));
+    const std::vector<PoseByUnknowns> grippers = GrippersAt(state);
     for (const CameraObservations& view : seen_) {
       const size_t camera = view.camera;
       const PlacedCamera placed = PlaceCamera(rig_, solution_, camera, grippers);
@@ -298,7 +310,7 @@ class FrameLocation {
   const RigProblem& rig_;
   const RigSolution& solution_;
   const std::vector<CameraObservations>& seen_;
-  const std::vector<Rigid3d>& base_from_gripper_;
+  std::vector<PoseByUnknowns> grippers_;
   Eigen::Index num_coordinates_;
   Eigen::VectorXd sigmas_;
 };
@@ -346,7 +358,7 @@ RigLocation LocationOf(const FrameLocation& location, const LocatedFrame& found)
 Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const RigSolution& solution,
                                                     const std::vector<CameraObservations>& seen,
                                                     const std::vector<Rigid3d>& symmetries, const TargetShape* shape,
-                                                    const std::vector<Rigid3d>& base_from_gripper) {
+                                                    const std::vector<StatedPose>& base_from_gripper) {
   const Failure failure{"the points that the cameras see do not determine a pose of the target"};
   std::vector<ReadPoints> read;
   for (const CameraObservations& view : seen) {
@@ -355,8 +367,9 @@ Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const
       points.orders.push_back(ReadInOrder(view.observations, symmetry, shape));
     }
   }
+  const std::vector<PoseByUnknowns> grippers = PlaceGrippers(rig, solution, base_from_gripper);
   const auto world_from = [&](size_t camera) {
-    return PlaceCamera(rig, solution, camera, base_from_gripper).world_from_camera.pose;
+    return PlaceCamera(rig, solution, camera, grippers).world_from_camera.pose;
   };
   // Each camera has up to two poses; the best for all of them is found from one of these, with the points of the other
   // cameras in the order that fits it best.
@@ -423,7 +436,7 @@ Rigid3d SmallestDifference(const std::vector<RigLocation>& from, const std::vect
 
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
-                                 const std::vector<Rigid3d>& base_from_gripper) {
+                                 const std::vector<StatedPose>& base_from_gripper) {
   Outcome<std::vector<RigLocation>> located =
       LocateInEachOrder(rig, solution, seen, {Rigid3d()}, nullptr, base_from_gripper);
   if (!located) return Failure{located.reason()};
@@ -432,14 +445,14 @@ Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solut
 
 Outcome<std::vector<RigLocation>> LocateTargetInRig(const RigProblem& rig, const RigSolution& solution, size_t target,
                                                     const std::vector<CameraObservations>& seen,
-                                                    const std::vector<Rigid3d>& base_from_gripper) {
+                                                    const std::vector<StatedPose>& base_from_gripper) {
   return LocateInEachOrder(rig, solution, seen, rig.targets[target].symmetries, &solution.shapes[target],
                            base_from_gripper);
 }
 
 std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const RigSolution& solution, size_t target,
                                                   const std::vector<CameraObservations>& seen,
-                                                  const std::vector<Rigid3d>& base_from_gripper) {
+                                                  const std::vector<StatedPose>& base_from_gripper) {
   using Located = Outcome<std::vector<RigLocation>>;
   const auto locate = [&](const std::vector<CameraObservations>& views) {
     return LocateTargetInRig(rig, solution, target, views, base_from_gripper);
@@ -474,7 +487,7 @@ std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const R
 
 Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
                                    const std::vector<CameraPixel>& pixels,
-                                   const std::vector<Rigid3d>& base_from_gripper) {
+                                   const std::vector<StatedPose>& base_from_gripper) {
   if (pixels.size() < 2) return Failure{"a point needs its pixels in at least two cameras"};
   std::vector<CameraObservations> seen;
   for (const CameraPixel& pixel : pixels) {
@@ -485,14 +498,14 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
     view.observations.pixels = pixel.pixel;
   }
   const FrameLocation location(rig, solution, seen, base_from_gripper, 3);
+  const std::vector<PoseByUnknowns> grippers = PlaceGrippers(rig, solution, base_from_gripper);
   // The initial guess is the point with the least sum of squared distances from the rays.
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (size_t v = 0; v < pixels.size(); ++v) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(solution.cameras[pixels[v].camera], pixels[v].pixel);
     if (!ray) return Failure{"camera " + rig.cameras[pixels[v].camera].name + " has no ray at this pixel"};
-    const Rigid3d world_from_camera =
-        PlaceCamera(rig, solution, pixels[v].camera, base_from_gripper).world_from_camera.pose;
+    const Rigid3d world_from_camera = PlaceCamera(rig, solution, pixels[v].camera, grippers).world_from_camera.pose;
     const Eigen::Vector3d direction = world_from_camera.rotation * *ray;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
     normal += across;

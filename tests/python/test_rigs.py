@@ -76,6 +76,7 @@ def test_poses_have_names_and_covariances(rig_cell, rig_run):
         assert np.linalg.norm(error) < 5 * np.linalg.norm(entry["std_translation_m"])
     arm = result.robots["robot"]
     assert np.array_equal(arm.pose, np.eye(4)) and arm.covariance is None and arm.noise["mm"] > 0
+    assert arm.kinematics is None
 
 
 def test_relative_poses_are_known_in_both_orders(rig_run):
@@ -172,6 +173,39 @@ def test_images_that_contradict_each_other_are_refused(rig_cell, rig_run):
         with pytest.raises(heba.Error, match="target plate: the cameras left, right contradict each other"):
             heba.locate(rig_run, images)
     assert num_refused > 0
+
+
+def test_the_errors_of_an_arm_correct_its_poses(tmp_path):
+    (tmp_path / "scene.yaml").write_text(conftest.RIG_SCENE)
+    robot = "{model: ur10e, offsets: 0.05 deg, lengths: 0.3 mm, angles: 0.03 deg, configurations: several}"
+    changes = (f"robot={robot}", "motion.captures=20", "robot_noise={translation: 0.02 mm, rotation: 0.004 deg}")
+    settings = [word for change in changes for word in ("--set", change)]
+    cell, run = tmp_path / "cell", tmp_path / "run"
+    conftest.program("simulate", tmp_path / "scene.yaml", "--out", cell, "--quiet", *settings)
+    conftest.program("run", cell / "config.yaml", "--out", run, "--quiet", "--set", "evaluate.folds=0")
+    kinematics = heba.RigResult.read(run).robots["robot"].kinematics
+    assert (kinematics["model"], kinematics["decision"]) == ("ur10e", "estimated")
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    row = next(line for line in (cell / "joints.csv").read_text().splitlines() if line.startswith(names[0]))
+    joints = [float(number) for number in row.split(",")[1:]]
+    stated = next(line for line in (cell / "poses.csv").read_text().splitlines() if line.startswith(names[0]))
+    image = cell / "wrist" / names[0]
+    printed = conftest.program(
+        "locate", run, f"wrist={image}", f"--pose={stated.split(',', 1)[1]}", f"--joints={row.split(',', 1)[1]}", "--json"
+    )
+    expected = json.loads(printed.stdout)
+    located = heba.locate(run, {"wrist": image}, pose=poses[0], joints=joints)
+    assert [one.target for one in located] == [target["target"] for target in expected["targets"]]
+    for one, target in zip(located, expected["targets"]):
+        assert np.allclose(one.world_from_target[:3, 3], target["pose"]["translation_m"], rtol=0, atol=1e-9)
+        sigmas_mm = 1000 * np.sqrt(np.diag(one.covariance)[:3])
+        assert np.allclose(sigmas_mm, target["sigma"]["total"]["mm"], rtol=1e-6)
+    by_name = heba.locate(run, {"wrist": image}, pose={"robot": poses[0]}, joints={"robot": joints})
+    assert np.array_equal(by_name[0].world_from_target, located[0].world_from_target)
+    with pytest.raises(heba.Error, match="pose: arm robot: .* several configurations.*; joints, those of the arm"):
+        heba.locate(run, {"wrist": image}, pose=poses[0])
+    with pytest.raises(heba.Error, match="joints: arm robot: there are 2, but the arm ur10e has 6"):
+        heba.locate(run, {"wrist": image}, pose=poses[0], joints=[0, 0])
 
 
 def test_wrong_input_is_one_line(rig_cell, rig_run, program_run, cell, tmp_path):

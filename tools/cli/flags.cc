@@ -48,12 +48,13 @@ DEFINE_string(pose, "",
 DEFINE_string(
     joints, "",
     "NUMBERS|the positions of the joints at --pose, as in the run's joints file, separated by commas: needed if "
-    "the errors of the arm are estimated and the captures are in several configurations");
+    "the errors of the arm are estimated and the captures are in several configurations; of several arms: as --pose");
 DEFINE_string(
     near, "",
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
     "if that contains joints): decides between the poses of a target with a symmetry, by its position or by its "
     "rotation, one of which may be unknown; of several targets: TARGET=NUMBERS;TARGET=NUMBERS");
+DEFINE_string(arm, "", "NAME|the arm of a rig with several arms whose poses are corrected");
 DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
 DEFINE_string(target, "",

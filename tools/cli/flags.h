@@ -34,6 +34,7 @@ DECLARE_string(pose);
 DECLARE_string(joints);
 DECLARE_string(near);
 DECLARE_string(robot);
+DECLARE_string(arm);
 DECLARE_string(format);
 DECLARE_string(target);
 DECLARE_string(images);

@@ -4,20 +4,29 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "tools/config/robot_section.h"
 
 namespace heba {
 
-Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format) {
-  const std::vector<std::string> fields = Split(text, ',');
-  const std::vector<std::string>& columns = format.columns;
+namespace {
+
+std::vector<double> NumbersOfFlag(const std::string& name, const std::string& text) {
   std::vector<double> numbers;
-  for (const std::string& field : fields) {
+  for (const std::string& field : Split(text, ',')) {
     double number = 0;
     if (!ParseDouble(Trim(field), &number)) {
       throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
     }
     numbers.push_back(number);
   }
+  return numbers;
+}
+
+}  // namespace
+
+Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format) {
+  const std::vector<std::string>& columns = format.columns;
+  const std::vector<double> numbers = NumbersOfFlag(name, text);
   if (numbers.size() != columns.size()) {
     throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; " +
                      std::to_string(columns.size()) + " are needed: " + Join(columns, ","));
@@ -25,6 +34,16 @@ Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseF
   const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
   if (!pose) throw InputError("--" + name + ": " + pose.reason());
   return *pose;
+}
+
+Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const Arm& arm, bool are_deg) {
+  const std::vector<double> numbers = NumbersOfFlag(name, text);
+  const auto num_joints = static_cast<size_t>(arm.num_joints());
+  if (numbers.size() != num_joints) {
+    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; the arm " + arm.name + " has " +
+                     std::to_string(num_joints) + " joints");
+  }
+  return PositionsOf(arm, numbers, are_deg);
 }
 
 const PoseFormat& FormatOfNear(const PoseFormat& format) {

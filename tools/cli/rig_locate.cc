@@ -46,29 +46,66 @@ std::vector<std::string> CameraNames(const RigResult& result) {
   return names;
 }
 
-// Returns the poses of the arms that --pose gives: the numbers of the only arm, or ARM=NUMBERS;ARM=NUMBERS.
-std::vector<std::optional<Rigid3d>> PosesOfFlag(const FinishedRig& rig) {
-  const std::vector<std::string>& robots = rig.result.rig.robots;
-  std::vector<std::optional<Rigid3d>> poses(robots.size());
-  if (FLAGS_pose.empty()) return poses;
-  const auto read = [&](size_t robot, const std::string& numbers) {
-    const PoseReading& reading = rig.pose_readings[robot];
-    poses[robot] = BaseFromGripper(reading, PoseOfFlag("pose", numbers, reading.format));
-  };
-  if (robots.size() == 1 && FLAGS_pose.find('=') == std::string::npos) {
-    read(0, FLAGS_pose);
-    return poses;
+// Returns what a flag gives for each arm, empty if nothing: the numbers of the only arm, or ARM=NUMBERS;ARM=NUMBERS.
+std::vector<std::string> NumbersByArm(const std::string& flag, const std::string& value,
+                                      const std::vector<std::string>& robots) {
+  std::vector<std::string> numbers(robots.size());
+  if (value.empty()) return numbers;
+  if (robots.size() == 1 && value.find('=') == std::string::npos) return {value};
+  for (const std::string& part : Split(value, ';')) {
+    const auto [robot, text] = NamedValue(flag, part, robots, "ARM=NUMBERS");
+    if (!numbers[robot].empty()) throw InputError(flag + ": the arm " + robots[robot] + " is named twice");
+    if (Trim(text).empty()) throw InputError(flag + ": " + Quoted(part) + ": ARM=NUMBERS is needed");
+    numbers[robot] = text;
   }
-  for (const std::string& part : Split(FLAGS_pose, ';')) {
-    const auto [robot, numbers] = NamedValue("--pose", part, robots, "ARM=NUMBERS");
-    if (poses[robot]) throw InputError("--pose: the arm " + robots[robot] + " is named twice");
-    read(robot, numbers);
-  }
-  return poses;
+  return numbers;
 }
 
-std::vector<Rigid3d> PosesFor(const FinishedRig& rig, const std::vector<size_t>& cameras) {
-  return PosesForCameras(rig.result.rig, cameras, PosesOfFlag(rig), "--pose");
+// Returns the poses and joints of the arms that --pose and --joints give; the joints are those of --pose if the poses
+// of the arm are joints.
+std::vector<GivenArmPose> PosesOfFlags(const FinishedRig& rig) {
+  const std::vector<std::string>& robots = rig.result.rig.robots;
+  const std::vector<std::string> poses = NumbersByArm("--pose", FLAGS_pose, robots);
+  const std::vector<std::string> joints = NumbersByArm("--joints", FLAGS_joints, robots);
+  std::vector<GivenArmPose> given(robots.size());
+  for (size_t r = 0; r < robots.size(); ++r) {
+    const PoseReading& reading = rig.pose_readings[r];
+    const RobotSummary* const arm = FindEstimatedArm(rig.result, r);
+    if (!poses[r].empty()) {
+      given[r].base_from_gripper = BaseFromGripper(reading, PoseOfFlag("pose", poses[r], reading.format));
+    }
+    if (!joints[r].empty()) {
+      if (arm == nullptr) {
+        throw InputError("--joints: the run has not estimated the errors of the arm " + robots[r] + "; leave them out");
+      }
+      given[r].joints = JointsOfFlag("joints", joints[r], arm->nominal, rig.joints_are_deg[r]);
+    } else if (arm != nullptr && !poses[r].empty() && !reading.format.robot.empty()) {
+      given[r].joints = JointsOfFlag("pose", poses[r], arm->nominal, reading.format.angle_unit == "deg");
+    }
+  }
+  return given;
+}
+
+std::vector<RigArmPose> PosesFor(const FinishedRig& rig, const std::vector<size_t>& cameras) {
+  return PosesForCameras(rig.result, cameras, PosesOfFlags(rig), "--pose",
+                         FLAGS_joints.empty() ? "--pose" : "--joints");
+}
+
+// Returns the poses of the arms that carry cameras, as stated and as corrected by their estimated errors.
+Json ArmPosesJson(const FinishedRig& rig, const std::vector<RigArmPose>& arms) {
+  Json json = Json::object();
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (!arms[r].carries_camera) continue;
+    const StatedPose& stated = arms[r].stated;
+    const RobotSummary* const arm = FindEstimatedArm(rig.result, r);
+    const Rigid3d corrected = Correct(rig.result.rig, rig.result.solution, r, stated).base_from_mount;
+    json[rig.result.rig.robots[r]] =
+        Json{{"stated", PoseJson(stated.base_from_mount, "base", "gripper")},
+             {"corrected", stated.effect != nullptr ? PoseJson(corrected, "base", "gripper") : Json(nullptr)},
+             {"arm", arm == nullptr ? Json(nullptr) : Json(arm->nominal.name)},
+             {"reason", arms[r].why_not_corrected}};
+  }
+  return json;
 }
 
 Json SigmasJson(const Eigen::Matrix3d& covariance, double unit) {
@@ -84,7 +121,6 @@ void RefuseFlagsOfOneCamera() {
   };
   refuse("plane", FLAGS_plane != "target", "a rig locates pixels of several cameras, not pixels on a plane");
   refuse("robot", !FLAGS_robot.empty(), "joints that reach a target are not computed with a rig");
-  refuse("joints", !FLAGS_joints.empty(), "the joints of an arm are not used with a rig");
 }
 
 // Returns the rough poses of the targets that --near gives: the numbers of the only target with a symmetry, or
@@ -151,7 +187,8 @@ int LocatePoint(const FinishedRig& rig) {
   const std::vector<CameraPixel> pixels = PixelsOfFlag(rig);
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : pixels) cameras.push_back(pixel.camera);
-  const Outcome<RigPoint> point = TriangulateInRig(rig.result.rig, rig.result.solution, pixels, PosesFor(rig, cameras));
+  const std::vector<RigArmPose> arms = PosesFor(rig, cameras);
+  const Outcome<RigPoint> point = TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
   if (!point) {
     PrintError("--pixels: " + point.reason());
     return kWorkFailed;
@@ -162,7 +199,8 @@ int LocatePoint(const FinishedRig& rig) {
   const std::string warning =
       point->rms_px > kApartPx ? "the rays of the pixels do not meet: do they show one point?" : "";
   constexpr double kMm = 1000;
-  const Json json{{"point",
+  const Json json{{"robots", ArmPosesJson(rig, arms)},
+                  {"point",
                    {{"in_world_m", {at.x(), at.y(), at.z()}},
                     {"rms_px", point->rms_px},
                     {"warning", warning},
@@ -171,7 +209,7 @@ int LocatePoint(const FinishedRig& rig) {
                       {"calibration_mm", SigmasJson(point->by_calibration_m2, kMm)},
                       {"image_mm", SigmasJson(point->by_image_m2, kMm)},
                       {"robot_mm", SigmasJson(point->by_robot_m2, kMm)}}}}}};
-  Print(rig, json, RigPointText(*point));
+  Print(rig, json, RigPointText(*point) + ArmPosesText(rig.result, arms));
   if (!warning.empty()) std::cerr << "heba: warning: " << warning << std::endl;
   return kDone;
 }
@@ -245,8 +283,9 @@ int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images
   const std::vector<std::optional<Rigid3d>> near = NearOfFlag(rig);
   std::vector<size_t> cameras;
   const std::vector<RigSighting> sightings = SightingsIn(rig, images, &cameras);
+  const std::vector<RigArmPose> arms = PosesFor(rig, cameras);
   const std::vector<RigTargetLocation> locations =
-      LocateTargetsInRig(rig.result, rig.targets, sightings, PosesFor(rig, cameras), near);
+      LocateTargetsInRig(rig.result, rig.targets, sightings, StatedPosesOf(arms), near);
   const bool is_any_located = std::any_of(locations.begin(), locations.end(), [](const RigTargetLocation& location) {
     return location.chosen.has_value();
   });
@@ -269,7 +308,8 @@ int LocateTargets(const FinishedRig& rig, const std::vector<std::string>& images
     }
   }
   if (locations.empty()) faults.emplace_back("no target was detected in these images");
-  Print(rig, Json{{"targets", list}}, text);
+  if (is_any_located) text += ArmPosesText(rig.result, arms);
+  Print(rig, Json{{"robots", ArmPosesJson(rig, arms)}, {"targets", list}}, text);
   if (faults.empty()) return kDone;
   PrintError(Join(faults, "; "));
   return kWorkFailed;

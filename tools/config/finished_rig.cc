@@ -5,6 +5,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/finished_run.h"
+#include "tools/config/robot_section.h"
 
 namespace heba {
 
@@ -23,6 +24,7 @@ FinishedRig ReadFinishedRig(const std::filesystem::path& path) {
     MapReader section(config.Get(config.Has("robots") ? "robots" : "captures"));
     MapReader reader(config.Has("robots") ? section.Get(robot) : section.value());
     rig.pose_readings.push_back(ReadPoseReading(reader));
+    rig.joints_are_deg.push_back(ReadJointsAreDeg(reader));
   }
   return rig;
 }

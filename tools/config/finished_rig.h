@@ -15,6 +15,7 @@ struct FinishedRig {
   RigResult result;
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<PoseReading> pose_readings;  // One per arm.
+  std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.
 };
 
 // Reads the folder of a run, or the one of its result.json. Throws InputError if it cannot be read.

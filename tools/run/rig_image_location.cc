@@ -5,13 +5,14 @@
 
 #include "heba/base/error.h"
 #include "heba/detection.h"
+#include "heba/evaluation/arm_uncertainty.h"
 
 namespace heba {
 
 std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
                                                   const std::vector<std::shared_ptr<const Target>>& targets,
                                                   const std::vector<RigSighting>& sightings,
-                                                  const std::vector<Rigid3d>& base_from_gripper,
+                                                  const std::vector<StatedPose>& base_from_gripper,
                                                   const std::vector<std::optional<Rigid3d>>& near) {
   constexpr size_t kFewestPoints = 4;
   std::vector<RigTargetLocation> locations;
@@ -45,23 +46,41 @@ std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
   return locations;
 }
 
-std::vector<Rigid3d> PosesForCameras(const RigProblem& rig, const std::vector<size_t>& cameras,
-                                     const std::vector<std::optional<Rigid3d>>& base_from_gripper,
-                                     const std::string& what) {
-  std::vector<Rigid3d> poses;
+std::vector<RigArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+                                        const std::vector<GivenArmPose>& given, const std::string& pose_name,
+                                        const std::string& joints_name) {
+  const RigProblem& rig = result.rig;
+  std::vector<RigArmPose> arms;
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     const auto carrier = std::find_if(cameras.begin(), cameras.end(), [&](size_t camera) {
       return rig.cameras[camera].mount == Mount{r, Mount::Part::kGripper};
     });
-    if (carrier != cameras.end() && !base_from_gripper[r]) {
-      throw InputError(what + ": camera " + rig.cameras[*carrier].name + " is carried by the arm " + rig.robots[r] +
-                       ", whose pose is needed");
+    RigArmPose& arm = arms.emplace_back();
+    arm.carries_camera = carrier != cameras.end();
+    if (arm.carries_camera && !given[r].base_from_gripper) {
+      throw InputError(pose_name + ": camera " + rig.cameras[*carrier].name + " is carried by the arm " +
+                       rig.robots[r] + ", whose pose is needed");
     }
-    if (carrier == cameras.end() && base_from_gripper[r]) {
-      throw InputError(what + ": the arm " + rig.robots[r] + " carries none of the cameras; leave its pose out");
+    if (!arm.carries_camera && (given[r].base_from_gripper || given[r].joints)) {
+      const bool is_pose = given[r].base_from_gripper.has_value();
+      throw InputError((is_pose ? pose_name : joints_name) + ": the arm " + rig.robots[r] +
+                       " carries none of the cameras; leave its " + (is_pose ? "pose" : "joints") + " out");
     }
-    poses.push_back(base_from_gripper[r].value_or(Rigid3d()));
+    if (!arm.carries_camera) continue;
+    const Outcome<StatedPose> stated =
+        WithErrorsOfArm(FindEstimatedArm(result, r), *given[r].base_from_gripper, given[r].joints);
+    if (!stated && given[r].joints) {
+      throw InputError(joints_name + ": arm " + rig.robots[r] + ": " + stated.reason());
+    }
+    arm.stated = stated ? *stated : StatedPose(*given[r].base_from_gripper);
+    if (!stated) arm.why_not_corrected = stated.reason();
   }
+  return arms;
+}
+
+std::vector<StatedPose> StatedPosesOf(const std::vector<RigArmPose>& arms) {
+  std::vector<StatedPose> poses;
+  for (const RigArmPose& arm : arms) poses.push_back(arm.stated);
   return poses;
 }
 

@@ -31,19 +31,33 @@ struct RigTargetLocation {
 };
 
 // Returns the location of each target of which a camera sees at least four points. `targets` has those of the result,
-// whose symmetries are set, `base_from_gripper` the pose of each arm, and `near` a rough world_from_target of each
-// target or nothing; an empty list stands for none. Images that contradict each other locate nothing.
+// whose symmetries are set, `base_from_gripper` the pose of each arm as it states it, and `near` a rough
+// world_from_target of each target or nothing; an empty list stands for none. Images that contradict each other locate
+// nothing.
 std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
                                                   const std::vector<std::shared_ptr<const Target>>& targets,
                                                   const std::vector<RigSighting>& sightings,
-                                                  const std::vector<Rigid3d>& base_from_gripper,
+                                                  const std::vector<StatedPose>& base_from_gripper,
                                                   const std::vector<std::optional<Rigid3d>>& near = {});
 
-// Returns the pose of each arm for images of these cameras: the given one, or the identity if it carries none of them.
-// Throws InputError, which begins with `what`, if an arm that carries one of the cameras has no pose, or if one that
-// carries none of them has one.
-std::vector<Rigid3d> PosesForCameras(const RigProblem& rig, const std::vector<size_t>& cameras,
-                                     const std::vector<std::optional<Rigid3d>>& base_from_gripper,
-                                     const std::string& what);
+// What is given about the pose of an arm at which images were taken.
+struct GivenArmPose {
+  std::optional<Rigid3d> base_from_gripper;
+  std::optional<Eigen::VectorXd> joints;  // rad or m.
+};
+// The pose of an arm at which images were taken.
+struct RigArmPose {
+  bool carries_camera = false;    // Whether it carries one of the cameras.
+  StatedPose stated;              // With its errors, if they are estimated and known; the identity if it carries none.
+  std::string why_not_corrected;  // If the errors of the arm are estimated, but not those of this pose.
+};
+// Returns the pose of each arm for images of these cameras. Throws InputError, which begins with `pose_name` or
+// `joints_name`, if an arm that carries one of the cameras has no pose, if one that carries none of them has one, or if
+// the joints are not those of the arm at its pose.
+std::vector<RigArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+                                        const std::vector<GivenArmPose>& given, const std::string& pose_name,
+                                        const std::string& joints_name);
+// Returns the stated pose of each arm.
+std::vector<StatedPose> StatedPosesOf(const std::vector<RigArmPose>& arms);
 
 }  // namespace heba

@@ -103,4 +103,23 @@ std::string RigPointText(const RigPoint& point) {
          " px from the point (RMS)\n";
 }
 
+std::string ArmPosesText(const RigResult& result, const std::vector<RigArmPose>& arms) {
+  std::string text;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (!arms[r].carries_camera || FindEstimatedArm(result, r) == nullptr) continue;
+    const std::string pose = "the pose of the arm " + result.rig.robots[r] + " was ";
+    const StatedPose& stated = arms[r].stated;
+    if (stated.effect == nullptr) {
+      text += pose + "not corrected by its estimated errors, whose uncertainty is missing in the sigmas: " +
+              arms[r].why_not_corrected + "; --joints, the positions of the joints at that pose, would tell them\n";
+      continue;
+    }
+    const Rigid3d corrected = Correct(result.rig, result.solution, r, stated).base_from_mount;
+    text += pose + "corrected by its estimated errors, by " +
+            Significant(1000 * DistanceM(stated.base_from_mount, corrected), 3) + " mm and " +
+            Significant(RadToDeg(AngleRad(stated.base_from_mount, corrected)), 3) + " deg\n";
+  }
+  return text;
+}
+
 }  // namespace heba

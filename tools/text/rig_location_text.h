@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "tools/run/rig_image_location.h"
 
@@ -15,5 +16,9 @@ std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& loca
 std::string RigLocationFault(const RigProblem& rig, const RigTargetLocation& location);
 // Describes a triangulated point.
 std::string RigPointText(const RigPoint& point);
+
+// Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or
+// why they did not; empty if there is none.
+std::string ArmPosesText(const RigResult& result, const std::vector<RigArmPose>& arms);
 
 }  // namespace heba

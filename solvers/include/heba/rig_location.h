@@ -10,6 +10,7 @@
 #include "heba/base/error.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
+#include "heba/data/stated_pose.h"
 
 namespace heba {
 
@@ -41,12 +42,13 @@ inline constexpr double kContradictionChance = 1e-9;
 // Locates a target, whose points are as manufactured, by least squares over the points of all cameras, whitened by the
 // noise of each camera (RigSolution::pixel_sigmas_px and image_sigmas_px). The errors of the arms' poses are unknowns
 // with the arms' noise as their prior, so that a camera on a noisy arm counts for less. `base_from_gripper` has the
-// pose of each arm; those of arms that carry none of these cameras are not used. Returns a Failure if no image
-// determines a pose, or if the images contradict each other so much that a point has no image. Images that contradict
-// each other less have a location with a small RigLocation::chance.
+// pose of each arm as it states it, which is corrected by the estimated errors of the arm (Correct); those of arms that
+// carry none of these cameras are not used. Returns a Failure if no image determines a pose, or if the images
+// contradict each other so much that a point has no image. Images that contradict each other less have a location with
+// a small RigLocation::chance.
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
-                                 const std::vector<Rigid3d>& base_from_gripper);
+                                 const std::vector<StatedPose>& base_from_gripper);
 
 // Locates the target of the rig with the index `target`, with the shape that the solution has estimated. The points of
 // `seen` are as designed, and each camera may have read them in any of the orders that the symmetries of the target
@@ -55,7 +57,7 @@ Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solut
 // Failure if one of the poses cannot be determined.
 Outcome<std::vector<RigLocation>> LocateTargetInRig(const RigProblem& rig, const RigSolution& solution, size_t target,
                                                     const std::vector<CameraObservations>& seen,
-                                                    const std::vector<Rigid3d>& base_from_gripper);
+                                                    const std::vector<StatedPose>& base_from_gripper);
 
 // A contradiction between the images of several cameras.
 struct RigContradiction {
@@ -70,7 +72,7 @@ struct RigContradiction {
 // than two cameras determine a pose by themselves.
 std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const RigSolution& solution, size_t target,
                                                   const std::vector<CameraObservations>& seen,
-                                                  const std::vector<Rigid3d>& base_from_gripper);
+                                                  const std::vector<StatedPose>& base_from_gripper);
 
 // A pixel of one camera.
 struct CameraPixel {
@@ -93,6 +95,6 @@ struct RigPoint {
 // Failure if there are fewer than two pixels, or if the rays do not determine a point in front of the cameras.
 Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
                                    const std::vector<CameraPixel>& pixels,
-                                   const std::vector<Rigid3d>& base_from_gripper);
+                                   const std::vector<StatedPose>& base_from_gripper);
 
 }  // namespace heba

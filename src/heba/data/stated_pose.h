@@ -1,10 +1,13 @@
 // A pose that the robot states, and its error as a function of the effects that captures share.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <utility>
 
 #include "heba/data/problem.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 #include "heba/data/shared_effects.h"
 #include "heba/data/solution.h"
 
@@ -13,8 +16,8 @@ namespace heba {
 // The pose of the gripper as the robot states it; the identity for what is fixed in the base.
 struct StatedPose {
   Rigid3d base_from_mount;
-  // The error of the pose as a function of all effects of Solution::shared_effects, such as MakeArmEffect's; null if
-  // the pose has none.
+  // The error of the pose as a function of all effects of Solution::shared_effects, or of the arm's in
+  // RigProblem::effects, such as MakeArmEffect's; null if the pose has none.
   std::shared_ptr<const PoseEffect> effect = nullptr;
   // View::gripper_by_joints, by which the noise of the joints is part of the pose's noise; empty if the joints are not
   // known.
@@ -39,5 +42,8 @@ struct CorrectedPose {
   Matrix6X by_unknowns;
 };
 CorrectedPose Correct(const Solution& solution, const StatedPose& stated);
+// Likewise for the gripper of one arm of a rig, by the effects of that arm; the unknowns are those of
+// RigSolution::covariance.
+CorrectedPose Correct(const RigProblem& rig, const RigSolution& solution, size_t robot, const StatedPose& stated);
 
 }  // namespace heba

@@ -131,6 +131,21 @@ std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& er
   return errors.empty() ? std::nullopt : errors[place];
 }
 
+const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot) {
+  if (robot >= result.arms.size() || !result.arms[robot]) return nullptr;
+  return result.arms[robot]->is_estimated ? &*result.arms[robot] : nullptr;
+}
+
+std::string WhyNotEstimated(const RigResult& result, size_t robot) {
+  const bool is_known = robot < result.arms.size() && result.arms[robot].has_value();
+  return "the kinematics of the arm " + result.rig.robots[robot] + " were not estimated" +
+         (is_known
+              ? " (" + result.arms[robot]->reason + ")"
+              : "; the config names no model of it (" +
+                    (result.rig.robots.size() == 1 ? "robot.model" : "robots." + result.rig.robots[robot] + ".model") +
+                    ")");
+}
+
 Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;

@@ -111,6 +111,11 @@ struct RigResult {
   Timing timing;
 };
 
+// Returns the kinematics of an arm whose errors are part of the solution; null if they were not estimated.
+const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot);
+// Returns the reason why they were not, in words.
+std::string WhyNotEstimated(const RigResult& result, size_t robot);
+
 // Judges a rig as JudgeRun a single camera, by the worst camera; the finding names it.
 Verdict JudgeRig(const RigResult& result);
 

@@ -145,6 +145,7 @@ ArmEffects ReadArmEffects(const JsonReader& reader, const RobotSummary& robot, c
   ArmEffects read;
   shared.num_all = robot.nominal.num_params();
   std::map<std::string, size_t> group_of;
+  std::map<std::string, double> value_of;
   if (reader.Has("estimated")) {
     const JsonReader estimated = reader.Get("estimated");
     shared.name = estimated.Get("model").Text();
@@ -156,6 +157,7 @@ ArmEffects ReadArmEffects(const JsonReader& reader, const RobotSummary& robot, c
     for (const JsonReader& effect : estimated.Get("effects").List()) {
       const int group = effect.Get("group").Int(0, static_cast<int>(shared.groups.size()) - 1);
       group_of[effect.Get("name").Text()] = static_cast<size_t>(group);
+      value_of[effect.Get("name").Text()] = effect.Get("value").Number();
     }
   }
   read.values.resize(static_cast<Eigen::Index>(names.size()));
@@ -163,7 +165,9 @@ ArmEffects ReadArmEffects(const JsonReader& reader, const RobotSummary& robot, c
     const std::optional<int> place = FindPlace(robot.nominal, name);
     if (!place) reader.Fail("'" + name + "' is estimated, but the arm has no such parameter");
     const auto group = group_of.find(name);
-    read.values[shared.size()] = robot.errors[*place];
+    // The sum with the nominal parameter has lost digits of the error.
+    const auto value = value_of.find(name);
+    read.values[shared.size()] = value == value_of.end() ? robot.errors[*place] : value->second;
     shared.effects.push_back({name, *place, group == group_of.end() ? 0 : group->second});
   }
   read.shared = std::make_shared<const SharedEffects>(std::move(shared));

@@ -193,6 +193,13 @@ const std::vector<ExportFormat>& ExportFormats() {
   return formats;
 }
 
+ExportHolds HeldBy(const ExportFormat& format) {
+  for (const Entry& entry : Entries()) {
+    if (entry.format.name == format.name) return entry.holds;
+  }
+  return ExportHolds::kAnyPose;
+}
+
 Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest& request) {
   for (const Entry& entry : Entries()) {
     if (entry.format.name != format.name) continue;

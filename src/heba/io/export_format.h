@@ -18,6 +18,8 @@ enum class ExportHolds {
   kLens,           // The camera's intrinsics; at most the pose of the optical frame.
   kArm,            // The estimated kinematics of the arm; no pose.
 };
+// Returns what one of ExportFormats() can represent.
+ExportHolds HeldBy(const ExportFormat& format);
 
 // Formats that hold several poses in one file. A Failure if they cannot hold these. In the first three, a frame has one
 // pose at most. A URDF needs all poses in one tree of frames (RootFrames); a fragment, which does not define the frames

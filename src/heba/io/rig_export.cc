@@ -47,6 +47,27 @@ std::string ArmFrame(const RigProblem& rig, size_t robot, const std::string& fra
   return rig.robots.size() == 1 ? frame : FrameName(rig.robots[robot]) + "_" + frame;
 }
 
+// Returns the files with the kinematics of the arms.
+std::vector<ExportedFile> ArmFilesOf(const ExportFormat& format, const RigResult& result) {
+  const std::vector<std::string>& robots = result.rig.robots;
+  std::vector<ExportedFile> files;
+  for (size_t r = 0; r < robots.size(); ++r) {
+    const RobotSummary* const arm = FindEstimatedArm(result, r);
+    const std::string name = (robots.size() == 1 ? "" : robots[r] + ".") + format.file_name;
+    if (arm != nullptr) {
+      ExportRequest request;
+      request.name = result.name;
+      request.method = kBundleMethod;
+      request.arm = WithChanges(arm->nominal, arm->errors);
+      files.push_back(FileOf(name, ExportText(format, request)));
+    } else {
+      files.push_back({name, "", WhyNotEstimated(result, r), "", false});
+    }
+    files.back().arm = robots[r];
+  }
+  return files;
+}
+
 // Returns the files of one kind with several poses.
 std::vector<ExportedFile> FilesOf(const PosesFormat& format, const std::vector<ExportRequest>& poses) {
   std::vector<ExportedFile> files;
@@ -104,6 +125,7 @@ std::vector<ExportRequest> BaseExportRequests(const RigResult& result) {
 
 std::vector<ExportedFile> ExportRig(const ExportFormat& format, const std::vector<ExportRequest>& cameras,
                                     const std::vector<ExportRequest>& bases, const RigResult& result) {
+  if (HeldBy(format) == ExportHolds::kArm) return ArmFilesOf(format, result);
   std::vector<ExportedFile> files;
   std::string fault;  // The fault of a camera that a file with all cannot hold.
   for (size_t c = 0; c < cameras.size(); ++c) {

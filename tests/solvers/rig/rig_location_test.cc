@@ -22,7 +22,7 @@ struct SeenObject {
   RigScene scene;
   RigSolution solution;
   Rigid3d world_from_target;
-  std::vector<Rigid3d> reported;
+  std::vector<StatedPose> reported;
   std::vector<CameraObservations> seen;
 };
 
@@ -208,7 +208,8 @@ TEST(RigLocation, NamesTheCameraThatContradictsTheOthers) {
   ASSERT_TRUE(solution) << solution.reason();
   SeenCapture right = SeeFirstTarget(scene.problem, 3);
   ASSERT_GE(right.seen.size(), 3U);
-  const std::vector<Rigid3d>& poses = right.capture.base_from_gripper;
+  const std::vector<Rigid3d>& reported = right.capture.base_from_gripper;
+  const std::vector<StatedPose> poses(reported.begin(), reported.end());
   EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, right.seen, poses).has_value());
   for (size_t wrong = 0; wrong < right.seen.size(); ++wrong) {
     std::vector<CameraObservations> seen = right.seen;
@@ -252,6 +253,8 @@ TEST(RigLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
   const SeenCapture right = SeeFirstTarget(scene.problem, 3);
   ASSERT_GE(right.seen.size(), 3U);
   const Rigid3d truth = scene.arms[0][0] * scene.truth.mount_from_target[0];
+  const std::vector<Rigid3d>& reported = right.capture.base_from_gripper;
+  const std::vector<StatedPose> poses(reported.begin(), reported.end());
   ASSERT_EQ(right.capture.name, scene.problem.captures[0].name);
   for (unsigned orders = 0; orders < (1U << right.seen.size()); ++orders) {
     std::vector<CameraObservations> seen = right.seen;
@@ -260,7 +263,7 @@ TEST(RigLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
       Points3& points = seen[v].observations.points_in_target;
       points = (turned.RotationMatrix() * points).eval();
     }
-    const auto possible = LocateTargetInRig(scene.problem, *solution, 0, seen, right.capture.base_from_gripper);
+    const auto possible = LocateTargetInRig(scene.problem, *solution, 0, seen, poses);
     ASSERT_TRUE(possible) << possible.reason();
     ASSERT_EQ(possible->size(), 2U);
     const auto along_x = [](const RigLocation& located) { return located.world_from_target.RotationMatrix()(0, 0); };
@@ -269,7 +272,7 @@ TEST(RigLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
     EXPECT_THAT((*possible)[is_first ? 0 : 1].world_from_target, IsNearPose(truth, 1e-6, 1e-6)) << orders;
     EXPECT_THAT((*possible)[is_first ? 1 : 0].world_from_target, IsNearPose(truth * turned, 1e-6, 1e-6)) << orders;
     for (const RigLocation& located : *possible) EXPECT_LT(located.rms_px, 1e-3);
-    EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, seen, right.capture.base_from_gripper).has_value());
+    EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, seen, poses).has_value());
   }
 }
 

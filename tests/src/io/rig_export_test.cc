@@ -1,7 +1,9 @@
 #include "heba/io/rig_export.h"
 
 #include <algorithm>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -9,7 +11,10 @@
 #include <urdf_parser/urdf_parser.h>
 
 #include "heba/base/registry.h"
+#include "heba/base/text.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_table.h"
 #include "tests/support/matchers.h"
 
 namespace heba {
@@ -166,6 +171,77 @@ TEST(RigExportTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
   const std::vector<ExportedFile> files = FilesOf("kalibr", rig);
   EXPECT_THAT(FileOf(files, "top.camchain.yaml").text, Not(IsEmpty()));
   EXPECT_THAT(FileOf(files, "cameras.camchain.yaml").reason, HasSubstr("camera side: Kalibr's lens has"));
+}
+
+// Adds the kinematics of each arm, of which those of these are estimated.
+RigResult WithArms(RigResult rig, const std::vector<bool>& are_estimated) {
+  for (const bool is_estimated : are_estimated) {
+    RobotSummary& robot = rig.arms.emplace_back(RobotSummary()).value();
+    robot.nominal = *FindArm("ur10e");
+    robot.is_estimated = is_estimated;
+    robot.reason = is_estimated ? "" : "they are not significantly better";
+    robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
+    rig.rig.effects.push_back(nullptr);
+    rig.solution.effects.emplace_back();
+    if (!is_estimated) continue;
+    robot.errors[ArmParamPlace(1, ArmParam::kA)] = 1e-3 * static_cast<double>(rig.arms.size());
+    const auto shared = std::make_shared<const SharedEffects>(ArmErrors(robot.nominal, ArmErrorModel::kGeometry));
+    rig.rig.effects.back() = shared;
+    rig.solution.effects.back() = Eigen::VectorXd::Zero(shared->size());
+  }
+  rig.solution.covariance.layout = RigUnknowns(rig.rig);
+  const Eigen::Index size = rig.solution.covariance.layout.size();
+  // The variance of each unknown is its place.
+  rig.solution.covariance.matrix = 1e-6 * Eigen::VectorXd::LinSpaced(size, 1, static_cast<double>(size)).asDiagonal();
+  return rig;
+}
+
+// Returns the length a of the second joint in a table of an arm.
+double SecondLengthM(const std::string& table) {
+  const size_t row = table.find("\n2,");
+  return row == std::string::npos ? 0 : std::stod(Split(table.substr(row + 1), ',')[3]);
+}
+
+TEST(RigExportTest, EachEstimatedArmHasAFile) {
+  const double nominal_m = FindArm("ur10e")->joints[1].a_m;
+  const std::vector<ExportedFile> one = FilesOf("dh_csv", WithArms(RigOf({"robot"}, {{"top", kWorld}}), {true}));
+  EXPECT_THAT(NamesOf(one), ElementsAre("arm_dh.csv"));
+  EXPECT_NEAR(SecondLengthM(one[0].text), nominal_m + 1e-3, 1e-12);
+  const RigResult rig = WithArms(RigOf({"left", "right", "third"}, {{"top", kWorld}}), {true, false, true});
+  const std::vector<ExportedFile> tables = FilesOf("dh_csv", rig);
+  EXPECT_THAT(NamesOf(tables), ElementsAre("left.arm_dh.csv", "not right.arm_dh.csv", "third.arm_dh.csv"));
+  EXPECT_EQ(tables[1].reason, "the kinematics of the arm right were not estimated (they are not significantly better)");
+  EXPECT_NEAR(SecondLengthM(tables[2].text), nominal_m + 3e-3, 1e-12);
+  EXPECT_EQ(tables[2].arm, "third");
+  const std::vector<ExportedFile> urdfs = FilesOf("robot_urdf", rig);
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(FileOf(urdfs, "left.robot.urdf").text);
+  ASSERT_NE(model, nullptr);
+  EXPECT_EQ(model->getRoot()->name, "base");
+  EXPECT_THAT(FileOf(FilesOf("ur_kinematics", rig), "third.ur_kinematics.yaml").text, HasSubstr("forearm:"));
+}
+
+TEST(RigExportTest, AnArmWithoutEstimatedErrorsHasNoFile) {
+  const std::vector<ExportedFile> files = FilesOf("robot_urdf", RigOf({"robot"}, {{"top", kWorld}}));
+  EXPECT_THAT(NamesOf(files), ElementsAre("not robot.urdf"));
+  EXPECT_EQ(files[0].reason,
+            "the kinematics of the arm robot were not estimated; the config names no model of it (robot.model)");
+  const std::vector<ExportedFile> of_two = FilesOf("robot_urdf", RigOf({"left", "right"}, {{"top", kWorld}}));
+  EXPECT_THAT(of_two[1].reason, HasSubstr("robots.right.model"));
+}
+
+// The errors of the arm are unknowns before those of the cameras: each pose keeps its own covariance.
+TEST(RigExportTest, PosesKeepTheirCovariancesBesideTheErrorsOfArms) {
+  const RigResult rig = WithArms(RigOf({"left", "right"}, {{"top", kWorld}, {"side", kWorld}}), {true, true});
+  const std::vector<ExportRequest> cameras = RigExportRequests(rig);
+  for (size_t c = 0; c < 2; ++c) {
+    ASSERT_TRUE(cameras[c].covariance.has_value());
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      EXPECT_NEAR((*cameras[c].covariance)(i, i), 1e-6 * static_cast<double>(6 * c + i + 1), 1e-15);
+    }
+  }
+  const std::vector<ExportRequest> bases = BaseExportRequests(rig);
+  ASSERT_TRUE(bases[0].covariance.has_value());
+  EXPECT_NEAR((*bases[0].covariance)(0, 0), 13e-6, 1e-15);
 }
 
 }  // namespace

@@ -1,14 +1,21 @@
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/capture_section.h"
@@ -26,15 +33,49 @@ struct Form {
   bool joints_are_deg = false;
 };
 
-Form FormOf(const fs::path& run) {
+// Returns the form of the poses in a section of the config next to the result: `captures`, or robots.NAME of an arm.
+Form FormOf(const fs::path& run, const std::string& arm) {
   const fs::path file = run / "config.yaml";
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return {};
   MapReader config(ReadYamlFile(file));
-  const std::optional<ConfigValue> section = config.Find("captures");
+  std::optional<ConfigValue> section = config.Find("captures");
+  if (!arm.empty() && config.Has("robots")) {
+    MapReader robots(config.Get("robots"));
+    section = robots.Find(arm);
+  }
   if (!section || !section->IsMap()) return {};
-  MapReader captures(*section);
-  return {ReadPoseReading(captures), ReadJointsAreDeg(captures)};
+  MapReader poses(*section);
+  return {ReadPoseReading(poses), ReadJointsAreDeg(poses)};
+}
+
+// The arm whose poses are corrected.
+struct ArmAskedFor {
+  std::string name;                   // Empty if the run has one camera.
+  std::optional<RobotSummary> robot;  // Nothing if its errors were not estimated.
+  std::string reason;                 // Why not.
+};
+
+ArmAskedFor FindArm(const fs::path& result_file) {
+  if (!IsRigResult(result_file)) {
+    if (!FLAGS_arm.empty()) throw InputError("--arm: the run has one arm without a name; leave this flag out");
+    RunResult result = ReadResult(result_file);
+    if (result.robot && result.robot->is_estimated) return {"", std::move(result.robot), ""};
+    return {"", std::nullopt,
+            "the kinematics of the arm were not estimated" +
+                (result.robot ? " (" + result.robot->reason + ")" : "; the config names no arm (robot.model)")};
+  }
+  const RigResult result = ReadRigResult(result_file);
+  const std::vector<std::string>& robots = result.rig.robots;
+  if (FLAGS_arm.empty() && robots.size() > 1) {
+    throw InputError("--arm NAME: the rig has several arms, one of which is needed: " + Join(robots, ", "));
+  }
+  const auto found = FLAGS_arm.empty() ? robots.begin() : std::find(robots.begin(), robots.end(), FLAGS_arm);
+  if (found == robots.end()) throw InputError("--arm: " + UnknownName(FLAGS_arm, robots));
+  const auto index = static_cast<size_t>(found - robots.begin());
+  const RobotSummary* const robot = FindEstimatedArm(result, index);
+  if (robot == nullptr) return {*found, std::nullopt, WhyNotEstimated(result, index)};
+  return {*found, *robot, ""};
 }
 
 // Returns the corrected pose, or the one to command. `joints` are empty if the file does not have them.
@@ -56,14 +97,13 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   if (fs::equivalent(FLAGS_out, poses_file, no_file) || fs::equivalent(out_folder, run, no_file)) {
     throw InputError("--out: " + FLAGS_out + " would replace the poses or a file of the run; name another file");
   }
-  const RunResult result = ReadResult(run / "result.json");
-  if (!result.robot || !result.robot->is_estimated) {
-    PrintError((run / "result.json").string() + ": the kinematics of the arm were not estimated" +
-               (result.robot ? " (" + result.robot->reason + ")" : "; the config names no arm (robot.model)"));
+  const ArmAskedFor arm = FindArm(run / "result.json");
+  if (!arm.robot) {
+    PrintError((run / "result.json").string() + ": " + arm.reason);
     return kWorkFailed;
   }
-  const RobotSummary& robot = *result.robot;
-  const Form form = FormOf(run);
+  const RobotSummary& robot = *arm.robot;
+  const Form form = FormOf(run, arm.name);
   const PoseReading& reading = form.reading;
   if (reading.format.rotation == "joints") {
     throw InputError((run / "config.yaml").string() +

@@ -198,6 +198,18 @@ int ExportOfRig(const fs::path& file) {
                (others.empty() ? "" : "; nor does the format hold " + Join(others, ", ")));
     return kWorkFailed;
   }
+  const auto holds_arm = [](const ExportedFile& exported) { return !exported.arm.empty() && !exported.text.empty(); };
+  const auto num_arms = std::count_if(files.begin(), files.end(), holds_arm);
+  if (FLAGS_to != "all" && num_arms == 0 && !files.front().arm.empty()) {
+    std::vector<std::string> reasons;
+    for (const ExportedFile& exported : files) reasons.push_back(exported.reason);
+    PrintError(file.string() + ": " + Join(reasons, "; "));
+    return kWorkFailed;
+  }
+  if (FLAGS_out.empty() && num_arms > 1 && FLAGS_to != "all") {
+    throw InputError("--to " + FLAGS_to + ": each of the " + std::to_string(num_arms) +
+                     " arms has a file of its own; --out FOLDER is needed");
+  }
   if (FLAGS_out.empty() && FLAGS_to != "all") {
     for (const ExportedFile& exported : files) {
       if (!exported.holds_all || exported.text.empty()) continue;

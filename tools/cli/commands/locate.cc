@@ -19,7 +19,6 @@
 #include "tools/cli/rig_locate.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
-#include "tools/config/robot_section.h"
 #include "tools/config/run_config.h"
 #include "tools/files/location_file.h"
 #include "tools/run/image_location.h"
@@ -30,31 +29,12 @@
 namespace heba {
 namespace {
 
-// Returns the positions of the arm's joints that a flag gives.
-Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const RobotSummary& robot,
-                             bool are_deg) {
-  std::vector<double> numbers;
-  for (const std::string& field : Split(text, ',')) {
-    double number = 0;
-    if (!ParseDouble(Trim(field), &number)) {
-      throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
-    }
-    numbers.push_back(number);
-  }
-  const auto num_joints = static_cast<size_t>(robot.nominal.num_joints());
-  if (numbers.size() != num_joints) {
-    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; the arm " + robot.nominal.name +
-                     " has " + std::to_string(num_joints) + " joints");
-  }
-  return PositionsOf(robot.nominal, numbers, are_deg);
-}
-
 // Returns the joints that --joints gives, or --pose if the run's poses are joints; nothing otherwise.
 std::optional<Eigen::VectorXd> JointsAskedFor(const FinishedRun& run, const RobotSummary& robot) {
-  if (!FLAGS_joints.empty()) return JointsOfFlag("joints", FLAGS_joints, robot, run.joints_are_deg);
+  if (!FLAGS_joints.empty()) return JointsOfFlag("joints", FLAGS_joints, robot.nominal, run.joints_are_deg);
   const PoseFormat& format = run.pose_reading.format;
   if (format.robot.empty()) return std::nullopt;
-  return JointsOfFlag("pose", FLAGS_pose, robot, format.angle_unit == "deg");
+  return JointsOfFlag("pose", FLAGS_pose, robot.nominal, format.angle_unit == "deg");
 }
 
 // Sets the pose of the gripper that carries the camera, with the errors of the arm if the run has estimated them and
