@@ -41,6 +41,10 @@ function makePages() {
   writeFileSync(join(folder, 'rig.yaml'), scene.replace(/captures: *[0-9]+/, 'captures: 12'));
   run('simulate', 'rig.yaml', '--out', 'rig', '--quiet');
   run('run', 'rig/config.yaml', '--out', 'rig_run', '--quiet');
+  writeFileSync(join(folder, 'rig_arm.yaml'), 'base: rig.yaml\nrobot: {model: ur10e, offsets: 0.05 deg, lengths: 0.3 mm, ' +
+                'angles: 0.03 deg, configurations: one, record_joints: true}\nrobot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n');
+  run('simulate', 'rig_arm.yaml', '--out', 'rig_arm', '--quiet');
+  run('run', 'rig_arm/config.yaml', '--out', 'rig_arm_run', '--quiet');
   writeFileSync(join(folder, 'one_condition.yaml'), 'trials: 2\nscenes: {cell: rig.yaml}\nshape_model: none\n');
   run('study', 'one_condition.yaml', '--out', 'one_condition', '--quiet');
   writeFileSync(join(folder, 'study.yaml'),
@@ -76,6 +80,7 @@ const kMarks = {
   histogram: ['g[aria-label=rect] rect', 41],
   ellipses: ['g[aria-label=line] path', 8],
   correlation: ['g[aria-label=cell] rect', 12 * 12],
+  'arm-corrections': ['g[aria-label=dot] circle', 10],
   lines: ['g[aria-label=line] path', 2],
   pairs: ['g[aria-label=cell] rect', 2],
 };
@@ -245,6 +250,7 @@ const kPages = [
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
   {file: 'rig_run/report.html', views: ['set-up', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars'],
    column: 'hold-out, px', isRig: true},
+  {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections'], column: 'correction / sigma', isRig: true},
   {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},
 ];
 
