@@ -41,6 +41,10 @@ function makePages() {
   writeFileSync(join(folder, 'rig.yaml'), scene.replace(/captures: *[0-9]+/, 'captures: 12'));
   run('simulate', 'rig.yaml', '--out', 'rig', '--quiet');
   run('run', 'rig/config.yaml', '--out', 'rig_run', '--quiet');
+  writeFileSync(join(folder, 'rig_arm.yaml'), 'base: rig.yaml\nrobot: {model: ur10e, offsets: 0.05 deg, lengths: 0.3 mm, ' +
+                'angles: 0.03 deg, configurations: one, record_joints: true}\nrobot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n');
+  run('simulate', 'rig_arm.yaml', '--out', 'rig_arm', '--quiet');
+  run('run', 'rig_arm/config.yaml', '--out', 'rig_arm_run', '--quiet');
   writeFileSync(join(folder, 'one_condition.yaml'), 'trials: 2\nscenes: {cell: rig.yaml}\nshape_model: none\n');
   run('study', 'one_condition.yaml', '--out', 'one_condition', '--quiet');
   writeFileSync(join(folder, 'study.yaml'),
@@ -76,6 +80,7 @@ const kMarks = {
   histogram: ['g[aria-label=rect] rect', 41],
   ellipses: ['g[aria-label=line] path', 8],
   correlation: ['g[aria-label=cell] rect', 12 * 12],
+  'arm-corrections': ['g[aria-label=dot] circle', 10],
   lines: ['g[aria-label=line] path', 2],
   pairs: ['g[aria-label=cell] rect', 2],
 };
@@ -245,6 +250,7 @@ const kPages = [
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
   {file: 'rig_run/report.html', views: ['set-up', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars'],
    column: 'hold-out, px', isRig: true},
+  {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections'], column: 'hold-out, px', isRig: true, isArm: true},
   {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},
 ];
 
@@ -255,6 +261,15 @@ async function checkStudy(page) {
   assert.ok((await charts.nth(0).locator('g[aria-label=line] path').count()) >= 5, 'few methods in the chart of errors');
   assert.ok((await charts.nth(0).locator('.legend').textContent()).includes('bound'));
   assert.equal(await charts.nth(1).locator('g[aria-label=rect] rect').count(), 1, 'the coverage has no band');
+}
+
+// Checks the section on an arm whose errors were estimated, and that its table can be opened.
+async function checkArm(page) {
+  const section = page.locator('section', {has: page.locator('h2', {hasText: 'Kinematics of arm robot'})});
+  assert.match(await section.locator('p').first().textContent(), /ur10e were estimated .*the noise of its poses falls from .* to /);
+  await section.locator('summary').click();
+  assert.ok((await section.locator('tbody tr').count()) >= 10, 'few parameters in the table of the arm');
+  assert.ok((await section.textContent()).includes('Not determined'), 'the undetermined parameters are not named');
 }
 
 // Checks that no table cell exceeds a narrow window.
@@ -297,7 +312,7 @@ try {
                 '--disable-component-update', '--disable-sync'];
   browser = await chromium.launch({executablePath, args});
   const complaints = [];
-  for (const {file, views, column: title, isReport, isRig} of kPages) {
+  for (const {file, views, column: title, isReport, isRig, isArm} of kPages) {
     await checkWithoutScript(file);
     for (const width of [1280, 400]) {
       const page = await open(browser, file, width, complaints);
@@ -307,6 +322,7 @@ try {
         await checkCell(page);
         await checkRigResiduals(page);
       }
+      if (isArm) await checkArm(page);
       if (file.startsWith('study')) await checkStudy(page);
       if (width === 400) await checkNarrow(page, file);
       if (isReport) {

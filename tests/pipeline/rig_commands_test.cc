@@ -172,6 +172,27 @@ TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
   EXPECT_THAT(page, HasSubstr("<button>status</button>"));
 }
 
+// An arm that has errors of its own: they are estimated, or the reason why not is stated.
+TEST_F(RigCommandsTest, RunStatesTheErrorsOfAnArm) {
+  WriteAll(*folder_ / "arm.yaml",
+           "base: scene.yaml\nrobot: {model: ur10e, offsets: 0.1 deg, lengths: 1 mm, angles: 0.1 deg, configurations: "
+           "one, record_joints: true}\nrobot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n");
+  ASSERT_EQ(RunHeba({"simulate", Path("arm.yaml"), "--out", Path("arm"), "--quiet"}).status, 0);
+  const CommandResult run = RunHeba({"run", Path("arm/config.yaml"), "--out", Path("arm_run")});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(Count(run.out, "\narm robot: the kinematics of the arm ur10e were estimated ("), 1) << run.out;
+  const std::string page = ReadAll(*folder_ / "arm_run/report.html");
+  const std::string section = page.substr(page.find("<h2>Kinematics of arm robot</h2>"));
+  EXPECT_THAT(section.substr(0, 1000), HasSubstr("The kinematics of the arm ur10e were estimated ("));
+  EXPECT_THAT(section, AllOf(HasSubstr("data-view=\"arm-corrections\""), HasSubstr("correction / sigma"),
+                             HasSubstr("joint1.offset (the poses of what is fixed in the base)")));
+  const CommandResult none =
+      RunHeba({"run", Path("arm/config.yaml"), "--set", "refine.kinematics=none", "--out", Path("arm_none")});
+  EXPECT_EQ(
+      Count(none.out, "\narm robot: the kinematics of the arm ur10e were not estimated: refine.kinematics is none"), 1)
+      << none.out << none.err;
+}
+
 TEST_F(RigCommandsTest, TablesOfABatchCountCapturesAndNameTheIntrinsics) {
   WriteAll(Path("cell/second.yaml"), "base: config.yaml\nname: second\n");
   const CommandResult batch =

@@ -1,5 +1,7 @@
 // Runs the doctor on the data set of a rig that was spoiled on purpose: it must name the cause first, and the camera,
 // the target or the arm that has it.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -246,6 +248,93 @@ TEST_F(RigDoctorTest, TellsProgramsTheSettingOfTheRig) {
   ASSERT_GE(json["symptoms"].size(), 1U);
   EXPECT_EQ(json["symptoms"][0]["settings"][0]["key"], "targets.wall.target.first_marker");
   EXPECT_EQ(json["symptoms"][0]["settings"][0]["value"], "100");
+}
+
+// The rig with an arm that has errors of its own and whose joints are recorded, as the arm `left` of a list of arms.
+class RigArmDoctorTest : public RigDoctorTest {
+ protected:
+  static void SetUpTestSuite() {
+    RigDoctorTest::SetUpTestSuite();
+    WriteAll(*folder_ / "arm.yaml",
+             "base: scene.yaml\n"
+             "robot: {model: ur10e, offsets: 0.05 deg, lengths: 0.3 mm, angles: 0.03 deg, configurations: one, "
+             "record_joints: true, tool: {translation: [0 mm, 0 mm, 100 mm], rpy: [0 deg, 0 deg, 0 deg]}}\n"
+             "robot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n");
+    const CommandResult made =
+        RunHeba({"simulate", (*folder_ / "arm.yaml").string(), "--out", (*folder_ / "arm").string(), "--quiet"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const std::string config = ReadAll(*folder_ / "arm/config.yaml");
+    std::string listed = config.substr(config.find("\ncameras:"));
+    for (size_t at = listed.find("gripper"); at != std::string::npos; at = listed.find("gripper", at + 12)) {
+      listed.insert(at, "left.");
+    }
+    WriteAll(*folder_ / "arm/listed.yaml",
+             "robots:\n  left: {poses: poses.csv, joints: joints.csv, model: ur10e}\n" + listed);
+  }
+
+  // Runs the doctor on the config with this name.
+  static CommandResult DoctorOf(const std::string& config, const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments = {"doctor", (*folder_ / "arm" / config).string(), "--quiet"};
+    for (const std::string& setting : settings) {
+      arguments.emplace_back("--set");
+      arguments.push_back(setting);
+    }
+    return RunHeba(arguments, Cache());
+  }
+  // Returns the number of symptoms with this code.
+  static int Count(const CommandResult& doctor, const std::string& code) {
+    int count = 0;
+    for (size_t at = doctor.out.find("[" + code + "]"); at != std::string::npos;
+         at = doctor.out.find("[" + code + "]", at + 1)) {
+      ++count;
+    }
+    return count;
+  }
+};
+
+TEST_F(RigArmDoctorTest, FindsNothingWrongWithTheArm) {
+  const CommandResult doctor = DoctorOf("listed.yaml", {});
+  EXPECT_THAT(doctor.out, AllOf(HasSubstr("nothing is wrong"), HasSubstr("from where robots.left.tool has it")));
+  EXPECT_EQ(Count(doctor, "calibrated_kinematics"), 1) << doctor.out;
+}
+
+TEST_F(RigArmDoctorTest, NamesTheUnitOfTheJoints) {
+  const CommandResult listed = DoctorOf("listed.yaml", {"robots.left.joint_angle=deg"});
+  EXPECT_THAT(First(listed), AllOf(HasSubstr("wrong [joint_angle]: the recorded joints"),
+                                   HasSubstr("-> set robots.left.joint_angle: rad")));
+  EXPECT_EQ(Count(listed, "joint_angle"), 1) << listed.out;
+  EXPECT_THAT(First(DoctorOf("config.yaml", {"captures.joint_angle=deg"})),
+              AllOf(HasSubstr("wrong [joint_angle]"), HasSubstr("-> set captures.joint_angle: rad")));
+}
+
+TEST_F(RigArmDoctorTest, NamesTheModelThatRecordedJointsAreOf) {
+  const CommandResult listed = DoctorOf("listed.yaml", {"robots.left.model=ur5e"});
+  EXPECT_THAT(First(listed), AllOf(HasSubstr("wrong [robot_model]"), HasSubstr("-> set robots.left.model: ur10e")));
+  EXPECT_EQ(Count(listed, "robot_model"), 1) << listed.out;
+  EXPECT_THAT(First(DoctorOf("config.yaml", {"robot.model=ur5e"})),
+              AllOf(HasSubstr("wrong [robot_model]"), HasSubstr("-> set robot.model: ur10e")));
+}
+
+TEST_F(RigArmDoctorTest, NamesTheModelThatReachesThePoses) {
+  const CommandResult doctor =
+      DoctorOf("listed.yaml", {"robots.left.model=ur5e", "robots.left.joints=",
+                               "robots.left.tool={translation: [0 mm, 0 mm, 100 mm], rpy: [0 deg, 0 deg, 0 deg]}"});
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [robot_unreachable]: the arm ur5e does not reach the poses of"),
+                                   HasSubstr("-> set robots.left.model: ur10")));
+  EXPECT_EQ(Count(doctor, "robot_unreachable"), 1) << doctor.out;
+}
+
+TEST_F(RigArmDoctorTest, NamesJointsOfOtherRows) {
+  std::vector<std::string> lines;
+  for (const std::string& line : Split(ReadAll(*folder_ / "arm/joints.csv"), '\n')) {
+    if (!line.empty()) lines.push_back(line.substr(line.find(',') + 1));
+  }
+  std::rotate(lines.begin() + 1, lines.begin() + 2, lines.end());
+  WriteAll(*folder_ / "arm/shifted.csv", Join(lines, "\n") + "\n");
+  const CommandResult doctor =
+      DoctorOf("listed.yaml", {"robots.left.joints=" + (*folder_ / "arm/shifted.csv").string()});
+  EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [joint_pairing]"), HasSubstr("are 1 row further up")));
+  EXPECT_EQ(Count(doctor, "joint_pairing"), 1) << doctor.out;
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/run/arm_keys.h"
 
 namespace heba {
 namespace {
@@ -37,6 +38,7 @@ struct ArmRows {
   std::vector<PoseRow> rows;
   std::optional<RobotArm> robot;            // Its kinematics, if the config names them.
   std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
+  bool joints_are_deg = false;
 };
 
 std::string CaptureName(const PoseRow& row, size_t index) {
@@ -48,14 +50,18 @@ std::string CaptureName(const PoseRow& row, size_t index) {
 
 // Reads the recorded joints of an arm, `joints` with `joint_angle` of `reader`, if there are any.
 void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, RigConfig* config) {
-  if (!reader.Has("joints")) return;
+  if (!reader.Has("joints")) {
+    if (reader.Has("joint_angle"))
+      reader.Get("joint_angle").Fail("needs a file of joints (" + arm->section + ".joints)");
+    return;
+  }
   if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
   const fs::path file = reader.Path("joints");
   config->data_files.push_back(file);
   std::vector<std::string> names;
   for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
-  const bool are_deg = ReadJointsAreDeg(reader);
-  arm->joints = ReadJoints(arm->robot->arm, file, are_deg, names);
+  arm->joints_are_deg = ReadJointsAreDeg(reader);
+  arm->joints = ReadJoints(arm->robot->arm, file, arm->joints_are_deg, names);
 }
 
 // Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
@@ -79,6 +85,8 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
     arm.robot = ReadRobotArm(robot, &config->data_files);
     robot.Finish();
     root->Record("robot", robot.used());
+  } else if (root != nullptr && reader.Has("model")) {
+    reader.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
   } else if (root == nullptr && reader.Has("model")) {
     arm.robot = ReadRobotArm(reader, &config->data_files);
   }
@@ -213,7 +221,7 @@ std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows
 std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RigConfig* config) {
   std::vector<ArmRows> arms;
   if (!root.Has("robots")) {
-    config->data.rig.robots = {"robot"};
+    config->data.rig.robots = {kOnlyArm};
     MapReader captures(root.Get("captures"));
     arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
     captures.Find("exclude");
@@ -399,7 +407,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   std::vector<std::vector<std::optional<size_t>>> rows_of_arms;
   for (const ArmRows& arm : arms) {
     rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
-    config.arms.push_back({arm.section, arm.file, arm.reading, {}});
+    config.arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
     data.arms.push_back(arm.robot);
   }
   for (size_t i = 0; i < names.size(); ++i) {

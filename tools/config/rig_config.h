@@ -18,6 +18,7 @@ struct RigArmPoses {
   std::filesystem::path file;
   PoseReading reading;
   std::vector<std::vector<double>> numbers;  // One list per capture.
+  bool joints_are_deg = false;               // Whether the file of its joints has angles in degrees.
 };
 
 struct RigConfig {

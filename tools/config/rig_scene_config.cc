@@ -8,6 +8,7 @@
 #include "tools/config/file_kind.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
+#include "tools/run/arm_keys.h"
 
 namespace heba {
 namespace {
@@ -30,7 +31,7 @@ Rigid3d DefaultHome() { return {ExpRotation({0, DegToRad(180.0), 0}), Eigen::Vec
 
 void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
   if (!root.Has("robots")) {
-    scene->rig.robots = {"robot"};
+    scene->rig.robots = {kOnlyArm};
     scene->poses.world_from_base = {Rigid3d()};
     scene->options.homes = {DefaultHome()};
     scene->arms.emplace_back();

@@ -16,10 +16,14 @@
 #include "solvers/initial/usable_views.h"
 #include "tools/doctor/examination.h"
 #include "tools/files/cached_detector.h"
+#include "tools/run/arm_keys.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
 
 namespace heba {
+
+std::vector<Symptom> Check_robot(Examination* examination);
+
 namespace {
 
 // A camera and a target that one arm moves against each other.
@@ -60,6 +64,14 @@ std::optional<size_t> ArmOf(const RigProblem& rig, size_t camera, size_t target)
   return arm;
 }
 
+// Returns whether the images of a pair tell anything about it. One or two images of a target that no image misses do
+// not; other targets may join the camera to the rig.
+bool IsToBeDiagnosed(const DoctorPair& pair) {
+  constexpr int kFewest = 3;
+  const bool is_missed = static_cast<int>(pair.captures.size()) > pair.num_seen;
+  return pair.num_seen > 0 && (pair.num_seen >= kFewest || is_missed);
+}
+
 // Returns the pairs to diagnose: those with enough images and, for a camera without such a pair, the one with the most.
 std::vector<DoctorPair> PairsOf(const RigConfig& config, const std::vector<RigDetection>& detections) {
   const RigProblem& rig = config.data.rig;
@@ -79,7 +91,7 @@ std::vector<DoctorPair> PairsOf(const RigConfig& config, const std::vector<RigDe
         if (IsSeen(detection)) ++pair.num_seen;
         if (IsSeen(detection) || num_targets[detection.capture] == 0) pair.captures.push_back(detection.capture);
       }
-      if (pair.num_seen > 0) of_camera.push_back(std::move(pair));
+      if (IsToBeDiagnosed(pair)) of_camera.push_back(std::move(pair));
     }
     std::stable_sort(of_camera.begin(), of_camera.end(),
                      [](const DoctorPair& a, const DoctorPair& b) { return a.num_seen > b.num_seen; });
@@ -125,6 +137,18 @@ RunConfig ConfigOf(const RigConfig& config, const DoctorPair& pair) {
   return of_pair;
 }
 
+// Returns the data set of a pair with the kinematics and the recorded joints of its arm.
+RunConfig ConfigWithArm(const RigConfig& config, const DoctorPair& pair) {
+  RunConfig of_pair = ConfigOf(config, pair);
+  of_pair.data.robot = config.data.arms[pair.robot];
+  of_pair.joints_are_deg = config.arms[pair.robot].joints_are_deg;
+  of_pair.options.kinematics = config.options.kinematics;
+  for (size_t k = 0; k < pair.captures.size(); ++k) {
+    of_pair.data.captures[k].joints = config.data.captures[pair.captures[k]].joints[pair.robot];
+  }
+  return of_pair;
+}
+
 // What the keys of a config of one camera are called in that of a rig.
 std::vector<std::pair<std::string, std::string>> RigKeys(const RigConfig& config, const DoctorPair& pair) {
   const RigProblem& rig = config.data.rig;
@@ -141,6 +165,7 @@ std::vector<std::pair<std::string, std::string>> RigKeys(const RigConfig& config
   for (const char* key : {"pose_format", "poses_are", "robot", "joint_angles"}) {
     keys.emplace_back("captures." + std::string(key), arm + "." + key);
   }
+  for (std::pair<std::string, std::string>& key : ArmKeys(arm)) keys.push_back(std::move(key));
   return keys;
 }
 
@@ -285,6 +310,42 @@ std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<
     }
     entry.symptom.what = WhereText(config, entry.pairs) + ": " + entry.symptom.what;
     symptoms.push_back(std::move(entry.symptom));
+  }
+  return symptoms;
+}
+
+// Returns whether the joints of an arm are recorded in all captures.
+bool AreJointsRecorded(const RigConfig& config, size_t robot) {
+  return std::all_of(config.data.captures.begin(), config.data.captures.end(),
+                     [&](const RigRecording& capture) { return !capture.joints[robot].empty(); });
+}
+
+// Examines whether joints and poses are those of the arms that the config names. Recorded joints need no images.
+// Otherwise arms and tools are compared by the images of one pair of each arm, the one that is seen most.
+std::vector<Symptom> SymptomsOfArms(const RigConfig& config, const std::vector<DoctorPair>& pairs, int num_threads) {
+  std::vector<Symptom> symptoms;
+  for (size_t r = 0; r < config.data.rig.robots.size(); ++r) {
+    if (!config.data.arms[r]) continue;
+    const bool is_recorded = AreJointsRecorded(config, r);
+    std::optional<DoctorPair> best;
+    for (const DoctorPair& pair : pairs) {
+      if (pair.robot == r && (!best || pair.num_seen > best->num_seen)) best = pair;
+    }
+    if (!best) continue;
+    best->captures.clear();
+    for (size_t i = 0; i < config.data.captures.size(); ++i) {
+      if (is_recorded || !config.data.captures[i].images[best->camera].empty()) best->captures.push_back(i);
+    }
+    Examination examination;
+    examination.config = ConfigWithArm(config, *best);
+    examination.camera = examination.config.data.camera;
+    examination.num_threads = num_threads;
+    if (!is_recorded) examination.detections = Detections(examination.config, num_threads, Verbosity::kQuiet);
+    for (Symptom& symptom : Check_robot(&examination)) {
+      symptoms.push_back(InRig(config, *best, std::move(symptom)));
+      if (config.data.rig.robots.size() == 1) continue;
+      symptoms.back().what = "arm " + config.data.rig.robots[r] + ": " + symptoms.back().what;
+    }
   }
   return symptoms;
 }
@@ -496,6 +557,12 @@ Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity
   std::erase_if(pairs, [&](const DoctorPair& pair) { return misplaced.contains(pair.camera); });
   for (Symptom& symptom : SymptomsOfPairs(config, pairs, num_threads, verbosity)) {
     diagnosis.symptoms.push_back(std::move(symptom));
+  }
+  // Poses that are read wrongly are those of no arm.
+  if (diagnosis.NumWrong() == 0) {
+    for (Symptom& symptom : SymptomsOfArms(config, pairs, num_threads)) {
+      diagnosis.symptoms.push_back(std::move(symptom));
+    }
   }
   for (Symptom& symptom : Unpaired(config.data.left_out)) diagnosis.symptoms.push_back(std::move(symptom));
   if (diagnosis.NumWrong() == 0 && examine == Examine::kInputsAndResult) {

@@ -12,7 +12,10 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "tools/pages/page.h"
+#include "tools/pages/residual_sections.h"
 #include "tools/pages/static_chart.h"
+#include "tools/run/arm_assessment.h"
+#include "tools/text/finding_text.h"
 
 namespace heba {
 namespace {
@@ -246,6 +249,12 @@ std::string MapFigure(const RunResult& result, const Estimate& refined, const st
       data, "<div class=\"charts\">" + pictures + "</div>");
 }
 
+// Shows the estimated errors of an arm; `maps` are the figures of what they mean for the poses.
+std::string ErrorsPart(const RobotSummary& robot, const std::string& maps) {
+  return CorrectionsFigure(robot) + maps +
+         Details("All estimated parameters", ParametersTable(robot) + UndeterminedText(robot));
+}
+
 }  // namespace
 
 std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures) {
@@ -254,8 +263,19 @@ std::string ArmSection(const RunResult& result, const Estimate& refined, const s
   return "<section>" + Heading("Arm") +
          Paragraph("The errors of the arm " + robot.nominal.name + " (" + robot.errors_name +
                    ") were estimated together with the hand-eye pose.") +
-         CorrectionsFigure(robot) + MapFigure(result, refined, captures) +
-         Details("All estimated parameters", ParametersTable(robot) + UndeterminedText(robot)) + "</section>\n";
+         ErrorsPart(robot, MapFigure(result, refined, captures)) + "</section>\n";
+}
+
+std::string ArmOfRigSection(const std::string& heading, const RobotSummary& robot) {
+  std::string text = Capitalised(FindingWords(DescribeEstimate(robot)).text) + ".";
+  if (robot.is_estimated) {
+    text += robot.has_recorded_joints ? " Its joints were recorded." : " Its joints were recovered from its poses.";
+    if (!robot.configuration.empty()) {
+      text += " All captures are in one configuration (" + robot.configuration +
+              "); in others, its errors are extrapolated.";
+    }
+  }
+  return PageSection(heading, Paragraph(text) + (robot.is_estimated ? ErrorsPart(robot, "") : ""));
 }
 
 }  // namespace heba

@@ -13,4 +13,8 @@ namespace heba {
 // if the run has not estimated the errors of an arm.
 std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures);
 
+// Returns the markup of the section on an arm of a rig whose kinematics are known: the estimated parameters and the
+// noise without and with them, or the reason why there are none.
+std::string ArmOfRigSection(const std::string& heading, const RobotSummary& robot);
+
 }  // namespace heba

@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/io/result_file.h"
+#include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
 #include "tools/pages/residual_sections.h"
@@ -189,6 +190,15 @@ std::string ArmsSection(const RigResult& result) {
   return PageSection("Arms", Paragraph(text) + HtmlTable(head, rows));
 }
 
+std::string KinematicsSections(const RigResult& result) {
+  std::string sections;
+  for (size_t r = 0; r < result.arms.size(); ++r) {
+    if (!result.arms[r]) continue;
+    sections += ArmOfRigSection("Kinematics of arm " + result.rig.robots[r], *result.arms[r]);
+  }
+  return sections;
+}
+
 // Returns the RMS error of the points that the estimate used in an image, or of all if it used none.
 std::optional<double> RmsOf(const RigImageResult& image) {
   SquaredErrors sum;
@@ -338,7 +348,7 @@ std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, co
   std::string body = "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
                      VerdictPart(result.verdict) + CamerasSection(result) + "</div>\n" + CellSection(dataset, run) +
                      PosesSection(result) + RelativeSection(result) + IntrinsicsSection(dataset, result) +
-                     ArmsSection(result);
+                     ArmsSection(result) + KinematicsSections(result);
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const std::string name = "captures_" + std::to_string(c);
     const ShownImages shown = ImagesOf(run, c);

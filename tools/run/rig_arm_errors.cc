@@ -6,6 +6,7 @@
 
 #include "heba/robot/arm_errors.h"
 #include "tools/run/arm_assessment.h"
+#include "tools/run/arm_keys.h"
 
 namespace heba {
 namespace {
@@ -99,14 +100,14 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
     if (estimate.errors != nullptr) {
       setups[r]->branches = {setups[r]->branches[choice->branch]};
     } else if (choice != nullptr && !setups[r]->is_recorded) {
-      estimate.reason +=
-          "; if the captures are in several configurations, record their joints (joints beside the poses)";
+      estimate.reason += "; if the captures are in several configurations, record their joints (captures.joints)";
     }
     summaries.arms.back() = SummariseArm(robot, kinematics, setups[r],
                                          UndeterminedParams(robot.arm, "the poses of what is fixed in the base",
                                                             "the poses of what the gripper carries"),
                                          estimate);
-    const RobotSummary& arm = *summaries.arms.back();
+    RobotSummary& arm = *summaries.arms.back();
+    arm.reason = WithArmKeys(arm.reason, dataset.rig.robots[r]);
     std::vector<Finding> findings = {DescribeEstimate(arm)};
     if (setups[r]) {
       std::optional<Finding> singular = FindSingularCaptures(RecordingOf(dataset, r), *setups[r], arm.is_estimated);
@@ -118,6 +119,16 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
     }
   }
   return summaries;
+}
+
+void NameKnownArms(const std::vector<std::optional<RobotSummary>>& arms, const std::vector<std::string>& robots,
+                   std::vector<Finding>* findings) {
+  for (Finding& finding : *findings) {
+    if (finding.code != "smooth_errors") continue;
+    for (size_t r = 0; r < arms.size(); ++r) {
+      if (arms[r] && finding.Name("of_arm") == robots[r]) finding.names.emplace_back("arm", arms[r]->nominal.name);
+    }
+  }
 }
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "heba/evaluation/finding.h"
@@ -29,5 +30,9 @@ struct RigArmSummaries {
 // SetUpArms.
 RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::optional<ArmSetup>> setups,
                               Kinematics kinematics, const RigCalibration& calibration);
+
+// Adds the name of the kinematics to the findings about smooth errors of an arm whose kinematics are known.
+void NameKnownArms(const std::vector<std::optional<RobotSummary>>& arms, const std::vector<std::string>& robots,
+                   std::vector<Finding>* findings);
 
 }  // namespace heba

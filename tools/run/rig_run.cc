@@ -279,6 +279,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
   result.observations = DiagnoseRig(seen, output.calibration);
+  NameKnownArms(result.arms, result.rig.robots, &result.observations);
   for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
     result.observations.push_back(std::move(finding));

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "heba/base/text.h"
+#include "tools/run/arm_keys.h"
 #include "tools/text/target_symmetry.h"
 
 namespace heba {
@@ -433,10 +434,10 @@ FindingText SmoothErrorsWords(const Finding& finding) {
               " instead of " + sigmas("before") +
               "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "
               "or in other configurations of the arm" +
-              // The errors of the arms of a rig are not estimated yet.
-              (finding.Name("of_arm") ? ""
-                                      : ". The errors of the arm itself can be estimated if the config names it "
-                                        "(robot.model)"),
+              // With the arms of a rig, `arm` is the one that the config names.
+              (finding.Name("arm") ? ""
+                                   : ". The errors of the arm itself can be estimated if the config names it "
+                                     "(robot.model)"),
           ""};
 }
 
@@ -539,7 +540,11 @@ void Describe(Finding* finding) {
   for (const auto& [key, kind] :
        {std::pair{"of_camera", "camera "}, std::pair{"of_target", "target "}, std::pair{"of_arm", "arm "}}) {
     const std::optional<std::string> name = finding->Name(key);
-    if (name && finding->text.empty()) words.text = kind + *name + ": " + words.text;
+    if (!name || !finding->text.empty()) continue;
+    words.text = kind + *name + ": " + words.text;
+    if (kind != std::string_view("arm ")) continue;
+    words.text = WithArmKeys(words.text, *name);
+    words.action = WithArmKeys(words.action, *name);
   }
   DescribeAll(&finding->parts);
   finding->text = std::move(words.text);

@@ -73,17 +73,18 @@ std::string CamerasTable(const RigResult& result) {
   return table;
 }
 
-// Describes the noise of each arm.
+// Describes the noise of each arm and what is known about its errors.
 std::string NoiseLines(const RigResult& result) {
   std::string lines;
   for (size_t r = 0; r < result.rig.robots.size(); ++r) {
     const std::optional<RobotNoise>& noise = result.solution.robot_noise[r];
-    if (!noise) continue;
-    lines += "arm " + result.rig.robots[r] + ": noise " + ShownNoise(1000 * noise->translation_m) + " mm and " +
-             ShownNoise(RadToDeg(noise->rotation_rad)) + " deg\n";
+    if (noise) {
+      lines += "arm " + result.rig.robots[r] + ": noise " + ShownNoise(1000 * noise->translation_m) + " mm and " +
+               ShownNoise(RadToDeg(noise->rotation_rad)) + " deg\n";
+    }
     for (const Finding& finding : result.verdict.findings) {
-      const bool is_of_arm = finding.Name("of_arm") == result.rig.robots[r];
-      if (finding.code == "smooth_errors" && is_of_arm) lines += finding.text + "\n";
+      if (finding.Name("of_arm") != result.rig.robots[r]) continue;
+      lines += finding.text + (finding.action.empty() ? "" : "; " + finding.action) + "\n";
     }
   }
   if (result.holdout_chi2) {

@@ -1,5 +1,7 @@
 #include "tools/config/rig_config.h"
 
+#include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -135,6 +137,80 @@ TEST_F(RigConfigTest, NamesThatMakeOneFrameAreRefused) {
   EXPECT_THAT(
       InputErrorOf([&] { Read({"cameras.cameras={mount: world, images: " + (folder_ / "side").string() + "}"}); }),
       HasSubstr("cameras.cameras: a camera cannot have this name"));
+}
+
+// Two arms with kinematics, of which the first has recorded joints.
+class RigArmConfigTest : public RigConfigTest {
+ protected:
+  RigArmConfigTest() {
+    WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+    WritePoses("right.csv", "image", {{"1.png", 10}, {"2.png", 20}, {"3.png", 30}});
+    Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\n2.png,20,0,0,0,0,0\n1.png,10,0,0,0,0,0\n3.png,30,0,0,0,0,0\n");
+  }
+
+  // Returns the message about a config with these settings.
+  std::string ErrorOf(const std::vector<std::string>& settings) {
+    return InputErrorOf([&] { Read(settings); });
+  }
+  // The settings of the first arm's joints.
+  std::vector<std::string> WithJoints(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> settings = {"robots.left.model=ur10e",
+                                         "robots.left.joints=" + (folder_ / "joints.csv").string(),
+                                         "robots.left.joint_angle=deg"};
+    settings.insert(settings.end(), more.begin(), more.end());
+    return settings;
+  }
+};
+
+TEST_F(RigArmConfigTest, JointsBelongToTheRowsOfTheirArm) {
+  const RigConfig config = Read(WithJoints({"robots.right.model=ur5e"}));
+  ASSERT_EQ(config.data.captures.size(), 3);
+  EXPECT_NEAR(config.data.captures[1].joints[0][0], 20 * std::numbers::pi / 180, 1e-12);
+  EXPECT_THAT(config.data.captures[1].joints[1], IsEmpty());
+  EXPECT_EQ(config.data.arms[0]->arm.name, "ur10e");
+  EXPECT_EQ(config.data.arms[1]->arm.name, "ur5e");
+  EXPECT_TRUE(config.arms[0].joints_are_deg);
+  EXPECT_FALSE(config.arms[1].joints_are_deg);
+  for (const std::optional<RobotArm>& arm : Read().data.arms) EXPECT_FALSE(arm);
+}
+
+TEST_F(RigArmConfigTest, ErrorsNameTheFileAndTheKeyOfTheArm) {
+  EXPECT_THAT(ErrorOf({"robots.right.model=ur99"}), HasSubstr("robots.right.model: 'ur99' is unknown; one of: ur3,"));
+  EXPECT_THAT(ErrorOf({"robots.right.joints=" + (folder_ / "joints.csv").string()}),
+              HasSubstr("robots.right.joints: needs an arm (robots.right.model)"));
+  EXPECT_THAT(ErrorOf({"robots.right.model=ur5e", "robots.right.joint_angle=deg"}),
+              HasSubstr("robots.right.joint_angle: needs a file of joints (robots.right.joints)"));
+  EXPECT_THAT(ErrorOf({"robot.model=ur5e"}),
+              HasSubstr("robot: with 'robots', the keys of an arm are beside its poses: robots.NAME.model"));
+  EXPECT_THAT(ErrorOf({"refine.kinematics=[offsets]"}),
+              HasSubstr("refine.kinematics: needs an arm (robots.NAME.model)"));
+  EXPECT_THAT(ErrorOf(WithJoints({"robots.right.model=fanuc_m10ia", "refine.kinematics=[offsets, geometry, gravity]"})),
+              HasSubstr("refine.kinematics: gravity needs the masses of the links of the arm fanuc_m10ia"));
+  Write("joints.csv", "image,j1,j2,j3,j4,j5\n1.png,10,0,0,0,0\n2.png,20,0,0,0,0\n3.png,30,0,0,0,0\n");
+  EXPECT_THAT(ErrorOf(WithJoints()), HasSubstr("joints.csv:1: column 'j6' is missing"));
+  Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\n1.png,10,0,0,0,0,0\n");
+  EXPECT_THAT(ErrorOf(WithJoints()), HasSubstr("joints.csv: has no row for the capture 2.png"));
+}
+
+// The only arm of a config without `robots` is described as that of a single camera.
+TEST_F(RigArmConfigTest, TheOnlyArmHasASectionOfItsOwn) {
+  const std::vector<std::string> only = {"robots=", "captures.poses=" + (folder_ / "left.csv").string(),
+                                         "targets.plate.mount=gripper"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), only.begin(), only.end());
+    return more;
+  };
+  const std::string joints = "captures.joints=" + (folder_ / "joints.csv").string();
+  const RigConfig config = Read(with({"robot.model=ur10e", joints}));
+  EXPECT_EQ(config.data.arms[0]->arm.name, "ur10e");
+  EXPECT_EQ(config.data.captures[2].joints[0][0], 30);
+  EXPECT_THAT(ErrorOf(with({joints})), HasSubstr("captures.joints: needs an arm (robot.model)"));
+  EXPECT_THAT(ErrorOf(with({"captures.model=ur10e"})),
+              HasSubstr("captures.model: the kinematics of the only arm are in a section of their own: robot.model"));
+  EXPECT_THAT(ErrorOf(with({"robot.model=ur10e", "captures.joint_angle=deg"})),
+              HasSubstr("captures.joint_angle: needs a file of joints (captures.joints)"));
+  EXPECT_THAT(ErrorOf(with({"refine.kinematics=[offsets]"})),
+              HasSubstr("refine.kinematics: needs an arm (robot.model)"));
 }
 
 // The file of a camera that is called config would be that of the data set's config.

@@ -257,5 +257,29 @@ TEST(FindingTextTest, AnUnknownCodeIsShownWithItsNumbers) {
   EXPECT_EQ(TextOf(FindingOf("of_a_newer_version", {})), "of_a_newer_version");
 }
 
+// The keys of one of several arms are those of its section; the only arm of a rig has those of a single camera.
+TEST(FindingTextTest, FindingsAboutAnArmNameItsKeys) {
+  const auto described = [](const char* arm) {
+    Finding finding = FindingOf("arm_singular_captures", {{"captures", 1}, {"of_captures", 9}},
+                                {{"arm", "ur5e"}, {"joints", "recovered"}, {"of_arm", arm}});
+    Describe(&finding);
+    return finding;
+  };
+  EXPECT_THAT(described("myrobot").text, StartsWith("arm myrobot: the arm ur5e is at or close to a singularity"));
+  EXPECT_THAT(described("myrobot").action, StartsWith("record the joints (robots.myrobot.joints), or"));
+  EXPECT_THAT(described("robot").action, StartsWith("record the joints (captures.joints), or"));
+  Finding smooth = FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}});
+  Describe(&smooth);
+  EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
+  Describe(&smooth);
+  EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
+  Finding declined = FindingOf("arm_declined", {}, {{"reason", "check robots.myrobot.model"}, {"of_arm", "myrobot"}});
+  Describe(&declined);
+  EXPECT_THAT(declined.text, HasSubstr("check robots.myrobot.model"));
+  Finding known = FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}, {"arm", "ur5e"}});
+  Describe(&known);
+  EXPECT_THAT(known.text, Not(HasSubstr("if the config names it")));
+}
+
 }  // namespace
 }  // namespace heba
