@@ -149,6 +149,13 @@ robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
   EXPECT_THAT(doctor.out, AllOf(HasSubstr("nothing is wrong"), Not(HasSubstr("[target]")))) << doctor.out;
 }
 
+// Only one of these two images shows the wall, against which the wrist moves: the rest of the rig determines the wrist.
+TEST_F(RigDoctorTest, TwoImagesOfACameraAreNoFault) {
+  const CommandResult doctor = Doctor({"cameras.wrist.images=[" + (Rig() / "wrist/003.png").string() + ", " +
+                                       (Rig() / "wrist/005.png").string() + "]"});
+  EXPECT_THAT(doctor.out, AllOf(HasSubstr("nothing is wrong"), Not(HasSubstr("[target_not_seen]")))) << doctor.err;
+}
+
 TEST_F(RigDoctorTest, NamesTheCameraWhoseImagesAreShifted) {
   const std::string images = Renamed("right", "shifted", [](const std::string& name) {
     const int number = std::stoi(name);
