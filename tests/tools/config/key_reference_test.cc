@@ -165,7 +165,8 @@ TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
   EXPECT_EQ(known({"refine.unknown_key=1"}), KeysOfTable("rig", "refine"));
   EXPECT_EQ(known({"evaluate.unknown_key=1"}), KeysOfTable("rig", "evaluate"));
   const std::string folder = (folder_ / "").string();
-  Names of_arm = known({"robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.unknown_key=1"});
+  Names of_arm = known({"robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.model=ur5e",
+                        "robots.NAME.joints=" + folder + "joints.csv", "robots.NAME.unknown_key=1"});
   for (const std::string& key : KeysOfTable("rig", "robots.NAME")) EXPECT_TRUE(of_arm.contains(key)) << key;
   Names of_captures = known({"captures.unknown_key=1"});
   for (const std::string& key : KeysOfTable("rig", "captures")) EXPECT_TRUE(of_captures.contains(key)) << key;
@@ -302,10 +303,12 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   };
   expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
   for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
-  ExpectDefaults(
-      "rig",
-      YAML::Load(ReadRigConfig(folder_ / "rig.yaml", {"captures=", "robots.NAME.poses=" + folder + "poses.csv"}).used),
-      &left);
+  ExpectDefaults("rig",
+                 YAML::Load(ReadRigConfig(folder_ / "rig.yaml",
+                                          {"captures=", "robots.NAME.poses=" + folder + "poses.csv",
+                                           "robots.NAME.model=ur5e", "robots.NAME.joints=" + folder + "joints.csv"})
+                                .used),
+                 &left);
   ExpectDefaults("rig_scene", ReadRigScene(folder_ / "rig_scene.yaml").used, &left);
   // Words for values that depend on something else.
   Names described;
