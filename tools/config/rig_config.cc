@@ -40,7 +40,7 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
                 RigConfig* config) {
   ArmRows arm;
   arm.section = section;
-  arm.file = reader.Path("poses");
+  arm.file = reader.InputPath("poses");
   arm.reading = ReadPoseReading(reader);
   arm.rows = ReadPoses(arm.file, arm.reading.format, cameras);
   for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
