@@ -21,15 +21,21 @@ std::string ImageName(size_t index) {
   return name;
 }
 
+std::string PosesName(const RigSceneConfig& scene, const std::string& robot) {
+  return scene.has_named_robots ? robot + ".csv" : "poses.csv";
+}
+
 std::string ConfigText(const RigSceneConfig& scene) {
   YAML::Node config;
-  const bool is_one = scene.rig.robots.size() == 1;
   for (const std::string& robot : scene.rig.robots) {
     YAML::Node poses;
-    poses["poses"] = is_one ? "poses.csv" : robot + ".csv";
+    poses["poses"] = PosesName(scene, robot);
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
-    if (is_one) config["captures"] = poses;
-    if (!is_one) config["robots"][robot] = poses;
+    if (scene.has_named_robots) {
+      config["robots"][robot] = poses;
+    } else {
+      config["captures"] = poses;
+    }
   }
   for (const RigCamera& camera : scene.rig.cameras) {
     YAML::Node entry;
@@ -72,8 +78,7 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       row.image = ImageName(i);
       row.pose = ReportedPose((*arms)[i][r], scene.options.robot_noise, &rng);
     }
-    const std::string name = rig.robots.size() == 1 ? "poses.csv" : rig.robots[r] + ".csv";
-    WriteFileAtomically(folder.staging() / name, PoseFileText(rows, scene.pose_format));
+    WriteFileAtomically(folder.staging() / PosesName(scene, rig.robots[r]), PoseFileText(rows, scene.pose_format));
   }
   const size_t num_cameras = rig.cameras.size();
   const int num_images = static_cast<int>(arms->size() * num_cameras);

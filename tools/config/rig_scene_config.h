@@ -23,7 +23,8 @@ struct CameraMotion {
 };
 
 struct RigSceneConfig {
-  RigProblem rig;  // With the true cameras, without captures.
+  RigProblem rig;                 // With the true cameras, without captures.
+  bool has_named_robots = false;  // Whether the scene names its arms; otherwise it has one.
   RigPoses poses;
   std::vector<CameraMotion> motions;
   std::vector<std::shared_ptr<const Target>> targets;
