@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "heba/base/parallel.h"
+#include "heba/base/text.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/rig/rig_placing.h"
@@ -219,9 +220,45 @@ Failure WhyAmbiguous(const RigProblem& problem, const Joining& joining) {
                  NameOf(problem, cause->part) + " to the rest"};
 }
 
+// Returns the name of an arm that carries nothing, so that no image shows where it stands; nothing if all carry
+// something.
+std::optional<Failure> WhyArmNotJoined(const RigProblem& problem) {
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const Mount gripper{r, Mount::Part::kGripper};
+    const auto is_on_it = [&](const auto& carried) { return carried.mount == gripper; };
+    const bool carries = std::any_of(problem.cameras.begin(), problem.cameras.end(), is_on_it) ||
+                         std::any_of(problem.targets.begin(), problem.targets.end(), is_on_it);
+    if (carries) continue;
+    return Failure{"arm " + problem.robots[r] +
+                   " carries no camera and no target, so that no image joins it to the rest; give one the mount " +
+                   MountText(problem.robots, gripper) + (problem.robots.size() > 1 ? ", or leave the arm out" : "")};
+  }
+  return std::nullopt;
+}
+
+// Returns whether the pose of a camera or a target in the world is known.
+bool IsLocated(const PartPoses& placed, const RigPart& part, const Mount& mount) {
+  return placed.contains(part) && (mount.part == Mount::Part::kBase || placed.contains(BasePart(mount.robot)));
+}
+
+// Returns the images that would join what is not located to the rest: those with something that is.
+std::string WhatWouldJoin(const RigProblem& problem, const PartPoses& placed) {
+  constexpr size_t kMostNamed = 3;
+  std::vector<std::string> images;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    for (size_t t = 0; t < problem.targets.size() && images.size() < kMostNamed; ++t) {
+      const bool is_camera_located = IsLocated(placed, {Kind::kCamera, c}, problem.cameras[c].mount);
+      if (is_camera_located == IsLocated(placed, {Kind::kTarget, t}, problem.targets[t].mount)) continue;
+      images.push_back("camera " + problem.cameras[c].name + " with target " + problem.targets[t].name);
+    }
+  }
+  return images.empty() ? "a camera of both must see one target" : "images are needed of " + Join(images, " or ");
+}
+
 Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pairs,
                      const std::vector<PlacingImage>& images, const PartPoses& placed,
                      const std::vector<RigPart>& missing) {
+  if (std::optional<Failure> reason = WhyArmNotJoined(problem)) return *std::move(reason);
   // The reason of a pair that would have joined one of them comes first.
   for (const RigPair& pair : pairs) {
     std::vector<RigPart> unplaced = ImagesOfPair(pair, images).front().parts;
@@ -242,9 +279,8 @@ Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pair
     if (pair.robot && !pair.calibration) return Failure{alone + pair.calibration.reason()};
     if (pair.robot && !pair.calibration->refined) return Failure{alone + pair.calibration->refined.reason()};
   }
-  const bool is_one = missing.size() == 1;
-  return Failure{NamesOf(problem, missing) + (is_one ? " shares" : " share") + " no target and no arm with the others" +
-                 (is_one ? "" : ": no image joins them to the rest")};
+  return Failure{NamesOf(problem, missing) + (missing.size() == 1 ? " is" : " are") +
+                 " not joined to the rest by any image: " + WhatWouldJoin(problem, placed)};
 }
 
 // Returns the parts without a pose.
@@ -283,7 +319,14 @@ std::optional<Failure> WhyNotSeen(const RigProblem& problem) {
     target_has[image.image->target] = true;
   }
   for (size_t c = 0; c < camera_has.size(); ++c) {
-    if (!camera_has[c]) return Failure{"camera " + problem.cameras[c].name + " saw no target in any image"};
+    if (camera_has[c]) continue;
+    std::vector<std::string> names;
+    for (const RigTarget& target : problem.targets) names.push_back(target.name);
+    return Failure{"camera " + problem.cameras[c].name +
+                   " saw no target in any image, so that nothing joins it to the "
+                   "rest: the rig has " +
+                   (names.size() == 1 ? "target " : "targets ") + Join(names, ", ") +
+                   "; add the one that it sees, or leave the camera out"};
   }
   for (size_t t = 0; t < target_has.size(); ++t) {
     if (!target_has[t]) return Failure{"no camera saw target " + problem.targets[t].name + " in any image"};

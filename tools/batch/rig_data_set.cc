@@ -24,8 +24,12 @@ std::string ImageName(size_t index) {
   return name;
 }
 
-std::string JointsName(const RigProblem& rig, size_t robot) {
-  return rig.robots.size() == 1 ? "joints.csv" : rig.robots[robot] + "_joints.csv";
+std::string PosesName(const RigSceneConfig& scene, const std::string& robot) {
+  return scene.has_named_robots ? robot + ".csv" : "poses.csv";
+}
+
+std::string JointsName(const RigSceneConfig& scene, const std::string& robot) {
+  return scene.has_named_robots ? robot + "_joints.csv" : "joints.csv";
 }
 
 // Returns the arms with errors drawn at random.
@@ -52,15 +56,16 @@ std::string JointsText(const RigMotion& motion, size_t robot) {
   return text;
 }
 
-// Adds the kinematics of an arm to the config: beside its poses or, if it is the only one, in a section of its own.
+// Adds the kinematics of an arm to the config: beside its poses or, if the scene does not name it,
+// in a section of its own.
 void AddArmKeys(const RigSceneConfig& scene, size_t robot, YAML::Node* config, YAML::Node* poses) {
   const SceneArm& arm = *scene.arms[robot];
   YAML::Node keys;
   keys["model"] = arm.nominal.name;
   // Recorded joints tell the tool.
   if (!arm.records_joints) keys["tool"] = PoseNode(arm.tip_from_gripper);
-  if (arm.records_joints) (*poses)["joints"] = JointsName(scene.rig, robot);
-  if (scene.rig.robots.size() == 1) {
+  if (arm.records_joints) (*poses)["joints"] = JointsName(scene, scene.rig.robots[robot]);
+  if (!scene.has_named_robots) {
     (*config)["robot"] = keys;
     return;
   }
@@ -69,15 +74,17 @@ void AddArmKeys(const RigSceneConfig& scene, size_t robot, YAML::Node* config, Y
 
 std::string ConfigText(const RigSceneConfig& scene) {
   YAML::Node config;
-  const bool is_one = scene.rig.robots.size() == 1;
   for (size_t r = 0; r < scene.rig.robots.size(); ++r) {
     const std::string& robot = scene.rig.robots[r];
     YAML::Node poses;
-    poses["poses"] = is_one ? "poses.csv" : robot + ".csv";
+    poses["poses"] = PosesName(scene, robot);
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
     if (scene.arms[r]) AddArmKeys(scene, r, &config, &poses);
-    if (is_one) config["captures"] = poses;
-    if (!is_one) config["robots"][robot] = poses;
+    if (scene.has_named_robots) {
+      config["robots"][robot] = poses;
+    } else {
+      config["captures"] = poses;
+    }
   }
   for (const RigCamera& camera : scene.rig.cameras) {
     YAML::Node entry;
@@ -122,10 +129,8 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       row.image = ImageName(i);
       row.pose = ReportedPose(arm_motion->stated[i][r], scene.options.robot_noise, &rng);
     }
-    const std::string name = rig.robots.size() == 1 ? "poses.csv" : rig.robots[r] + ".csv";
-    WriteFileAtomically(folder.staging() / name, PoseFileText(rows, scene.pose_format));
-    if (!scene.arms[r] || !scene.arms[r]->records_joints) continue;
-    WriteFileAtomically(folder.staging() / JointsName(rig, r), JointsText(*arm_motion, r));
+    if (scene.arms[r]) AddArmKeys(scene, r, &config, &poses);
+    WriteFileAtomically(folder.staging() / PosesName(scene, rig.robots[r]), PoseFileText(rows, scene.pose_format));
   }
   const size_t num_cameras = rig.cameras.size();
   const int num_images = static_cast<int>(num_captures * num_cameras);

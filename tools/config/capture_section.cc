@@ -35,7 +35,7 @@ std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
 }
 
 std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
-  const fs::path file = reader->Path("target_poses");
+  const fs::path file = reader->InputPath("target_poses");
   config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (const PoseRow& row : ReadPoseFile(file, *FindPoseFormat("ros"))) {
@@ -45,7 +45,7 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
 }
 
 std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
-  const fs::path file = reader->Path("detections");
+  const fs::path file = reader->InputPath("detections");
   config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (auto& [name, detection] : ReadDetections(file)) seen.push_back({name, {}, {}, std::move(detection)});
@@ -54,7 +54,7 @@ std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
 
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
 std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
-  const fs::path source = reader->Path("data");
+  const fs::path source = reader->InputPath("data");
   std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
   const std::string format = reader->Choice("format", formats, "auto");
@@ -259,7 +259,7 @@ PoseFormat ReadJointFormat(MapReader& reader) {
     reader.Choice("robot", UrRobotNames());
     return JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
   }
-  const fs::path file = reader.Path("robot");
+  const fs::path file = reader.InputPath("robot");
   const std::string base_link = reader.Text("base_link", "");
   const std::string tip_link = reader.Text("tip_link", "");
   return JointFormat(file.string(), UrdfArm::Read(file, base_link, tip_link),
@@ -307,7 +307,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     config->pose_reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
   } else {
-    config->poses_file = reader.Path("poses");
+    config->poses_file = reader.InputPath("poses");
     config->pose_reading = ReadPoseReading(reader);
     if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
     std::error_code error;

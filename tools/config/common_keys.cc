@@ -26,7 +26,7 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
   // A target that states its type replaces the one of the base file, because another type has other keys.
   const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
   RefuseKeysOverFile(reader, key, value);
-  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
+  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsInputPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
   reader.Record(key, target_reader.used());
   return target;
@@ -86,12 +86,12 @@ CameraKeys ReadCameraKeys(MapReader& reader) {
     if (file->IsMap()) {
       // A mapping replaces the file that a layer below names.
       MapReader choice(file->DownTo({"file"}));
-      path = choice.Path("file");
+      path = choice.InputPath("file");
       name = choice.Text("camera");
       choice.Finish();
       reader.Record("intrinsics", choice.used());
     } else {
-      path = reader.Path("intrinsics");
+      path = reader.InputPath("intrinsics");
     }
     keys.source = path.string();
     keys.camera = AsModel(ReadCameraFile(path, name), keys.model, *file);

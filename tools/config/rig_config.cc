@@ -56,7 +56,7 @@ void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, R
     return;
   }
   if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
-  const fs::path file = reader.Path("joints");
+  const fs::path file = reader.InputPath("joints");
   config->data_files.push_back(file);
   std::vector<std::string> names;
   for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
@@ -70,7 +70,7 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
                 RigConfig* config) {
   ArmRows arm;
   arm.section = section;
-  arm.file = reader.Path("poses");
+  arm.file = reader.InputPath("poses");
   arm.reading = ReadPoseReading(reader);
   arm.rows = ReadPoses(arm.file, arm.reading.format, cameras);
   for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);

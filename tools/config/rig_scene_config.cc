@@ -45,6 +45,7 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
   }
   MapReader section(root.Get("robots"));
   scene->rig.robots = NamesIn(section, "left");
+  scene->has_named_robots = true;
   for (const std::string& name : scene->rig.robots) {
     MapReader reader(section.Get(name));
     const bool is_first = scene->poses.world_from_base.empty();

@@ -26,6 +26,7 @@ struct CameraMotion {
 
 struct RigSceneConfig {
   RigProblem rig;                             // With the true cameras, without captures.
+  bool has_named_robots = false;              // Whether the scene names its arms; otherwise it has one.
   std::vector<std::optional<SceneArm>> arms;  // One per arm: its kinematics, if they have errors.
   RigPoses poses;
   std::vector<CameraMotion> motions;

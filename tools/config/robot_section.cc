@@ -19,7 +19,7 @@ namespace {
 Arm ReadArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
   const std::string model = reader.Get("model").AsText();
   if (!model.ends_with(".urdf")) return *FindArm(reader.Choice("model", ArmNames()));
-  const std::filesystem::path file = reader.Path("model");
+  const std::filesystem::path file = reader.InputPath("model");
   data_files->push_back(file);
   Arm arm = UrdfArm::Read(file, reader.Text("base_link", ""), reader.Text("tip_link", ""))->Kinematics();
   arm.name = file.stem().string();
@@ -89,7 +89,7 @@ Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, 
 
 void ReadJointsFile(MapReader& captures, RunConfig* config) {
   if (!captures.Has("joints")) return;
-  config->joints_file = captures.Path("joints");
+  config->joints_file = captures.InputPath("joints");
   config->joints_are_deg = ReadJointsAreDeg(captures);
   config->data_files.push_back(config->joints_file);
 }
@@ -98,7 +98,7 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
   RobotArm robot;
   robot.arm = ReadArm(reader, data_files);
   if (reader.Has("kinematics")) {
-    const std::filesystem::path file = reader.Path("kinematics");
+    const std::filesystem::path file = reader.InputPath("kinematics");
     data_files->push_back(file);
     robot.arm = ReadArmFile(file, robot.arm);
   }

@@ -63,7 +63,7 @@ void ReadRendering(MapReader& root, RenderOptions* options) {
 Camera ReadSceneCamera(MapReader& reader) {
   // A camera that states its model replaces the one of the base file, because another model has other coefficients.
   const ConfigValue value = reader.Get("camera").DownTo({"model"});
-  const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsPath());
+  const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsInputPath());
   if (camera.width_px == 0) value.Fail("the camera file has no image size; a simulated camera needs one");
   reader.Record("camera", YAML::Load(CameraToYaml(camera)));
   return camera;

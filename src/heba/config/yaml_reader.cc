@@ -178,6 +178,13 @@ std::filesystem::path ConfigValue::AsPath() const {
   return (file_.parent_path() / std::filesystem::path(AsText())).lexically_normal();
 }
 
+std::filesystem::path ConfigValue::AsInputPath() const {
+  const std::filesystem::path path = AsPath();
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) Fail("there is no file " + path.string() + FileMeant(path));
+  return path;
+}
+
 std::vector<ConfigValue> ConfigValue::AsList() const {
   if (!IsList()) Fail("a list is needed, not " + Shown(node_));
   std::vector<ConfigValue> items;
@@ -362,6 +369,11 @@ std::filesystem::path MapReader::Path(const std::string& key) {
   const std::filesystem::path path = Get(key).AsPath();
   Record(key, YAML::Node(std::filesystem::absolute(path).lexically_normal().string()));
   return path;
+}
+
+std::filesystem::path MapReader::InputPath(const std::string& key) {
+  Get(key).AsInputPath();
+  return Path(key);
 }
 
 void MapReader::Record(const std::string& key, const YAML::Node& used) { used_[key] = used; }

@@ -66,6 +66,8 @@ class ConfigValue {
   std::string AsChoice(const std::vector<std::string>& choices) const;
   // Returns a path. Relative paths are relative to the file that contains them. The path need not exist.
   std::filesystem::path AsPath() const;
+  // Returns such a path. Throws InputError, with the key and the name that is likely meant, if nothing exists there.
+  std::filesystem::path AsInputPath() const;
   std::vector<ConfigValue> AsList() const;
   Eigen::Vector3d AsVector3(Quantity quantity) const;  // The value must be a list of three quantities.
 
@@ -120,6 +122,7 @@ class MapReader {
   std::string Choice(const std::string& key, const std::vector<std::string>& choices,
                      const std::optional<std::string>& fallback = std::nullopt);
   std::filesystem::path Path(const std::string& key);
+  std::filesystem::path InputPath(const std::string& key);  // ConfigValue::AsInputPath.
 
   // Records the value that was used for `key`.
   void Record(const std::string& key, const YAML::Node& used);

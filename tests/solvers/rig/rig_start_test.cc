@@ -350,7 +350,23 @@ TEST(RigStart, NamesTheTargetThatNoCameraSaw) {
 TEST(RigStart, NamesTheCameraThatSawNoTarget) {
   RigScene scene = MixedRig(32);
   AddCamera("blind", kWorld, Rigid3d(), HeldCameras(), &scene);
-  EXPECT_EQ(ReasonOf(scene), "camera blind saw no target in any image");
+  EXPECT_EQ(ReasonOf(scene),
+            "camera blind saw no target in any image, so that nothing joins it to the rest: the rig has targets plate, "
+            "wall; add the one that it sees, or leave the camera out");
+}
+
+// Two arms, each with a fixed camera that sees its target only.
+TEST(RigStart, NamesTheImagesThatWouldJoinAnArm) {
+  const RigSceneSetting setting = HeldCameras();
+  RigScene scene = TwoArmRig(33, setting);
+  AddCamera("side", {1, Mount::Part::kBase}, LookingAt({0.5, 0.6, 0.7}, {0.5, 0, 0.4}, 0.2), setting, &scene);
+  Rng rng(34);
+  Simulate(setting, &rng, &scene);
+  KeepImages(0, 1, 0, &scene);
+  KeepImages(1, 0, 0, &scene);
+  EXPECT_EQ(ReasonOf(scene),
+            "camera side and arm right are not joined to the rest by any image: images are needed of "
+            "camera top with target disk or camera side with target plate");
 }
 
 }  // namespace

@@ -126,6 +126,31 @@ TEST_F(RigConfigTest, WhatBelongsToNoCaptureIsListed) {
   EXPECT_THAT(excluded.images, ElementsAre(folder_ / "top/2.png", folder_ / "side/2.png"));
 }
 
+// Each file is named after the key that asks for it, and the likely name follows.
+TEST_F(RigConfigTest, FilesThatDoNotExistAreNamedWithTheirKeys) {
+  WritePoses("left.csv", "image", {{"1.png", 1}});
+  WritePoses("right.csv", "image", {{"1.png", 10}});
+  Write("missing.yaml",
+        "robots:\n  left: {poses: left.csv}\n  right: {poses: rigth.csv}\n"
+        "cameras:\n  top: {mount: world, images: top}\n"
+        "targets:\n  plate: {mount: left.gripper, target: " +
+            std::string(kTarget) + "}\n");
+  const std::string folder = (folder_ / "").string();
+  EXPECT_EQ(InputErrorOf([&] { ReadRigConfig(folder_ / "missing.yaml", std::vector<std::string>()); }),
+            folder + "missing.yaml:3: robots.right.poses: there is no file " + folder +
+                "rigth.csv; did you mean 'right.csv'?");
+  for (const auto& [key, name] :
+       {std::pair{"robots.left.poses", "none.csv"}, std::pair{"cameras.top.images", "none"},
+        std::pair{"cameras.top.intrinsics", "none.yaml"}, std::pair{"cameras.top.intrinsics.file", "none.yaml"},
+        std::pair{"targets.plate.target", "none.yaml"}}) {
+    std::vector<std::string> settings = {std::string(key) + "=" + folder + name};
+    if (std::string(key).ends_with(".file")) settings.emplace_back("cameras.top.intrinsics.camera=cam0");
+    EXPECT_THAT(
+        InputErrorOf([&] { Read(settings); }),
+        testing::AllOf(testing::StartsWith("--set: " + std::string(key) + ": there is no "), HasSubstr(folder + name)));
+  }
+}
+
 TEST_F(RigConfigTest, NamesThatMakeOneFrameAreRefused) {
   WritePoses("left.csv", "image", {{"1.png", 1}});
   WritePoses("right.csv", "image", {{"1.png", 10}});
