@@ -129,8 +129,9 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
       row.image = ImageName(i);
       row.pose = ReportedPose(arm_motion->stated[i][r], scene.options.robot_noise, &rng);
     }
-    if (scene.arms[r]) AddArmKeys(scene, r, &config, &poses);
     WriteFileAtomically(folder.staging() / PosesName(scene, rig.robots[r]), PoseFileText(rows, scene.pose_format));
+    if (!scene.arms[r] || !scene.arms[r]->records_joints) continue;
+    WriteFileAtomically(folder.staging() / JointsName(scene, rig.robots[r]), JointsText(*arm_motion, r));
   }
   const size_t num_cameras = rig.cameras.size();
   const int num_images = static_cast<int>(num_captures * num_cameras);
