@@ -302,10 +302,12 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   };
   expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
   for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
-  ExpectDefaults(
-      "rig",
-      YAML::Load(ReadRigConfig(folder_ / "rig.yaml", {"captures=", "robots.NAME.poses=" + folder + "poses.csv"}).used),
-      &left);
+  ExpectDefaults("rig",
+                 YAML::Load(ReadRigConfig(folder_ / "rig.yaml",
+                                          {"captures=", "robots.NAME.poses=" + folder + "poses.csv",
+                                           "robots.NAME.model=ur5e", "robots.NAME.joints=" + folder + "joints.csv"})
+                                .used),
+                 &left);
   ExpectDefaults("rig_scene", ReadRigScene(folder_ / "rig_scene.yaml").used, &left);
   // Words for values that depend on something else.
   Names described;
