@@ -118,7 +118,7 @@ TEST(RigSmoothErrorsTest, EachArmHasItsOwn) {
   without.effects.clear();
   const RigSolution plain = WithEffectsOf(without, solution);
   EXPECT_EQ(plain.covariance.layout.Names(), RigUnknowns(without).Names());
-  EXPECT_TRUE(plain.effects.empty());
+  for (const Eigen::VectorXd& effects : plain.effects) EXPECT_EQ(effects.size(), 0);
   const std::string block = TargetPoseBlock(without.targets[1]);
   EXPECT_EQ(*PoseCovarianceOf(plain.covariance, block), *PoseCovarianceOf(solution.covariance, block));
   EXPECT_EQ(plain.smooth_noise.size(), 2U);
