@@ -147,14 +147,14 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
 }
 
 // Leaves out the images of a camera before its motion, or those after it if these are fewer.
-void LeaveOutShorterPart(const MovedCamera& moved, RigProblem* problem, std::vector<UnusedRigImage>* unused) {
+void LeaveOutShorterPart(RigProblem* problem, MovedCamera* moved, std::vector<UnusedRigImage>* unused) {
   const auto images_of = [&](bool is_after) {
     std::vector<std::pair<size_t, size_t>> images;
     for (size_t i = 0; i < problem->captures.size(); ++i) {
       for (size_t k = 0; k < problem->captures[i].images.size(); ++k) {
         const RigImage& image = problem->captures[i].images[k];
-        if (image.camera != moved.camera || image.observations.size() == 0) continue;
-        if ((i >= moved.first_capture) == is_after) images.emplace_back(i, k);
+        if (image.camera != moved->camera || image.observations.size() == 0) continue;
+        if ((i >= moved->first_capture) == is_after) images.emplace_back(i, k);
       }
     }
     return images;
@@ -163,9 +163,10 @@ void LeaveOutShorterPart(const MovedCamera& moved, RigProblem* problem, std::vec
   for (const auto& [i, k] : images_of(is_after)) {
     problem->captures[i].images[k].observations = Observations();
     unused->push_back({i, k,
-                       std::string("was taken ") + (is_after ? "after" : "before") +
-                           " the camera was moved, between the captures " + problem->captures[moved.last_capture].name +
-                           " and " + problem->captures[moved.first_capture].name});
+                       std::string("the camera was moved ") + (is_after ? "before" : "afterwards") +
+                           ", between the captures " + problem->captures[moved->last_capture].name + " and " +
+                           problem->captures[moved->first_capture].name});
+    if (moved->left_out.empty() || moved->left_out.back() != i) moved->left_out.push_back(i);
   }
 }
 
@@ -254,9 +255,9 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   // Two motions of one camera, or those of several cameras, are found one after the other.
   constexpr int kMostMotions = 5;
   for (int motion = 0; judged && options.adjustment.loss != LossKind::kNone && motion < kMostMotions; ++motion) {
-    const std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
+    std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
     if (!moved) break;
-    LeaveOutShorterPart(*moved, &rig, &calibration.unused);
+    LeaveOutShorterPart(&rig, &*moved, &calibration.unused);
     calibration.moved.push_back(*moved);
     judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
                                    options.adjustment);
@@ -331,10 +332,13 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
     Finding finding{Grade::kBad,
                     FindingCode("camera_moved"),
                     {{"moved_mm", 1000 * moved.before_from_after.translation.norm()},
-                     {"moved_deg", RadToDeg(RotationAngle(moved.before_from_after.rotation))}},
+                     {"moved_deg", RadToDeg(RotationAngle(moved.before_from_after.rotation))},
+                     {"images_left_out", static_cast<double>(moved.left_out.size())}},
                     {{"camera", problem.cameras[moved.camera].name},
                      {"last_capture", problem.captures[moved.last_capture].name},
-                     {"first_capture", problem.captures[moved.first_capture].name}}};
+                     {"first_capture", problem.captures[moved.first_capture].name},
+                     {"first_left_out", problem.captures[moved.left_out.front()].name},
+                     {"last_left_out", problem.captures[moved.left_out.back()].name}}};
     finding.is_cause = true;
     findings.push_back(std::move(finding));
   }

@@ -67,14 +67,19 @@ class RigDoctorTest : public testing::Test {
   // The tests share the detections.
   static std::string Cache() { return "HEBA_CACHE=" + ShellQuoted((*folder_ / "cache").string()); }
 
-  // Runs the doctor with these settings (--set).
-  static CommandResult Doctor(const std::vector<std::string>& settings) {
-    std::vector<std::string> arguments = {"doctor", (Rig() / "config.yaml").string(), "--quiet"};
+  // Runs a command with these settings (--set).
+  static CommandResult With(std::vector<std::string> arguments, const std::vector<std::string>& settings) {
     for (const std::string& setting : settings) {
       arguments.emplace_back("--set");
       arguments.push_back(setting);
     }
     return RunHeba(arguments, Cache());
+  }
+  static CommandResult Doctor(const std::vector<std::string>& settings) {
+    return With({"doctor", (Rig() / "config.yaml").string(), "--quiet"}, settings);
+  }
+  static CommandResult Run(const std::vector<std::string>& settings) {
+    return With({"run", (Rig() / "config.yaml").string(), "--out", (*folder_ / "run").string(), "--quiet"}, settings);
   }
 
   // Returns the first symptom and its cure: from "1." to "2.", on one line.
@@ -90,6 +95,15 @@ class RigDoctorTest : public testing::Test {
     return line;
   }
 
+  // Copies the images of a camera as those of the capture `by` rows later, and returns the setting that selects them.
+  static std::string Shifted(const std::string& camera, const std::string& as, int by) {
+    return Renamed(camera, as, [&](const std::string& name) {
+      char next[16];
+      std::snprintf(next, sizeof(next), "%03d.png", (std::stoi(name) + by + 16) % 16);
+      return std::string(next);
+    });
+  }
+
   // Copies the images of a camera with the name of each changed, and returns the setting that selects them.
   static std::string Renamed(const std::string& camera, const std::string& as,
                              const std::function<std::string(const std::string&)>& name_of) {
@@ -99,6 +113,15 @@ class RigDoctorTest : public testing::Test {
       fs::copy_file(entry.path(), copies / name_of(entry.path().filename().string()));
     }
     return "cameras." + camera + ".images=" + copies.string();
+  }
+
+  // Returns the detections of a camera and a target.
+  static nlohmann::json DetectionsOf(const std::string& camera, const std::string& target) {
+    const CommandResult detected = RunHeba(
+        {"detect", (Rig() / "config.yaml").string(), "--out", (*folder_ / "detected").string(), "--quiet"}, Cache());
+    EXPECT_EQ(detected.status, 0) << detected.err;
+    return nlohmann::json::parse(
+        ReadAll(*folder_ / "detected/detections" / (camera + "." + target + ".json")))["captures"];
   }
 
   static fs::path* folder_;
@@ -157,14 +180,84 @@ TEST_F(RigDoctorTest, TwoImagesOfACameraAreNoFault) {
 }
 
 TEST_F(RigDoctorTest, NamesTheCameraWhoseImagesAreShifted) {
-  const std::string images = Renamed("right", "shifted", [](const std::string& name) {
-    const int number = std::stoi(name);
+  const std::string images = Shifted("right", "shifted", 1);
+  EXPECT_THAT(First(Doctor({images})),
+              AllOf(HasSubstr("wrong [pairing]: camera right, target plate: "), HasSubstr("1 row further up"),
+                    HasSubstr("the images of cameras left, wrist fit the poses, so correct cameras.right.images")));
+  // The run ends with the cause, not with its own words for it.
+  const CommandResult run = Run({images});
+  EXPECT_EQ(run.status, 1);
+  EXPECT_THAT(run.err,
+              AllOf(HasSubstr("heba doctor: camera right, target plate: images and poses are paired wrongly: "),
+                    HasSubstr("so correct cameras.right.images"), Not(HasSubstr("shifted against")),
+                    Not(HasSubstr("robot and images differ"))));
+}
+
+// The wrist sees the plate in captures without the wall: its images are shifted among those of all captures.
+TEST_F(RigDoctorTest, NamesTheCameraWhoseImagesOfSeveralTargetsAreShifted) {
+  EXPECT_THAT(First(Doctor({Shifted("wrist", "shifted_wrist", 1)})),
+              AllOf(HasSubstr("wrong [pairing]: camera wrist, target wall: "), HasSubstr("1 row further up"),
+                    HasSubstr("the images of cameras left, right fit the poses")));
+}
+
+// Other cameras are named as good only if they were found to be good.
+TEST_F(RigDoctorTest, BlamesACameraOnlyIfAnotherOneFits) {
+  const std::string left = Shifted("left", "left_by_1", 1);
+  const auto doctor = [&](std::vector<std::string> settings) {
+    settings.insert(settings.end(), {left, "cameras.wrist=", "targets.wall="});
+    return Doctor(settings).out;
+  };
+  EXPECT_THAT(Unbroken(doctor({})),
+              HasSubstr("the images of camera right fit the poses, so correct cameras.left.images"));
+  // There is no other camera.
+  EXPECT_THAT(doctor({"cameras.right="}),
+              AllOf(HasSubstr("[pairing]: camera left"), HasSubstr("correct the rows of the poses file"),
+                    Not(HasSubstr("fit the poses"))));
+  // The other one has the same fault, the same with other figures, or another.
+  EXPECT_THAT(doctor({Shifted("right", "right_by_1", 1)}),
+              AllOf(HasSubstr("[pairing]: cameras left, right: "), HasSubstr("correct the rows of the poses file"),
+                    Not(HasSubstr("fit the poses"))));
+  const std::string two_faults = doctor({Shifted("right", "right_by_2", 2)});
+  EXPECT_THAT(Unbroken(two_faults),
+              AllOf(HasSubstr("[pairing]: camera left: images and poses are paired wrongly: each "
+                              "image belongs to the pose 1 row further up"),
+                    HasSubstr("[pairing]: camera right: images and poses are paired wrongly: "
+                              "each image belongs to the pose 2 rows further up"),
+                    HasSubstr("name the images of each capture"), Not(HasSubstr("fit the poses"))));
+  const std::string mixed = Renamed("right", "right_mixed", [](const std::string& name) {
     char next[16];
-    std::snprintf(next, sizeof(next), "%03d.png", (number + 1) % 16);
+    std::snprintf(next, sizeof(next), "%03d.png", (5 * std::stoi(name) + 3) % 16);
     return std::string(next);
   });
-  EXPECT_THAT(First(Doctor({images})), AllOf(HasSubstr("wrong [pairing]: camera right"), HasSubstr("1 row"),
-                                             HasSubstr("cameras.right.images"), Not(HasSubstr("left"))));
+  EXPECT_THAT(doctor({mixed}), AllOf(HasSubstr("[pairing]: camera left"),
+                                     HasSubstr("[poses_unexplained]: camera right"), Not(HasSubstr("fit the poses"))));
+  // The other one has too few images.
+  const fs::path few = *folder_ / "right_few";
+  fs::create_directory(few);
+  int num_seen = 0;
+  for (const nlohmann::json& capture : DetectionsOf("right", "plate")) {
+    if (capture["ids"].size() < 12 || ++num_seen > 5) continue;
+    const std::string image = capture["image"];
+    fs::copy_file(Rig() / "right" / image, few / image);
+  }
+  EXPECT_THAT(doctor({"cameras.right.images=" + few.string()}),
+              AllOf(HasSubstr("[pairing]: camera left"), Not(HasSubstr("fit the poses"))));
+}
+
+// The poses of all cameras of an arm are inverse for one reason.
+TEST_F(RigDoctorTest, NamesInversePosesOnce) {
+  const CommandResult inverse = Doctor({"captures.poses_are=gripper_from_base"});
+  EXPECT_THAT(inverse.out, HasSubstr("1 wrong"));
+  EXPECT_THAT(First(inverse), AllOf(HasSubstr("[pose_direction]: cameras left, right, wrist, targets plate, wall: "),
+                                    HasSubstr("-> set captures.poses_are: base_from_gripper")));
+  // Without the wrist, the cameras might be carried. Each key is named once.
+  const std::string either = First(Doctor({"captures.poses_are=gripper_from_base", "cameras.wrist=", "targets.wall="}));
+  EXPECT_THAT(either, AllOf(HasSubstr("cameras.left.mount: gripper, cameras.right.mount: gripper, "),
+                            HasSubstr("targets.plate.mount: world; ")));
+  EXPECT_EQ(either.find("targets.plate"), either.rfind("targets.plate"));
+  EXPECT_THAT(First(Doctor({"cameras.wrist.mount=world", "targets.wall.mount=gripper"})),
+              HasSubstr("-> the images of cameras left, right fit the poses, so set cameras.wrist.mount: gripper, "
+                        "targets.wall.mount: world"));
 }
 
 TEST_F(RigDoctorTest, NamesTheSwappedImagesOfOneCamera) {
@@ -204,6 +297,44 @@ TEST_F(RigDoctorTest, NamesTheFixedCameraThatWasMoved) {
   EXPECT_NEAR(first["numbers"]["moved_deg"].get<double>(), 1.8, 0.1);
   EXPECT_THAT(first["text"].get<std::string>(), HasSubstr("camera left was moved by"));
   EXPECT_THAT(result["verdict"].dump(), Not(HasSubstr("\"mount\"")));
+}
+
+// The images of a camera that was moved far fit no poses as a whole, or some of them contradict the others: both are
+// consequences. The images that are left out are told in one line, and stand in the result one by one.
+TEST_F(RigDoctorTest, NamesTheMotionOfACameraNotItsConsequences) {
+  for (const int from : {11, 15}) {
+    const fs::path cell = *folder_ / ("far_" + std::to_string(from));
+    const CommandResult made =
+        RunHeba({"simulate", (*folder_ / "scene.yaml").string(), "--out", cell.string(), "--quiet", "--set",
+                 "motion.captures=20", "--set", "cameras.wrist=", "--set", "targets.wall=", "--set",
+                 "cameras.right.moved={from: " + std::to_string(from) +
+                     ", by: {translation: [60 mm, 0 mm, 0 mm], rpy: [0 deg, 6 deg, 0 deg]}}"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const std::string config = (cell / "config.yaml").string();
+    const CommandResult doctor = RunHeba({"doctor", config, "--quiet"}, Cache());
+    EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [camera_moved]: camera right was moved by 60 mm and 6.0 deg "),
+                                     HasSubstr(" images from 0")));
+    EXPECT_THAT(doctor.out,
+                AllOf(HasSubstr("1 wrong"), Not(HasSubstr("[contradicts]")), Not(HasSubstr("[poses_unexplained]"))));
+    const fs::path folder = *folder_ / ("far_run_" + std::to_string(from));
+    const CommandResult run = RunHeba({"run", config, "--out", folder.string()}, Cache());
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_THAT(run.out, Not(HasSubstr("poses_unexplained")));
+    const nlohmann::json result = nlohmann::json::parse(ReadAll(folder / "result.json"));
+    EXPECT_EQ(result["verdict"]["findings"][0]["code"], "camera_moved");
+    std::vector<std::string> left_out;
+    for (const nlohmann::json& image : result["captures"]) {
+      const std::string reason = image["reason"];
+      if (reason.find("the camera was moved before, between ") != std::string::npos)
+        left_out.push_back(image["capture"]);
+    }
+    ASSERT_GE(left_out.size(), 4U);
+    EXPECT_EQ(result["verdict"]["findings"][0]["numbers"]["images_left_out"], left_out.size());
+    EXPECT_THAT(run.err, HasSubstr("config: camera right: " + std::to_string(left_out.size()) + " images, from " +
+                                   left_out.front() + " to " + left_out.back() +
+                                   ": target plate: the camera was moved before, between "));
+    EXPECT_THAT(run.err, Not(HasSubstr(left_out.back() + ", camera right: ")));
+  }
 }
 
 TEST_F(RigDoctorTest, NamesTheFormatOfPosesOnceForAllCameras) {

@@ -1,6 +1,8 @@
 #include "tools/batch/rig_pipeline.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
 #include <vector>
 
 #include "heba/base/files.h"
@@ -37,6 +39,47 @@ std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vecto
   return notes;
 }
 
+std::vector<std::string> LeftOutNotes(const std::vector<RigImageResult>& images) {
+  // The images of one camera, in the order of the captures, that were left out for the same reasons.
+  struct Group {
+    const RigImageResult* first = nullptr;
+    const RigImageResult* last = nullptr;
+    std::map<std::string, std::set<std::string>> targets_of;  // By the reason; an empty one is that of used targets.
+    int num_images = 0;
+  };
+  std::vector<Group> groups;
+  for (const RigImageResult& image : images) {
+    if (image.reason.empty() || image.targets.empty()) continue;
+    std::map<std::string, std::set<std::string>> targets_of;
+    for (const RigTargetInImage& target : image.targets) targets_of[target.reason].insert(target.target);
+    const auto known = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
+      return group.first->camera == image.camera &&
+             std::equal(group.targets_of.begin(), group.targets_of.end(), targets_of.begin(), targets_of.end(),
+                        [](const auto& a, const auto& b) { return a.first == b.first; });
+    });
+    Group& group = known == groups.end() ? groups.emplace_back(Group{&image, &image, {}, 0}) : *known;
+    group.last = &image;
+    ++group.num_images;
+    for (const auto& [reason, targets] : targets_of) group.targets_of[reason].insert(targets.begin(), targets.end());
+  }
+  std::vector<std::string> notes;
+  for (const Group& group : groups) {
+    if (group.num_images == 1) {
+      notes.push_back(group.first->capture + ", camera " + group.first->camera + ": " + group.first->reason);
+      continue;
+    }
+    std::vector<std::string> texts;
+    for (const auto& [reason, targets] : group.targets_of) {
+      const std::vector<std::string> names(targets.begin(), targets.end());
+      if (!reason.empty())
+        texts.push_back((names.size() == 1 ? "target " : "targets ") + Join(names, ", ") + ": " + reason);
+    }
+    notes.push_back("camera " + group.first->camera + ": " + std::to_string(group.num_images) + " images, from " +
+                    group.first->capture + " to " + group.last->capture + ": " + Join(texts, "; "));
+  }
+  return notes;
+}
+
 Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
                                   Console* console, RunObserver* listener) {
   // The folder is created first, so that a run that cannot be written fails before the work.
@@ -54,18 +97,13 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
   if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
   for (const std::string& note : DetectionNotes(data, run->detections)) console->Note(note);
   RigResult& result = run->result;
-  for (const RigImageResult& image : result.images) {
-    if (!image.reason.empty() && !image.targets.empty()) {
-      console->Note(data.name + ": " + image.capture + ", camera " + image.camera + ": " + image.reason);
-    }
-  }
+  for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
   if (result.verdict.grade == Grade::kBad) {
-    const Diagnosis diagnosis = diagnose();
-    // A motion that the adjustment has measured is not replaced by what the pixels show of it.
-    const bool is_known = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() == "camera_moved" &&
-                          std::any_of(result.observations.begin(), result.observations.end(),
-                                      [](const Finding& finding) { return finding.code == "camera_moved"; });
-    if (!is_known) InsertCause(diagnosis, &result.observations);
+    // A motion that the adjustment has measured is not replaced by its consequences.
+    Diagnosis diagnosis = diagnose();
+    std::erase_if(diagnosis.symptoms,
+                  [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
+    InsertCause(diagnosis, &result.observations);
     result.verdict = JudgeRig(result);
   }
   DescribeAll(&result.verdict.findings);

@@ -22,6 +22,10 @@ Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem
 // Returns a line for each camera and target: how many images of the camera determine a pose of the target.
 std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vector<RigDetection>& detections);
 
+// Returns a line for each image that was not used, or of which a target was not used: with its capture, its camera and
+// the reason. Images of one camera with one reason have one line, with the first and the last of them.
+std::vector<std::string> LeftOutNotes(const std::vector<RigImageResult>& images);
+
 // Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.
 std::optional<RigResult> CurrentRigResult(const std::filesystem::path& output, const RigConfig& config);

@@ -31,7 +31,7 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
     ++alike;
     if (alike <= kMostAlike) {
       text += std::to_string(i + 1) + ". " + GradeOf(symptom) + " [" + std::string(symptom.code.name()) +
-              "]: " + symptom.what + "\n";
+              "]: " + symptom.Text() + "\n";
     }
     if (!is_last_alike) continue;
     if (alike > kMostAlike) {
@@ -67,7 +67,7 @@ std::string DiagnosisToJson(const std::string& name, const Diagnosis& diagnosis)
     Json entry;
     entry["grade"] = GradeOf(symptom);
     entry["code"] = symptom.code.name();
-    entry["text"] = symptom.what;
+    entry["text"] = symptom.Text();
     entry["action"] = symptom.cure;
     entry["settings"] = settings;
     json["symptoms"].push_back(entry);

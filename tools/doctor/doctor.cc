@@ -35,12 +35,12 @@ bool Has(const Diagnosis& diagnosis, SymptomCode code) {
 int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
 
 Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine,
-                   const std::vector<std::string>& other_codes) {
+                   const RigContext& rig) {
   Examination examination;
   examination.config = config;
   examination.num_threads = num_threads;
   examination.verbosity = verbosity;
-  examination.other_codes = other_codes;
+  examination.rig = rig;
   Diagnosis diagnosis;
   diagnosis.num_captures = static_cast<int>(config.data.captures.size());
   if (!config.data.target_poses.empty()) {
@@ -88,7 +88,8 @@ std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis)
   if (diagnosis.NumWrong() == 0) return reason;
   const Symptom& first = diagnosis.symptoms.front();
   if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
-  return "heba doctor: " + FirstWrong(diagnosis) + "; the calibration itself ended with: " + reason;
+  if (IsOfSingleCaptures(first.code)) return reason + "; heba doctor: " + first.what;
+  return "heba doctor: " + FirstWrong(diagnosis);
 }
 
 void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
@@ -96,7 +97,7 @@ void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
   const Symptom& first = diagnosis.symptoms.front();
   Finding cause{Grade::kBad, std::string(first.code.name())};
   cause.is_cause = true;
-  cause.text = first.what;
+  cause.text = first.Text();
   cause.action = first.cure;
   std::erase_if(*findings, [&](const Finding& finding) { return finding.code == cause.code; });
   findings->insert(findings->begin(), std::move(cause));

@@ -25,9 +25,9 @@ struct Diagnosis {
 // The scope of an examination: the inputs alone, or also the result that they lead to.
 enum class Examine { kInputs, kInputsAndResult };
 
-// Diagnoses a data set. `other_codes`: Examination::other_codes. Throws InputError if the images cannot be read.
+// Diagnoses a data set. `rig`: Examination::rig. Throws InputError if the images cannot be read.
 Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity,
-                   Examine examine = Examine::kInputsAndResult, const std::vector<std::string>& other_codes = {});
+                   Examine examine = Examine::kInputsAndResult, const RigContext& rig = {});
 
 // Puts faults before remarks; the order is otherwise kept.
 void SortBySeverity(Diagnosis* diagnosis);
@@ -35,11 +35,12 @@ void SortBySeverity(Diagnosis* diagnosis);
 // Returns a finding of a run as a symptom.
 Symptom SymptomOf(const Finding& finding);
 
-// Returns the first fault as a clause with its cure; empty if there is none.
+// Returns the first fault as a clause with its cure, without its evidence; empty if there is none.
 std::string FirstWrong(const Diagnosis& diagnosis);
 
-// Explains why a run failed: the first fault that the doctor finds, because it is the cause, then how the calibration
-// ended. A text that both contain is given once.
+// Explains why a run failed: the first fault that the doctor finds, because it is the cause and the reason of the
+// failure its consequence, or the reason alone if the doctor finds none. Faults of single captures, which a calibration
+// leaves out, follow the reason. A text that both contain is given once.
 std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis);
 
 // Inserts the first fault, if there is one, before the findings of a run, as their cause. A finding with the same code

@@ -25,9 +25,26 @@ struct ExaminedView {
 // The format of the poses file under which robot and images agree best.
 struct PoseFit {
   PoseFormat format;
-  double misfit_m = 0;  // Difference at the target; 7 of 10 captures have less.
-  std::string misfit;   // Such as "0.1 deg and 0.3 mm".
-  bool fits = false;    // Whether robot and images agree to within kPoorShare of the working distance.
+  double misfit_m = 0;       // Difference at the target; 7 of 10 captures have less.
+  std::string misfit;        // Such as "0.1 deg and 0.3 mm".
+  bool fits = false;         // Whether robot and images agree to within kPoorShare of the working distance.
+  bool tells_scale = false;  // Whether they would show a target of another size.
+};
+
+// What surrounds a data set that is one camera and one target of a rig.
+struct RigContext {
+  // The codes (Target::Codes) of the other targets that the images may show, which are not this one.
+  std::vector<std::string> other_codes;
+  // All captures of the rig, with the poses of the arm. The data set has those whose images do not show another target
+  // instead.
+  std::vector<std::string> captures;
+  std::vector<Rigid3d> base_from_gripper;
+  std::vector<size_t> place;  // For each capture of the data set, its place among all.
+  struct OtherArm {
+    std::string name;
+    std::vector<Rigid3d> base_from_gripper;  // In all captures of the rig.
+  };
+  std::vector<OtherArm> other_arms;
 };
 
 struct Examination {
@@ -38,8 +55,7 @@ struct Examination {
   bool found_wrong = false;  // Whether a check before found a fault.
   // Set by the check of the poses; not set if neither images nor motion determine it.
   std::optional<PoseFit> pose_fit;
-  // The codes (Target::Codes) of the other targets that the images may show, which are not this one.
-  std::vector<std::string> other_codes;
+  RigContext rig;  // Empty if the data set is not a part of a rig.
   int num_threads = 1;
   Verbosity verbosity = Verbosity::kNormal;
 };

@@ -158,7 +158,7 @@ void AddSymptoms(const Diagnosis& diagnosis, RawConfig* made) {
   if (const std::string fault = FirstWrong(diagnosis); !fault.empty()) made->warnings.push_back(fault);
   for (const Symptom& symptom : diagnosis.symptoms) {
     if (symptom.code == SymptomCode("unpaired") && symptom.severity == Severity::kRemark)
-      made->remarks.push_back(symptom.what);
+      made->remarks.push_back(symptom.Text());
   }
 }
 

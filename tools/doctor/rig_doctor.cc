@@ -35,14 +35,18 @@ struct DoctorPair {
   int num_seen = 0;
 };
 
-// Symptoms that do not apply to a part of a rig: its mounts state the setup.
-constexpr std::string_view kNotOfPairs[] = {"either_set_up"};
+// Symptoms that are not those of a part of a rig: its mounts state the setup, and PairsOfOtherArms tells about arms.
+constexpr std::string_view kNotOfPairs[] = {"either_set_up", "other_arm"};
 // Faults of a camera alone that the other cameras of a rig may make up for.
 constexpr std::string_view kOthersMayHelp[] = {"few_captures", "motion", "little_rotation", "target_often_missed"};
-// Symptoms of single captures, which are never reported for several pairs together.
-constexpr std::string_view kOfCaptures[] = {"swapped",       "wrong_pose",          "contradicts",
-                                            "same_picture",  "same_pose",           "unpaired",
-                                            "joint_pairing", "target_often_missed", "repeated_image"};
+// Faults because of which the images of a pair do not fit its poses.
+constexpr std::string_view kOfPoses[] = {"rotation_format", "angle_unit",       "pose_units",
+                                         "pose_direction",  "rotation_inverse", "other_arm",
+                                         "pairing",         "target_scale",     "poses_unexplained"};
+// Faults because of which the images of a pair do not tell whether they fit.
+constexpr std::string_view kDoNotTell[] = {"motion", "few_captures"};
+// Fewer images do not tell whether they fit the poses.
+constexpr int kEnoughImages = 6;
 
 template <class Names>
 bool IsIn(const Names& names, const SymptomCode& code) {
@@ -95,10 +99,9 @@ std::vector<DoctorPair> PairsOf(const RigConfig& config, const std::vector<RigDe
     }
     std::stable_sort(of_camera.begin(), of_camera.end(),
                      [](const DoctorPair& a, const DoctorPair& b) { return a.num_seen > b.num_seen; });
-    constexpr int kEnough = 6;
     for (DoctorPair& pair : of_camera) {
       const bool is_best = pairs.empty() || pairs.back().camera != c;
-      if (is_best || pair.num_seen >= kEnough) pairs.push_back(std::move(pair));
+      if (is_best || pair.num_seen >= kEnoughImages) pairs.push_back(std::move(pair));
     }
   }
   return pairs;
@@ -151,14 +154,9 @@ RunConfig ConfigWithArm(const RigConfig& config, const DoctorPair& pair) {
 
 // What the keys of a config of one camera are called in that of a rig.
 std::vector<std::pair<std::string, std::string>> RigKeys(const RigConfig& config, const DoctorPair& pair) {
-  const RigProblem& rig = config.data.rig;
-  const std::string camera = "cameras." + rig.cameras[pair.camera].name;
-  const std::string target = "targets." + rig.targets[pair.target].name;
+  const std::string camera = "cameras." + config.data.rig.cameras[pair.camera].name;
   const std::string& arm = config.arms[pair.robot].section;
-  const std::string gripper = MountText(rig.robots, {pair.robot, Mount::Part::kGripper});
   std::vector<std::pair<std::string, std::string>> keys = {
-      {"setup: eye_in_hand", camera + ".mount: " + gripper + ", " + target + ".mount: world"},
-      {"setup: eye_to_hand", camera + ".mount: world, " + target + ".mount: " + gripper},
       {"camera.model", camera + ".model"},
       {"camera.intrinsics", camera + ".intrinsics"},
   };
@@ -194,6 +192,27 @@ Symptom InRig(const RigConfig& config, const DoctorPair& pair, Symptom symptom) 
   return symptom;
 }
 
+// A pair, diagnosed as a data set of one camera.
+struct DiagnosedPair {
+  DoctorPair pair;
+  Diagnosis diagnosis;
+};
+
+template <class Codes>
+bool HasWrong(const DiagnosedPair& diagnosed, const Codes& codes) {
+  const std::vector<Symptom>& symptoms = diagnosed.diagnosis.symptoms;
+  return std::any_of(symptoms.begin(), symptoms.end(), [&](const Symptom& symptom) {
+    return symptom.severity == Severity::kWrong && IsIn(codes, symptom.code);
+  });
+}
+
+// Returns whether the images of a pair are known to fit the poses of its arm.
+bool FitsPoses(const DiagnosedPair& diagnosed) {
+  const std::optional<PoseFit>& fit = diagnosed.diagnosis.pose_fit;
+  return diagnosed.pair.num_seen >= kEnoughImages && fit && fit->fits && !HasWrong(diagnosed, kOfPoses) &&
+         !HasWrong(diagnosed, kDoNotTell);
+}
+
 // A symptom, and the pairs that have it.
 struct SharedSymptom {
   Symptom symptom;
@@ -208,10 +227,12 @@ std::string WithoutNumbers(const std::string& text) {
   return letters;
 }
 
-// Returns whether two pairs have the same symptom, with the same cure up to its figures.
-bool AreOne(const Symptom& a, const Symptom& b) {
-  return a.code == b.code && a.settings == b.settings && WithoutNumbers(a.cure) == WithoutNumbers(b.cure) &&
-         !IsIn(kOfCaptures, a.code);
+// Returns whether a pair has a symptom that others have, with the same cure up to its figures.
+bool IsShared(const SharedSymptom& shared, const Symptom& symptom, const DoctorPair& pair) {
+  const Symptom& known = shared.symptom;
+  if (symptom.reading == kInversePoses && pair.robot != shared.pairs.front().robot) return false;
+  return known.code == symptom.code && known.reading == symptom.reading && known.settings == symptom.settings &&
+         WithoutNumbers(known.cure) == WithoutNumbers(symptom.cure) && !IsOfSingleCaptures(symptom.code);
 }
 
 std::string NamesText(const char* one, const char* several, const std::set<std::string>& names) {
@@ -236,64 +257,342 @@ std::string WhereText(const RigConfig& config, const std::vector<DoctorPair>& pa
   return text;
 }
 
-// The cures of faults that one camera has and others of the same arm, or of the same target, do not have: its images or
-// its intrinsics are wrong, not the poses or the target. "CAMERA" stands for its section of the config.
+// The cameras that have a fault, and their keys.
+class FaultyCameras {
+ public:
+  FaultyCameras(const RigConfig& config, const std::vector<DoctorPair>& pairs) : data_(config.data) {
+    for (const DoctorPair& pair : pairs) {
+      cameras_.insert(pair.camera);
+      targets_.insert(pair.target);
+    }
+  }
+
+  bool Contain(size_t camera) const { return cameras_.contains(camera); }
+  // Returns one of their keys, such as "cameras.left.images, cameras.right.images".
+  std::string Keys(const std::string& key) const {
+    std::vector<std::string> keys;
+    for (const size_t c : cameras_) keys.push_back("cameras." + data_.rig.cameras[c].name + "." + key);
+    return Join(keys, ", ");
+  }
+  std::string TargetMounts() const {
+    std::vector<std::string> keys;
+    for (const size_t t : targets_) keys.push_back("targets." + data_.rig.targets[t].name + ".mount");
+    return Join(keys, ", ");
+  }
+  bool AreGiven() const {
+    return std::all_of(cameras_.begin(), cameras_.end(), [&](size_t c) { return data_.has_camera[c]; });
+  }
+
+ private:
+  const RigDataset& data_;
+  std::set<size_t> cameras_;
+  std::set<size_t> targets_;
+};
+
+// The cures of faults that are those of cameras, because their images or intrinsics are wrong, not the poses or the
+// target: other cameras of the same arm, or that see the same target, do not have them. `others` names those,
+// `same_target` states whether one of them sees the target.
 struct CureOfCamera {
   std::string_view code;
   bool is_of_arm;  // Whether the others are those of the same arm, not those that see the same target.
-  const char* cure;
+  std::string (*cure)(const FaultyCameras& cameras, const std::string& others, bool same_target);
 };
 constexpr CureOfCamera kCuresOfCameras[] = {
     {"pairing", true,
-     "the images of the other cameras fit the poses, so correct those of this one (CAMERA.images), or name the image "
-     "of "
-     "each capture in a column image.NAME of the poses file"},
+     [](const FaultyCameras& cameras, const std::string& others, bool) {
+       return "the images of " + others + " fit the poses, so correct " + cameras.Keys("images") +
+              ", or name the images of each capture in the poses file (columns image.CAMERA)";
+     }},
     {"target_scale", false,
-     "the other cameras see the target in its size, so check the intrinsics of this one (CAMERA.intrinsics), or leave "
-     "them out to have them estimated"},
+     [](const FaultyCameras& cameras, const std::string& others, bool) {
+       return "the images of " + others + " show the target in its size, so " +
+              (cameras.AreGiven()
+                   ? "check " + cameras.Keys("intrinsics") + ", or leave it out to have it estimated"
+                   : "state " + cameras.Keys("intrinsics") + ", which the captures do not determine well");
+     }},
     {"poses_unexplained", true,
-     "the images of the other cameras fit the poses, so check those of this one (CAMERA.images), its mount "
-     "(CAMERA.mount) and "
-     "its intrinsics (CAMERA.intrinsics)"},
+     [](const FaultyCameras& cameras, const std::string& others, bool same_target) {
+       return "the images of " + others + " fit the poses, so check " + cameras.Keys("images") + ", " +
+              cameras.Keys("mount") + (same_target ? "" : ", " + cameras.TargetMounts()) + " and " +
+              cameras.Keys("intrinsics");
+     }},
 };
 
+// Returns whether the images of other cameras of the same arm belong to other rows.
+bool ArePairedDifferently(const std::vector<DiagnosedPair>& diagnosed, const SharedSymptom& shared) {
+  return std::any_of(diagnosed.begin(), diagnosed.end(), [&](const DiagnosedPair& other) {
+    const std::vector<Symptom>& symptoms = other.diagnosis.symptoms;
+    return other.pair.robot == shared.pairs.front().robot &&
+           std::any_of(symptoms.begin(), symptoms.end(), [&](const Symptom& symptom) {
+             return symptom.code == shared.symptom.code && symptom.reading != shared.symptom.reading;
+           });
+  });
+}
+
 // Returns such a cure if it applies, otherwise an empty text.
-std::string CureIfOfCamera(const RigConfig& config, const std::vector<DoctorPair>& pairs, const SharedSymptom& shared) {
+std::string CureIfOfCamera(const RigConfig& config, const std::vector<DiagnosedPair>& diagnosed,
+                           const SharedSymptom& shared) {
   const auto of_camera = std::find_if(std::begin(kCuresOfCameras), std::end(kCuresOfCameras),
                                       [&](const auto& entry) { return shared.symptom.code.name() == entry.code; });
   if (of_camera == std::end(kCuresOfCameras)) return "";
-  const DoctorPair& first = shared.pairs.front();
-  const auto num_alike = std::count_if(pairs.begin(), pairs.end(), [&](const DoctorPair& pair) {
-    return of_camera->is_of_arm ? pair.robot == first.robot : pair.target == first.target;
-  });
-  if (static_cast<size_t>(num_alike) == shared.pairs.size()) return "";
-  return Replaced(of_camera->cure, {{"CAMERA", "cameras." + config.data.rig.cameras[first.camera].name}});
+  const FaultyCameras faulty(config, shared.pairs);
+  const auto is_alike = [&](const DoctorPair& a, const DoctorPair& b) {
+    return of_camera->is_of_arm ? a.robot == b.robot : a.target == b.target;
+  };
+  const auto fits = [&](const DiagnosedPair& other) {
+    return FitsPoses(other) && (of_camera->is_of_arm || other.diagnosis.pose_fit->tells_scale);
+  };
+  std::set<std::string> others;
+  bool same_target = false;
+  for (const DoctorPair& pair : shared.pairs) {
+    std::set<std::string> of_pair;
+    for (const DiagnosedPair& other : diagnosed) {
+      if (!is_alike(other.pair, pair)) continue;
+      const bool is_faulty = faulty.Contain(other.pair.camera);
+      // The camera fits with another target: the fault is not the camera's.
+      if (is_faulty && fits(other)) return "";
+      const bool is_in_doubt = std::any_of(diagnosed.begin(), diagnosed.end(), [&](const DiagnosedPair& same) {
+        return same.pair.camera == other.pair.camera && is_alike(same.pair, pair) && HasWrong(same, kOfPoses);
+      });
+      if (is_faulty || is_in_doubt || !fits(other)) continue;
+      of_pair.insert(config.data.rig.cameras[other.pair.camera].name);
+      same_target = same_target || other.pair.target == pair.target;
+    }
+    if (of_pair.empty()) return "";
+    others.insert(of_pair.begin(), of_pair.end());
+  }
+  return of_camera->cure(faulty, NamesText("camera", "cameras", others), same_target);
+}
+
+// Returns the settings that exchange what is carried in these pairs: their cameras or their targets.
+std::vector<ConfigSetting> OtherMounts(const RigConfig& config, const std::vector<DoctorPair>& pairs) {
+  const RigProblem& rig = config.data.rig;
+  std::map<std::string, std::string> mount_of;
+  for (const DoctorPair& pair : pairs) {
+    const Mount gripper{pair.robot, Mount::Part::kGripper};
+    const bool carries_camera = rig.cameras[pair.camera].mount == gripper;
+    const std::string on_gripper = MountText(rig.robots, gripper);
+    mount_of["cameras." + rig.cameras[pair.camera].name + ".mount"] = carries_camera ? "world" : on_gripper;
+    mount_of["targets." + rig.targets[pair.target].name + ".mount"] = carries_camera ? on_gripper : "world";
+  }
+  std::vector<ConfigSetting> settings;
+  for (const auto& [key, mount] : mount_of) settings.push_back({key, mount});
+  return settings;
+}
+
+// Adds what to change if the poses of an arm are the inverse of what the config says: `poses_are` or, if other images
+// fit the poses, the mounts. If all images of the arm are those of carried cameras, or all those of carried targets,
+// both are possible.
+void AddCureOfDirection(const RigConfig& config, const std::vector<DiagnosedPair>& diagnosed, SharedSymptom* shared) {
+  const RigProblem& rig = config.data.rig;
+  const size_t robot = shared->pairs.front().robot;
+  const Mount gripper{robot, Mount::Part::kGripper};
+  std::set<bool> carries_camera;
+  for (const DoctorPair& pair : shared->pairs) carries_camera.insert(rig.cameras[pair.camera].mount == gripper);
+  std::set<std::string> others;
+  for (const DiagnosedPair& other : diagnosed) {
+    if (other.pair.robot == robot && FitsPoses(other)) others.insert(rig.cameras[other.pair.camera].name);
+  }
+  const RigArmPoses& arm = config.arms[robot];
+  const ConfigSetting direction{arm.section + ".poses_are",
+                                arm.reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper"};
+  const std::vector<ConfigSetting> mounts = OtherMounts(config, shared->pairs);
+  Symptom& symptom = shared->symptom;
+  std::string cure;
+  if (!others.empty()) {
+    cure = "the images of " + NamesText("camera", "cameras", others) + " fit the poses, so set " + SettingsText(mounts);
+    symptom.settings.insert(symptom.settings.end(), mounts.begin(), mounts.end());
+  } else if (carries_camera.size() == 2) {
+    cure = "set " + SettingsText({direction});
+    symptom.settings.push_back(direction);
+  } else {
+    cure = "set " + SettingsText({direction}) + " or, if the arm carries what the mounts say is fixed, " +
+           SettingsText(mounts) + "; the data cannot distinguish these two, but you can see which one applies";
+    symptom.settings.clear();
+  }
+  symptom.cure += (symptom.cure.empty() ? "" : "; ") + cure;
+}
+
+RigContext ContextOf(const RigConfig& config, const DoctorPair& pair) {
+  const RigDataset& data = config.data;
+  RigContext context;
+  for (size_t t = 0; t < data.targets.size(); ++t) {
+    if (t == pair.target) continue;
+    for (std::string& code : data.targets[t]->Codes()) context.other_codes.push_back(std::move(code));
+  }
+  context.place = pair.captures;
+  for (size_t r = 0; r < data.rig.robots.size(); ++r) {
+    std::vector<Rigid3d> poses;
+    for (const RigRecording& capture : data.captures) poses.push_back(capture.base_from_gripper[r]);
+    if (r == pair.robot) {
+      context.base_from_gripper = std::move(poses);
+    } else {
+      context.other_arms.push_back({data.rig.robots[r], std::move(poses)});
+    }
+  }
+  for (const RigRecording& capture : data.captures) context.captures.push_back(capture.name);
+  return context;
 }
 
 // Diagnoses a pair as a data set of one camera.
 Diagnosis DiagnosePair(const RigConfig& config, const DoctorPair& pair, int num_threads, Verbosity verbosity) {
-  std::vector<std::string> other_codes;
-  for (size_t t = 0; t < config.data.targets.size(); ++t) {
-    if (t == pair.target) continue;
-    for (std::string& code : config.data.targets[t]->Codes()) other_codes.push_back(std::move(code));
-  }
-  return Diagnose(ConfigOf(config, pair), num_threads, verbosity, Examine::kInputs, other_codes);
+  return Diagnose(ConfigOf(config, pair), num_threads, verbosity, Examine::kInputs, ContextOf(config, pair));
 }
 
-std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<DoctorPair>& pairs, int num_threads,
-                                     Verbosity verbosity) {
+std::vector<DiagnosedPair> DiagnosePairs(const RigConfig& config, std::vector<DoctorPair> pairs, int num_threads,
+                                         Verbosity verbosity) {
+  std::vector<DiagnosedPair> diagnosed;
+  for (DoctorPair& pair : pairs) {
+    Diagnosis diagnosis = DiagnosePair(config, pair, num_threads, verbosity);
+    diagnosed.push_back({std::move(pair), std::move(diagnosis)});
+  }
+  return diagnosed;
+}
+
+// What has a wrong mount. Whatever else is wrong with it may be due to that.
+struct Misplaced {
+  std::set<size_t> cameras;
+  std::set<size_t> targets;
+  bool Contains(size_t camera, size_t target) const { return cameras.contains(camera) || targets.contains(target); }
+};
+
+// Pairs that fit the poses of another arm than that of their mounts.
+class PairsOfOtherArms {
+ public:
+  PairsOfOtherArms(const RigConfig& config, const std::vector<DiagnosedPair>& diagnosed)
+      : config_(config), rig_(config.data.rig) {
+    for (const DiagnosedPair& entry : diagnosed) {
+      const std::optional<size_t> arm = OtherArmOf(entry);
+      if (arm) pairs_.push_back({&entry, *arm});
+      // The files of two arms are exchanged if all images that tell fit the poses of the other one.
+      if (!arm && !FitsPoses(entry)) continue;
+      const auto [known, is_new] = file_of_.emplace(entry.pair.robot, arm);
+      if (!is_new && known->second != arm) known->second = std::nullopt;
+    }
+  }
+
+  // Returns what they show: files of poses that are exchanged, or mounts that name the wrong arm, which are added to
+  // `misplaced`.
+  std::vector<Symptom> Symptoms(Misplaced* misplaced) const {
+    std::vector<Symptom> symptoms;
+    std::set<std::vector<size_t>> known_cycles;
+    for (const PairOfOtherArm& pair : pairs_) {
+      const size_t robot = pair.diagnosed->pair.robot;
+      if (const std::vector<size_t> cycle = CycleOf(robot); !cycle.empty()) {
+        if (known_cycles.insert(cycle).second) symptoms.push_back(ExchangedFiles(cycle, pair));
+        continue;
+      }
+      const size_t c = pair.diagnosed->pair.camera;
+      const bool is_camera = rig_.cameras[c].mount == Mount{robot, Mount::Part::kGripper};
+      const bool is_new = is_camera ? misplaced->cameras.insert(c).second
+                                    : misplaced->targets.insert(pair.diagnosed->pair.target).second;
+      if (is_new) symptoms.push_back(WrongArm(is_camera, pair));
+    }
+    return symptoms;
+  }
+
+ private:
+  struct PairOfOtherArm {
+    const DiagnosedPair* diagnosed = nullptr;
+    size_t arm = 0;
+  };
+
+  std::optional<size_t> OtherArmOf(const DiagnosedPair& diagnosed) const {
+    for (const Symptom& symptom : diagnosed.diagnosis.symptoms) {
+      if (symptom.code.name() != "other_arm") continue;
+      const auto arm = std::find(rig_.robots.begin(), rig_.robots.end(), symptom.reading);
+      return static_cast<size_t>(arm - rig_.robots.begin());
+    }
+    return std::nullopt;
+  }
+
+  // Returns the arms, in their order, each of which has the file of another one of them; empty if `robot` has its own
+  // file, or if the images contradict each other.
+  std::vector<size_t> CycleOf(size_t robot) const {
+    std::set<size_t> cycle;
+    for (size_t r = robot; cycle.insert(r).second;) {
+      const auto file = file_of_.find(r);
+      if (file == file_of_.end() || !file->second) return {};
+      r = *file->second;
+      if (cycle.contains(r) && r != robot) return {};
+    }
+    return {cycle.begin(), cycle.end()};
+  }
+
+  std::string EvidenceOf(const PairOfOtherArm& pair) const {
+    for (const Symptom& symptom : pair.diagnosed->diagnosis.symptoms) {
+      if (symptom.code.name() == "other_arm") return symptom.evidence;
+    }
+    return "";
+  }
+
+  bool HaveOneFormat(const std::vector<size_t>& arms) const {
+    return std::all_of(arms.begin(), arms.end(), [&](size_t r) {
+      const PoseReading& first = config_.arms[arms.front()].reading;
+      const PoseReading& reading = config_.arms[r].reading;
+      return PoseFormatText(reading.format) == PoseFormatText(first.format) &&
+             reading.is_base_from_gripper == first.is_base_from_gripper;
+    });
+  }
+
+  Symptom ExchangedFiles(const std::vector<size_t>& arms, const PairOfOtherArm& pair) const {
+    std::vector<std::string> names;
+    for (const size_t r : arms) names.push_back(rig_.robots[r]);
+    Symptom symptom{Severity::kWrong, "other_arm", "the poses of the arms " + Joined(names) + " are exchanged", ""};
+    symptom.evidence = WhereText(config_, {pair.diagnosed->pair}) + ": " + EvidenceOf(pair);
+    // A file that is read in another format has other poses.
+    const bool is_file_only = HaveOneFormat(arms);
+    std::vector<std::string> sections;
+    for (const size_t r : arms) {
+      sections.push_back(config_.arms[r].section + (is_file_only ? ".poses" : ""));
+      if (!is_file_only) continue;
+      const std::filesystem::path file = std::filesystem::absolute(config_.arms[*file_of_.at(r)].file);
+      symptom.settings.push_back({sections.back(), file.lexically_normal().string()});
+    }
+    symptom.cure = "exchange " + Joined(sections) + " or, if these are right, the arms in the mounts";
+    return symptom;
+  }
+
+  Symptom WrongArm(bool is_camera, const PairOfOtherArm& pair) const {
+    const std::string& name =
+        is_camera ? rig_.cameras[pair.diagnosed->pair.camera].name : rig_.targets[pair.diagnosed->pair.target].name;
+    const std::string part = is_camera ? "camera " : "target ";
+    Symptom symptom{Severity::kWrong, "other_arm",
+                    part + name + " is carried by arm " + rig_.robots[pair.arm] + ", not by arm " +
+                        rig_.robots[pair.diagnosed->pair.robot],
+                    ""};
+    symptom.evidence = EvidenceOf(pair);
+    symptom.settings = {{(is_camera ? "cameras." : "targets.") + name + ".mount",
+                         MountText(rig_.robots, {pair.arm, Mount::Part::kGripper})}};
+    symptom.cure = "set " + SettingsText(symptom.settings);
+    return symptom;
+  }
+
+  static std::string Joined(std::vector<std::string> names) {
+    const std::string last = std::move(names.back());
+    names.pop_back();
+    return Join(names, ", ") + " and " + last;
+  }
+
+  const RigConfig& config_;
+  const RigProblem& rig_;
+  std::vector<PairOfOtherArm> pairs_;
+  // For each arm with images that tell, the arm that has its poses; nothing if these are its own, or if the images
+  // contradict each other.
+  std::map<size_t, std::optional<size_t>> file_of_;
+};
+
+std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<DiagnosedPair>& diagnosed) {
   std::vector<SharedSymptom> shared;
-  for (const DoctorPair& pair : pairs) {
-    const Diagnosis diagnosis = DiagnosePair(config, pair, num_threads, verbosity);
+  for (const auto& [pair, diagnosis] : diagnosed) {
     for (const Symptom& of_pair : diagnosis.symptoms) {
       if (IsIn(kNotOfPairs, of_pair.code)) continue;
-      // Rows that are paired wrongly have gaps where the camera sees another target, so that some captures do not fit
-      // the corrected rows.
+      // A fault of all captures may cause those of single ones.
       const bool is_certain = diagnosis.NumWrong() == 0 || of_pair.severity == Severity::kWrong;
-      if (!is_certain && IsIn(kOfCaptures, of_pair.code)) continue;
+      if (!is_certain && IsOfSingleCaptures(of_pair.code)) continue;
       Symptom symptom = InRig(config, pair, of_pair);
       const auto known = std::find_if(shared.begin(), shared.end(),
-                                      [&](const SharedSymptom& other) { return AreOne(other.symptom, symptom); });
+                                      [&](const SharedSymptom& other) { return IsShared(other, symptom, pair); });
       if (known == shared.end()) {
         shared.push_back({std::move(symptom), {pair}});
       } else {
@@ -303,11 +602,19 @@ std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<
   }
   std::vector<Symptom> symptoms;
   for (SharedSymptom& entry : shared) {
-    const std::string cure = CureIfOfCamera(config, pairs, entry);
+    const std::string cure = CureIfOfCamera(config, diagnosed, entry);
     if (!cure.empty()) {
       entry.symptom.cure = cure;
       entry.symptom.settings.clear();
+    } else if (entry.symptom.code.name() == "pairing" && ArePairedDifferently(diagnosed, entry)) {
+      entry.symptom.cure =
+          "other cameras are paired otherwise, so name the images of each capture in the poses file "
+          "(columns image.CAMERA)";
     }
+    if (entry.symptom.reading == kInversePoses) AddCureOfDirection(config, diagnosed, &entry);
+    std::set<std::string> cameras;
+    for (const DoctorPair& pair : entry.pairs) cameras.insert(config.data.rig.cameras[pair.camera].name);
+    entry.symptom.cameras.assign(cameras.begin(), cameras.end());
     entry.symptom.what = WhereText(config, entry.pairs) + ": " + entry.symptom.what;
     symptoms.push_back(std::move(entry.symptom));
   }
@@ -322,13 +629,14 @@ bool AreJointsRecorded(const RigConfig& config, size_t robot) {
 
 // Examines whether joints and poses are those of the arms that the config names. Recorded joints need no images.
 // Otherwise arms and tools are compared by the images of one pair of each arm, the one that is seen most.
-std::vector<Symptom> SymptomsOfArms(const RigConfig& config, const std::vector<DoctorPair>& pairs, int num_threads) {
+std::vector<Symptom> SymptomsOfArms(const RigConfig& config, const std::vector<DiagnosedPair>& pairs, int num_threads) {
   std::vector<Symptom> symptoms;
   for (size_t r = 0; r < config.data.rig.robots.size(); ++r) {
     if (!config.data.arms[r]) continue;
     const bool is_recorded = AreJointsRecorded(config, r);
     std::optional<DoctorPair> best;
-    for (const DoctorPair& pair : pairs) {
+    for (const DiagnosedPair& diagnosed : pairs) {
+      const DoctorPair& pair = diagnosed.pair;
       if (pair.robot == r && (!best || pair.num_seen > best->num_seen)) best = pair;
     }
     if (!best) continue;
@@ -464,13 +772,16 @@ bool KeepsMoving(const PointMotion& motion) {
 }
 
 // Reports cameras and targets that stand on one mount by the config, but move against each other in the images: all the
-// time, because a mount is wrong, which adds the camera to `misplaced`; or once, because one of them was moved.
+// time, because a mount is wrong, which adds the camera to `misplaced`; or once, because one of them was moved. What is
+// in `misplaced` already is not reported.
 std::vector<Symptom> WrongMounts(const RigConfig& config, const std::vector<RigDetection>& detections,
-                                 std::set<size_t>* misplaced) {
+                                 Misplaced* misplaced) {
   const RigProblem& rig = config.data.rig;
   std::vector<Symptom> symptoms;
+  const Misplaced known = *misplaced;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     for (size_t t = 0; t < rig.targets.size(); ++t) {
+      if (known.Contains(c, t)) continue;
       if (MovesAgainst(rig.cameras[c].mount, rig.targets[t].mount)) continue;
       const PointMotion motion = MotionOfPoints(detections, c, t);
       const std::string& camera = rig.cameras[c].name;
@@ -485,7 +796,7 @@ std::vector<Symptom> WrongMounts(const RigConfig& config, const std::vector<RigD
                             "fix the mount of the camera or of the target and record all captures again, or calibrate "
                             "from the captures after the motion only (captures.exclude)"});
       } else if (KeepsMoving(motion)) {
-        misplaced->insert(c);
+        misplaced->cameras.insert(c);
         symptoms.push_back({Severity::kWrong, "mount",
                             "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") and target " + target +
                                 " (" + MountText(rig, rig.targets[t]) +
@@ -514,23 +825,52 @@ std::vector<Symptom> Unpaired(const std::vector<RigLeftOut>& left_out) {
            "complete the poses file if these captures are wanted; list them in captures.exclude if not"}};
 }
 
-// Reports what the adjustment of the whole rig finds.
-std::vector<Symptom> SymptomsOfRig(const RigConfig& config, const std::vector<DetectFunction>& detect,
-                                   int num_threads) {
+// Returns whether a motion of the cameras that have a symptom might explain it.
+bool MayBeMotion(const Symptom& symptom) {
+  return !symptom.cameras.empty() && (symptom.code.name() == "poses_unexplained" || IsOfSingleCaptures(symptom.code));
+}
+
+// Adds what the adjustment of the whole rig finds. If something is wrong with the inputs, only cameras that were moved
+// are added, and the symptoms that they explain are removed.
+void AddResult(const RigConfig& config, const std::vector<DetectFunction>& detect, int num_threads,
+               Diagnosis* diagnosis) {
   RigRunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = detect;
   const Outcome<RigRunOutput> run = RunRig(config.data, options);
-  if (!run) return {{Severity::kWrong, "no_result", run.reason(), ""}};
-  std::vector<Symptom> symptoms;
-  for (const Finding& finding : run->result.verdict.findings) {
-    if (finding.grade == Grade::kGood) continue;
-    symptoms.push_back(SymptomOf(finding));
+  if (!run) {
+    if (diagnosis->NumWrong() > 0) return;
+    diagnosis->symptoms.push_back({Severity::kWrong, "no_result", run.reason(), ""});
+    return;
   }
-  return symptoms;
+  std::erase_if(diagnosis->symptoms,
+                [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
+  const bool is_wrong = diagnosis->NumWrong() > 0;
+  for (const Finding& finding : run->result.verdict.findings) {
+    if (finding.grade == Grade::kGood || (is_wrong && finding.code != "camera_moved")) continue;
+    diagnosis->symptoms.push_back(SymptomOf(finding));
+  }
 }
 
 }  // namespace
+
+bool IsExplainedByMotion(const Symptom& symptom, const RigCalibration& calibration) {
+  if (calibration.moved.empty()) return false;
+  if (symptom.code.name() == "camera_moved") return true;
+  if (!MayBeMotion(symptom)) return false;
+  return std::all_of(symptom.cameras.begin(), symptom.cameras.end(), [&](const std::string& camera) {
+    std::set<std::string> left_out;
+    for (const MovedCamera& moved : calibration.moved) {
+      if (calibration.problem.cameras[moved.camera].name != camera) continue;
+      for (const size_t i : moved.left_out) left_out.insert(calibration.problem.captures[i].name);
+    }
+    const bool is_of_all = !IsOfSingleCaptures(symptom.code);
+    return !left_out.empty() &&
+           (is_of_all || (!symptom.captures.empty() &&
+                          std::all_of(symptom.captures.begin(), symptom.captures.end(),
+                                      [&](const std::string& capture) { return left_out.contains(capture); })));
+  });
+}
 
 Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity, Examine examine) {
   std::vector<DetectFunction> detect;
@@ -548,16 +888,17 @@ Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity
   diagnosis.num_images = static_cast<int>(images.size());
   diagnosis.num_seen = static_cast<int>(seen.size());
   diagnosis.symptoms = UnseenTargets(config, detections, num_threads);
-  std::set<size_t> misplaced;
+  std::vector<DiagnosedPair> pairs = DiagnosePairs(config, PairsOf(config, detections), num_threads, verbosity);
+  Misplaced misplaced;
+  for (Symptom& symptom : PairsOfOtherArms(config, pairs).Symptoms(&misplaced)) {
+    diagnosis.symptoms.push_back(std::move(symptom));
+  }
   for (Symptom& symptom : WrongMounts(config, detections, &misplaced)) {
     diagnosis.symptoms.push_back(std::move(symptom));
   }
-  // Whatever else is wrong with a camera may be due to its mount.
-  std::vector<DoctorPair> pairs = PairsOf(config, detections);
-  std::erase_if(pairs, [&](const DoctorPair& pair) { return misplaced.contains(pair.camera); });
-  for (Symptom& symptom : SymptomsOfPairs(config, pairs, num_threads, verbosity)) {
-    diagnosis.symptoms.push_back(std::move(symptom));
-  }
+  std::erase_if(pairs,
+                [&](const DiagnosedPair& entry) { return misplaced.Contains(entry.pair.camera, entry.pair.target); });
+  for (Symptom& symptom : SymptomsOfPairs(config, pairs)) diagnosis.symptoms.push_back(std::move(symptom));
   // Poses that are read wrongly are those of no arm.
   if (diagnosis.NumWrong() == 0) {
     for (Symptom& symptom : SymptomsOfArms(config, pairs, num_threads)) {
@@ -565,11 +906,10 @@ Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity
     }
   }
   for (Symptom& symptom : Unpaired(config.data.left_out)) diagnosis.symptoms.push_back(std::move(symptom));
-  if (diagnosis.NumWrong() == 0 && examine == Examine::kInputsAndResult) {
-    for (Symptom& symptom : SymptomsOfRig(config, detect, num_threads)) {
-      diagnosis.symptoms.push_back(std::move(symptom));
-    }
-  }
+  const bool may_be_motion =
+      std::all_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(),
+                  [](const Symptom& symptom) { return symptom.severity != Severity::kWrong || MayBeMotion(symptom); });
+  if (may_be_motion && examine == Examine::kInputsAndResult) AddResult(config, detect, num_threads, &diagnosis);
   SortBySeverity(&diagnosis);
   return diagnosis;
 }

@@ -1,6 +1,7 @@
 // Diagnoses the data set of a rig: every pair of a camera and a target as a data set of its own, and then the rig.
 #pragma once
 
+#include "heba/rig_calibration.h"
 #include "tools/config/rig_config.h"
 #include "tools/doctor/doctor.h"
 #include "tools/text/console.h"
@@ -12,5 +13,9 @@ namespace heba {
 // wrong with them, the findings of the adjustment of all follow. Throws InputError if the images cannot be read.
 Diagnosis Diagnose(const RigConfig& config, int num_threads, Verbosity verbosity,
                    Examine examine = Examine::kInputsAndResult);
+
+// Returns whether a motion of a camera that a calibration has found explains a symptom of the inputs: the images of the
+// camera that do not fit its other ones, or what the pixels show of the motion.
+bool IsExplainedByMotion(const Symptom& symptom, const RigCalibration& calibration);
 
 }  // namespace heba

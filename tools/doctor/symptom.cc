@@ -15,4 +15,11 @@ SymptomCode SymptomCode::OfFinding(const Finding& finding) {
   return code;
 }
 
+bool IsOfSingleCaptures(const SymptomCode& code) {
+  constexpr std::string_view kOfCaptures[] = {"swapped",       "wrong_pose",          "contradicts",
+                                              "same_picture",  "same_pose",           "unpaired",
+                                              "joint_pairing", "target_often_missed", "repeated_image"};
+  return std::find(std::begin(kOfCaptures), std::end(kOfCaptures), code.name()) != std::end(kOfCaptures);
+}
+
 }  // namespace heba

@@ -30,6 +30,7 @@ inline constexpr std::string_view kSymptomCodes[] = {
     "pose_direction",
     "rotation_inverse",
     "mount",
+    "other_arm",
     "pairing",
     "target_scale",
     "poses_unexplained",
@@ -86,10 +87,25 @@ class SymptomCode {
 struct Symptom {
   Severity severity = Severity::kRemark;
   SymptomCode code;
-  std::string what;  // Includes the evidence.
+  std::string what;  // Includes the evidence, unless that has a clause of its own.
   std::string cure;  // The change to make; may be empty.
   // The settings of the config that the cure changes; empty if it is another change, or one of several.
   std::vector<ConfigSetting> settings = {};
+  std::string evidence = {};  // The clause that errors leave out; may be empty.
+  std::string reading = {};   // How the data must be read instead, if that distinguishes symptoms with one code.
+  // The captures, and the cameras of a rig, that have it. Empty lists: they are not known, or do not matter.
+  std::vector<std::string> captures = {};
+  std::vector<std::string> cameras = {};
+
+  // Returns what is wrong, with the evidence.
+  std::string Text() const { return evidence.empty() ? what : what + "; " + evidence; }
 };
+
+// The reading of poses that are the inverse of what the config of a rig says. The symptom has no cure: poses_are may be
+// wrong, or mounts.
+inline constexpr const char* kInversePoses = "inverse";
+
+// Returns whether a symptom concerns single captures, which a calibration leaves out.
+bool IsOfSingleCaptures(const SymptomCode& code);
 
 }  // namespace heba

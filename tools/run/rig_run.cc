@@ -107,10 +107,11 @@ std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigPro
         result.used = result.used || target.used;
         const auto reason = reason_of.find({i, k});
         if (reason != reason_of.end()) {
-          reasons.Add(reason->second, target.target);
+          target.reason = reason->second;
         } else if (!target.used) {
-          reasons.Add("none of its points is where the estimate predicts it", target.target);
+          target.reason = "none of its points is where the estimate predicts it";
         }
+        if (!target.reason.empty()) reasons.Add(target.reason, target.target);
       }
       result.reason = result.targets.empty() ? "no target was detected" : reasons.Text();
       results.push_back(std::move(result));

@@ -81,9 +81,10 @@ struct RigArmChoice {
 // are not used.
 struct MovedCamera {
   size_t camera = 0;
-  size_t last_capture = 0;    // The last capture before the motion that has an image of the camera.
-  size_t first_capture = 0;   // The first one after it.
-  Rigid3d before_from_after;  // The pose of the camera after the motion, in its pose before it.
+  size_t last_capture = 0;            // The last capture before the motion that has an image of the camera.
+  size_t first_capture = 0;           // The first one after it.
+  Rigid3d before_from_after;          // The pose of the camera after the motion, in its pose before it.
+  std::vector<size_t> left_out = {};  // The captures whose images of the camera are not used, in their order.
 };
 
 struct RigCalibration {

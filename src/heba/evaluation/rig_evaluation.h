@@ -38,6 +38,7 @@ struct RigTargetInImage {
   // given.
   std::optional<double> rms_px;
   bool used = false;
+  std::string reason = {};  // The reason why it was not used; empty in a result that was read from a file.
 };
 
 // The outcome for one image of one capture.

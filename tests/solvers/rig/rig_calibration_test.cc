@@ -257,6 +257,14 @@ TEST(RigCalibration, NamesTheCameraThatWasMoved) {
   EXPECT_EQ(findings.front().Name("first_capture"), "capture_20");
   EXPECT_NEAR(*findings.front().Number("moved_mm"), 4, 1);
   EXPECT_NEAR(*findings.front().Number("moved_deg"), 0.5, 0.1);
+  // All images of the camera after the motion are left out.
+  int num_after = 0;
+  for (size_t i = 20; i < scene.problem.captures.size(); ++i) {
+    const std::vector<RigImage>& images = scene.problem.captures[i].images;
+    num_after += std::any_of(images.begin(), images.end(), [](const RigImage& image) { return image.camera == 1; });
+  }
+  EXPECT_EQ(*findings.front().Number("images_left_out"), num_after);
+  EXPECT_EQ(findings.front().Name("first_left_out"), "capture_20");
   ExpectTruth(scene, *calibration->refined);
 }
 
@@ -406,7 +414,9 @@ TEST(RigCalibration, NamesWhatNoImageJoins) {
   scene.problem.targets.pop_back();
   const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
   ASSERT_FALSE(calibration);
-  EXPECT_EQ(calibration.reason(), "arm right shares no target and no arm with the others");
+  EXPECT_EQ(calibration.reason(),
+            "arm right carries no camera and no target, so that no image joins it to the rest; give one the mount "
+            "right.gripper, or leave the arm out");
 }
 
 }  // namespace

@@ -94,5 +94,25 @@ TEST(FirstWrongTest, ACureIsAppendedIfThereIsOne) {
   EXPECT_EQ(FirstWrong(diagnosis), "");
 }
 
+// The fault of the inputs is the cause of the failure, which is not told beside it.
+TEST(WithDiagnosisTest, TellsTheCauseOrTheReason) {
+  Diagnosis diagnosis;
+  EXPECT_EQ(WithDiagnosis("the refinement did not converge", diagnosis), "the refinement did not converge");
+  diagnosis.symptoms = {{Severity::kWrong, "pairing", "images and poses are paired wrongly", "correct the rows"}};
+  diagnosis.symptoms[0].evidence = "they differ by 3 mm";
+  EXPECT_EQ(WithDiagnosis("the refinement did not converge", diagnosis),
+            "heba doctor: images and poses are paired wrongly; correct the rows");
+  EXPECT_EQ(WithDiagnosis("images and poses are paired wrongly: shifted", diagnosis),
+            "images and poses are paired wrongly: shifted; correct the rows");
+}
+
+// A calibration leaves single captures out, so that they are not why it failed.
+TEST(WithDiagnosisTest, TellsSingleCapturesAfterTheReason) {
+  Diagnosis diagnosis;
+  diagnosis.symptoms = {{Severity::kWrong, "swapped", "1.png and 2.png are swapped", "swap their names"}};
+  EXPECT_EQ(WithDiagnosis("camera top saw no target", diagnosis),
+            "camera top saw no target; heba doctor: 1.png and 2.png are swapped");
+}
+
 }  // namespace
 }  // namespace heba

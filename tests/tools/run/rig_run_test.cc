@@ -180,6 +180,27 @@ TEST_F(RigRunTest, EveryTargetOfAnImageHasItsReason) {
                                   HasSubstr("; target wall: none of its points is where the estimate predicts it")));
 }
 
+// Images of one camera that were left out for one reason have one line.
+TEST(LeftOutNotesTest, NameTheFirstAndTheLastImage) {
+  const auto image = [](const std::string& capture, const std::string& camera, const std::string& target,
+                        const std::string& reason) {
+    RigImageResult result{capture, camera, capture, false, reason.empty() ? "" : "target " + target + ": " + reason,
+                          {}};
+    RigTargetInImage& seen = result.targets.emplace_back();
+    seen.target = target;
+    seen.reason = reason;
+    return result;
+  };
+  RigImageResult unseen{"9.png", "left", "9.png", false, "no target was detected", {}};
+  EXPECT_THAT(LeftOutNotes({image("1.png", "left", "plate", "was moved"), image("1.png", "right", "plate", "is wrong"),
+                            image("2.png", "left", "plate", ""), image("3.png", "left", "wall", "was moved"),
+                            image("3.png", "right", "plate", "was moved"), image("4.png", "left", "plate", "was moved"),
+                            unseen}),
+              testing::ElementsAre("camera left: 3 images, from 1.png to 4.png: targets plate, wall: was moved",
+                                   "1.png, camera right: target plate: is wrong",
+                                   "3.png, camera right: target plate: was moved"));
+}
+
 // The errors of targets and bases by the truth are in the result, in its file and in the table.
 TEST_F(RigRunTest, TruthOfTargetsAndBasesIsCompared) {
   const RigScene scene = MakeScene(2);

@@ -166,6 +166,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
     if (const std::optional<size_t> j = pose_for(i)) belongs[i] = *j;
   }
   std::vector<std::string> alone;
+  std::vector<std::string> names_alone;
   for (const size_t i : outside) {
     const std::string& name = views[i].view.name;
     const std::string evidence = "by its own pose, " + name + " is off by " +
@@ -174,6 +175,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
     const auto found = belongs.find(i);
     if (found == belongs.end()) {
       alone.push_back(name + " (" + Significant(1000 * consistency->misfit_m[i], 2) + " mm)");
+      names_alone.push_back(name);
       continue;
     }
     const size_t j = found->second;
@@ -181,7 +183,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
     const bool is_swapped = back != belongs.end() && back->second == i;
     if (is_swapped && j < i) continue;  // Reported with the other one.
     const std::string& other = views[j].view.name;
-    symptoms.push_back(
+    Symptom& symptom = symptoms.emplace_back(
         is_swapped
             ? Symptom{Severity::kWrong, "swapped",
                       name + " and " + other + " are swapped: each fits the other's pose; " + evidence,
@@ -190,6 +192,8 @@ std::vector<Symptom> Check_captures(Examination* examination) {
                   Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
                   "look at the two images and at the poses file's lines for them; leave out the one that does not have "
                   "its own pose"});
+    symptom.captures.push_back(name);
+    if (is_swapped) symptom.captures.push_back(other);
   }
   if (!alone.empty()) {
     symptoms.push_back(
@@ -199,6 +203,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
              " mm at the target: " + Join(alone, ", "),
          "the pose belongs to another moment, the robot had not settled, or the target was misread: leave "
          "them out or take them again"});
+    symptoms.back().captures = std::move(names_alone);
   }
   return symptoms;
 }

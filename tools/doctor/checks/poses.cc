@@ -17,6 +17,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
@@ -49,6 +50,7 @@ struct MistakeWeights {
   double inverse = 1;
   double inverse_rotation = 2;
   double scale = 1.2;
+  double other_arm = 1.3;
   double other_order = 1.5;
   double shift = 1.4;  // Rows that are shifted; each row adds shift_per_row.
   double shift_per_row = 0.1;
@@ -62,6 +64,7 @@ struct Reading {
   PoseFormat format;
   Direction direction = Direction::kAsRead;
   std::string pairing;                         // The fault of the rows, as a clause; empty if there is none.
+  std::string arm;                             // The other arm whose poses these are; empty if there is none.
   std::vector<std::optional<Rigid3d>> mounts;  // Per view; not set if the pairing has none.
   double oddness = 0;  // Weighted number of mistakes that lead from this reading to the config's.
   RobotScale scale = RobotScale::kOne;
@@ -134,33 +137,52 @@ std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
   return readings;
 }
 
-// Pairs capture i with the pose of capture `other(i)`, if there is one.
+// The captures with the poses of the arm: those of the data set or, if it is a part of a rig, all of the rig.
+struct Rows {
+  std::vector<std::string> names;
+  std::vector<Rigid3d> base_from_gripper;
+  std::vector<size_t> place;  // For each capture of the data set, its row.
+};
+
+Rows RowsOf(const Examination& examination) {
+  const RigContext& rig = examination.rig;
+  if (!rig.captures.empty()) return {rig.captures, rig.base_from_gripper, rig.place};
+  Rows rows;
+  for (const Capture& capture : examination.config.data.captures) {
+    rows.place.push_back(rows.names.size());
+    rows.names.push_back(capture.name);
+    rows.base_from_gripper.push_back(capture.base_from_gripper);
+  }
+  return rows;
+}
+
+// Pairs the capture of row i with the pose of row `other(i)`, if there is one.
 template <class Other>
-Reading Repaired(const Examination& examination, const std::string& pairing, double oddness, const Other& other) {
+Reading Repaired(const Examination& examination, const Rows& rows, const std::string& pairing, double oddness,
+                 const Other& other) {
   const RunConfig& config = examination.config;
   Reading reading;
   reading.format = config.pose_reading.format;
   reading.pairing = pairing;
   reading.oddness = oddness;
   for (const ExaminedView& view : examination.views) {
-    const std::optional<size_t> from = other(view.capture);
-    reading.mounts.push_back(from ? std::optional(CameraMountFromTargetMount(
-                                        config.data.setup, config.data.captures[*from].base_from_gripper))
-                                  : std::nullopt);
+    const std::optional<size_t> from = other(rows.place[view.capture]);
+    reading.mounts.push_back(
+        from ? std::optional(CameraMountFromTargetMount(config.data.setup, rows.base_from_gripper[*from]))
+             : std::nullopt);
   }
   return reading;
 }
 
-// Returns, for each capture in one order, its index in the other, for data in which names sorted as 1, 2, ..., 10 were
+// Returns, for each row in one order, its index in the other, for data in which names sorted as 1, 2, ..., 10 were
 // paired with names sorted as 1, 10, ..., 2.
-std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_first) {
-  std::vector<size_t> by_letters(config.data.captures.size());
+std::vector<size_t> PlaceInOtherOrder(const std::vector<std::string>& names, bool by_letters_first) {
+  std::vector<size_t> by_letters(names.size());
   for (size_t i = 0; i < by_letters.size(); ++i) by_letters[i] = i;
   std::vector<size_t> by_number = by_letters;
-  const auto name = [&](size_t i) -> const std::string& { return config.data.captures[i].name; };
-  std::sort(by_letters.begin(), by_letters.end(), [&](size_t a, size_t b) { return name(a) < name(b); });
-  std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) { return NaturalLess(name(a), name(b)); });
-  std::vector<size_t> place(config.data.captures.size());
+  std::sort(by_letters.begin(), by_letters.end(), [&](size_t a, size_t b) { return names[a] < names[b]; });
+  std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) { return NaturalLess(names[a], names[b]); });
+  std::vector<size_t> place(names.size());
   for (size_t i = 0; i < place.size(); ++i) {
     if (by_letters_first) {
       place[by_letters[i]] = by_number[i];
@@ -172,27 +194,45 @@ std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_f
 }
 
 std::vector<Reading> Pairings(const Examination& examination) {
-  const RunConfig& config = examination.config;
-  const auto num = static_cast<std::ptrdiff_t>(config.data.captures.size());
+  const Rows rows = RowsOf(examination);
+  const auto num = static_cast<std::ptrdiff_t>(rows.names.size());
   std::vector<Reading> readings;
   for (const std::ptrdiff_t step : {1, -1, 2, -2, 3, -3}) {
-    const std::string rows = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
-    readings.push_back(Repaired(examination,
-                                "each image belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
-                                kMistakes.shift + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
-                                [&](size_t i) -> std::optional<size_t> {
-                                  const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
-                                  return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
-                                }));
+    const std::string distance = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
+    readings.push_back(Repaired(
+        examination, rows, "each image belongs to the pose " + distance + (step > 0 ? " further down" : " further up"),
+        kMistakes.shift + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
+        [&](size_t i) -> std::optional<size_t> {
+          const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
+          return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
+        }));
   }
-  readings.push_back(Repaired(examination, "the images are in the reverse order of the poses", kMistakes.other_order,
-                              [&](size_t i) { return std::optional(config.data.captures.size() - 1 - i); }));
+  readings.push_back(Repaired(examination, rows, "the images are in the reverse order of the poses",
+                              kMistakes.other_order,
+                              [&](size_t i) { return std::optional(rows.names.size() - 1 - i); }));
   for (const bool by_letters_first : {true, false}) {
-    const std::vector<size_t> place = PlaceInOtherOrder(config, by_letters_first);
-    readings.push_back(Repaired(examination,
+    const std::vector<size_t> place = PlaceInOtherOrder(rows.names, by_letters_first);
+    readings.push_back(Repaired(examination, rows,
                                 "images and poses were sorted differently (1, 10, 11, ..., 2 against 1, 2, "
                                 "..., 10)",
                                 kMistakes.other_order, [&](size_t i) { return std::optional(place[i]); }));
+  }
+  return readings;
+}
+
+// Takes the poses of the other arms of a rig for those of this one.
+std::vector<Reading> OtherArms(const Examination& examination) {
+  const RunConfig& config = examination.config;
+  std::vector<Reading> readings;
+  for (const RigContext::OtherArm& arm : examination.rig.other_arms) {
+    Reading& reading = readings.emplace_back();
+    reading.format = config.pose_reading.format;
+    reading.arm = arm.name;
+    reading.oddness = kMistakes.other_arm;
+    for (const ExaminedView& view : examination.views) {
+      reading.mounts.emplace_back(
+          CameraMountFromTargetMount(config.data.setup, arm.base_from_gripper[examination.rig.place[view.capture]]));
+    }
   }
   return readings;
 }
@@ -230,16 +270,15 @@ std::string RotationText(const PoseFormat& format) {
 }
 
 // Describes both explanations of poses that are the inverse of what the config says.
-std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_from_camera) {
+std::string EitherSetUp(const RunConfig& config) {
   const Setup other = config.data.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
     return setup == Setup::kEyeToHand ? "if the camera is fixed beside the robot" : "if the robot carries the camera";
   };
   return std::string(where(config.data.setup)) + ", set captures.poses_are: " +
-         (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + " (" +
-         HandEyeText(config.data.setup, camera_mount_from_camera) + "); " + where(other) +
-         ", set setup: " + std::string(SetupName(other)) + " (" + HandEyeText(other, camera_mount_from_camera) +
-         "); the data cannot distinguish these two, but you can see which one applies";
+         (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + "; " + where(other) +
+         ", set setup: " + std::string(SetupName(other)) +
+         "; the data cannot distinguish these two, but you can see which one applies";
 }
 
 // Describes the best reading. Returns nothing if it differs from the config's only by an insignificant scale.
@@ -250,11 +289,21 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   Symptom symptom;
   symptom.severity = Severity::kWrong;
   const Reading& reading = best.reading;
-  const std::string evidence = "; with this reading, robot and images differ by " + MisfitText(best.consistency) +
-                               ", with the config's by " + MisfitText(now) + " (7 of 10 captures by less)";
+  symptom.evidence = "with this reading, robot and images differ by " + MisfitText(best.consistency) +
+                     ", with the config's by " + MisfitText(now) + " (7 of 10 captures by less)";
+  if (!reading.arm.empty()) {
+    symptom.code = "other_arm";
+    symptom.reading = reading.arm;
+    symptom.what = "the poses of arm " + reading.arm + " fit the images, those of the config's arm do not";
+    symptom.evidence = "with the poses of arm " + reading.arm + ", robot and images differ by " +
+                       MisfitText(best.consistency) + ", with the config's by " + MisfitText(now) +
+                       " (7 of 10 captures by less)";
+    return symptom;
+  }
   if (!reading.pairing.empty()) {
     symptom.code = "pairing";
-    symptom.what = "images and poses are paired wrongly: " + reading.pairing + evidence;
+    symptom.reading = reading.pairing;
+    symptom.what = "images and poses are paired wrongly: " + reading.pairing;
     symptom.cure = "correct the rows of the poses file, and name the image of each in a column image";
     return symptom;
   }
@@ -289,7 +338,15 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   if (reading.direction == Direction::kInverse) {
     codes.push_back("pose_direction");
     faults.push_back("the poses are the inverse of what the config says");
-    cures.push_back(EitherSetUp(config, best.consistency.hand_eye.camera_mount_from_camera));
+    // In a rig, the other cameras and targets help to tell.
+    if (examination.rig.captures.empty()) {
+      cures.push_back(EitherSetUp(config));
+      symptom.evidence +=
+          "; base_from_camera, if the camera is fixed, or gripper_from_camera, if the robot carries it, is " +
+          PoseText(best.consistency.hand_eye.camera_mount_from_camera);
+    } else {
+      symptom.reading = kInversePoses;
+    }
   }
   if (reading.direction == Direction::kInverseRotation) {
     codes.push_back("rotation_inverse");
@@ -311,7 +368,7 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   }
   if (codes.empty()) return std::nullopt;
   symptom.code = codes.front();
-  symptom.what = Join(faults, "; ") + evidence;
+  symptom.what = Join(faults, "; ");
   symptom.cure = Join(cures, "; ");
   // Settings that are only a part of the cure would look like all of it.
   if (cures.size() > 1) symptom.settings.clear();
@@ -358,12 +415,13 @@ std::vector<Symptom> Check_poses(Examination* examination) {
                                   now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};
   const auto is_tellable = [&](const Reading& reading) {
     return !is_scale_only ||
-           (reading.direction == Direction::kAsRead && reading.pairing.empty() &&
+           (reading.direction == Direction::kAsRead && reading.pairing.empty() && reading.arm.empty() &&
             reading.format.rotation == format_now.rotation && reading.format.robot == format_now.robot &&
             reading.format.angle_unit == format_now.angle_unit);
   };
   std::vector<JudgedReading> judged;
-  for (const std::vector<Reading>& readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
+  for (const std::vector<Reading>& readings :
+       {ReadingsOfNumbers(*examination), Pairings(*examination), OtherArms(*examination)}) {
     for (const Reading& reading : readings) {
       if (!is_tellable(reading)) continue;
       if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
@@ -386,12 +444,13 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     std::vector<std::string> alike;
     for (const JudgedReading& one : judged) {
       const bool is_other = RotationText(one.reading.format) != RotationText(best->reading.format);
-      if (misfit_m(one) <= alike_m && one.oddness == best->oddness && is_other && one.reading.pairing.empty()) {
+      const bool is_of_numbers = one.reading.pairing.empty() && one.reading.arm.empty();
+      if (misfit_m(one) <= alike_m && one.oddness == best->oddness && is_other && is_of_numbers) {
         alike.push_back(RotationText(one.reading.format));
       }
     }
     if (const std::optional<Symptom> symptom = Describe(*examination, *best, *now, alike)) {
-      if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty()) {
+      if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty() && best->reading.arm.empty()) {
         examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency),
                                         misfit_m(*best) <= kPoorShare * distance_m};
         examination->pose_fit->format.translation_unit = best->unit;
@@ -403,18 +462,20 @@ std::vector<Symptom> Check_poses(Examination* examination) {
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
   const double scale = scaled ? scaled->robot_scale : 1;
+  examination->pose_fit->tells_scale = scaled && kLimits.scale_sigmas * scaled->robot_scale_stddev < kLimits.scale;
   // The scale is only reported if the poses fit otherwise: unrelated poses may result in any scale.
   const bool fits_scaled = scaled && IsPlausibleScale(scale) && scaled->typical_misfit_m < kPoorShare * distance_m;
   if (fits_scaled && std::abs(scale - 1) > std::max(kLimits.scale, kLimits.scale_sigmas * scaled->robot_scale_stddev) &&
       scaled->typical_translation_m < kLimits.scale_gain * now->typical_translation_m) {
     for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
-    return {{Severity::kWrong, "target_scale",
-             "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
-                 Significant(scaled->robot_scale_stddev / (scale * scale), 1) +
-                 ", one sigma): with this scale, robot and images differ by " + MisfitText(*scaled) +
-                 ", without it by " + MisfitText(*now),
-             "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
-                 " (or, if it is right, the focal length is wrong by this factor)"}};
+    Symptom symptom{Severity::kWrong, "target_scale",
+                    "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
+                        Significant(scaled->robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
+                    "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
+                        " (or, if it is right, the focal length is wrong by this factor)"};
+    symptom.evidence =
+        "with this scale, robot and images differ by " + MisfitText(*scaled) + ", without it by " + MisfitText(*now);
+    return {std::move(symptom)};
   }
 
   if (now->typical_misfit_m > kPoorShare * distance_m) {
@@ -422,12 +483,14 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
     const MotionAnalysis motion = AnalyseMotion(mounts);
     const std::string why = WhyNotObservable(motion);
-    return {{Severity::kWrong, "poses_unexplained",
-             "robot and images differ by " + MisfitText(*now) +
-                 " (7 of 10 captures by less), and no other reading of the poses file explains it" +
-                 (why.empty() ? "" : "; the images show rotations that the poses do not (" + why + ")"),
-             "check that all poses belong to these images and to one frame on the arm, and that neither the camera nor "
-             "the target moved on its mount"}};
+    Symptom symptom{Severity::kWrong, "poses_unexplained",
+                    "robot and images differ by " + MisfitText(*now) +
+                        ", and no other reading of the poses file explains it" +
+                        (why.empty() ? "" : "; the images show rotations that the poses do not"),
+                    "check that all poses belong to these images and to one frame on the arm, and that neither the "
+                    "camera nor the target moved on its mount"};
+    symptom.evidence = (why.empty() ? "" : why + "; ") + "7 of 10 captures differ by less";
+    return {std::move(symptom)};
   }
   return {};
 }

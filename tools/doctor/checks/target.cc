@@ -170,7 +170,8 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
   constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
-  const RunConfig sample = Sample(config, examination->other_codes.empty() ? kSome : kMore);
+  const std::vector<std::string>& other_codes = examination->rig.other_codes;
+  const RunConfig sample = Sample(config, other_codes.empty() ? kSome : kMore);
   const std::vector<CaptureDetection> few =
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const auto detect_all = [&] {
@@ -181,8 +182,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
     is_looked_for = true;
     // Both targets are compared in the same images: the few may not show the target at all.
     const size_t num_now = NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
-    const std::optional<OtherTarget> other =
-        FindOther(sample, examination->other_codes, num_now, examination->num_threads);
+    const std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination->num_threads);
     if (!other) return std::nullopt;
     config.data.target = other->target;
     config.target_used = other->used;

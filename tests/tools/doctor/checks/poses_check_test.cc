@@ -69,7 +69,7 @@ TEST_P(MisreadPosesTest, AreNamedAndCorrected) {
   const std::vector<Symptom> symptoms = Check_poses(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong " + misread.code));
   EXPECT_THAT(symptoms[0].what, HasSubstr(misread.fault));
-  EXPECT_THAT(symptoms[0].what, HasSubstr("with this reading, robot and images differ by "));
+  EXPECT_THAT(symptoms[0].evidence, HasSubstr("with this reading, robot and images differ by "));
   EXPECT_EQ(symptoms[0].cure, "set captures.pose_format: " + PoseFormatText(misread.written));
   ASSERT_TRUE(examination.pose_fit.has_value());
   EXPECT_TRUE(examination.pose_fit->fits);
@@ -104,11 +104,11 @@ TEST(PosesCheckTest, FindsInvertedPosesAndOffersBothExplanations) {
   SetPoses(poses, &examination);
   const std::vector<Symptom> symptoms = Check_poses(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_direction"));
-  EXPECT_THAT(symptoms[0].cure, HasSubstr("if the camera is fixed beside the robot, set captures.poses_are: "
-                                          "gripper_from_base (base_from_camera ["));
+  EXPECT_THAT(symptoms[0].cure,
+              HasSubstr("if the camera is fixed beside the robot, set captures.poses_are: gripper_from_base; "));
   EXPECT_TRUE(symptoms[0].settings.empty());  // The cure is a choice between two settings.
-  EXPECT_THAT(symptoms[0].cure, HasSubstr("if the robot carries the camera, set setup: eye_in_hand "
-                                          "(gripper_from_camera ["));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("if the robot carries the camera, set setup: eye_in_hand; "));
+  EXPECT_THAT(symptoms[0].evidence, HasSubstr("or gripper_from_camera, if the robot carries it, is ["));
   ExpectCorrected(examination, CleanExamination());
 }
 
@@ -177,6 +177,85 @@ TEST(PosesCheckTest, FindsNamesThatWereSortedByLetters) {
   EXPECT_THAT(symptoms[0].what, HasSubstr("images and poses were sorted differently"));
 }
 
+// Returns the context of a pair in a rig with these rows: those of the data set are at `place`.
+RigContext ContextOf(const std::vector<Rigid3d>& poses_of_rows, const std::vector<size_t>& place) {
+  RigContext rig;
+  for (size_t row = 0; row < poses_of_rows.size(); ++row) rig.captures.push_back("view_" + std::to_string(row));
+  rig.base_from_gripper = poses_of_rows;
+  rig.place = place;
+  return rig;
+}
+
+// A camera of a rig that sees another target in every third capture: its rows are shifted among those of all captures,
+// not among those that are left.
+TEST(PosesCheckTest, CountsTheRowsOfACameraThatSeesSeveralTargets) {
+  SimulatedSetOptions options;
+  options.num_captures = 24;
+  Examination examination = CleanExamination(options);
+  const std::vector<Rigid3d> poses = PosesOf(examination);
+  RunConfig& config = examination.config;
+  std::vector<Rigid3d> rows(poses.size());
+  for (size_t i = 0; i < poses.size(); ++i) rows[(i + 1) % poses.size()] = poses[i];
+  std::vector<size_t> place;
+  std::vector<Capture> captures;
+  std::vector<CaptureDetection> detections;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    if (i % 3 == 0) continue;
+    place.push_back(i);
+    captures.push_back(config.data.captures[i]);
+    detections.push_back(config.data.given_detections[i]);
+  }
+  config.data.captures = captures;
+  config.data.given_detections = detections;
+  examination.detections = detections;
+  std::vector<Rigid3d> poses_of_captures;
+  for (const size_t row : place) poses_of_captures.push_back(rows[row]);
+  SetPoses(poses_of_captures, &examination);
+  examination.rig = ContextOf(rows, place);
+  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
+  EXPECT_EQ(symptoms[0].reading, "each image belongs to the pose 1 row further down");
+}
+
+// Returns an examination with the poses of an arm that moved otherwise than the target.
+Examination WithUnrelatedPoses(std::vector<Rigid3d>* right) {
+  Examination examination = CleanExamination();
+  *right = PosesOf(examination);
+  SimulatedSetOptions options;
+  options.seed = 7;
+  SetPoses(PosesOf(CleanExamination(options)), &examination);
+  return examination;
+}
+
+TEST(PosesCheckTest, NamesTheArmWhosePosesFit) {
+  std::vector<Rigid3d> right;
+  Examination examination = WithUnrelatedPoses(&right);
+  std::vector<size_t> place;
+  for (size_t i = 0; i < right.size(); ++i) place.push_back(i);
+  examination.rig = ContextOf(PosesOf(examination), place);
+  Rng rng(3);
+  std::vector<Rigid3d> other;
+  for (size_t i = 0; i < right.size(); ++i) {
+    other.emplace_back(ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3());
+  }
+  examination.rig.other_arms = {{"third", other}, {"right", right}};
+  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong other_arm"));
+  EXPECT_EQ(symptoms[0].reading, "right");
+  EXPECT_THAT(symptoms[0].evidence, HasSubstr("with the poses of arm right, robot and images differ by "));
+  EXPECT_FALSE(examination.pose_fit->fits);
+  ExpectCorrected(examination, CleanExamination());
+  // No arm is named if none fits, or if the own one does.
+  examination = WithUnrelatedPoses(&right);
+  examination.rig = ContextOf(PosesOf(examination), place);
+  examination.rig.other_arms = {{"third", other}};
+  EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+  Examination clean = CleanExamination();
+  clean.rig = ContextOf(PosesOf(clean), place);
+  clean.rig.other_arms = {{"right", PosesOf(clean)}, {"third", other}};
+  EXPECT_THAT(CodesOf(Check_poses(&clean)), IsEmpty());
+}
+
 // A target that is larger than the config says makes the robot seem to move farther than the images show.
 TEST(PosesCheckTest, FindsTheScaleOfTheTarget) {
   Examination examination = CleanExamination();
@@ -201,7 +280,8 @@ TEST(PosesCheckTest, FindsTheScaleOfTheTargetWithANoisyRobot) {
   const std::vector<Symptom> symptoms = Check_poses(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_scale"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target is 1.0"));
-  EXPECT_THAT(symptoms[0].what, HasSubstr("one sigma): with this scale, robot and images differ by "));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("one sigma)"));
+  EXPECT_THAT(symptoms[0].evidence, HasSubstr("with this scale, robot and images differ by "));
 }
 
 TEST(PosesCheckTest, SaysThatNothingExplainsUnrelatedPoses) {
