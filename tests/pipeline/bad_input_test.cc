@@ -446,7 +446,7 @@ TEST_F(BadInputTest, ReportsImagesOfDifferentSizes) {
 TEST_F(BadInputTest, ReportsATargetThatIsNeverSeen) {
   WriteAll(folder_ / "target.yaml",
            "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
-  ExpectError(1, {"config.yaml", "not detected in any of the 6 images"});
+  ExpectError(1, {"config.yaml", "the target is detected in 0 of 6 images"});
 }
 TEST_F(BadInputTest, ReportsTooFewCaptures) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));

@@ -40,7 +40,7 @@ std::string FirstWrong(const Diagnosis& diagnosis);
 
 // Explains why a run failed: the first fault that the doctor finds, because it is the cause and the reason of the
 // failure its consequence, or the reason alone if the doctor finds none. Faults of single captures, which a calibration
-// leaves out, follow the reason. A text that both contain is given once.
+// leaves out, and poses that the doctor cannot explain follow the reason. A text that both contain is given once.
 std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis);
 
 // Inserts the first fault, if there is one, before the findings of a run, as their cause. A finding with the same code

@@ -181,7 +181,7 @@ std::filesystem::path ConfigValue::AsPath() const {
 std::filesystem::path ConfigValue::AsInputPath() const {
   const std::filesystem::path path = AsPath();
   std::error_code error;
-  if (!std::filesystem::exists(path, error)) Fail("there is no file " + path.string() + FileMeant(path));
+  if (!std::filesystem::exists(path, error)) Fail(path.string() + ": there is no such file" + FileMeant(path));
   return path;
 }
 
