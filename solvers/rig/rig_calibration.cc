@@ -195,8 +195,10 @@ std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig&
   }
   std::vector<UnusedRigImage> unused;
   ImageSet told;
-  for (const auto& [capture, image] : judged.left_out) {
-    if (told.contains({capture, image})) continue;
+  for (const std::pair<size_t, size_t>& place : judged.left_out) {
+    const size_t capture = place.first;
+    const size_t image = place.second;
+    if (told.contains(place)) continue;
     const RigImage& of_image = problem.captures[capture].images[image];
     for (size_t r = 0; r < problem.robots.size(); ++r) {
       const std::vector<size_t> moved = ImagesMovedBy(problem, capture, r);
