@@ -584,7 +584,9 @@ class PairsOfOtherArms {
 
 std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<DiagnosedPair>& diagnosed) {
   std::vector<SharedSymptom> shared;
-  for (const auto& [pair, diagnosis] : diagnosed) {
+  for (const DiagnosedPair& entry : diagnosed) {
+    const DoctorPair& pair = entry.pair;
+    const Diagnosis& diagnosis = entry.diagnosis;
     for (const Symptom& of_pair : diagnosis.symptoms) {
       if (IsIn(kNotOfPairs, of_pair.code)) continue;
       // A fault of all captures may cause those of single ones.
