@@ -40,37 +40,17 @@ inline RigScene ReachableRig(uint64_t seed, const RigSceneSetting& setting) {
   return scene;
 }
 
-// Returns the errors of those parameters that captures can determine; those of the others are zero.
-inline Eigen::VectorXd Determined(const Arm& nominal, const Eigen::VectorXd& errors) {
-  Eigen::VectorXd determined = Eigen::VectorXd::Zero(errors.size());
-  for (const SharedEffect& effect : ArmErrors(nominal, ArmErrorModel::kGeometry).effects) {
-    determined[effect.index] = errors[effect.index];
-  }
-  return determined;
-}
-
-// Returns a rig with the captures of arms of this kind, whose parameters have errors of these sigmas. An error that no
-// captures determine is one of the poses of what stands in the base or is on the flange; without it, those are the
-// true ones.
-enum class ArmErrorsOf { kAllParameters, kDeterminedParameters };
-inline RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErrorSigmas& sigmas, uint64_t seed,
-                            ArmErrorsOf errors_of = ArmErrorsOf::kAllParameters) {
+// Returns a rig with the captures of arms of this kind, whose parameters have errors of these sigmas (DrawArmErrors):
+// those that captures determine, so that the poses of what stands in the base or is on the flange are the true ones.
+inline RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErrorSigmas& sigmas, uint64_t seed) {
   Rng rng(seed);
   RigArmScene scene{std::move(rig), {}, {}};
   for (size_t r = 0; r < scene.rig.problem.robots.size(); ++r) {
     const Arm nominal = *FindArm("ur10e");
     const Rigid3d tip_from_gripper(ExpRotation(rng.Direction3()), 0.05 * rng.Direction3());
-    Eigen::VectorXd errors = DrawArmErrors(nominal, sigmas, &rng);
-    if (errors_of == ArmErrorsOf::kDeterminedParameters) errors = Determined(nominal, errors);
-    scene.arms.push_back(SimulatedArm{nominal, std::move(errors), tip_from_gripper, true, 0});
+    scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
   }
-  RigSceneOptions options;
-  options.motion.num_captures = setting.num_captures;
-  options.motion.distance_m = 0.7;
-  options.motion.max_tilt_rad = 0.6;
-  options.noise_px = setting.noise_px;
-  options.robot_noise = setting.robot_noise;
-  options.homes.assign(scene.arms.size(), Rigid3d(Eigen::Quaterniond::Identity(), {0.4, 0, 0.4}));
+  const RigSceneOptions options = OptionsOf(setting, scene.arms.size());
   const Outcome<RigMotion> motion =
       SimulateRigMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
   CHECK(motion.ok()) << motion.reason();

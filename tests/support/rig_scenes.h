@@ -54,14 +54,20 @@ inline void AddTarget(const std::string& name, const Mount& mount, const Rigid3d
   scene->truth.mount_from_target.push_back(mount_from_target);
 }
 
-inline void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
+// Returns the options of the simulation of a rig with this number of arms.
+inline RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms) {
   RigSceneOptions options;
   options.motion.num_captures = setting.num_captures;
   options.motion.distance_m = 0.7;
   options.motion.max_tilt_rad = 0.6;
   options.noise_px = setting.noise_px;
   options.robot_noise = setting.robot_noise;
-  options.homes.assign(scene->problem.robots.size(), Rigid3d(Eigen::Quaterniond::Identity(), {0.4, 0, 0.4}));
+  options.homes.assign(num_arms, Rigid3d(Eigen::Quaterniond::Identity(), {0.4, 0, 0.4}));
+  return options;
+}
+
+inline void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
+  const RigSceneOptions options = OptionsOf(setting, scene->problem.robots.size());
   const Outcome<std::vector<ArmPoses>> arms =
       SimulateArmPoses(scene->problem, scene->truth, scene->targets, options, rng);
   CHECK(arms.ok()) << arms.reason();

@@ -5,13 +5,13 @@
 
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
-#include "heba/base/text.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/rig_result_file.h"
 #include "heba/simulation/arm_captures.h"
 #include "heba/simulation/rig_motion.h"
 #include "targets/images/image.h"
+#include "tools/config/robot_section.h"
 #include "tools/files/result_folder.h"
 
 namespace heba {
@@ -42,18 +42,6 @@ std::vector<std::optional<SimulatedArm>> DrawArms(const RigSceneConfig& scene, R
                                arm->has_several_configurations, arm->joint_noise_rad};
   }
   return arms;
-}
-
-std::string JointsText(const RigMotion& motion, size_t robot) {
-  std::string text = "image";
-  for (Eigen::Index j = 0; j < motion.joints.front()[robot].size(); ++j) text += ",j" + std::to_string(j + 1);
-  text += "\n";
-  for (size_t i = 0; i < motion.joints.size(); ++i) {
-    text += ImageName(i);
-    for (const double joint : motion.joints[i][robot]) text += "," + RoundTrip(joint);
-    text += "\n";
-  }
-  return text;
 }
 
 // Adds the kinematics of an arm to the config: beside its poses or, if the scene does not name it,
@@ -131,7 +119,14 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
     }
     WriteFileAtomically(folder.staging() / PosesName(scene, rig.robots[r]), PoseFileText(rows, scene.pose_format));
     if (!scene.arms[r] || !scene.arms[r]->records_joints) continue;
-    WriteFileAtomically(folder.staging() / JointsName(scene, rig.robots[r]), JointsText(*arm_motion, r));
+    std::vector<std::string> images;
+    std::vector<Eigen::VectorXd> joints;
+    for (size_t i = 0; i < num_captures; ++i) {
+      images.push_back(ImageName(i));
+      joints.push_back(arm_motion->joints[i][r]);
+    }
+    WriteFileAtomically(folder.staging() / JointsName(scene, rig.robots[r]),
+                        JointsFileText(scene.arms[r]->nominal, images, joints));
   }
   const size_t num_cameras = rig.cameras.size();
   const int num_images = static_cast<int>(num_captures * num_cameras);

@@ -69,6 +69,18 @@ std::vector<std::vector<double>> ReadJoints(const Arm& arm, const std::filesyste
   return joints;
 }
 
+std::string JointsFileText(const Arm& arm, const std::vector<std::string>& images,
+                           const std::vector<Eigen::VectorXd>& joints) {
+  CHECK_EQ(images.size(), joints.size());
+  std::string text = "image," + Join(JointColumns(arm), ",") + "\n";
+  for (size_t i = 0; i < images.size(); ++i) {
+    text += images[i];
+    for (const double joint : joints[i]) text += "," + RoundTrip(joint);
+    text += "\n";
+  }
+  return text;
+}
+
 bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
 
 std::vector<std::string> JointColumns(const Arm& arm) {

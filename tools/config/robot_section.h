@@ -27,6 +27,10 @@ void ReadJointsFile(MapReader& captures, RunConfig* config);
 std::vector<std::vector<double>> ReadJoints(const Arm& arm, const std::filesystem::path& file, bool are_deg,
                                             const std::vector<std::string>& names);
 
+// Returns the text of such a file, with positions in rad or m, one list per image.
+std::string JointsFileText(const Arm& arm, const std::vector<std::string>& images,
+                           const std::vector<Eigen::VectorXd>& joints);
+
 // Reads an arm from the keys model, base_link, tip_link, kinematics, payload, tool and joints_near. Adds the files that
 // it reads to `data_files`.
 RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files);

@@ -88,7 +88,7 @@ std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis)
   if (diagnosis.NumWrong() == 0) return reason;
   const Symptom& first = diagnosis.symptoms.front();
   if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
-  // What the doctor cannot explain is no cause of the failure.
+  // Poses that the doctor cannot explain are no cause of the failure.
   const bool is_cause = !IsOfSingleCaptures(first.code) && first.code.name() != "poses_unexplained";
   if (!is_cause) return reason + "; heba doctor: " + first.what;
   return "heba doctor: " + FirstWrong(diagnosis);

@@ -31,7 +31,7 @@ struct PoseFit {
   bool tells_scale = false;  // Whether they would show a target of another size.
 };
 
-// What surrounds a data set that is one camera and one target of a rig.
+// The rest of the rig around a data set that is one of its cameras and one of its targets.
 struct RigContext {
   // The codes (Target::Codes) of the other targets that the images may show, which are not this one.
   std::vector<std::string> other_codes;

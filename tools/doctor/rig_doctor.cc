@@ -449,7 +449,7 @@ std::vector<DiagnosedPair> DiagnosePairs(const RigConfig& config, std::vector<Do
   return diagnosed;
 }
 
-// What has a wrong mount. Whatever else is wrong with it may be due to that.
+// The cameras and targets with a wrong mount, which may be the cause of anything else that is wrong with them.
 struct Misplaced {
   std::set<size_t> cameras;
   std::set<size_t> targets;

@@ -12,10 +12,10 @@
 
 namespace heba {
 
-// What a calibration says about an arm.
+// The part of a calibration that concerns one arm.
 struct ArmEstimate {
-  std::shared_ptr<const SharedEffects> errors;  // Those that were estimated; null if none were.
-  std::string reason;                           // The reason why, in one clause.
+  std::shared_ptr<const SharedEffects> errors;  // The estimated errors; null if none were estimated.
+  std::string reason;                           // The reason if none were, in one clause.
   Eigen::VectorXd values;                       // One per error.
   Eigen::VectorXd stddev;                       // One sigma of each.
   std::vector<double> group_sigmas;             // The standard deviation of each group of errors.

@@ -40,7 +40,7 @@ std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
                                                   const std::vector<StatedPose>& base_from_gripper,
                                                   const std::vector<std::optional<Rigid3d>>& near = {});
 
-// What is given about the pose of an arm at which images were taken.
+// The pose and the joints of an arm at which images were taken, as far as they are given.
 struct GivenArmPose {
   std::optional<Rigid3d> base_from_gripper;
   std::optional<Eigen::VectorXd> joints;  // rad or m.

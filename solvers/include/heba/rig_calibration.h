@@ -67,7 +67,7 @@ struct RigSmoothErrors {
   RobotNoise noise_before;  // The noise of the arm without them.
 };
 
-// What the captures say about the errors of an arm's kinematics.
+// The outcome of the choice among the models of an arm's errors.
 struct RigArmChoice {
   size_t robot = 0;
   size_t branch = 0;                           // Index in RigArmErrors::effects_of_captures.

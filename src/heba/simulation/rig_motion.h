@@ -27,7 +27,7 @@ struct SimulatedArm {
 // The motion of the arms, with one entry per capture.
 struct RigMotion {
   std::vector<ArmPoses> exact;
-  std::vector<ArmPoses> stated;  // Those that controllers without noise report.
+  std::vector<ArmPoses> stated;  // The poses that controllers without noise report.
   // The commanded joints of each arm (rad or m); empty for an arm that is exact.
   std::vector<std::vector<Eigen::VectorXd>> joints;
 };

@@ -144,9 +144,7 @@ struct Errors {
 
 SeenObject SeeBeforeTheWrist(uint64_t seed) {
   const RigSceneSetting setting = Setting();
-  return SeeObject(
-      WithArms(ReachableRig(seed, setting), setting, kErrors, seed + 1000, ArmErrorsOf::kDeterminedParameters), kWrist,
-      seed + 2000);
+  return SeeObject(WithArms(ReachableRig(seed, setting), setting, kErrors, seed + 1000), kWrist, seed + 2000);
 }
 
 // The means of the chi-squares with 6 degrees of freedom, and of those with 3 of points, are within 4 standard

@@ -113,16 +113,6 @@ Outcome<SimulatedCaptures> WithArm(const SceneConfig& scene, const SimulatedCapt
   return captures;
 }
 
-std::string JointsText(const Arm& arm, const SimulatedCaptures& captures) {
-  std::string text = "image," + Join(JointColumns(arm), ",") + "\n";
-  for (size_t i = 0; i < captures.rows.size(); ++i) {
-    text += captures.rows[i].image;
-    for (const double joint : captures.joints[i]) text += "," + RoundTrip(joint);
-    text += "\n";
-  }
-  return text;
-}
-
 int SimulateRig(const std::string& path) {
   const Outcome<int> num_images = WriteRigDataSet(ReadRigScene(path, Settings()), FLAGS_out, NumThreads(),
                                                   FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
@@ -204,7 +194,9 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   WriteFileAtomically(folder.staging() / "camera.yaml", CameraToYaml(scene.camera));
   WriteFileAtomically(folder.staging() / "poses.csv", PoseFileText(rows, scene.pose_format));
   if (scene.arm && scene.arm->records_joints) {
-    WriteFileAtomically(folder.staging() / "joints.csv", JointsText(scene.arm->nominal, captures));
+    std::vector<std::string> images;
+    for (const PoseRow& row : captures.rows) images.push_back(row.image);
+    WriteFileAtomically(folder.staging() / "joints.csv", JointsFileText(scene.arm->nominal, images, captures.joints));
   }
   WriteFileAtomically(folder.staging() / "config.yaml", RunConfigText(scene));
   WriteFileAtomically(folder.staging() / "truth.json",
