@@ -11,8 +11,7 @@ namespace {
 
 // Estimates the variances of the groups, and returns the restricted log-likelihood at them.
 double LikelihoodOf(const std::vector<LinearisedView>& views, double unit_px, std::vector<VarianceGroup>* groups) {
-  const VarianceComponents found = EstimateVariances(views, *groups, kRoughVariances);
-  for (size_t g = 0; g < groups->size(); ++g) (*groups)[g].variance = found.variances[static_cast<Eigen::Index>(g)];
+  FitVariances(views, groups);
   return RestrictedLogLikelihood(views, unit_px, *groups, views.front().by_unknowns.cols());
 }
 

@@ -151,16 +151,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   fit.state.poses = start;
   for (const RigCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
   for (const RigTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
-  if (!problem.effects.empty()) {
-    fit.state.effects.resize(problem.robots.size());
-    fit.noise.effect_sigmas.resize(problem.robots.size());
-  }
-  for (size_t r = 0; r < fit.state.effects.size(); ++r) {
-    const SharedEffects* const effects = EffectsOf(problem, r);
-    if (effects == nullptr) continue;
-    fit.state.effects[r].setZero(effects->size());
-    for (const EffectGroup& group : effects->groups) fit.noise.effect_sigmas[r].push_back(group.sigma);
-  }
+  AddEffects(problem, &fit.state, &fit.noise);
   fit.unmodelled_sigma_px.resize(problem.cameras.size());
   RigPointFlags keep = AllFlags(problem, true);
   UsePoints(problem, keep, &fit);

@@ -52,8 +52,7 @@ struct LinearisedRig {
 
   // Estimates the variances that are free, and returns the restricted log-likelihood at them.
   double Maximise() {
-    const VarianceComponents found = EstimateVariances(views, groups, kRoughVariances);
-    for (size_t g = 0; g < groups.size(); ++g) groups[g].variance = found.variances[static_cast<Eigen::Index>(g)];
+    FitVariances(views, &groups);
     return LogLikelihood();
   }
   double LogLikelihood() const { return RestrictedLogLikelihood(views, 1, groups, views.front().by_unknowns.cols()); }
@@ -66,14 +65,7 @@ std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSol
   const RigProblem weighted = WeightedAs(solution, problem);
   RigState state = StateOf(solution);
   RigNoise noise = NoiseOf(solution);
-  state.effects.resize(problem.robots.size());
-  noise.effect_sigmas.resize(problem.robots.size());
-  for (size_t r = 0; r < problem.robots.size(); ++r) {
-    const SharedEffects* const effects = EffectsOf(problem, r);
-    if (effects == nullptr || state.effects[r].size() > 0) continue;
-    state.effects[r].setZero(effects->size());
-    for (const EffectGroup& group : effects->groups) noise.effect_sigmas[r].push_back(group.sigma);
-  }
+  AddEffects(problem, &state, &noise);
   const std::optional<LinearisedImages> images =
       LineariseImages(weighted, GroupByRobotPoses(weighted), state, noise, LossOf(LossKind::kNone));
   if (!images) return std::nullopt;
@@ -104,11 +96,6 @@ std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSol
     }
   }
   return rig;
-}
-
-// Returns the problem with the points that a solution used.
-RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged) {
-  return WithoutRejected(Without(problem, judged.left_out), judged.solution);
 }
 
 // Returns the index of the possible effects of an arm's captures that explain them best; nothing if a point cannot be
@@ -211,6 +198,9 @@ std::vector<ArmPart> PartsOf(const std::vector<RigArmErrors>& arms, const std::v
 }  // namespace
 
 std::vector<RigArmChoice> AddArmErrors(const RigCalibrationOptions& options, RigProblem* problem, JudgedRig* judged) {
+  const bool is_any_known = std::any_of(options.arms.begin(), options.arms.end(),
+                                        [](const RigArmErrors& arm) { return !arm.models.empty(); });
+  if (!is_any_known) return {};
   const RigProblem used = UsedPoints(*problem, *judged);
   std::vector<RigArmChoice> choices;
   for (size_t r = 0; r < options.arms.size(); ++r) {

@@ -125,10 +125,8 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   RigProblem with_errors = *problem;
   with_errors.effects.resize(problem->robots.size());
   for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
-  const RigProblem used = WithoutRejected(Without(*problem, judged->left_out), judged->solution);
+  const RigProblem used = UsedPoints(*problem, *judged);
   for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
-    // The errors of a known arm are its own.
-    if (EffectsOf(*problem, arm.robot) != nullptr) continue;
     const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kLevel;
     if (options.smooth == SmoothPoseErrors::kAuto && !is_likely) continue;
     added.push_back({arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot]});
@@ -188,7 +186,7 @@ std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, con
 // Lists the images that are left out. All images that an arm moved in one capture, if there are several, are listed as
 // the capture: they agree that its pose is wrong.
 std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig& judged) {
-  const RigProblem used = WithoutRejected(Without(problem, judged.left_out), judged.solution);
+  const RigProblem used = UsedPoints(problem, judged);
   std::map<std::pair<size_t, size_t>, double> chances;
   for (const RigVerdict& verdict : TestLeftOutImages(problem, used, judged.solution)) {
     chances[{verdict.image.capture, verdict.image.image}] = verdict.p_value;

@@ -257,6 +257,18 @@ RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<doub
   return problem;
 }
 
+void AddEffects(const RigProblem& problem, RigState* state, RigNoise* noise) {
+  if (problem.effects.empty()) return;
+  state->effects.resize(problem.robots.size());
+  noise->effect_sigmas.resize(problem.robots.size());
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr || state->effects[r].size() > 0) continue;
+    state->effects[r].setZero(effects->size());
+    for (const EffectGroup& group : effects->groups) noise->effect_sigmas[r].push_back(group.sigma);
+  }
+}
+
 std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
                                                 const RigState& state, const RigNoise& noise, const Loss& loss) {
   LinearisedImages result;

@@ -36,6 +36,10 @@ struct RigFit {
 // camera; those of a camera without one keep their weights.
 RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
 
+// Adds the effects of the problem that the state lacks: zero, with the standard deviations that their groups start
+// with.
+void AddEffects(const RigProblem& problem, RigState* state, RigNoise* noise);
+
 // The linearised images (LinearisedView, one per image in the order of ImagesOf), and the groups of those that share
 // their corrections.
 struct LinearisedImages {

@@ -32,6 +32,10 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
   return moved;
 }
 
+RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged) {
+  return WithoutRejected(Without(problem, judged.left_out), judged.solution);
+}
+
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
                                          const RigOptions& options) {
   Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);

@@ -39,6 +39,9 @@ struct JudgedRig {
   ImageSet left_out;
 };
 
+// Returns the problem with the points that a solution used.
+RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged);
+
 // Adjusts without the images that contradict the others, and tests all images again, those that were left out included,
 // until nothing changes. `left_out` are the images to begin without. With the loss `none`, no image is tested.
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,

@@ -17,6 +17,7 @@ std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem,
   if (!images || noise.robots.size() != moving.size()) return errors;
   const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
   for (size_t k = 0; k < moving.size(); ++k) {
+    if (EffectsOf(weighted, moving[k]) != nullptr) continue;
     SmoothSearch search{captures,
                         {},
                         1,

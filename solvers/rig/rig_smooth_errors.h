@@ -15,8 +15,8 @@ struct SmoothErrorsOfArm {
   FoundSmoothErrors found;
 };
 
-// Returns the most likely smooth errors of each moving arm (MovingRobots), each without those of the other arms. The
-// problem has the points that were used. Returns none if a point cannot be projected.
+// Returns the most likely smooth errors of each moving arm (MovingRobots) without errors of its own, each without those
+// of the other arms. The problem has the points that were used. Returns none if a point cannot be projected.
 std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem, const RigSolution& solution);
 
 }  // namespace heba

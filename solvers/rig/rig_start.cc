@@ -220,8 +220,8 @@ Failure WhyAmbiguous(const RigProblem& problem, const Joining& joining) {
                  NameOf(problem, cause->part) + " to the rest"};
 }
 
-// Returns the name of an arm that carries nothing, so that no image shows where it stands; nothing if all carry
-// something.
+// Returns a failure that names an arm that carries nothing, so that no image shows where it stands; nothing if all
+// arms carry something.
 std::optional<Failure> WhyArmNotJoined(const RigProblem& problem) {
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const Mount gripper{r, Mount::Part::kGripper};

@@ -110,8 +110,7 @@ bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects&
     has_raised = true;
   }
   if (!has_raised) return false;
-  const VarianceComponents found = EstimateVariances(views, *groups, kRoughVariances);
-  for (size_t k = 0; k < groups->size(); ++k) (*groups)[k].variance = found.variances[static_cast<Eigen::Index>(k)];
+  FitVariances(views, groups);
   return true;
 }
 

@@ -575,6 +575,11 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
   return result;
 }
 
+void FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {
+  const VarianceComponents found = EstimateVariances(views, *groups, kRoughVariances);
+  for (size_t g = 0; g < groups->size(); ++g) (*groups)[g].variance = found.variances[static_cast<Eigen::Index>(g)];
+}
+
 double DegreesOfFreedom(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                         const VarianceComponents& variances) {
   constexpr double kCertain = std::numeric_limits<double>::infinity();

@@ -57,6 +57,9 @@ constexpr double kRoughVariances = 1e-2;
 VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                                      double small_change = kExactVariances);
 
+// Sets the variances of the groups to their estimates, found with kRoughVariances.
+void FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups);
+
 // Returns the restricted log-likelihood of the views' measurements in px at the groups' variances, up to a constant
 // that all models of the same rows share: the log-density of the contrasts that the first `num_common` unknowns leave
 // open. `unit_px` is the views' unit, px. The remaining unknowns count as fixed at the linearisation point, so that

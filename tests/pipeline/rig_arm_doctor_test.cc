@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/io/pose_file.h"
-#include "tests/pipeline/cli.h"
+#include "tests/pipeline/rendered_rig.h"
 
 namespace heba {
 namespace {
@@ -50,30 +50,17 @@ robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
 )";
 
 // A rig with two arms, shared by all tests.
-class RigArmDoctorTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder_ = new fs::path(TestFolder("rig_arm_doctor"));
-    WriteAll(*folder_ / "scene.yaml", kTwoArms);
-    fs::create_directory(*folder_ / "cache");
-    const CommandResult made =
-        RunHeba({"simulate", (*folder_ / "scene.yaml").string(), "--out", (*folder_ / "rig").string(), "--quiet"});
-    ASSERT_EQ(made.status, 0) << made.err;
-  }
-  static void TearDownTestSuite() {
-    fs::remove_all(*folder_);
-    delete folder_;
-  }
+class RigArmDoctorTest : public RenderedRigTest<RigArmDoctorTest> {
+ public:
+  static const char* Name() { return "rig_arm_doctor"; }
+  static const char* Scene() { return kTwoArms; }
 
+ protected:
   // Runs a command on the rig with these settings.
   static CommandResult With(std::vector<std::string> arguments, const std::vector<std::string>& settings) {
-    arguments.insert(arguments.begin() + 1, (*folder_ / "rig/config.yaml").string());
+    arguments.insert(arguments.begin() + 1, (Rig() / "config.yaml").string());
     arguments.emplace_back("--quiet");
-    for (const std::string& setting : settings) {
-      arguments.emplace_back("--set");
-      arguments.push_back(setting);
-    }
-    return RunHeba(arguments, "HEBA_CACHE=" + ShellQuoted((*folder_ / "cache").string()));
+    return WithSettings(std::move(arguments), settings);
   }
 
   // Returns the first symptom, after testing that nothing is wrong with its settings.
@@ -90,10 +77,7 @@ class RigArmDoctorTest : public testing::Test {
     EXPECT_THAT(With({"doctor"}, settings).out, HasSubstr("nothing is wrong"));
     return first;
   }
-
-  static fs::path* folder_;
 };
-fs::path* RigArmDoctorTest::folder_ = nullptr;
 
 TEST_F(RigArmDoctorTest, FindsNothingWrongWithAGoodRig) {
   EXPECT_THAT(With({"doctor"}, {}).out, HasSubstr("nothing is wrong"));

@@ -8,7 +8,7 @@
 
 #include "heba/base/text.h"
 #include "heba/io/pose_file.h"
-#include "tests/pipeline/cli.h"
+#include "tests/pipeline/rendered_rig.h"
 
 namespace heba {
 namespace {
@@ -47,39 +47,18 @@ robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
 )";
 
 // The rig as it was rendered, shared by all tests.
-class RigDoctorTest : public testing::Test {
+class RigDoctorTest : public RenderedRigTest<RigDoctorTest> {
+ public:
+  static const char* Name() { return "rig_doctor"; }
+  static const char* Scene() { return kScene; }
+
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new fs::path(TestFolder("rig_doctor"));
-    WriteAll(*folder_ / "scene.yaml", kScene);
-    fs::create_directory(*folder_ / "cache");
-    const CommandResult made =
-        RunHeba({"simulate", (*folder_ / "scene.yaml").string(), "--out", (*folder_ / "rig").string(), "--quiet"});
-    ASSERT_EQ(made.status, 0) << made.err;
-  }
-  static void TearDownTestSuite() {
-    fs::remove_all(*folder_);
-    delete folder_;
-  }
-
-  static fs::path Rig() { return *folder_ / "rig"; }
-
-  // The tests share the detections.
-  static std::string Cache() { return "HEBA_CACHE=" + ShellQuoted((*folder_ / "cache").string()); }
-
-  // Runs a command with these settings (--set).
-  static CommandResult With(std::vector<std::string> arguments, const std::vector<std::string>& settings) {
-    for (const std::string& setting : settings) {
-      arguments.emplace_back("--set");
-      arguments.push_back(setting);
-    }
-    return RunHeba(arguments, Cache());
-  }
   static CommandResult Doctor(const std::vector<std::string>& settings) {
-    return With({"doctor", (Rig() / "config.yaml").string(), "--quiet"}, settings);
+    return WithSettings({"doctor", (Rig() / "config.yaml").string(), "--quiet"}, settings);
   }
   static CommandResult Run(const std::vector<std::string>& settings) {
-    return With({"run", (Rig() / "config.yaml").string(), "--out", (*folder_ / "run").string(), "--quiet"}, settings);
+    return WithSettings({"run", (Rig() / "config.yaml").string(), "--out", (*folder_ / "run").string(), "--quiet"},
+                        settings);
   }
 
   // Returns the first symptom and its cure: from "1." to "2.", on one line.
@@ -123,10 +102,7 @@ class RigDoctorTest : public testing::Test {
     return nlohmann::json::parse(
         ReadAll(*folder_ / "detected/detections" / (camera + "." + target + ".json")))["captures"];
   }
-
-  static fs::path* folder_;
 };
-fs::path* RigDoctorTest::folder_ = nullptr;
 
 TEST_F(RigDoctorTest, FindsNothingWrongWithAGoodRig) {
   const CommandResult doctor = Doctor({});
@@ -412,12 +388,7 @@ class RigArmDoctorTest : public RigDoctorTest {
 
   // Runs the doctor on the config with this name.
   static CommandResult DoctorOf(const std::string& config, const std::vector<std::string>& settings) {
-    std::vector<std::string> arguments = {"doctor", (*folder_ / "arm" / config).string(), "--quiet"};
-    for (const std::string& setting : settings) {
-      arguments.emplace_back("--set");
-      arguments.push_back(setting);
-    }
-    return RunHeba(arguments, Cache());
+    return WithSettings({"doctor", (*folder_ / "arm" / config).string(), "--quiet"}, settings);
   }
   // Returns the number of symptoms with this code.
   static int Count(const CommandResult& doctor, const std::string& code) {

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Cholesky>
+
 #include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "heba/data/rig.h"
@@ -32,6 +34,20 @@ inline const std::vector<ParameterGroup>& AllIntrinsics() {
                                                   ParameterGroup::kDistortion};
   return all;
 }
+
+// The errors of poses, summed over trials.
+struct PoseErrorSums {
+  double chi2 = 0;
+  double squares_m2 = 0;
+  int num_poses = 0;
+
+  void Add(const Rigid3d& pose, const Rigid3d& truth, const Eigen::Matrix<double, 6, 6>& covariance) {
+    const Tangent6 error = LocalCoordinates(pose, truth);
+    chi2 += error.dot(covariance.ldlt().solve(error));
+    squares_m2 += error.head<3>().squaredNorm();
+    ++num_poses;
+  }
+};
 
 // Returns the pose of a camera at `place` that looks at `middle`.
 inline Rigid3d LookingAt(const Eigen::Vector3d& place, const Eigen::Vector3d& middle, double spin_rad) {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include "heba/base/units.h"
 #include "heba/rig_calibration.h"
@@ -35,14 +34,8 @@ RigCalibration Calibrated(const RigArmScene& scene, std::vector<RigArmErrors> ar
   return std::move(*calibration);
 }
 
-struct Errors {
-  double chi2 = 0;
-  double squares_m2 = 0;
-  int num_poses = 0;
-};
-
 // Adds the errors of the poses of the cameras in each other, which no error of an arm's base or flange reaches.
-void Add(const RigScene& scene, const RigCalibration& calibration, Errors* errors) {
+void Add(const RigScene& scene, const RigCalibration& calibration, PoseErrorSums* errors) {
   for (const RelativePose& pose : RelativeCameraPoses(calibration.problem, *calibration.refined)) {
     std::vector<Rigid3d> ends;
     for (const std::string& name : {pose.parent, pose.child}) {
@@ -50,10 +43,7 @@ void Add(const RigScene& scene, const RigCalibration& calibration, Errors* error
         if (scene.problem.cameras[c].name == name) ends.push_back(scene.truth.mount_from_camera[c]);
       }
     }
-    const Tangent6 error = LocalCoordinates(pose.parent_from_child, Inverse(ends[0]) * ends[1]);
-    errors->chi2 += error.dot(pose.covariance.ldlt().solve(error));
-    errors->squares_m2 += error.head<3>().squaredNorm();
-    ++errors->num_poses;
+    errors->Add(pose.parent_from_child, Inverse(ends[0]) * ends[1], pose.covariance);
   }
 }
 
@@ -76,8 +66,8 @@ double GripperErrorM(const RigArmScene& scene, size_t robot, const RigCalibratio
 
 TEST(RigArmsTest, TheErrorsOfAnArmAreEstimatedAndTheCovarianceIsHonest) {
   constexpr int kTrials = 5;
-  Errors with_arm;
-  Errors without;
+  PoseErrorSums with_arm;
+  PoseErrorSums without;
   for (uint64_t trial = 0; trial < kTrials; ++trial) {
     const RigSceneSetting setting = Setting(30);
     const RigArmScene scene = WithArms(ReachableRig(100 + trial, setting), setting, kErrors, 7 + trial);

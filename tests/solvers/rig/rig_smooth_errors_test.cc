@@ -5,7 +5,6 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include "heba/rig_calibration.h"
 #include "tests/support/rig_scenes.h"
@@ -43,22 +42,11 @@ RigCalibration Calibrated(const RigScene& scene, SmoothPoseErrors smooth) {
   return std::move(*calibration);
 }
 
-struct Errors {
-  double chi2 = 0;
-  double squares_m2 = 0;
-  int num_poses = 0;
-};
-
 // Adds the errors of the cameras' poses.
-void Add(const RigScene& scene, const RigSolution& solution, Errors* errors) {
+void Add(const RigScene& scene, const RigSolution& solution, PoseErrorSums* errors) {
   for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
-    const Rigid3d& truth = scene.truth.mount_from_camera[c];
-    const Tangent6 error = LocalCoordinates(solution.poses.mount_from_camera[c], truth);
-    const Eigen::Matrix<double, 6, 6> covariance =
-        *PoseCovarianceOf(solution.covariance, CameraPoseBlock(scene.problem.cameras[c]));
-    errors->chi2 += error.dot(covariance.ldlt().solve(error));
-    errors->squares_m2 += error.head<3>().squaredNorm();
-    ++errors->num_poses;
+    errors->Add(solution.poses.mount_from_camera[c], scene.truth.mount_from_camera[c],
+                *PoseCovarianceOf(solution.covariance, CameraPoseBlock(scene.problem.cameras[c])));
   }
 }
 
@@ -74,8 +62,8 @@ RigSceneSetting Setting() {
 // these rigs, of which the cameras of one share their errors.
 TEST(RigSmoothErrorsTest, TheirCovarianceIsHonestWhereThatOfWhiteNoiseIsNot) {
   constexpr int kTrials = 6;
-  Errors white;
-  Errors smooth;
+  PoseErrorSums white;
+  PoseErrorSums smooth;
   for (uint64_t trial = 0; trial < kTrials; ++trial) {
     RigScene scene = MixedRig(3000 + trial, Setting());
     AddSmoothErrors({0.1e-3, DegToRad(0.02), 0}, {}, 100 + trial, &scene);
