@@ -7,6 +7,7 @@
 #include "heba/base/error.h"
 #include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/bundle_model.h"
+#include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/repeated_poses.h"
@@ -239,8 +240,9 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
                                                    const BundleOptions& options) {
   CHECK(solution.robot_noise.has_value());
   const Problem inliers = WithoutRejected(problem, solution);
-  const std::optional<std::vector<LinearisedView>> each = LineariseViewsAt(
-      inliers, solution, CorrectionsOf(solution), FreeOf(solution.camera.Model(), options), LossOf(LossKind::kNone));
+  const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
+  const std::optional<std::vector<LinearisedView>> each =
+      LineariseViewsAt(inliers, solution, CorrectionsOf(solution), free, LossOf(LossKind::kNone));
   if (!each) return std::nullopt;
   const PoseGroups groups = GroupByRobotPose(inliers.setup, inliers.views);
   SmoothSearch search{StackGroups(*each, groups),
@@ -250,6 +252,10 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
                       0};
   for (const std::vector<size_t>& group : groups) {
     search.poses.push_back(BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
+  }
+  for (LinearisedView& view :
+       PriorViews(options, free, solution.camera, solution.shape, 1, search.views.front().by_effects.cols())) {
+    search.views.push_back(std::move(view));
   }
   return FindSmoothErrors(search).errors;
 }

@@ -22,7 +22,10 @@ double LikelihoodWith(const SmoothSearch& search, SmoothErrors* errors) {
   const SharedEffects& effects = errors->effects();
   for (size_t i = 0; i < extended.size(); ++i) {
     extended[i].by_unknowns.conservativeResize(Eigen::NoChange, n + effects.size());
-    extended[i].by_unknowns.rightCols(effects.size()) =
+    auto by_errors = extended[i].by_unknowns.rightCols(effects.size());
+    by_errors.setZero();
+    if (i >= search.poses.size()) continue;
+    by_errors =
         search.views[i].by_effects.middleCols<6>(search.first_column) * errors->GripperByEffects(search.poses[i]);
   }
   std::vector<VarianceGroup> groups = search.groups;
@@ -61,6 +64,8 @@ SmoothSearch Thinned(const SmoothSearch& search) {
     thinned.views.push_back(search.views[i]);
     thinned.poses.push_back(search.poses[i]);
   }
+  const auto first_prior = search.views.begin() + static_cast<std::ptrdiff_t>(num_poses);
+  thinned.views.insert(thinned.views.end(), first_prior, search.views.end());
   return thinned;
 }
 

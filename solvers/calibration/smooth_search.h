@@ -13,7 +13,7 @@
 namespace heba {
 
 struct SmoothSearch {
-  std::vector<LinearisedView> views;  // One per robot pose.
+  std::vector<LinearisedView> views;  // One per robot pose, and then the priors of other unknowns.
   std::vector<Rigid3d> poses;         // base_from_gripper of each, as the robot reports it.
   double unit_px = 1;                 // RestrictedLogLikelihood.
   std::vector<VarianceGroup> groups;  // The groups without those of smooth errors.

@@ -2,66 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <ceres/solver.h>
 
 #include "heba/base/parallel.h"
 #include "solvers/refine/reprojection_problem.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/block_prior.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
 
-// Returns 1 / sigma for each camera parameter, or 0 if it is held or nothing is known about it.
-Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& free) {
-  CHECK_EQ(prior.params.size(), prior.sigmas.size());
-  CHECK_LE(prior.params.size(), free.size());
-  Eigen::VectorXd weights(static_cast<Eigen::Index>(prior.params.size()));
-  for (Eigen::Index i = 0; i < weights.size(); ++i) {
-    weights[i] = free[static_cast<size_t>(i)] ? 1 / prior.sigmas[static_cast<size_t>(i)] : 0;
-  }
-  return weights;
-}
-
-// Returns the prior as the rows of a view that do not depend on effects, scaled to noise of variance
-// `row_variance`.
-LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const FreeUnknowns& free, double row_variance,
-                         Eigen::Index num_effects) {
-  const UnknownLayout layout = HandEyeUnknowns(camera.Model(), free);
-  const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free.params);
-  const UnknownBlock block = layout.Block(kCameraBlock);
-  LinearisedView view;
-  view.by_unknowns = Eigen::MatrixXd::Zero(block.size, layout.size());
-  view.by_effects = Eigen::MatrixXd::Zero(block.size, num_effects);
-  view.offset.resize(block.size);
-  view.num_rows_without_effects = block.size;
-  for (Eigen::Index i = block.first; i < block.end(); ++i) {
-    const int param = layout[i].index;
-    const auto index = static_cast<size_t>(param);
-    view.by_unknowns(i - block.first, i) = -weights[param];
-    view.offset[i - block.first] = weights[param] * (camera.params[index] - prior.params[index]);
-  }
-  return view;
-}
-
-// Likewise for the scales of the target. The rows are there even if no scale is free, so that models are compared by
-// the same measurements.
-LinearisedView ScaleView(double sigma, const FitState& state, const FreeUnknowns& free, double row_variance,
-                         Eigen::Index num_effects) {
-  constexpr Eigen::Index kNumScales = 2;
-  const UnknownLayout layout = HandEyeUnknowns(state.camera.Model(), free);
-  const UnknownBlock block = layout.Block(kTargetBlock);
-  const double weight = std::sqrt(row_variance) / sigma;
-  LinearisedView view;
-  view.by_unknowns = Eigen::MatrixXd::Zero(kNumScales, layout.size());
-  view.by_effects = Eigen::MatrixXd::Zero(kNumScales, num_effects);
-  view.offset = weight * (Eigen::Vector2d(state.shape.params[0], state.shape.params[1]) - Eigen::Vector2d::Ones());
-  view.num_rows_without_effects = kNumScales;
-  for (Eigen::Index i = block.first; i < block.end(); ++i) {
-    if (layout[i].group == UnknownGroup::kScale) view.by_unknowns(layout[i].index, i) = -weight;
-  }
-  return view;
+// Returns what is known about the camera and about the target's scales. The prior of the scales is there even if no
+// scale is free, so that models are compared by the same measurements.
+std::vector<BlockPrior> KnowledgeOf(const BundleOptions& options, const FreeUnknowns& free) {
+  std::vector<BlockPrior> priors;
+  if (options.camera_prior) priors.push_back(PriorOfCamera(*options.camera_prior, free.params, 0));
+  if (options.target_scale_sigma) priors.push_back(PriorOfScales(*options.target_scale_sigma, 0));
+  return priors;
 }
 
 // Returns the loops of the problem's captures, with corrections of the robot poses if there are any.
@@ -94,24 +54,18 @@ bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& f
          known.products.parameters == ParametersOf(fit.state, free);
 }
 
-// Adds the information of the priors of the camera and of the target's scales, if they have one, and of the effects.
-void AddPriors(const std::optional<CameraPrior>& prior, const std::optional<double>& scale_sigma,
-               const FreeUnknowns& free, const FitNoise& noise, Information* information) {
+// Adds the information of the effects' standard deviations.
+void AddEffectPriors(const FreeUnknowns& free, const FitNoise& noise, Information* information) {
   const Eigen::VectorXd of_effects = EffectWeights(free, noise);
   information->matrix.diagonal().segment(information->layout.Block(kRobotBlock).first, of_effects.size()) +=
       of_effects.cwiseAbs2();
-  const UnknownBlock target = information->layout.Block(kTargetBlock);
-  for (Eigen::Index i = target.first; scale_sigma && i < target.end(); ++i) {
-    const bool is_scale = information->layout[i].group == UnknownGroup::kScale;
-    if (is_scale) information->matrix(i, i) += 1 / (*scale_sigma * *scale_sigma);
-  }
-  if (!prior) return;
-  const Eigen::VectorXd weights = PriorWeights(*prior, free.params);
-  const UnknownBlock camera = information->layout.Block(kCameraBlock);
-  for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
-    const double weight = weights[information->layout[i].index];
-    information->matrix(i, i) += weight * weight;
-  }
+}
+
+// Adds the information of all priors: of camera, target and effects.
+void AddPriors(const BundleOptions& options, const FreeUnknowns& free, const FitNoise& noise,
+               Information* information) {
+  for (const BlockPrior& prior : KnowledgeOf(options, free)) AddPrior(prior, information);
+  AddEffectPriors(free, noise, information);
 }
 
 // Returns the cached normal equations if they belong to this problem, loss and pixel sigma; otherwise nothing.
@@ -196,6 +150,19 @@ double FitCost(const Problem& problem, const ViewDistances& squared_distances, c
   return 0.5 * sum;
 }
 
+std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeUnknowns& free, const Camera& camera,
+                                       const TargetShape& shape, double row_variance, Eigen::Index num_effects) {
+  const UnknownLayout layout = HandEyeUnknowns(camera.Model(), free);
+  LoopValues values;
+  values.cameras = {camera.params};
+  values.targets = {shape};
+  std::vector<LinearisedView> views;
+  for (const BlockPrior& prior : KnowledgeOf(options, free)) {
+    views.push_back(PriorView(prior, layout, values, row_variance, num_effects));
+  }
+  return views;
+}
+
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
                                                         const PoseGroups& groups, const FreeUnknowns& free,
                                                         const FitNoise& noise, const Loss& loss,
@@ -206,12 +173,9 @@ std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, 
       HandEyeLoops(problem, free, groups, state.corrections.empty() ? none : state.corrections, {1, 1}),
       ValuesOf(state), noise.pixel_px, loss);
   if (!views) return views;
-  const Eigen::Index num_effects = views->front().by_effects.cols();
-  if (options.camera_prior) {
-    views->push_back(PriorView(*options.camera_prior, state.camera, free, prior_row_variance, num_effects));
-  }
-  if (options.target_scale_sigma) {
-    views->push_back(ScaleView(*options.target_scale_sigma, state, free, prior_row_variance, num_effects));
+  for (LinearisedView& view :
+       PriorViews(options, free, state.camera, state.shape, prior_row_variance, views->front().by_effects.cols())) {
+    views->push_back(std::move(view));
   }
   return views;
 }
@@ -238,15 +202,10 @@ ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, 
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
   std::vector<BlockPrior> priors;
-  if (bundle_options.camera_prior) {
-    const CameraPrior& prior = *bundle_options.camera_prior;
-    const Eigen::VectorXd weights = PriorWeights(prior, free.params);
-    priors.push_back(
-        {UnknownOwner::kCamera, weights, Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size())});
-  }
-  if (bundle_options.target_scale_sigma && HasShape(free.params, state->camera.Model())) {
-    const double weight = 1 / *bundle_options.target_scale_sigma;
-    priors.push_back({UnknownOwner::kTarget, Eigen::Vector4d(weight, weight, 0, 0), Eigen::Vector4d(1, 1, 0, 0)});
+  for (BlockPrior& prior : KnowledgeOf(bundle_options, free)) {
+    // Ceres has no block of a shape that is known.
+    const bool has_block = prior.owner == UnknownOwner::kCamera || HasShape(free.params, state->camera.Model());
+    if (has_block) priors.push_back(std::move(prior));
   }
   if (free.effects != nullptr) {
     const Eigen::VectorXd weights = EffectWeights(free, noise);
@@ -283,7 +242,7 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
     Information information{HandEyeUnknowns(state.camera.Model(), free), {}};
     const Eigen::Index size = information.layout.size();
     information.matrix = fit->known->products.matrix.topLeftCorner(size, size);
-    AddPriors(bundle_options.camera_prior, bundle_options.target_scale_sigma, free, noise, &information);
+    AddPriors(bundle_options, free, noise, &information);
     return information;
   }
   if (noise.robot) {
@@ -296,7 +255,7 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
         HandEyeUnknowns(state.camera.Model(), free),
         MarginalInformation(*views, CorrectionVariances(*noise.robot, views->front().by_effects.cols()), factor)};
     // The views contain the priors of camera and target already.
-    AddPriors(std::nullopt, std::nullopt, free, noise, &information);
+    AddEffectPriors(free, noise, &information);
     return information;
   }
   CapturesCostOptions options;
@@ -313,7 +272,7 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
   const Eigen::Index num_unknowns = information.layout.size();
   information.matrix = products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor;
   fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt, {}}, std::move(*products)};
-  AddPriors(bundle_options.camera_prior, bundle_options.target_scale_sigma, free, noise, &information);
+  AddPriors(bundle_options, free, noise, &information);
   return information;
 }
 

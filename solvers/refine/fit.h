@@ -90,6 +90,11 @@ Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<do
 // Returns camera_from_target of a view: its robot pose with its effect and its correction.
 Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);
 
+// Returns the priors of camera and target as rows of views that do not depend on effects (PriorView); none if there are
+// none.
+std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeUnknowns& free, const Camera& camera,
+                                       const TargetShape& shape, double row_variance, Eigen::Index num_effects);
+
 // Linearises all observations: the captures, with one view per robot pose, and the priors of camera and target if there
 // are any, whose rows have the noise variance `prior_row_variance`.
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,

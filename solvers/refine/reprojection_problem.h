@@ -8,6 +8,7 @@
 
 #include "solvers/refine/captures_cost.h"
 #include "solvers/residuals/loop_problem.h"
+#include "solvers/uncertainty/block_prior.h"
 
 namespace heba {
 
@@ -37,14 +38,6 @@ class LoopUnknowns {
   std::vector<OwnerBlock> places_;
   std::vector<double> all_;
   std::vector<double*> blocks_;
-};
-
-// Prior knowledge of the numbers in one block of an owner: residuals weights * (x - mean).
-struct BlockPrior {
-  UnknownOwner owner = UnknownOwner::kCamera;
-  Eigen::VectorXd weights;
-  Eigen::VectorXd mean;
-  size_t index = 0;  // Among the blocks of its kind of owner.
 };
 
 // Calls ceres::Solve for a problem of `cost` and these priors, from the values of the unknowns, which become those of

@@ -71,7 +71,7 @@ std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSol
   if (!images) return std::nullopt;
   LinearisedRig rig;
   rig.views = StackGroups(images->views, images->groups);
-  for (LinearisedView& view : ScaleViews(weighted, state, 1, rig.views.front().by_effects.cols())) {
+  for (LinearisedView& view : PriorViews(weighted, state, 1, rig.views.front().by_effects.cols())) {
     rig.views.push_back(std::move(view));
   }
   const std::vector<VarianceGroup> groups = RigVarianceGroups(weighted, noise, 1, true, true, std::nullopt);

@@ -8,11 +8,13 @@
 #include <Eigen/QR>
 
 #include "heba/base/parallel.h"
+#include "heba/data/free_parameters.h"
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/refine/reprojection_problem.h"
 #include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/block_prior.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -27,15 +29,24 @@ std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& 
   return all;
 }
 
-// Returns the weights 1 / sigma of the parameters of a target's shape; zeros if nothing is known about them.
-Eigen::Vector4d ShapeWeights(const RigTarget& target) {
-  const std::vector<TargetShapeGroup>& free = target.free_shape;
-  const bool has_scale = std::find(free.begin(), free.end(), TargetShapeGroup::kScale) != free.end();
-  if (!target.scale_sigma || !has_scale) return Eigen::Vector4d::Zero();
-  return {1 / *target.scale_sigma, 1 / *target.scale_sigma, 0, 0};
+// Returns what is known about the cameras and about the scales of the targets.
+std::vector<BlockPrior> KnowledgeOf(const RigProblem& problem) {
+  std::vector<BlockPrior> priors;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const RigCamera& camera = problem.cameras[c];
+    if (!camera.prior || camera.free_intrinsics.empty()) continue;
+    priors.push_back(PriorOfCamera(*camera.prior, FreeOf(camera.camera.Model(), camera.free_intrinsics), c));
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const RigTarget& target = problem.targets[t];
+    const std::vector<TargetShapeGroup>& free = target.free_shape;
+    const bool has_scale = std::find(free.begin(), free.end(), TargetShapeGroup::kScale) != free.end();
+    if (target.scale_sigma && has_scale) priors.push_back(PriorOfScales(*target.scale_sigma, t));
+  }
+  return priors;
 }
 
-// Returns the priors of the arms' effects and of the targets' scales.
+// Returns all priors: of the arms' effects, the cameras and the targets' scales.
 std::vector<BlockPrior> PriorsOf(const RigProblem& problem, const RigNoise& noise) {
   std::vector<BlockPrior> priors;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
@@ -45,11 +56,7 @@ std::vector<BlockPrior> PriorsOf(const RigProblem& problem, const RigNoise& nois
     priors.push_back({UnknownOwner::kEffects, EffectWeights(*effects, noise.effect_sigmas[r]),
                       Eigen::VectorXd::Zero(effects->size()), index});
   }
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    const Eigen::Vector4d weights = ShapeWeights(problem.targets[t]);
-    if (weights.isZero(0)) continue;
-    priors.push_back({UnknownOwner::kTarget, weights, Eigen::Vector4d(1, 1, 0, 0), t});
-  }
+  for (BlockPrior& prior : KnowledgeOf(problem)) priors.push_back(std::move(prior));
   return priors;
 }
 
@@ -172,7 +179,7 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
   }
   std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
   for (LinearisedView& view :
-       ScaleViews(*fit.problem, fit.state, loss.consistency, captures.front().by_effects.cols())) {
+       PriorViews(*fit.problem, fit.state, loss.consistency, captures.front().by_effects.cols())) {
     captures.push_back(std::move(view));
   }
   const bool robots_are_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
@@ -288,25 +295,11 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
   return result;
 }
 
-std::vector<LinearisedView> ScaleViews(const RigProblem& problem, const RigState& state, double row_variance,
+std::vector<LinearisedView> PriorViews(const RigProblem& problem, const RigState& state, double row_variance,
                                        Eigen::Index num_effects) {
-  const UnknownLayout layout = RigUnknowns(problem);
   std::vector<LinearisedView> views;
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    const Eigen::Vector4d weights = std::sqrt(row_variance) * ShapeWeights(problem.targets[t]);
-    if (weights.isZero(0)) continue;
-    const UnknownBlock block = layout.Block(TargetShapeBlock(problem.targets[t]));
-    LinearisedView& view = views.emplace_back();
-    view.by_unknowns = Eigen::MatrixXd::Zero(2, layout.size());
-    view.by_effects = Eigen::MatrixXd::Zero(2, num_effects);
-    view.offset.resize(2);
-    view.num_rows_without_effects = 2;
-    for (Eigen::Index i = block.first; i < block.end(); ++i) {
-      const int param = layout[i].index;
-      if (layout[i].group != UnknownGroup::kScale) continue;
-      view.by_unknowns(param, i) = -weights[param];
-      view.offset[param] = weights[param] * (state.shapes[t].params[static_cast<size_t>(param)] - 1);
-    }
+  for (const BlockPrior& prior : KnowledgeOf(problem)) {
+    views.push_back(PriorView(prior, RigUnknowns(problem), RigValues(state), row_variance, num_effects));
   }
   return views;
 }
@@ -432,14 +425,7 @@ std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
     information.matrix.diagonal().segment(block.first, block.size) +=
         EffectWeights(*effects, fit.noise.effect_sigmas[r]).cwiseAbs2();
   }
-  for (const RigTarget& target : fit.problem->targets) {
-    const Eigen::Vector4d weights = ShapeWeights(target);
-    const UnknownBlock block = information.layout.Block(TargetShapeBlock(target));
-    for (Eigen::Index i = block.first; i < block.end(); ++i) {
-      const double weight = weights[information.layout[i].index];
-      information.matrix(i, i) += weight * weight;
-    }
-  }
+  for (const BlockPrior& prior : KnowledgeOf(*fit.problem)) AddPrior(prior, &information);
   return information;
 }
 

@@ -51,10 +51,10 @@ struct LinearisedImages {
 std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
                                                 const RigState& state, const RigNoise& noise, const Loss& loss);
 
-// Returns the prior knowledge about the scales of targets (RigTarget::scale_sigma) as rows of views that do not depend
-// on effects, scaled to noise of variance `row_variance`; none if there is no such knowledge. `num_effects` is the
-// number of columns of LinearisedView::by_effects.
-std::vector<LinearisedView> ScaleViews(const RigProblem& problem, const RigState& state, double row_variance,
+// Returns the prior knowledge about cameras and about the scales of targets (RigCamera::prior, RigTarget::scale_sigma)
+// as rows of views that do not depend on effects, scaled to noise of variance `row_variance`; none if there is no such
+// knowledge. `num_effects` is the number of columns of LinearisedView::by_effects.
+std::vector<LinearisedView> PriorViews(const RigProblem& problem, const RigState& state, double row_variance,
                                        Eigen::Index num_effects);
 
 // Returns the variances of the columns of LinearisedView::by_effects: those of the moving arms' corrections.

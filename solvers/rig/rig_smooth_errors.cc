@@ -1,6 +1,7 @@
 #include "solvers/rig/rig_smooth_errors.h"
 
 #include <optional>
+#include <utility>
 
 #include "solvers/rig/rig_fit.h"
 #include "solvers/rig/rig_outliers.h"
@@ -15,7 +16,10 @@ std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem,
       LineariseImages(weighted, GroupByRobotPoses(weighted), StateOf(solution), noise, LossOf(LossKind::kNone));
   std::vector<SmoothErrorsOfArm> errors;
   if (!images || noise.robots.size() != moving.size()) return errors;
-  const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
+  std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
+  for (LinearisedView& view : PriorViews(weighted, StateOf(solution), 1, captures.front().by_effects.cols())) {
+    captures.push_back(std::move(view));
+  }
   for (size_t k = 0; k < moving.size(); ++k) {
     if (EffectsOf(weighted, moving[k]) != nullptr) continue;
     SmoothSearch search{captures,

@@ -391,12 +391,14 @@ std::vector<RigPair> CalibratePairs(const RigProblem& problem, const RigCalibrat
     single.symmetries = target.symmetries;
     single.choose = {};
     single.bundle.free_intrinsics = camera.free_intrinsics;
+    single.bundle.camera_prior = camera.prior;
     single.bundle.loss = options.adjustment.loss;
     const std::vector<View> views = ViewsOf(problem, pair.camera, pair.target, pair.robot);
     pair.calibration = Calibrate(views, single);
     if (pair.calibration && pair.calibration->refined) return;
     // The images of one target may be too few to determine the camera.
     single.bundle.free_intrinsics.clear();
+    single.bundle.camera_prior.reset();
     Outcome<Calibration> held = Calibrate(views, single);
     if (held && held->refined) pair.calibration = std::move(held);
   });

@@ -1,6 +1,7 @@
 #include "tools/config/common_keys.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "heba/io/camera_file.h"
 
@@ -124,6 +125,25 @@ std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vec
   const std::vector<ParameterGroup> groups = free ? ReadParameterGroups(*free) : fallback;
   reader.Record("intrinsics", ParameterGroupsNode(groups));
   return groups;
+}
+
+std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKeys& camera,
+                                               const std::vector<ParameterGroup>& free, const std::string& camera_key,
+                                               bool is_none_without_key) {
+  std::optional<std::vector<double>> sigmas =
+      camera.camera && !free.empty() ? ReadCameraSigmas(camera.source) : std::nullopt;
+  const std::string without_key = sigmas && !is_none_without_key ? "file" : "none";
+  if (refine.Choice("intrinsics_prior", {"none", "file"}, without_key) == "none") return std::nullopt;
+  if (!sigmas) {
+    const ConfigValue value = refine.Get("intrinsics_prior");
+    if (!camera.camera) value.Fail("needs a camera file (" + camera_key + ")");
+    if (free.empty()) value.Fail("needs intrinsics that are free (refine.intrinsics)");
+    value.Fail("needs sigmas, which " + camera.source +
+               " does not have (in heba's own form: std, as in the camera of a result.json)");
+  }
+  // Coefficients that the file's model does not have are unknown.
+  sigmas->resize(camera.camera->params.size(), std::numeric_limits<double>::infinity());
+  return CameraPrior{camera.camera->params, *sigmas};
 }
 
 FreeShape ReadFreeShape(MapReader& refine) {

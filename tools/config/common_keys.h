@@ -9,6 +9,7 @@
 
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/data/camera_prior.h"
 #include "heba/data/target_shape.h"
 #include "heba/target.h"
 
@@ -38,6 +39,13 @@ std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vec
 // Reads such a list, and returns its node in a config as used.
 std::vector<ParameterGroup> ReadParameterGroups(const ConfigValue& value);
 YAML::Node ParameterGroupsNode(const std::vector<ParameterGroup>& groups);
+
+// Reads the key `intrinsics_prior` of `refine`: file, the sigmas in the file of the camera, or none. Without the key it
+// is file if that file has sigmas and the camera has free parameters, unless `is_none_without_key`. Returns the prior,
+// if there is one. `camera_key` is the key of a camera file, for the message about a prior without one.
+std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKeys& camera,
+                                               const std::vector<ParameterGroup>& free, const std::string& camera_key,
+                                               bool is_none_without_key = false);
 
 // The key `target_shape` of `refine`.
 struct FreeShape {

@@ -247,6 +247,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   std::vector<CameraImages> images;
   MapReader refine_all = root.Section("refine");
   const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
+  const std::string prior_of_all = refine_all.Choice("intrinsics_prior", {"none", "file"}, "");
   MapReader section(root.Get("cameras"));
   for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
@@ -263,6 +264,8 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
     reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
     MapReader refine = reader.Section("refine");
     camera.free_intrinsics = ReadFreeIntrinsics(refine, free);
+    camera.prior = ReadIntrinsicsPrior(refine, keys, camera.free_intrinsics, "cameras." + name + ".intrinsics",
+                                       prior_of_all == "none");
     refine.Finish();
     reader.Record("refine", refine.used());
     reader.Finish();
@@ -271,6 +274,14 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   }
   section.Finish();
   root.Record("cameras", section.used());
+  const bool has_prior = std::any_of(data.rig.cameras.begin(), data.rig.cameras.end(),
+                                     [](const RigCamera& camera) { return camera.prior.has_value(); });
+  if (prior_of_all == "file" && !has_prior) {
+    refine_all.Get("intrinsics_prior")
+        .Fail(
+            "needs sigmas (std) in a camera file of heba's own form, and the file of no camera with free intrinsics "
+            "has any");
+  }
   return images;
 }
 
@@ -317,7 +328,9 @@ void ReadRigNoise(MapReader& refine, RigCalibrationOptions* calibration) {
 
 void ReadRefine(MapReader& root, RigConfig* config) {
   MapReader reader = root.Section("refine");
-  ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);  // ReadCameras gives them to the cameras.
+  // ReadCameras gives these to the cameras.
+  ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
+  if (reader.Has("intrinsics_prior")) reader.Choice("intrinsics_prior", {"none", "file"});
   const FreeShape shape = ReadFreeShape(reader);
   config->options.calibration.choose_target_shape = shape.is_chosen;
   for (RigTarget& target : config->data.rig.targets) target.free_shape = shape.groups;

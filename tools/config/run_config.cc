@@ -1,7 +1,6 @@
 #include "tools/config/run_config.h"
 
 #include <algorithm>
-#include <limits>
 #include <set>
 
 #include "heba/base/error.h"
@@ -120,27 +119,6 @@ void ReadRobotModel(MapReader* refine, RunConfig* config) {
   refine->Record("robot_noise", reader.used());
 }
 
-// Reads the prior of the intrinsics. `file`: the sigmas in the camera file, the default if it has any.
-void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
-  const bool has_file = config->data.camera && !config->options.bundle.free_intrinsics.empty() && !config->imported;
-  std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->data.camera_source) : std::nullopt;
-  const std::string fallback = sigmas ? "file" : "none";
-  if (refine->Choice("intrinsics_prior", {"none", "file"}, fallback) == "none") return;
-  if (!sigmas) {
-    const ConfigValue value = refine->Get("intrinsics_prior");
-    if (!config->data.camera) value.Fail("needs a camera file (camera.intrinsics)");
-    if (config->options.bundle.free_intrinsics.empty()) {
-      value.Fail("needs intrinsics that are free (refine.intrinsics)");
-    }
-
-    value.Fail("needs sigmas, which " + config->data.camera_source +
-               " does not have (in heba's own form: std, as in the camera of a result.json)");
-  }
-  // Coefficients that the file's model does not have are unknown.
-  sigmas->resize(config->data.camera->params.size(), std::numeric_limits<double>::infinity());
-  config->options.bundle.camera_prior = CameraPrior{config->data.camera->params, *sigmas};
-}
-
 void ReadRefine(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("refine");
   config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
@@ -152,7 +130,12 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   if (config->data.robot) arms.push_back(config->data.robot->arm);
   config->options.kinematics = ReadKinematics(reader, arms, "robot.model");
   config->options.bundle.pixel_noise_px = ReadPixelNoise(reader);
-  ReadIntrinsicsPrior(&reader, config);
+  // The camera of an imported data set is in no camera file.
+  const std::string& source = config->data.camera_source;
+  const bool is_imported = config->imported && source == config->imported->files.front().string();
+  config->options.bundle.camera_prior =
+      ReadIntrinsicsPrior(reader, {is_imported ? std::nullopt : config->data.camera, source, ""},
+                          config->options.bundle.free_intrinsics, "camera.intrinsics");
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   reader.Finish();
   root.Record("refine", reader.used());

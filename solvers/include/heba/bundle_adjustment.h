@@ -14,17 +14,11 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/data/camera_prior.h"
 #include "heba/data/loss_kind.h"
 #include "heba/data/solution.h"
 
 namespace heba {
-
-// Prior knowledge of the camera: its parameters and one sigma for each, infinite if nothing is known about a
-// parameter.
-struct CameraPrior {
-  std::vector<double> params;
-  std::vector<double> sigmas;
-};
 
 // One sigma of the scales of a printed target, if the robot has systematic errors: the scale of the target and the size
 // of an arm are nearly one, and prints are off by some tenths of a per cent.

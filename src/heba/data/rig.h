@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
+#include "heba/data/camera_prior.h"
 #include "heba/data/problem.h"
 #include "heba/data/shared_effects.h"
 #include "heba/data/target_shape.h"
@@ -39,7 +40,8 @@ struct RigCamera {
   Camera camera;
   // The groups of its parameters that are unknown.
   std::vector<ParameterGroup> free_intrinsics = {};
-  std::string mount_name = {};  // The mount as the user calls it; empty: MountText.
+  std::string mount_name = {};            // The mount as the user calls it; empty: MountText.
+  std::optional<CameraPrior> prior = {};  // What is known about its free parameters.
 };
 
 // A target of a rig.

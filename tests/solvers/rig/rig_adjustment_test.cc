@@ -3,6 +3,9 @@
 #include <cmath>
 #include <functional>
 #include <string>
+#include <vector>
+
+#include <Eigen/Cholesky>
 
 #include <gtest/gtest.h>
 
@@ -94,10 +97,10 @@ TEST_P(RigAdjustmentTest, EstimatesNoiseOfCamerasAndArms) {
   }
 }
 
-// A fixed camera that sees a fixed target only does not determine its intrinsics; the message has the key that holds
-// them, and with that key alone the others stay free.
-TEST(RigAdjustment, NamesTheKeyThatHoldsTheIntrinsicsOfOneCamera) {
-  Rng rng(6);
+// Two fixed cameras, of which the left one sees the target on the gripper and both see one beside the arm: the
+// intrinsics of the right camera cannot be determined.
+RigScene RigWithStillCamera(uint64_t seed) {
+  Rng rng(seed);
   const RigSceneSetting setting{25, 0.1, {}};
   RigScene scene;
   scene.problem.robots = {"arm"};
@@ -114,6 +117,12 @@ TEST(RigAdjustment, NamesTheKeyThatHoldsTheIntrinsicsOfOneCamera) {
   for (RigCapture& capture : scene.problem.captures) {
     std::erase_if(capture.images, [](const RigImage& image) { return image.camera == 1 && image.target == 0; });
   }
+  return scene;
+}
+
+// The message has the key that holds them, and with that key alone the others stay free.
+TEST(RigAdjustment, NamesTheKeyThatHoldsTheIntrinsicsOfOneCamera) {
+  RigScene scene = RigWithStillCamera(6);
   const Outcome<RigSolution> free = RefineRig(scene.problem, scene.truth, RigOptions());
   ASSERT_FALSE(free);
   EXPECT_NE(free.reason().find("camera right's"), std::string::npos) << free.reason();
@@ -123,6 +132,43 @@ TEST(RigAdjustment, NamesTheKeyThatHoldsTheIntrinsicsOfOneCamera) {
   ASSERT_TRUE(held) << held.reason();
   EXPECT_EQ(held->cameras[1].params, scene.problem.cameras[1].camera.params);
   EXPECT_TRUE(SigmaOf(held->covariance, "cameras.left.camera.fx").has_value());
+}
+
+// A prior holds them too, and the covariance of the camera's pose and parameters is then that of their errors.
+TEST(RigAdjustment, CombinesThePriorOfACameraWithTheCaptures) {
+  double chi2 = 0;
+  int num_unknowns = 0;
+  constexpr int kSeeds = 30;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    RigScene scene = RigWithStillCamera(static_cast<uint64_t>(seed));
+    RigCamera& right = scene.problem.cameras[1];
+    const std::vector<double> truth = right.camera.params;
+    CameraPrior prior{truth, {3, 3, 2, 2, 5e-3, 1e-2, 2e-4, 2e-4, 1e-2}};
+    ASSERT_EQ(prior.params.size(), prior.sigmas.size());
+    Rng rng(static_cast<uint64_t>(seed), 5);
+    for (size_t i = 0; i < prior.params.size(); ++i) prior.params[i] += prior.sigmas[i] * rng.Normal();
+    right.camera.params = prior.params;
+    right.prior = prior;
+    const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
+    ASSERT_TRUE(solution) << solution.reason();
+    const UnknownLayout& layout = solution->covariance.layout;
+    const UnknownBlock pose = layout.Block(CameraPoseBlock(right));
+    const UnknownBlock camera = layout.Block(CameraBlock(right));
+    std::vector<Eigen::Index> places;
+    for (Eigen::Index i = pose.first; i < pose.end(); ++i) places.push_back(i);
+    for (Eigen::Index i = camera.first; i < camera.end(); ++i) places.push_back(i);
+    Eigen::VectorXd error(static_cast<Eigen::Index>(places.size()));
+    error.head<6>() = LocalCoordinates(scene.truth.mount_from_camera[1], solution->poses.mount_from_camera[1]);
+    for (size_t i = 0; i < truth.size(); ++i) {
+      error[6 + static_cast<Eigen::Index>(i)] = solution->cameras[1].params[i] - truth[i];
+    }
+    const Eigen::MatrixXd covariance = solution->covariance.matrix(places, places);
+    chi2 += error.dot(covariance.ldlt().solve(error));
+    num_unknowns += static_cast<int>(error.size());
+    EXPECT_LT(*SigmaOf(solution->covariance, "cameras.right.camera.fx"), 3.0);
+  }
+  // Four standard deviations of the sum, and 3 % for noise that is estimated.
+  EXPECT_NEAR(chi2, num_unknowns, 4 * std::sqrt(2.0 * num_unknowns) + 0.03 * num_unknowns);
 }
 
 TEST(RigAdjustment, NamesAnArmThatNothingJoins) {

@@ -69,6 +69,42 @@ class RigConfigTest : public testing::Test {
   const TempFolder folder_;
 };
 
+TEST_F(RigConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+  WritePoses("right.csv", "image", {{"1.png", 10}, {"2.png", 20}, {"3.png", 30}});
+  const std::string camera = "model: pinhole\nimage_size: [640, 480]\nfx: 600\nfy: 601\ncx: 320\ncy: 240\n";
+  Write("plain.yaml", camera);
+  Write("sigmas.yaml", camera + "std: {fx: 1.5, fy: 1.4, cx: 2.5, cy: 2.4}\n");
+  const std::string plain = "cameras.top.intrinsics=" + (folder_ / "plain.yaml").string();
+  const std::string with_sigmas = "cameras.side.intrinsics=" + (folder_ / "sigmas.yaml").string();
+  const auto priors = [&](std::vector<std::string> settings) {
+    settings.insert(settings.begin(), {plain, with_sigmas});
+    const RigConfig config = Read(settings);
+    std::vector<bool> has_prior;
+    for (const RigCamera& of_rig : config.data.rig.cameras) has_prior.push_back(of_rig.prior.has_value());
+    return has_prior;
+  };
+  const RigConfig config = Read({plain, with_sigmas});
+  ASSERT_TRUE(config.data.rig.cameras[1].prior.has_value());
+  EXPECT_THAT(config.data.rig.cameras[1].prior->params, ElementsAre(600, 601, 320, 240));
+  EXPECT_THAT(config.data.rig.cameras[1].prior->sigmas, ElementsAre(1.5, 1.4, 2.5, 2.4));
+  EXPECT_THAT(config.used, HasSubstr("intrinsics_prior: file"));
+  EXPECT_THAT(priors({}), ElementsAre(false, true));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=file"}), ElementsAre(false, true));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=none"}), ElementsAre(false, false));
+  EXPECT_THAT(priors({"cameras.side.refine.intrinsics_prior=none"}), ElementsAre(false, false));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=none", "cameras.side.refine.intrinsics_prior=file"}),
+              ElementsAre(false, true));
+  EXPECT_THAT(priors({"cameras.side.refine.intrinsics=[]"}), ElementsAre(false, false));
+  EXPECT_THAT(
+      InputErrorOf([&] { priors({"cameras.top.refine.intrinsics_prior=file"}); }),
+      HasSubstr("cameras.top.refine.intrinsics_prior: needs sigmas, which " + (folder_ / "plain.yaml").string()));
+  EXPECT_THAT(InputErrorOf([&] { Read({"cameras.top.refine.intrinsics_prior=file"}); }),
+              HasSubstr("needs a camera file (cameras.top.intrinsics)"));
+  EXPECT_THAT(InputErrorOf([&] { Read({"refine.intrinsics_prior=file"}); }),
+              HasSubstr("refine.intrinsics_prior: needs sigmas (std)"));
+}
+
 TEST_F(RigConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
   WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
   WritePoses("right.csv", "image", {{"3.png", 30}, {"1.png", 10}, {"2.png", 20}});
