@@ -15,6 +15,7 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/image_list.h"
+#include "tools/config/requirements.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
@@ -354,6 +355,9 @@ void ReadEvaluate(MapReader& root, RigConfig* config) {
     reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   }
   if (reader.Has("truth")) config->truth = reader.Path("truth");
+  std::vector<std::string> cameras;
+  for (const RigCamera& camera : config->data.rig.cameras) cameras.push_back(camera.name);
+  config->options.requirements = ReadRequirements(reader, cameras);
   reader.Finish();
   root.Record("evaluate", reader.used());
 }

@@ -141,8 +141,9 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
         const Outcome<LocatedTarget> located =
             is_visible ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
                        : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
-        entry.reached_m = std::max(entry.reached_m, located ? radius_m(located->covariance.by_calibration_m2)
-                                                            : std::numeric_limits<double>::infinity());
+        if (!located) entry.reached_m.reset();
+        if (!entry.reached_m) break;
+        entry.reached_m = std::max(*entry.reached_m, radius_m(located->covariance.by_calibration_m2));
       }
     }
     reached.push_back(std::move(entry));

@@ -19,6 +19,7 @@
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
 #include "tools/run/rig_arm_errors.h"
+#include "tools/run/rig_requirements.h"
 
 namespace heba {
 namespace {
@@ -286,6 +287,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     result.observations.push_back(std::move(finding));
   }
   for (Finding& finding : DiagnoseRigDirections(output.calibration)) result.observations.push_back(std::move(finding));
+  result.requirements = ReachedInRig(options.requirements, used, solution);
   result.verdict = JudgeRig(result);
   return output;
 }

@@ -114,6 +114,11 @@ std::string AmountBeside(double amount, double limit) {
 // Names what is missed; everything if all is met.
 FindingText Required(const Finding& finding) {
   const double within_mm = Number(finding, "required_mm");
+  if (Is(finding, "in_view", "no")) {
+    return {"a target at " + Name(finding, "place") + " cannot be located, because it is not in view; " +
+                Significant(within_mm, 3) + " mm are required",
+            "check the positions of evaluate.require, which are in the base of the robot"};
+  }
   const double reached_mm = Number(finding, "reached_mm");
   const double held_out_mm = Number(finding, "held_out_mm");
   const bool has_hold_out = Is(finding, "hold_out", "known");

@@ -13,6 +13,7 @@
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/evaluation/requirement.h"
 #include "heba/robot/arm.h"
 
 namespace heba {
@@ -130,15 +131,6 @@ struct RobotSummary {
   // The robot's noise without and with the estimated kinematics, if it was estimated.
   std::optional<RobotNoise> noise_before;
   std::optional<RobotNoise> noise_after;
-};
-
-// The requirement that a target at a given position is located to `within_m` with a given confidence.
-struct Requirement {
-  double within_m = 0;
-  double confidence = 0.95;
-  std::string place;  // Description of the position, for messages.
-  // Radius that contains the middle of the target with this confidence, the largest of all required positions.
-  double reached_m = 0;
 };
 
 // A finished run, from which result.json is written.

@@ -125,6 +125,17 @@ void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
   findings->erase(weak);
 }
 
+// Judges the requirements, each for every camera that it concerns.
+std::vector<Finding> JudgeRequirements(const RigResult& result) {
+  std::vector<Finding> findings;
+  for (const RigRequirement& of_camera : result.requirements) {
+    Finding& finding = findings.emplace_back(
+        JudgeRequirement(of_camera.requirement, result.errors[of_camera.camera].holdout_target_mm));
+    finding.names.push_back(CameraName(result, of_camera.camera));
+  }
+  return findings;
+}
+
 }  // namespace
 
 std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place) {
@@ -150,9 +161,18 @@ Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
   findings = result.observations;
-  for (Finding& finding : JudgeHoldOut(result)) findings.push_back(std::move(finding));
-  if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
+  std::vector<Finding> hold_outs = JudgeHoldOut(result);
   Finding uncertainty = JudgeUncertainty(result);
+  if (!result.requirements.empty()) {
+    uncertainty.grade = Grade::kGood;
+    for (Finding& finding : hold_outs) {
+      if (finding.code == FindingCode("hold_out")) finding.grade = Grade::kGood;
+    }
+    std::erase_if(findings, [](const Finding& finding) { return finding.code == FindingCode("weak_direction"); });
+    for (Finding& finding : JudgeRequirements(result)) findings.push_back(std::move(finding));
+  }
+  for (Finding& finding : hold_outs) findings.push_back(std::move(finding));
+  if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
   TakeWeakDirection(&findings, &uncertainty);
   findings.push_back(std::move(uncertainty));
   findings.push_back(JudgeImages(result));

@@ -87,6 +87,12 @@ struct RigPoseErrors {
 // Returns the entry of such a list; nothing if the list is empty.
 std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place);
 
+// The accuracy that one camera reaches where one is required.
+struct RigRequirement {
+  size_t camera = 0;
+  Requirement requirement;
+};
+
 // A finished run with a rig, from which result.json is written.
 struct RigResult {
   std::string name;
@@ -107,6 +113,9 @@ struct RigResult {
   std::vector<RigCaptureResult> captures;
   // One per camera and capture, in the order of the captures; then what was left out before.
   std::vector<RigImageResult> images;
+  // In the order of the requirements; a requirement has an entry for every camera that it concerns. If there are any,
+  // they replace the built-in limits on uncertainty and hold-out errors.
+  std::vector<RigRequirement> requirements;
   std::vector<Finding> observations;  // Findings about the run that its figures do not show.
   Verdict verdict;                    // Result of JudgeRig.
   Timing timing;

@@ -56,26 +56,6 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   return finding;
 }
 
-// Judges each requirement; the requirements replace the built-in limits.
-std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& errors) {
-  std::vector<Finding> findings;
-  for (const Requirement& requirement : result.requirements) {
-    const double within_mm = 1000 * requirement.within_m;
-    const double reached_mm = 1000 * requirement.reached_m;
-    const double held_out_mm = errors.holdout_target_mm.value_or(0);
-    Finding finding;
-    finding.code = FindingCode("required");
-    finding.grade = reached_mm <= within_mm && held_out_mm <= within_mm ? Grade::kGood : Grade::kBad;
-    finding.numbers = {{"required_mm", within_mm},
-                       {"reached_mm", reached_mm},
-                       {"held_out_mm", held_out_mm},
-                       {"confidence", requirement.confidence}};
-    finding.names = {{"place", requirement.place}, {"hold_out", errors.holdout_target_mm ? "known" : "unknown"}};
-    findings.push_back(std::move(finding));
-  }
-  return findings;
-}
-
 Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   const bool is_missing = !errors.holdout_target_mm || !errors.holdout_target_deg;
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
@@ -243,7 +223,9 @@ Verdict JudgeRun(const RunResult& result) {
     if (!result.requirements.empty()) {
       uncertainty.grade = Grade::kGood;
       if (refined->errors.holdout_target_mm) hold_out.grade = Grade::kGood;
-      for (Finding& finding : JudgeRequirements(result, refined->errors)) findings.push_back(std::move(finding));
+      for (const Requirement& requirement : result.requirements) {
+        findings.push_back(JudgeRequirement(requirement, refined->errors.holdout_target_mm));
+      }
     }
     // A finding on poorly determined directions is part of the uncertainty and contains its remedy.
     const auto weak = std::find_if(findings.begin(), findings.end(), [](const Finding& finding) {

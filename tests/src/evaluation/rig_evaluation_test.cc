@@ -82,5 +82,24 @@ TEST(RigVerdictTest, TheUncertaintyTakesTheWeakDirectionOfItsCamera) {
   EXPECT_EQ(others.front().Name("of_camera"), "left");
 }
 
+// Requirements replace the built-in limits, and each is judged for the camera that it concerns.
+TEST(RigVerdictTest, RequirementsReplaceBuiltInLimits) {
+  RigResult result = GoodResult();
+  result.errors[1].holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
+  result.observations.push_back({Grade::kDoubtful, FindingCode("weak_direction"), {{"x", 9}}, {{"of_camera", "left"}}});
+  EXPECT_EQ(JudgeRig(result).grade, Grade::kDoubtful);
+  result.requirements = {{0, {10e-3, 0.95, "here", 2e-3}}, {1, {10e-3, 0.95, "here", 2e-3}}};
+  EXPECT_EQ(JudgeRig(result).grade, Grade::kGood);
+  result.requirements[1].requirement.within_m = 2.5e-3;
+  const std::vector<Finding> required = FindingsWith(JudgeRig(result), "required");
+  ASSERT_EQ(required.size(), 2U);
+  EXPECT_EQ(required[0].grade, Grade::kBad);
+  EXPECT_EQ(required[0].Name("of_camera"), "right");
+  EXPECT_EQ(required[1].grade, Grade::kGood);
+  // A place that is not in view is no place where the limit holds.
+  result.requirements[0].requirement.reached_m.reset();
+  EXPECT_EQ(FindingsWith(JudgeRig(result), "required")[1].grade, Grade::kBad);
+}
+
 }  // namespace
 }  // namespace heba

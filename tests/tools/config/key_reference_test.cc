@@ -164,6 +164,8 @@ TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
   EXPECT_EQ(known({"targets.NAME.unknown_key=1"}), KeysOfTable("rig", "targets.NAME"));
   EXPECT_EQ(known({"refine.unknown_key=1"}), KeysOfTable("rig", "refine"));
   EXPECT_EQ(known({"evaluate.unknown_key=1"}), KeysOfTable("rig", "evaluate"));
+  EXPECT_EQ(known({"evaluate.require=[{within: 1 mm, unknown_key: 1}]"}), KeysOfTable("rig", "evaluate.require[]"));
+  EXPECT_EQ(known({"cameras.NAME.refine.unknown_key=1"}), KeysOfTable("rig", "cameras.NAME.refine"));
   const std::string folder = (folder_ / "").string();
   Names of_arm = known({"robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.model=ur5e",
                         "robots.NAME.joints=" + folder + "joints.csv", "robots.NAME.unknown_key=1"});
@@ -303,12 +305,12 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   };
   expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
   for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
-  ExpectDefaults("rig",
-                 YAML::Load(ReadRigConfig(folder_ / "rig.yaml",
-                                          {"captures=", "robots.NAME.poses=" + folder + "poses.csv",
-                                           "robots.NAME.model=ur5e", "robots.NAME.joints=" + folder + "joints.csv"})
-                                .used),
-                 &left);
+  const RigConfig rig = ReadRigConfig(
+      folder_ / "rig.yaml", {"captures=", "robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.model=ur5e",
+                             "robots.NAME.joints=" + folder + "joints.csv", "evaluate.require=[{within: 1 mm}]"});
+  ExpectDefaults("rig", YAML::Load(rig.used), &left);
+  EXPECT_EQ(rig.options.requirements.at(0).confidence, 0.95);
+  EXPECT_EQ(left.erase("rig evaluate.require[].confidence"), 1U);
   ExpectDefaults("rig_scene", ReadRigScene(folder_ / "rig_scene.yaml").used, &left);
   // Words for values that depend on something else.
   Names described;

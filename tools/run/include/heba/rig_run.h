@@ -56,8 +56,9 @@ struct RigDataset {
 struct RigRunOptions {
   RigCalibrationOptions calibration;          // Its `has_camera` and `arms` are not used.
   Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if RigDataset::arms has any.
-  int folds = 5;                              // Number of folds of the cross-validation; 0: none.
-  int num_threads = 1;                        // The result does not depend on it.
+  std::vector<PlacedRequirement> requirements;
+  int folds = 5;        // Number of folds of the cross-validation; 0: none.
+  int num_threads = 1;  // The result does not depend on it.
   // One per target; replace DetectWithDigest. Empty: none is replaced.
   std::vector<DetectFunction> detect;
 };
