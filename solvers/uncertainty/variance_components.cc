@@ -233,8 +233,8 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   // Adds the scores and the Fisher information of the variances of unknowns: J^T S^-1 [J, y] in `products`, C in
   // `covariance`, and the other variances' derivatives.
   void AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
-                           const Eigen::VectorXd& step, const std::vector<Eigen::MatrixXd>& derivatives,
-                           Likelihood* likelihood) const;
+                           const Eigen::VectorXd& step, const Eigen::VectorXd& variances,
+                           const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const;
 
   Eigen::Index num_groups_;
   Eigen::Index num_unknowns_;
@@ -347,40 +347,57 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
           0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
     }
   }
-  if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, derivatives, &result);
+  if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, variances, derivatives, &result);
   result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;
 }
 
 template <int kRows, int kEffects>
-void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(const Eigen::MatrixXd& products,
-                                                            const Eigen::MatrixXd& covariance,
-                                                            const Eigen::VectorXd& step,
-                                                            const std::vector<Eigen::MatrixXd>& derivatives,
-                                                            Likelihood* likelihood) const {
+void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
+    const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance, const Eigen::VectorXd& step,
+    const Eigen::VectorXd& variances, const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const {
   const Eigen::Index n = num_unknowns_;
-  // J_g^T P y and J_g^T P J_h for the unknowns with a variance; J_g^T P V_k P J_g for the other groups.
-  const Eigen::MatrixXd by_shared = products.topLeftCorner(n, n)(Eigen::all, shared_.columns);
-  const Eigen::MatrixXd covariance_by_shared = covariance * by_shared;
-  const Eigen::VectorXd pulls = products.col(n)(shared_.columns) - by_shared.transpose() * step;
-  const Eigen::MatrixXd seen =
-      Eigen::MatrixXd(by_shared(shared_.columns, Eigen::all)) - by_shared.transpose() * covariance_by_shared;
-  Eigen::MatrixXd left = -covariance_by_shared;  // The columns of I - C J^T S^-1 J.
-  for (size_t i = 0; i < shared_.columns.size(); ++i) left(shared_.columns[i], static_cast<Eigen::Index>(i)) += 1;
-  for (size_t i = 0; i < shared_.columns.size(); ++i) {
-    const auto a = static_cast<Eigen::Index>(i);
-    const Eigen::Index group = shared_.groups[i];
-    likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen(a, a));
-    for (size_t j = 0; j < shared_.columns.size(); ++j) {
-      const auto b = static_cast<Eigen::Index>(j);
-      if (shared_.groups[j] <= group) likelihood->fisher(group, shared_.groups[j]) += 0.5 * seen(a, b) * seen(a, b);
+  const auto num_shared = static_cast<Eigen::Index>(shared_.columns.size());
+  const auto place_of = [&](Eigen::Index a) { return shared_.columns[static_cast<size_t>(a)]; };
+  const auto group_of = [&](Eigen::Index a) { return shared_.groups[static_cast<size_t>(a)]; };
+  // J_g^T P y and the columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If it is above zero, they
+  // follow from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures tell far
+  // more than the prior.
+  Eigen::VectorXd pulls(num_shared);
+  Eigen::MatrixXd left(n, num_shared);
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    const Eigen::Index g = place_of(a);
+    const double variance = variances[group_of(a)];
+    if (variance > 0) {
+      pulls[a] = step[g] / variance;
+      left.col(a) = covariance.col(g) / variance;
+    } else {
+      pulls[a] = products(g, n) - products.col(g).head(n).dot(step);
+      left.col(a).noalias() = -covariance * products.col(g).head(n);
+      left(g, a) += 1;
     }
-    for (size_t k = 0; k < derivatives.size(); ++k) {
-      if (derivatives[k].size() == 0) continue;
-      const auto other = static_cast<Eigen::Index>(k);
-      likelihood->fisher(std::max(group, other), std::min(group, other)) +=
-          0.5 * left.col(a).dot(derivatives[k] * left.col(a));
+  }
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    const Eigen::Index group = group_of(a);
+    for (Eigen::Index b = 0; b < num_shared; ++b) {
+      const Eigen::Index other = group_of(b);
+      if (other > group) continue;
+      // J_g^T P J_h, likewise.
+      const bool have_priors = variances[group] > 0 && variances[other] > 0;
+      const double seen = have_priors ? ((a == b ? 1 : 0) - left(place_of(a), b)) / variances[group]
+                                      : products.col(place_of(a)).head(n).dot(left.col(b));
+      likelihood->fisher(group, other) += 0.5 * seen * seen;
+      if (a == b) likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen);
+    }
+  }
+  // J_g^T P V_k P J_g for the variances of the other groups.
+  for (size_t k = 0; k < derivatives.size(); ++k) {
+    if (derivatives[k].size() == 0) continue;
+    const auto other = static_cast<Eigen::Index>(k);
+    const Eigen::VectorXd seen = (derivatives[k] * left).cwiseProduct(left).colwise().sum();
+    for (Eigen::Index a = 0; a < num_shared; ++a) {
+      likelihood->fisher(std::max(group_of(a), other), std::min(group_of(a), other)) += 0.5 * seen[a];
     }
   }
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
 #include <string>
 
@@ -297,6 +298,40 @@ TEST(GeneralVariancesTest, FindsTheGroupsThatAreThere) {
   EXPECT_LT(num_own_zeros, 34);
   EXPECT_GT(num_shared_zeros, 8);
   EXPECT_LT(num_shared_zeros, 36);
+}
+
+// Unknowns that the views tell a million times better than their prior are as good as observed: the score of their
+// variance is that of a sample, although the information of the views has as many digits more.
+TEST(GeneralVariancesTest, ScoresOfWellKnownUnknownsAreThoseOfASample) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  constexpr Eigen::Index kViews = 8;
+  constexpr double kScale = 1e6;
+  std::vector<LinearisedView> views;
+  Eigen::VectorXd sample(6 * kViews);
+  for (double& number : sample) number = normal(random);
+  for (Eigen::Index v = 0; v < kViews; ++v) {
+    LinearisedView& view = views.emplace_back();
+    view.by_unknowns.setZero(20, 6 * kViews);
+    for (double& number : view.by_unknowns.middleCols<6>(6 * v).reshaped()) number = kScale * normal(random);
+    view.by_effects.setZero(20, 6);
+    for (double& number : view.by_effects.reshaped()) number = normal(random);
+    view.offset = view.by_unknowns * sample;
+    for (double& number : view.offset) number += normal(random);
+  }
+  using Kind = VarianceGroup::Kind;
+  constexpr double kVariance = 0.8;
+  std::vector<VarianceGroup> groups = {{Kind::kPixels, {}, 1, true},
+                                       {Kind::kEffects, {0, 1, 2, 3, 4, 5}, 0.01, true},
+                                       {Kind::kUnknowns, {}, kVariance, true}};
+  for (Eigen::Index column = 0; column < sample.size(); ++column) groups[2].columns.push_back(column);
+  const std::optional<LikelihoodScores> scores = ScoresOf(views, groups);
+  ASSERT_TRUE(scores.has_value());
+  const auto size = static_cast<double>(sample.size());
+  const double score = 0.5 * (sample.squaredNorm() / (kVariance * kVariance) - size / kVariance);
+  const double fisher = 0.5 * size / (kVariance * kVariance);
+  EXPECT_NEAR(scores->scores[2], score, 1e-4 * std::sqrt(fisher));
+  EXPECT_NEAR(scores->fisher(2, 2), fisher, 1e-6 * fisher);
 }
 
 // The degrees of freedom of one group of effects agree with those of Student's t: the mean of N captures, each with an
