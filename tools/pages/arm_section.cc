@@ -219,13 +219,12 @@ Json MapJson(const ArmMap& map) {
               {"captures", captures}};
 }
 
-std::string MapFigure(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures) {
-  std::vector<Rigid3d> base_from_gripper;
-  for (const ReportedCapture& capture : captures) base_from_gripper.push_back(capture.base_from_gripper);
+// `fixed` names what the locator's positions are relative to.
+std::string MapFigure(const GripperLocator& locate, const std::string& fixed, const RobotSummary& robot,
+                      const std::vector<Rigid3d>& base_from_gripper) {
   std::vector<ArmMap> maps;
   for (const int vertical_axis : {1, 2}) {
-    std::optional<ArmMap> map =
-        MapArm(result.setup, *refined.solution, *result.robot, base_from_gripper, vertical_axis);
+    std::optional<ArmMap> map = MapArm(locate, robot, base_from_gripper, vertical_axis);
     if (!map) return "";
     maps.push_back(std::move(*map));
   }
@@ -238,11 +237,10 @@ std::string MapFigure(const RunResult& result, const Estimate& refined, const st
     for (const MapChart& what : kMapCharts) pictures += StaticMap(map, what, x_range);
   }
   const std::string& configuration = maps.front().configuration;
-  const std::string fixed = result.setup == Setup::kEyeToHand ? "camera" : "target of the captures";
   return ViewFigure(
       "arm-map",
       "Distance between the stated and the true position of the gripper (correction), and one sigma of the true "
-      "position relative to the " +
+      "position relative to " +
           fixed + ": through the mean position of the captures, in their mean orientation" +
           (configuration.empty() ? "" : " and in the configuration " + configuration) +
           ". Dots are captures; the arm does not reach the blank positions.",
@@ -260,13 +258,18 @@ std::string ErrorsPart(const RobotSummary& robot, const std::string& maps) {
 std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures) {
   if (!result.robot || !result.robot->is_estimated || refined.solution->shared_effects == nullptr) return "";
   const RobotSummary& robot = *result.robot;
+  const std::string fixed = result.setup == Setup::kEyeToHand ? "the camera" : "the target of the captures";
+  std::vector<Rigid3d> base_from_gripper;
+  for (const ReportedCapture& capture : captures) base_from_gripper.push_back(capture.base_from_gripper);
   return "<section>" + Heading("Arm") +
          Paragraph("The errors of the arm " + robot.nominal.name + " (" + robot.errors_name +
                    ") were estimated together with the hand-eye pose.") +
-         ErrorsPart(robot, MapFigure(result, refined, captures)) + "</section>\n";
+         ErrorsPart(robot, MapFigure(LocatorOf(result.setup, *refined.solution), fixed, robot, base_from_gripper)) +
+         "</section>\n";
 }
 
-std::string ArmOfRigSection(const std::string& heading, const RobotSummary& robot) {
+std::string ArmOfRigSection(const std::string& heading, const RigResult& result, size_t robot_index) {
+  const RobotSummary& robot = *result.arms[robot_index];
   std::string text = Capitalised(FindingWords(DescribeEstimate(robot)).text) + ".";
   if (robot.is_estimated) {
     text += robot.has_recorded_joints ? " Its joints were recorded." : " Its joints were recovered from its poses.";
@@ -275,7 +278,17 @@ std::string ArmOfRigSection(const std::string& heading, const RobotSummary& robo
               "); in others, its errors are extrapolated.";
     }
   }
-  return PageSection(heading, Paragraph(text) + (robot.is_estimated ? ErrorsPart(robot, "") : ""));
+  if (!robot.is_estimated) return PageSection(heading, Paragraph(text));
+  std::string maps;
+  if (const std::optional<FixedPart> fixed = FindFixedPart(result.rig)) {
+    std::vector<Rigid3d> base_from_gripper;
+    for (const RigCaptureResult& capture : result.captures) {
+      base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
+    }
+    maps = MapFigure(LocatorOf(result.rig, result.solution, robot_index, *fixed), fixed->Name(result.rig), robot,
+                     base_from_gripper);
+  }
+  return PageSection(heading, Paragraph(text) + ErrorsPart(robot, maps));
 }
 
 }  // namespace heba

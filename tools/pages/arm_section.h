@@ -1,10 +1,12 @@
 // The section of the report on the estimated kinematics of the arm.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 #include "tools/pages/report.h"
 
 namespace heba {
@@ -13,8 +15,8 @@ namespace heba {
 // if the run has not estimated the errors of an arm.
 std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures);
 
-// Returns the markup of the section on an arm of a rig whose kinematics are known: the estimated parameters and the
-// noise without and with them, or the reason why there are none.
-std::string ArmOfRigSection(const std::string& heading, const RobotSummary& robot);
+// Returns the markup of the section on an arm of a rig whose kinematics are known: the estimated parameters, the noise
+// without and with them, and maps of the correction; or the reason why they were not estimated.
+std::string ArmOfRigSection(const std::string& heading, const RigResult& result, size_t robot_index);
 
 }  // namespace heba

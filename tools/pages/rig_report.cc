@@ -194,7 +194,7 @@ std::string KinematicsSections(const RigResult& result) {
   std::string sections;
   for (size_t r = 0; r < result.arms.size(); ++r) {
     if (!result.arms[r]) continue;
-    sections += ArmOfRigSection("Kinematics of arm " + result.rig.robots[r], *result.arms[r]);
+    sections += ArmOfRigSection("Kinematics of arm " + result.rig.robots[r], result, r);
   }
   return sections;
 }

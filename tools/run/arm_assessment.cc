@@ -149,19 +149,11 @@ Finding DescribeEstimate(const RobotSummary& robot) {
   return finding;
 }
 
-namespace {
-
-// Returns the finding that all captures are in one configuration, with the sigmas of the gripper's position there and
-// in others. Names the flips that the captures do not tell the arm's errors for.
-Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
+Finding DescribeConfiguration(const RobotSummary& robot, const GripperLocator& locate,
+                              const std::vector<Rigid3d>& base_from_gripper) {
   Finding finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}};
-  if (!calibration.refined) return finding;
-  std::vector<Rigid3d> base_from_gripper;
-  for (const View& view : calibration.views) {
-    base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
-  }
   const std::optional<ConfigurationSigmas> sigmas =
-      SigmasByConfiguration(dataset.setup, *calibration.refined, robot, base_from_gripper);
+      locate ? SigmasByConfiguration(locate, robot, base_from_gripper) : std::nullopt;
   if (!sigmas || !sigmas->others_m) return finding;
   finding.numbers = {{"captured_mm", 1000 * sigmas->captured_m}, {"others_mm", 1000 * *sigmas->others_m}};
   // Errors that are larger by this factor than at the captures are not told by them.
@@ -176,12 +168,16 @@ Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, cons
   return finding;
 }
 
-}  // namespace
-
 std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
   std::vector<Finding> findings = {DescribeEstimate(robot)};
   if (!robot.is_estimated) return findings;
-  if (!robot.configuration.empty()) findings.push_back(OneConfiguration(robot, dataset, calibration));
+  if (robot.configuration.empty()) return findings;
+  std::vector<Rigid3d> base_from_gripper;
+  for (const View& view : calibration.views) {
+    base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
+  }
+  const GripperLocator locate = calibration.refined ? LocatorOf(dataset.setup, *calibration.refined) : GripperLocator();
+  findings.push_back(DescribeConfiguration(robot, locate, base_from_gripper));
   return findings;
 }
 

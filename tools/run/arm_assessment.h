@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "heba/evaluation/arm_uncertainty.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/run.h"
 #include "tools/run/arm_setup.h"
@@ -40,6 +41,12 @@ Finding DescribeEstimate(const RobotSummary& robot);
 
 // Returns what is to be said about it. `calibration` is the one that estimated the arm.
 std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration);
+
+// Returns the finding that all captures are in one configuration, with the sigmas of the gripper's position there and
+// in others. Names the flips that the captures do not tell the arm's errors for. Without `locate` there are no sigmas.
+// `base_from_gripper` are the poses of the captures.
+Finding DescribeConfiguration(const RobotSummary& robot, const GripperLocator& locate,
+                              const std::vector<Rigid3d>& base_from_gripper);
 
 // Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
 // arm was estimated from joints that were recovered there.

@@ -109,6 +109,16 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
     RobotSummary& arm = *summaries.arms.back();
     arm.reason = WithArmKeys(arm.reason, dataset.rig.robots[r]);
     std::vector<Finding> findings = {DescribeEstimate(arm)};
+    if (arm.is_estimated && !arm.configuration.empty()) {
+      const std::optional<FixedPart> fixed = FindFixedPart(calibration.problem);
+      std::vector<Rigid3d> base_from_gripper;
+      for (const RigCapture& capture : calibration.problem.captures) {
+        base_from_gripper.push_back(capture.base_from_gripper[r]);
+      }
+      findings.push_back(DescribeConfiguration(
+          arm, fixed ? LocatorOf(calibration.problem, *calibration.refined, r, *fixed) : GripperLocator(),
+          base_from_gripper));
+    }
     if (setups[r]) {
       std::optional<Finding> singular = FindSingularCaptures(RecordingOf(dataset, r), *setups[r], arm.is_estimated);
       if (singular) findings.push_back(std::move(*singular));

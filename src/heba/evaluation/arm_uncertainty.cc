@@ -52,6 +52,15 @@ struct Slice {
   }
 };
 
+// Adds the derivative of a point, fixed to a frame that moves by the unknowns of a pose, by these: `sign` times its
+// motion, in the axes of the parent. A block without unknowns adds nothing.
+void AddMotion(const Rigid3d& parent_from_frame, const Eigen::Vector3d& in_parent, const UnknownBlock& block,
+               double sign, Eigen::MatrixXd* by_unknowns) {
+  if (block.size != 6) return;
+  by_unknowns->middleCols<6>(block.first) +=
+      sign * parent_from_frame.RotationMatrix() * PointByMotion(Inverse(parent_from_frame) * in_parent);
+}
+
 struct SliceCell {
   int column = 0;
   int row = 0;
@@ -111,25 +120,64 @@ Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& st
   return WithArmErrors(*robot, stated, *joints);
 }
 
-Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const StatedPose& stated) {
-  const CorrectedPose gripper = Correct(solution, stated);
+GripperLocator LocatorOf(Setup setup, const Solution& solution) {
   const bool is_camera_fixed = setup == Setup::kEyeToHand;
   const Rigid3d& fixed =
       is_camera_fixed ? solution.hand_eye.camera_mount_from_camera : solution.hand_eye.target_mount_from_target;
   const UnknownBlock block = solution.covariance.layout.Block(is_camera_fixed ? kHandEyeBlock : kBoardBlock);
-  Eigen::MatrixXd by_unknowns = gripper.base_from_mount.RotationMatrix() * gripper.by_unknowns.topRows<3>();
-  if (block.size == 6) {
-    const Eigen::Vector3d in_fixed = Inverse(fixed) * gripper.base_from_mount.translation;
-    by_unknowns.middleCols<6>(block.first) -= fixed.RotationMatrix() * PointByMotion(in_fixed);
+  return [&solution, fixed, block](const StatedPose& stated) {
+    const CorrectedPose gripper = Correct(solution, stated);
+    const Rigid3d& pose = gripper.base_from_mount;
+    Eigen::MatrixXd by_unknowns = pose.RotationMatrix() * gripper.by_unknowns.topRows<3>();
+    AddMotion(fixed, pose.translation, block, -1, &by_unknowns);
+    return LocatedGripper{pose, by_unknowns * solution.covariance.matrix * by_unknowns.transpose()};
+  };
+}
+
+std::string FixedPart::Name(const RigProblem& rig) const {
+  return kind == Kind::kCamera ? "camera " + rig.cameras[index].name : "target " + rig.targets[index].name;
+}
+
+std::optional<FixedPart> FindFixedPart(const RigProblem& rig) {
+  const auto is_fixed = [](const auto& part) { return part.mount.part == Mount::Part::kBase; };
+  const auto camera = std::find_if(rig.cameras.begin(), rig.cameras.end(), is_fixed);
+  if (camera != rig.cameras.end()) {
+    return FixedPart{FixedPart::Kind::kCamera, static_cast<size_t>(camera - rig.cameras.begin())};
   }
-  return by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
+  const auto target = std::find_if(rig.targets.begin(), rig.targets.end(), is_fixed);
+  if (target == rig.targets.end()) return std::nullopt;
+  return FixedPart{FixedPart::Kind::kTarget, static_cast<size_t>(target - rig.targets.begin())};
+}
+
+GripperLocator LocatorOf(const RigProblem& rig, const RigSolution& solution, size_t robot, const FixedPart& fixed) {
+  const UnknownLayout& layout = solution.covariance.layout;
+  const bool is_camera = fixed.kind == FixedPart::Kind::kCamera;
+  const size_t base = is_camera ? rig.cameras[fixed.index].mount.robot : rig.targets[fixed.index].mount.robot;
+  const Rigid3d& world_from_base = solution.poses.world_from_base[base];
+  const Rigid3d world_from_fixed = world_from_base * (is_camera ? solution.poses.mount_from_camera[fixed.index]
+                                                                : solution.poses.mount_from_target[fixed.index]);
+  const UnknownBlock of_fixed =
+      layout.Block(is_camera ? CameraPoseBlock(rig.cameras[fixed.index]) : TargetPoseBlock(rig.targets[fixed.index]));
+  // The first base is the world, and has no unknowns.
+  const UnknownBlock of_base = layout.Block(BaseBlock(rig.robots[base]));
+  const UnknownBlock of_own_base = layout.Block(BaseBlock(rig.robots[robot]));
+  return [&rig, &solution, robot, world_from_base, world_from_fixed, of_fixed, of_base,
+          of_own_base](const StatedPose& stated) {
+    const CorrectedPose gripper = Correct(rig, solution, robot, stated);
+    const Rigid3d& world_from_own = solution.poses.world_from_base[robot];
+    const Rigid3d pose = world_from_own * gripper.base_from_mount;
+    Eigen::MatrixXd by_unknowns = pose.RotationMatrix() * gripper.by_unknowns.topRows<3>();
+    AddMotion(world_from_own, pose.translation, of_own_base, 1, &by_unknowns);
+    AddMotion(world_from_base, pose.translation, of_base, -1, &by_unknowns);
+    AddMotion(world_from_fixed, pose.translation, of_fixed, -1, &by_unknowns);
+    return LocatedGripper{gripper.base_from_mount, by_unknowns * solution.covariance.matrix * by_unknowns.transpose()};
+  };
 }
 
 // A variance that is zero may be negative by rounding.
 double SigmaM(const Eigen::Matrix3d& covariance_m2) { return std::sqrt(std::max(0.0, covariance_m2.trace() / 3)); }
 
-std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solution& solution,
-                                                         const RobotSummary& robot,
+std::optional<ConfigurationSigmas> SigmasByConfiguration(const GripperLocator& locate, const RobotSummary& robot,
                                                          const std::vector<Rigid3d>& base_from_gripper) {
   if (robot.configuration.empty()) return std::nullopt;
   // The search for postures takes some milliseconds per pose.
@@ -147,8 +195,7 @@ std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solu
     for (const Eigen::VectorXd& posture : *postures) {
       const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, posture);
       if (!configuration) continue;
-      const double variance_m2 =
-          std::pow(SigmaM(GripperCovariance(setup, solution, WithArmErrors(robot, stated, posture))), 2);
+      const double variance_m2 = std::pow(SigmaM(locate(WithArmErrors(robot, stated, posture)).covariance_m2), 2);
       std::vector<size_t> flips;
       for (size_t k = 0; k < 3; ++k) {
         if ((*configuration)[k] != common[k]) flips.push_back(k);
@@ -163,7 +210,7 @@ std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solu
   return sigmas;
 }
 
-std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotSummary& robot,
+std::optional<ArmMap> MapArm(const GripperLocator& locate, const RobotSummary& robot,
                              const std::vector<Rigid3d>& base_from_gripper, int vertical_axis) {
   if (base_from_gripper.empty()) return std::nullopt;
   const Rigid3d mean = MeanPose(base_from_gripper);
@@ -190,9 +237,9 @@ std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotS
   for (const Rigid3d& pose : base_from_gripper) map.captures_m.push_back(pose.translation);
   for (const SliceCell& cell : Reached(slice, *start)) {
     const Rigid3d stated = slice.PoseAt(cell.column, cell.row);
-    const StatedPose with_errors = WithArmErrors(robot, stated, cell.joints);
-    const double correction_m = DistanceM(Correct(solution, with_errors).base_from_mount, stated);
-    map.cells.push_back({stated.translation, correction_m, SigmaM(GripperCovariance(setup, solution, with_errors))});
+    const LocatedGripper gripper = locate(WithArmErrors(robot, stated, cell.joints));
+    map.cells.push_back(
+        {stated.translation, DistanceM(gripper.base_from_gripper, stated), SigmaM(gripper.covariance_m2)});
   }
   return map;
 }

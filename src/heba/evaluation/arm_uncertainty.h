@@ -2,10 +2,14 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 #include "heba/data/stated_pose.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/robot/arm_postures.h"
@@ -26,17 +30,39 @@ Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stat
 Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& stated,
                                     const std::optional<Eigen::VectorXd>& joints);
 
-// Returns the covariance of the gripper's position relative to what is fixed in the base, the camera or the target of
-// the captures, along the base's axes, m^2: by the calibration, that is by the errors of the arm and of the pose of
-// what is fixed.
-Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const StatedPose& stated);
+// The true pose of the gripper according to a calibration, and the covariance of its position relative to something
+// that is fixed, along the axes of the base of the first arm, m^2: by the calibration, that is by the errors of the arm
+// and of the poses of bases and of what is fixed.
+struct LocatedGripper {
+  Rigid3d base_from_gripper;
+  Eigen::Matrix3d covariance_m2;
+};
+// Locates the gripper at a pose that the controller states.
+using GripperLocator = std::function<LocatedGripper(const StatedPose&)>;
+// Returns the locator of the arm of a single camera, relative to what is fixed: the camera, or the target of the
+// captures. The solution must outlive it.
+GripperLocator LocatorOf(Setup setup, const Solution& solution);
+
+// A part of a rig that no arm moves.
+struct FixedPart {
+  enum class Kind { kCamera, kTarget };
+  Kind kind = Kind::kCamera;
+  size_t index = 0;
+
+  std::string Name(const RigProblem& rig) const;  // In words: "camera left".
+};
+// Returns the first fixed camera or, if no camera is fixed, the first fixed target; nothing if all are carried.
+std::optional<FixedPart> FindFixedPart(const RigProblem& rig);
+// Returns the locator of one arm of a rig, relative to a fixed part. Rig and solution must outlive it.
+GripperLocator LocatorOf(const RigProblem& rig, const RigSolution& solution, size_t robot, const FixedPart& fixed);
+
 // Returns one sigma of a coordinate, root mean square over the three.
 double SigmaM(const Eigen::Matrix3d& covariance_m2);
 
 // The names of the signs of a Configuration.
 inline constexpr std::array<const char*, 3> kFlipNames = {"shoulder", "elbow", "wrist"};
 
-// Sigmas of the gripper's position (GripperCovariance), root mean square over poses of captures.
+// Sigmas of the gripper's position (LocatedGripper), root mean square over poses of captures.
 struct ConfigurationSigmas {
   double captured_m = 0;  // In the configuration of the captures.
   // With only the shoulder, the elbow or the wrist flipped; nothing if the arm reaches no pose with it.
@@ -44,8 +70,7 @@ struct ConfigurationSigmas {
   std::optional<double> others_m;  // In all other configurations.
 };
 // Returns nothing if the captures are in several configurations or if theirs has no name.
-std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solution& solution,
-                                                         const RobotSummary& robot,
+std::optional<ConfigurationSigmas> SigmasByConfiguration(const GripperLocator& locate, const RobotSummary& robot,
                                                          const std::vector<Rigid3d>& base_from_gripper);
 
 // The correction of the arm and its uncertainty on a grid of positions of the gripper, in the mean orientation of the
@@ -55,7 +80,7 @@ struct ArmMap {
   struct Cell {
     Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
     double correction_m = 0;  // Distance between the stated and the true position.
-    double sigma_m = 0;       // GripperCovariance.
+    double sigma_m = 0;       // Of the position (LocatedGripper).
   };
   int vertical_axis = 1;                             // The axis of the rows: 1 for the base's y, 2 for its z.
   Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();  // The slice is through this position.
@@ -67,7 +92,7 @@ struct ArmMap {
 // Returns the map of the base's x and `vertical_axis`, through the mean position of the captures, with at most
 // kMostCells x kMostCells cells; nothing if the arm does not reach the mean pose, or a pose does not determine its
 // joints.
-std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotSummary& robot,
+std::optional<ArmMap> MapArm(const GripperLocator& locate, const RobotSummary& robot,
                              const std::vector<Rigid3d>& base_from_gripper, int vertical_axis);
 
 }  // namespace heba

@@ -55,7 +55,7 @@ TEST(ArmUncertaintyTest, MapOfTheFirstJointsOffsetGrowsWithTheDistanceFromItsAxi
   const OneError one = MakeOneError(0);
   for (const int vertical_axis : {1, 2}) {
     const std::optional<ArmMap> map =
-        MapArm(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper, vertical_axis);
+        MapArm(LocatorOf(Setup::kEyeInHand, one.solution), one.robot, one.base_from_gripper, vertical_axis);
     ASSERT_TRUE(map.has_value());
     EXPECT_EQ(map->configuration, one.robot.configuration);
     EXPECT_GT(map->cells.size(), 100U);
@@ -73,7 +73,7 @@ TEST(ArmUncertaintyTest, MapOfTheFirstJointsOffsetGrowsWithTheDistanceFromItsAxi
 TEST(ArmUncertaintyTest, FlipsThatLeaveTheWrongAxisKeepTheSigma) {
   const OneError one = MakeOneError(1);
   const std::optional<ConfigurationSigmas> sigmas =
-      SigmasByConfiguration(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper);
+      SigmasByConfiguration(LocatorOf(Setup::kEyeInHand, one.solution), one.robot, one.base_from_gripper);
   ASSERT_TRUE(sigmas.has_value());
   const auto relative = [&](size_t flip) { return sigmas->flipped_m[flip].value_or(-1) / sigmas->captured_m; };
   constexpr double kExact = 1e-6;
@@ -86,7 +86,8 @@ TEST(ArmUncertaintyTest, FlipsThatLeaveTheWrongAxisKeepTheSigma) {
 TEST(ArmUncertaintyTest, SeveralConfigurationsHaveNoFlippedOne) {
   OneError one = MakeOneError(2);
   one.robot.configuration = "";
-  EXPECT_FALSE(SigmasByConfiguration(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper).has_value());
+  EXPECT_FALSE(
+      SigmasByConfiguration(LocatorOf(Setup::kEyeInHand, one.solution), one.robot, one.base_from_gripper).has_value());
 }
 
 // The gripper's position relative to a target does not depend on an error that moves both alike.
@@ -107,11 +108,53 @@ TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
   solution.covariance.matrix = kSigmaRad * kSigmaRad * by_offset * by_offset.transpose();
   const Outcome<StatedPose> stated = WithArmErrors(one.robot, one.base_from_gripper.front());
   ASSERT_TRUE(stated.ok()) << stated.reason();
-  EXPECT_LT(SigmaM(GripperCovariance(Setup::kEyeInHand, solution, *stated)), 1e-9);
+  EXPECT_LT(SigmaM(LocatorOf(Setup::kEyeInHand, solution)(*stated).covariance_m2), 1e-9);
   // A covariance without the correlation does not cancel.
   solution.covariance.matrix.topRightCorner<6, 1>().setZero();
   solution.covariance.matrix.bottomLeftCorner<1, 6>().setZero();
-  EXPECT_GT(SigmaM(GripperCovariance(Setup::kEyeInHand, solution, *stated)), 1e-5);
+  EXPECT_GT(SigmaM(LocatorOf(Setup::kEyeInHand, solution)(*stated).covariance_m2), 1e-5);
+}
+
+// The gripper of the second arm of a rig: errors of its base do not move it against a camera on that base, but do
+// against one on the base of the other arm; errors of the camera's pose act over the lever between both.
+TEST(ArmUncertaintyTest, GripperOfARigIsRelativeToTheFixedPart) {
+  RigProblem rig;
+  rig.robots = {"left", "right"};
+  Camera camera;
+  camera.model = "pinhole";
+  rig.cameras = {{"carried", {1, Mount::Part::kGripper}, camera},
+                 {"near", {1, Mount::Part::kBase}, camera},
+                 {"far", {0, Mount::Part::kBase}, camera}};
+  const std::optional<FixedPart> fixed = FindFixedPart(rig);
+  ASSERT_TRUE(fixed.has_value());
+  EXPECT_EQ(fixed->Name(rig), "camera near");
+  RigSolution solution;
+  solution.poses.world_from_base = {Rigid3d(), Rigid3d(ExpRotation({0.1, 0.2, 2}), {1, 0.2, 0.1})};
+  solution.poses.mount_from_camera = {Rigid3d(), Rigid3d(ExpRotation({1, -1, 0.5}), {0.2, 0.3, 1}),
+                                      Rigid3d(ExpRotation({-1, 2, 0.5}), {0.1, -0.3, 1.2})};
+  UnknownLayout& layout = solution.covariance.layout;
+  layout = RigUnknowns(rig);
+  const Rigid3d stated(ExpRotation({0.3, 0.2, 0.1}), {0.5, 0.1, 0.4});
+  const auto sigma_m = [&](size_t index) {
+    return SigmaM(LocatorOf(rig, solution, 1, {FixedPart::Kind::kCamera, index})(stated).covariance_m2);
+  };
+  constexpr double kSigmaM = 1e-3;
+  const auto set_variances = [&](const std::string& block_name, Eigen::Index first, double sigma) {
+    solution.covariance.matrix.setZero(layout.size(), layout.size());
+    const UnknownBlock block = layout.Block(block_name);
+    solution.covariance.matrix.diagonal().segment<3>(block.first + first).setConstant(sigma * sigma);
+  };
+  for (const Eigen::Index first : {0, 3}) {
+    set_variances(BaseBlock("right"), first, kSigmaM);
+    EXPECT_NEAR(sigma_m(1), 0, 1e-12) << first;
+    // A rotation about any axis, over the distance from the base.
+    const double lever_m = first == 0 ? 1 : stated.translation.norm() * std::sqrt(2 / 3.0);
+    EXPECT_NEAR(sigma_m(2), kSigmaM * lever_m, 1e-12) << first;
+  }
+  set_variances(CameraPoseBlock(rig.cameras[1]), 3, kSigmaM);
+  const double distance_m = (Inverse(solution.poses.mount_from_camera[1]) * stated.translation).norm();
+  EXPECT_NEAR(sigma_m(1), kSigmaM * distance_m * std::sqrt(2 / 3.0), 1e-12);
+  EXPECT_NEAR(sigma_m(2), 0, 1e-12);
 }
 
 TEST(WithErrorsOfArmTest, JointsDecideWhichErrorsAPoseHas) {
