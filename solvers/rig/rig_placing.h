@@ -19,6 +19,7 @@ struct RigPart {
   Kind kind = Kind::kOrigin;
   // The index of the camera, target or arm; that of an origin is 0 for the first base, 1 + r for the gripper of arm r.
   size_t index = 0;
+  // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 sees a zero in a defaulted comparison.
   friend auto operator<=>(const RigPart&, const RigPart&) = default;
 };
 
