@@ -81,6 +81,7 @@ const kMarks = {
   ellipses: ['g[aria-label=line] path', 8],
   correlation: ['g[aria-label=cell] rect', 12 * 12],
   'arm-corrections': ['g[aria-label=dot] circle', 10],
+  'arm-map': ['g[aria-label=rect] rect', 400],
   lines: ['g[aria-label=line] path', 2],
   pairs: ['g[aria-label=cell] rect', 2],
 };
@@ -250,7 +251,7 @@ const kPages = [
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
   {file: 'rig_run/report.html', views: ['set-up', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars'],
    column: 'hold-out, px', isRig: true},
-  {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections'], column: 'hold-out, px', isRig: true, isArm: true},
+  {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections', 'arm-map'], column: 'hold-out, px', isRig: true, isArm: true},
   {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},
 ];
 

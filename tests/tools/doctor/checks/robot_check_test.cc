@@ -38,6 +38,9 @@ ArmScene UrScene(const Rigid3d& tip_from_gripper = Rigid3d()) {
   return MakeArmScene(3, options);
 }
 
+// A tool of this length along the flange's z axis.
+Rigid3d ToolOf(double length_m) { return {Eigen::Quaterniond::Identity(), {0, 0, length_m}}; }
+
 // The config names this arm and no tool.
 Examination ExaminationWith(const ArmScene& scene, const std::string& arm, bool records_joints) {
   Examination examination = ExaminationOf(scene.scene, kSetup);
@@ -73,7 +76,7 @@ TEST(RobotCheckTest, SimilarArmIsNamedByTheCaptures) {
 }
 
 TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
-  const Rigid3d tool(Eigen::Quaterniond::Identity(), {0, 0, 0.1});
+  const Rigid3d tool = ToolOf(0.1);
   Examination examination = ExaminationWith(UrScene(tool), "ur5e", false);
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_tool"));
@@ -87,10 +90,10 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
 }
 
-// The config names a tool that the poses do not have, with which the arm does not reach them.
+// The config names a longer tool than that of the poses, with which the arm does not reach them.
 TEST(RobotCheckTest, AToolThatIsTooLongShouldBeShorter) {
-  Examination examination = ExaminationWith(UrScene(), "ur5e", false);
-  examination.config.data.robot->tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.35});
+  Examination examination = ExaminationWith(UrScene(ToolOf(0.1)), "ur5e", false);
+  examination.config.data.robot->tip_from_gripper = ToolOf(0.45);
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm shorter along the flange's z axis than robot.tool says"));
