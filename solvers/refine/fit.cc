@@ -17,7 +17,7 @@ namespace {
 
 // Returns what is known about the camera and about the target's scales. The prior of the scales is there even if no
 // scale is free, so that models are compared by the same measurements.
-std::vector<BlockPrior> KnowledgeOf(const BundleOptions& options, const FreeUnknowns& free) {
+std::vector<BlockPrior> PriorsOfCameraAndTarget(const BundleOptions& options, const FreeUnknowns& free) {
   std::vector<BlockPrior> priors;
   if (options.camera_prior) priors.push_back(PriorOfCamera(*options.camera_prior, free.params, 0));
   if (options.target_scale_sigma) priors.push_back(PriorOfScales(*options.target_scale_sigma, 0));
@@ -56,15 +56,13 @@ bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& f
 
 // Adds the information of the effects' standard deviations.
 void AddEffectPriors(const FreeUnknowns& free, const FitNoise& noise, Information* information) {
-  const Eigen::VectorXd of_effects = EffectWeights(free, noise);
-  information->matrix.diagonal().segment(information->layout.Block(kRobotBlock).first, of_effects.size()) +=
-      of_effects.cwiseAbs2();
+  if (free.effects != nullptr) AddPrior(PriorOfEffects(EffectWeights(free, noise), 0), information);
 }
 
 // Adds the information of all priors: of camera, target and effects.
 void AddPriors(const BundleOptions& options, const FreeUnknowns& free, const FitNoise& noise,
                Information* information) {
-  for (const BlockPrior& prior : KnowledgeOf(options, free)) AddPrior(prior, information);
+  for (const BlockPrior& prior : PriorsOfCameraAndTarget(options, free)) AddPrior(prior, information);
   AddEffectPriors(free, noise, information);
 }
 
@@ -157,7 +155,7 @@ std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeU
   values.cameras = {camera.params};
   values.targets = {shape};
   std::vector<LinearisedView> views;
-  for (const BlockPrior& prior : KnowledgeOf(options, free)) {
+  for (const BlockPrior& prior : PriorsOfCameraAndTarget(options, free)) {
     views.push_back(PriorView(prior, layout, values, row_variance, num_effects));
   }
   return views;
@@ -202,14 +200,13 @@ ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, 
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
   std::vector<BlockPrior> priors;
-  for (BlockPrior& prior : KnowledgeOf(bundle_options, free)) {
+  for (BlockPrior& prior : PriorsOfCameraAndTarget(bundle_options, free)) {
     // Ceres has no block of a shape that is known.
     const bool has_block = prior.owner == UnknownOwner::kCamera || HasShape(free.params, state->camera.Model());
     if (has_block) priors.push_back(std::move(prior));
   }
   if (free.effects != nullptr) {
-    const Eigen::VectorXd weights = EffectWeights(free, noise);
-    priors.push_back({UnknownOwner::kEffects, weights, Eigen::VectorXd::Zero(weights.size())});
+    priors.push_back(PriorOfEffects(EffectWeights(free, noise), 0));
   }
   ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors);
   const LoopValues values = unknowns.Values();

@@ -90,8 +90,8 @@ Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<do
 // Returns camera_from_target of a view: its robot pose with its effect and its correction.
 Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);
 
-// Returns the priors of camera and target as rows of views that do not depend on effects (PriorView); none if there are
-// none.
+// Returns the priors of camera and target as rows of views that do not depend on effects (PriorView); the
+// list is empty if there are no priors.
 std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeUnknowns& free, const Camera& camera,
                                        const TargetShape& shape, double row_variance, Eigen::Index num_effects);
 

@@ -30,7 +30,7 @@ std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& 
 }
 
 // Returns what is known about the cameras and about the scales of the targets.
-std::vector<BlockPrior> KnowledgeOf(const RigProblem& problem) {
+std::vector<BlockPrior> PriorsOfCamerasAndTargets(const RigProblem& problem) {
   std::vector<BlockPrior> priors;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const RigCamera& camera = problem.cameras[c];
@@ -53,10 +53,9 @@ std::vector<BlockPrior> PriorsOf(const RigProblem& problem, const RigNoise& nois
     const SharedEffects* const effects = EffectsOf(problem, r);
     if (effects == nullptr) continue;
     const size_t index = priors.size();
-    priors.push_back({UnknownOwner::kEffects, EffectWeights(*effects, noise.effect_sigmas[r]),
-                      Eigen::VectorXd::Zero(effects->size()), index});
+    priors.push_back(PriorOfEffects(EffectWeights(*effects, noise.effect_sigmas[r]), index));
   }
-  for (BlockPrior& prior : KnowledgeOf(problem)) priors.push_back(std::move(prior));
+  for (BlockPrior& prior : PriorsOfCamerasAndTargets(problem)) priors.push_back(std::move(prior));
   return priors;
 }
 
@@ -297,9 +296,11 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
 
 std::vector<LinearisedView> PriorViews(const RigProblem& problem, const RigState& state, double row_variance,
                                        Eigen::Index num_effects) {
+  const UnknownLayout layout = RigUnknowns(problem);
+  const LoopValues values = RigValues(state);
   std::vector<LinearisedView> views;
-  for (const BlockPrior& prior : KnowledgeOf(problem)) {
-    views.push_back(PriorView(prior, RigUnknowns(problem), RigValues(state), row_variance, num_effects));
+  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(problem)) {
+    views.push_back(PriorView(prior, layout, values, row_variance, num_effects));
   }
   return views;
 }
@@ -418,14 +419,7 @@ std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
       RigUnknowns(*fit.problem),
       MarginalInformation(StackGroups(images->views, images->groups),
                           CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size()), loss.covariance_factor())};
-  for (size_t r = 0; r < fit.problem->robots.size(); ++r) {
-    const SharedEffects* const effects = EffectsOf(*fit.problem, r);
-    if (effects == nullptr) continue;
-    const UnknownBlock block = information.layout.Block(ErrorsBlock(fit.problem->robots[r]));
-    information.matrix.diagonal().segment(block.first, block.size) +=
-        EffectWeights(*effects, fit.noise.effect_sigmas[r]).cwiseAbs2();
-  }
-  for (const BlockPrior& prior : KnowledgeOf(*fit.problem)) AddPrior(prior, &information);
+  for (const BlockPrior& prior : PriorsOf(*fit.problem, fit.noise)) AddPrior(prior, &information);
   return information;
 }
 

@@ -1,6 +1,7 @@
 #include "solvers/uncertainty/block_prior.h"
 
 #include <cmath>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/data/target_shape.h"
@@ -35,6 +36,11 @@ BlockPrior PriorOfCamera(const CameraPrior& prior, const std::vector<bool>& is_f
     if (is_free[i]) of_block.weights[static_cast<Eigen::Index>(i)] = 1 / prior.sigmas[i];
   }
   return of_block;
+}
+
+BlockPrior PriorOfEffects(Eigen::VectorXd weights, size_t index) {
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(weights.size());
+  return {UnknownOwner::kEffects, std::move(weights), std::move(mean), index};
 }
 
 BlockPrior PriorOfScales(double sigma, size_t index) {

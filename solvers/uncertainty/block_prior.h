@@ -24,6 +24,8 @@ struct BlockPrior {
 // Returns the prior of a camera. `is_free` has a flag for each of its parameters, and may have more flags after them;
 // what is known about parameters that are not free does not matter, and has the weight 0.
 BlockPrior PriorOfCamera(const CameraPrior& prior, const std::vector<bool>& is_free, size_t index);
+// Returns the prior of effects about zero, with the weights 1 / sigma.
+BlockPrior PriorOfEffects(Eigen::VectorXd weights, size_t index);
 // Returns the prior of the scales of a target, about those of the design.
 BlockPrior PriorOfScales(double sigma, size_t index);
 

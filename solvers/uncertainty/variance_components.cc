@@ -361,9 +361,9 @@ void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
   const auto num_shared = static_cast<Eigen::Index>(shared_.columns.size());
   const auto place_of = [&](Eigen::Index a) { return shared_.columns[static_cast<size_t>(a)]; };
   const auto group_of = [&](Eigen::Index a) { return shared_.groups[static_cast<size_t>(a)]; };
-  // J_g^T P y and the columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If it is above zero, they
-  // follow from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures tell far
-  // more than the prior.
+  // J_g^T P y and the columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If the variance is above zero,
+  // both follow from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures
+  // tell far more than the prior.
   Eigen::VectorXd pulls(num_shared);
   Eigen::MatrixXd left(n, num_shared);
   for (Eigen::Index a = 0; a < num_shared; ++a) {
@@ -383,10 +383,12 @@ void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
     for (Eigen::Index b = 0; b < num_shared; ++b) {
       const Eigen::Index other = group_of(b);
       if (other > group) continue;
-      // J_g^T P J_h, likewise.
-      const bool have_priors = variances[group] > 0 && variances[other] > 0;
-      const double seen = have_priors ? ((a == b ? 1 : 0) - left(place_of(a), b)) / variances[group]
-                                      : products.col(place_of(a)).head(n).dot(left.col(b));
+      // J_g^T P J_h, in the same way. On the diagonal, this is a difference itself, which is small where the captures
+      // tell less than the prior.
+      const double share_of_prior = left(place_of(a), b);
+      const bool is_from_prior = variances[group] > 0 && variances[other] > 0 && (a != b || share_of_prior < 0.5);
+      const double seen = is_from_prior ? ((a == b ? 1 : 0) - share_of_prior) / variances[group]
+                                        : products.col(place_of(a)).head(n).dot(left.col(b));
       likelihood->fisher(group, other) += 0.5 * seen * seen;
       if (a == b) likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen);
     }

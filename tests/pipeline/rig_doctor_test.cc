@@ -15,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::Matcher;
 using testing::Not;
 
 constexpr const char* kScene = R"(

@@ -130,20 +130,28 @@ std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vec
 std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKeys& camera,
                                                const std::vector<ParameterGroup>& free, const std::string& camera_key,
                                                bool is_none_without_key) {
-  std::optional<std::vector<double>> sigmas =
-      camera.camera && !free.empty() ? ReadCameraSigmas(camera.source) : std::nullopt;
-  const std::string without_key = sigmas && !is_none_without_key ? "file" : "none";
-  if (refine.Choice("intrinsics_prior", {"none", "file"}, without_key) == "none") return std::nullopt;
-  if (!sigmas) {
+  const std::string asked = refine.Choice("intrinsics_prior", {"none", "file"}, is_none_without_key ? "none" : "");
+  const std::optional<CameraSigmas> known =
+      asked != "none" && camera.camera && !free.empty() ? ReadCameraSigmas(camera.source) : std::nullopt;
+  if (asked.empty()) refine.Record("intrinsics_prior", YAML::Node(known ? "file" : "none"));
+  if (asked == "file" && !known) {
     const ConfigValue value = refine.Get("intrinsics_prior");
     if (!camera.camera) value.Fail("needs a camera file (" + camera_key + ")");
-    if (free.empty()) value.Fail("needs intrinsics that are free (refine.intrinsics)");
+    if (free.empty())
+      value.Fail("needs intrinsics that are free (the key 'intrinsics' beside it, or refine.intrinsics)");
     value.Fail("needs sigmas, which " + camera.source +
                " does not have (in heba's own form: std, as in the camera of a result.json)");
   }
-  // Coefficients that the file's model does not have are unknown.
-  sigmas->resize(camera.camera->params.size(), std::numeric_limits<double>::infinity());
-  return CameraPrior{camera.camera->params, *sigmas};
+  if (!known) return std::nullopt;
+  // Parameters that the file's model does not have are unknown.
+  CameraPrior prior{camera.camera->params, {}};
+  for (const std::string& name : camera.camera->Model().param_names()) {
+    const auto found = std::find(known->names.begin(), known->names.end(), name);
+    prior.sigmas.push_back(found == known->names.end()
+                               ? std::numeric_limits<double>::infinity()
+                               : known->sigmas[static_cast<size_t>(found - known->names.begin())]);
+  }
+  return prior;
 }
 
 FreeShape ReadFreeShape(MapReader& refine) {

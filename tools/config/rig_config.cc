@@ -9,6 +9,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/data/loss_kind.h"
+#include "heba/io/camera_file.h"
 #include "heba/io/pose_source.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
@@ -249,6 +250,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   MapReader refine_all = root.Section("refine");
   const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
   const std::string prior_of_all = refine_all.Choice("intrinsics_prior", {"none", "file"}, "");
+  bool has_sigmas = false;
   MapReader section(root.Get("cameras"));
   for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
@@ -265,6 +267,8 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
     reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
     MapReader refine = reader.Section("refine");
     camera.free_intrinsics = ReadFreeIntrinsics(refine, free);
+    const bool may_have_prior = keys.camera && !camera.free_intrinsics.empty();
+    has_sigmas = has_sigmas || (prior_of_all == "file" && may_have_prior && ReadCameraSigmas(keys.source));
     camera.prior = ReadIntrinsicsPrior(refine, keys, camera.free_intrinsics, "cameras." + name + ".intrinsics",
                                        prior_of_all == "none");
     refine.Finish();
@@ -275,13 +279,9 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   }
   section.Finish();
   root.Record("cameras", section.used());
-  const bool has_prior = std::any_of(data.rig.cameras.begin(), data.rig.cameras.end(),
-                                     [](const RigCamera& camera) { return camera.prior.has_value(); });
-  if (prior_of_all == "file" && !has_prior) {
+  if (prior_of_all == "file" && !has_sigmas) {
     refine_all.Get("intrinsics_prior")
-        .Fail(
-            "needs sigmas (std) in a camera file of heba's own form, and the file of no camera with free intrinsics "
-            "has any");
+        .Fail("no file of a camera with free intrinsics has sigmas (std), which only heba's own form can have");
   }
   return images;
 }

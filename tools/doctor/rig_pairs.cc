@@ -53,6 +53,7 @@ RunConfig ConfigOf(const RigConfig& config, const DoctorPair& pair) {
   of_pair.options.choose_camera_model = camera.camera.model.empty();
   of_pair.options.camera_model = camera.camera.model.empty() ? "auto" : camera.camera.model;
   of_pair.options.bundle.free_intrinsics = camera.free_intrinsics;
+  of_pair.options.bundle.camera_prior = camera.prior;
   const RigArmPoses& arm = config.arms[pair.robot];
   of_pair.poses_file = arm.file;
   of_pair.pose_reading = arm.reading;

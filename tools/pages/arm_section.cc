@@ -283,7 +283,10 @@ std::string ArmOfRigSection(const std::string& heading, const RigResult& result,
   if (const std::optional<FixedPart> fixed = FindFixedPart(result.rig)) {
     std::vector<Rigid3d> base_from_gripper;
     for (const RigCaptureResult& capture : result.captures) {
-      base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
+      const bool is_used = std::any_of(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+        return image.used && image.capture == capture.name;
+      });
+      if (is_used) base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
     }
     maps = MapFigure(LocatorOf(result.rig, result.solution, robot_index, *fixed), fixed->Name(result.rig), robot,
                      base_from_gripper);

@@ -9,6 +9,7 @@
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
 #include "heba/data/stated_pose.h"
+#include "heba/simulation/scene.h"
 #include "heba/target_location.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
@@ -117,7 +118,7 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
   std::vector<Requirement> reached;
   const Solution& solution = *calibration.refined;
   for (const PlacedRequirement& required : requirements) {
-    Requirement entry{required.within_m, required.confidence, "the working point", 0};
+    Requirement entry{required.within_m, required.confidence, "the working point"};
     const auto radius_m = [&](const Eigen::Matrix3d& covariance_m2) {
       return ConfidenceRadius(covariance_m2, required.confidence, solution.covariance_dof);
     };
@@ -136,13 +137,16 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
         const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
         camera_from_target.translation +=
             Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
-        const bool is_visible = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
+        const bool is_in_view = AreInImage(solution.camera, camera_from_target, middle, 0) &&
+                                Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
                                         ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
-        const Outcome<LocatedTarget> located =
-            is_visible ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
-                       : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
-        if (!located) entry.reached_m.reset();
-        if (!entry.reached_m) break;
+        const Outcome<LocatedTarget> located = is_in_view ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
+                                                          : Outcome<LocatedTarget>(Failure{"it is not in view"});
+        if (!located) {
+          entry.reached_m.reset();
+          entry.unreached = is_in_view ? Unreached::kUndetermined : Unreached::kNotInView;
+          break;
+        }
         entry.reached_m = std::max(*entry.reached_m, radius_m(located->covariance.by_calibration_m2));
       }
     }

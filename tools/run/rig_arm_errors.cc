@@ -113,7 +113,9 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
       const std::optional<FixedPart> fixed = FindFixedPart(calibration.problem);
       std::vector<Rigid3d> base_from_gripper;
       for (const RigCapture& capture : calibration.problem.captures) {
-        base_from_gripper.push_back(capture.base_from_gripper[r]);
+        const bool is_used = std::any_of(capture.images.begin(), capture.images.end(),
+                                         [](const RigImage& image) { return image.observations.size() > 0; });
+        if (is_used) base_from_gripper.push_back(capture.base_from_gripper[r]);
       }
       findings.push_back(DescribeConfiguration(
           arm, fixed ? LocatorOf(calibration.problem, *calibration.refined, r, *fixed) : GripperLocator(),

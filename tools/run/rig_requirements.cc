@@ -1,7 +1,9 @@
 #include "tools/run/rig_requirements.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "heba/base/distributions.h"
@@ -10,6 +12,7 @@
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 #include "heba/rig_location.h"
+#include "heba/simulation/scene.h"
 #include "solvers/initial/usable_views.h"
 
 namespace heba {
@@ -18,7 +21,6 @@ namespace {
 // An image of a camera that determines the pose of its target.
 struct SeenTarget {
   const RigCapture* capture = nullptr;
-  size_t target = 0;
   Observations observations;   // Of the target as manufactured.
   Rigid3d camera_from_target;  // By the solution, with the errors that captures share.
   Eigen::Vector3d middle;      // Of the observed points, in the target.
@@ -34,7 +36,7 @@ std::vector<SeenTarget> TargetsSeenBy(size_t camera, const RigProblem& used, con
       Observations observations = ApplyShape(image.observations, solution.shapes[image.target]);
       const Eigen::Vector3d middle = observations.points_in_target.rowwise().mean();
       seen.push_back(
-          {&capture, image.target, std::move(observations),
+          {&capture, std::move(observations),
            CameraFromTarget(used, solution.poses, camera, image.target, WithErrors(capture, solution.effects)),
            middle});
     }
@@ -62,48 +64,78 @@ std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarge
 // not in the image.
 std::optional<SeenTarget> MovedTo(const Eigen::Vector3d& place_in_camera, const Camera& camera, SeenTarget seen) {
   seen.camera_from_target.translation += place_in_camera - seen.camera_from_target * seen.middle;
-  if (!Predict(camera.Model(), camera.params.data(), seen.camera_from_target, seen.observations,
-               &seen.observations.pixels, nullptr)) {
-    return std::nullopt;
-  }
-  const Eigen::Vector2d middle = seen.observations.pixels.rowwise().mean();
-  const bool is_in_image =
-      (middle.array() >= 0).all() && middle.x() <= camera.width_px - 1 && middle.y() <= camera.height_px - 1;
-  return is_in_image ? std::optional(std::move(seen)) : std::nullopt;
+  const bool is_in_view = AreInImage(camera, seen.camera_from_target, seen.middle, 0) &&
+                          Predict(camera.Model(), camera.params.data(), seen.camera_from_target, seen.observations,
+                                  &seen.observations.pixels, nullptr);
+  return is_in_view ? std::optional(std::move(seen)) : std::nullopt;
 }
 
-// Returns the radius that is reached at all places, or nothing if the camera does not see one of them.
-std::optional<double> ReachedAt(const PlacedRequirement& required, size_t camera, const std::vector<SeenTarget>& seen,
-                                const RigProblem& used, const RigSolution& solution) {
+// The accuracy of a camera at one place.
+struct Reach {
+  std::optional<double> radius_m;
+  Unreached unreached = Unreached::kNeverSeen;  // The reason if there is no radius.
+};
+
+Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const RigProblem& used,
+              const RigSolution& solution) {
+  const std::optional<Eigen::Matrix3d> covariance = CovarianceOfMiddle(camera, seen, used, solution);
+  if (!covariance) return {std::nullopt, Unreached::kUndetermined};
+  return {ConfidenceRadius(*covariance, confidence, solution.covariance_dof), {}};
+}
+
+// Returns the accuracy of a fixed camera at each required position, of a target as the fullest image shows it.
+std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, const std::vector<SeenTarget>& seen,
+                             const RigProblem& used, const RigSolution& solution) {
+  std::vector<Reach> reached(required.places_in_base_m.size());
   const auto fullest = std::max_element(seen.begin(), seen.end(), [](const SeenTarget& a, const SeenTarget& b) {
     return a.observations.size() < b.observations.size();
   });
-  if (fullest == seen.end()) return std::nullopt;
+  if (fullest == seen.end()) return reached;
   const Rigid3d world_from_camera =
-      WorldFromMount(used.cameras[camera].mount, solution.poses.world_from_base, fullest->capture->base_from_gripper) *
-      solution.poses.mount_from_camera[camera];
-  double reached_m = 0;
-  for (const Eigen::Vector3d& place : required.places_in_base_m) {
+      solution.poses.world_from_base[used.cameras[camera].mount.robot] * solution.poses.mount_from_camera[camera];
+  for (size_t k = 0; k < reached.size(); ++k) {
     const std::optional<SeenTarget> moved =
-        MovedTo(Inverse(world_from_camera) * place, solution.cameras[camera], *fullest);
-    const std::optional<Eigen::Matrix3d> covariance =
-        moved ? CovarianceOfMiddle(camera, *moved, used, solution) : std::nullopt;
-    if (!covariance) return std::nullopt;
-    reached_m = std::max(reached_m, ConfidenceRadius(*covariance, required.confidence, solution.covariance_dof));
+        MovedTo(Inverse(world_from_camera) * required.places_in_base_m[k], solution.cameras[camera], *fullest);
+    reached[k] = moved ? ReachOf(*moved, camera, required.confidence, used, solution)
+                       : Reach{std::nullopt, Unreached::kNotInView};
   }
-  return reached_m;
+  return reached;
 }
 
-// Returns the radius that is reached where the target was seen.
-std::optional<double> ReachedWhereSeen(const PlacedRequirement& required, size_t camera, std::vector<SeenTarget> seen,
-                                       const RigProblem& used, const RigSolution& solution) {
-  if (seen.empty()) return std::nullopt;
+// Returns the accuracy of a camera at its working point.
+Reach ReachedWhereSeen(const PlacedRequirement& required, size_t camera, std::vector<SeenTarget> seen,
+                       const RigProblem& used, const RigSolution& solution) {
+  if (seen.empty()) return {};
   const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
   std::nth_element(seen.begin(), middle, seen.end(),
                    [](const SeenTarget& a, const SeenTarget& b) { return a.DistanceM() < b.DistanceM(); });
-  const std::optional<Eigen::Matrix3d> covariance = CovarianceOfMiddle(camera, *middle, used, solution);
-  if (!covariance) return std::nullopt;
-  return ConfidenceRadius(*covariance, required.confidence, solution.covariance_dof);
+  return ReachOf(*middle, camera, required.confidence, used, solution);
+}
+
+// Returns the worst of the accuracies at the positions that a camera sees; nothing if it sees none of them, and others
+// see all.
+std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unseen) {
+  Reach worst{0.0, {}};
+  bool sees_any = false;
+  for (const Reach& reach : reached) {
+    if (reach.unreached == Unreached::kNotInView && !reach.radius_m && !is_any_unseen) continue;
+    sees_any = true;
+    if (!reach.radius_m) return reach;
+    worst.radius_m = std::max(*worst.radius_m, *reach.radius_m);
+  }
+  return sees_any ? std::optional(worst) : std::nullopt;
+}
+
+// Returns whether no camera sees one of the positions.
+bool IsAnyUnseen(const std::map<size_t, std::vector<Reach>>& reached_of_cameras, size_t num_places) {
+  for (size_t k = 0; k < num_places; ++k) {
+    const bool is_seen = std::any_of(reached_of_cameras.begin(), reached_of_cameras.end(), [&](const auto& entry) {
+      const Reach& reach = entry.second[k];
+      return reach.radius_m || reach.unreached != Unreached::kNotInView;
+    });
+    if (!is_seen) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -111,23 +143,28 @@ std::optional<double> ReachedWhereSeen(const PlacedRequirement& required, size_t
 std::vector<RigRequirement> ReachedInRig(const std::vector<PlacedRequirement>& requirements, const RigProblem& used,
                                          const RigSolution& solution) {
   std::vector<RigRequirement> reached;
+  if (requirements.empty()) return reached;
+  std::vector<std::vector<SeenTarget>> seen;
+  for (size_t c = 0; c < used.cameras.size(); ++c) seen.push_back(TargetsSeenBy(c, used, solution));
   for (const PlacedRequirement& required : requirements) {
-    std::vector<RigRequirement> placed;
+    const auto add = [&](size_t camera, const std::string& place, const Reach& reach) {
+      reached.push_back({camera, {required.within_m, required.confidence, place, reach.radius_m, reach.unreached}});
+    };
+    std::map<size_t, std::vector<Reach>> placed;
     for (size_t c = 0; c < used.cameras.size(); ++c) {
       const RigCamera& camera = used.cameras[c];
       if (!required.camera.empty() && required.camera != camera.name) continue;
-      std::vector<SeenTarget> seen = TargetsSeenBy(c, used, solution);
-      const bool is_placed = !required.places_in_base_m.empty() && camera.mount.part == Mount::Part::kBase;
-      Requirement entry{required.within_m, required.confidence, is_placed ? required.text : "the working point", {}};
-      entry.reached_m = is_placed ? ReachedAt(required, c, seen, used, solution)
-                                  : ReachedWhereSeen(required, c, std::move(seen), used, solution);
-      (is_placed ? placed : reached).push_back({c, std::move(entry)});
+      if (!required.places_in_base_m.empty() && camera.mount.part == Mount::Part::kBase) {
+        placed[c] = ReachedAt(required, c, seen[c], used, solution);
+      } else {
+        add(c, "the working point", ReachedWhereSeen(required, c, seen[c], used, solution));
+      }
     }
-    const auto is_in_view = [](const RigRequirement& entry) { return entry.requirement.reached_m.has_value(); };
-    if (std::any_of(placed.begin(), placed.end(), is_in_view)) {
-      std::erase_if(placed, [&](const RigRequirement& entry) { return !is_in_view(entry); });
+    const bool is_any_unseen = IsAnyUnseen(placed, required.places_in_base_m.size());
+    for (const auto& [c, of_camera] : placed) {
+      const std::optional<Reach> worst = WorstOf(of_camera, is_any_unseen);
+      if (worst) add(c, required.text, *worst);
     }
-    for (RigRequirement& entry : placed) reached.push_back(std::move(entry));
   }
   return reached;
 }

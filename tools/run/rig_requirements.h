@@ -10,10 +10,10 @@
 
 namespace heba {
 
-// Returns what is reached for each requirement and each camera that it concerns: the one that it names, or all.
-// Positions concern the fixed cameras that see them, or all fixed cameras if none does; a camera that an arm carries
-// can see a target at any position as where it saw one, and so does every camera without positions: in the image in
-// which the target has the median distance. `used` has the images and points that the solution uses.
+// Returns what is reached for each requirement and each camera that it concerns: the one that it names, or all. A
+// position concerns the fixed cameras that see it, or all fixed cameras if none does. A camera on a gripper, and every
+// camera if no position is required, is judged at its working point: the target in the image in which it has the median
+// distance. `used` has the images and points that the solution uses.
 std::vector<RigRequirement> ReachedInRig(const std::vector<PlacedRequirement>& requirements, const RigProblem& used,
                                          const RigSolution& solution);
 

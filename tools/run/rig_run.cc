@@ -425,6 +425,13 @@ std::string WhyNotToldApart(const RigDataset& dataset) {
 
 Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
   CheckDataset(dataset);
+  for (const PlacedRequirement& requirement : options.requirements) {
+    const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
+                                      [&](const RigCamera& camera) { return camera.name == requirement.camera; });
+    if (!requirement.camera.empty() && !is_known) {
+      throw InputError("there is no camera " + Quoted(requirement.camera) + " of which an accuracy is required");
+    }
+  }
   const Stopwatch watch;
   try {
     Outcome<RigRunOutput> output = RunOnImages(dataset, options, observer);

@@ -111,14 +111,28 @@ std::string AmountBeside(double amount, double limit) {
   return ShownAmount(amount, digits);
 }
 
+// The accuracy that is required is not known.
+FindingText UnreachedText(const Finding& finding) {
+  const std::string required = "; " + Significant(Number(finding, "required_mm"), 3) + " mm are required";
+  const std::string place = Name(finding, "place");
+  if (Is(finding, "unreached", "not_in_view")) {
+    const bool is_of_rig = finding.Name("of_camera").has_value();
+    return {"a target at " + place + " cannot be located, because it is not in view" + required,
+            "check the positions of evaluate.require, which are in the " +
+                std::string(is_of_rig ? "world" : "base of the robot")};
+  }
+  if (Is(finding, "unreached", "undetermined")) {
+    return {"the image of a target at " + place + " would not determine its pose" + required,
+            "require the accuracy where the camera sees more of the target"};
+  }
+  return {"the accuracy at " + place + " is not known, because no image of a target is used" + required,
+          "see why the captures were left out"};
+}
+
 // Names what is missed; everything if all is met.
 FindingText Required(const Finding& finding) {
   const double within_mm = Number(finding, "required_mm");
-  if (Is(finding, "in_view", "no")) {
-    return {"a target at " + Name(finding, "place") + " cannot be located, because it is not in view; " +
-                Significant(within_mm, 3) + " mm are required",
-            "check the positions of evaluate.require, which are in the base of the robot"};
-  }
+  if (!finding.Number("reached_mm")) return UnreachedText(finding);
   const double reached_mm = Number(finding, "reached_mm");
   const double held_out_mm = Number(finding, "held_out_mm");
   const bool has_hold_out = Is(finding, "hold_out", "known");

@@ -52,8 +52,8 @@ struct Slice {
   }
 };
 
-// Adds the derivative of a point, fixed to a frame that moves by the unknowns of a pose, by these: `sign` times its
-// motion, in the axes of the parent. A block without unknowns adds nothing.
+// Adds `sign` times the derivative of a point by the unknowns of a pose, for a point that is fixed to the frame of that
+// pose, along the axes of the parent. A block without unknowns adds nothing.
 void AddMotion(const Rigid3d& parent_from_frame, const Eigen::Vector3d& in_parent, const UnknownBlock& block,
                double sign, Eigen::MatrixXd* by_unknowns) {
   if (block.size != 6) return;

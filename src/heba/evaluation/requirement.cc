@@ -14,7 +14,9 @@ Finding JudgeRequirement(const Requirement& requirement, const std::optional<dou
   finding.numbers.emplace_back("held_out_mm", held_out_mm);
   finding.numbers.emplace_back("confidence", requirement.confidence);
   finding.names = {{"place", requirement.place}, {"hold_out", holdout_target_mm ? "known" : "unknown"}};
-  if (!requirement.reached_m) finding.names.emplace_back("in_view", "no");
+  if (!requirement.reached_m) {
+    finding.names.emplace_back("unreached", kUnreachedNames[static_cast<size_t>(requirement.unreached)]);
+  }
   return finding;
 }
 

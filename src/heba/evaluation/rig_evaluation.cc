@@ -18,6 +18,12 @@ double LargestSigma(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Index 
   return std::sqrt(covariance.diagonal().segment<3>(first).maxCoeff());
 }
 
+// Returns whether a requirement takes the place of the built-in limits of a camera.
+bool IsRequired(const RigResult& result, const std::string& camera) {
+  return std::any_of(result.requirements.begin(), result.requirements.end(),
+                     [&](const RigRequirement& entry) { return result.rig.cameras[entry.camera].name == camera; });
+}
+
 Finding JudgeUncertainty(const RigResult& result) {
   Finding worst;
   double worst_mm = -1;
@@ -26,7 +32,9 @@ Finding JudgeUncertainty(const RigResult& result) {
     if (!covariance) continue;
     const double mm = 1000 * LargestSigma(*covariance, 0);
     const double deg = RadToDeg(LargestSigma(*covariance, 3));
-    const Grade grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
+    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
+                            ? Grade::kGood
+                            : std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
     if (grade < worst.grade || (grade == worst.grade && mm <= worst_mm)) continue;
     worst_mm = mm;
     worst = {
@@ -51,8 +59,10 @@ std::vector<Finding> JudgeHoldOut(const RigResult& result) {
   for (size_t c = 0; c < result.errors.size(); ++c) {
     const RigErrors& errors = result.errors[c];
     if (!errors.holdout_target_mm || !errors.holdout_target_deg) continue;
-    const Grade grade =
-        std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
+    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
+                            ? Grade::kGood
+                            : std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm),
+                                       GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
     const bool is_first = worst_mm < 0;
     if (!is_first && (grade < worst.grade || (grade == worst.grade && *errors.holdout_target_mm <= worst_mm))) continue;
     worst_mm = *errors.holdout_target_mm;
@@ -161,18 +171,13 @@ Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
   findings = result.observations;
-  std::vector<Finding> hold_outs = JudgeHoldOut(result);
-  Finding uncertainty = JudgeUncertainty(result);
-  if (!result.requirements.empty()) {
-    uncertainty.grade = Grade::kGood;
-    for (Finding& finding : hold_outs) {
-      if (finding.code == FindingCode("hold_out")) finding.grade = Grade::kGood;
-    }
-    std::erase_if(findings, [](const Finding& finding) { return finding.code == FindingCode("weak_direction"); });
-    for (Finding& finding : JudgeRequirements(result)) findings.push_back(std::move(finding));
-  }
-  for (Finding& finding : hold_outs) findings.push_back(std::move(finding));
+  std::erase_if(findings, [&](const Finding& finding) {
+    return finding.code == FindingCode("weak_direction") && IsRequired(result, finding.Name("of_camera").value_or(""));
+  });
+  for (Finding& finding : JudgeRequirements(result)) findings.push_back(std::move(finding));
+  for (Finding& finding : JudgeHoldOut(result)) findings.push_back(std::move(finding));
   if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
+  Finding uncertainty = JudgeUncertainty(result);
   TakeWeakDirection(&findings, &uncertainty);
   findings.push_back(std::move(uncertainty));
   findings.push_back(JudgeImages(result));

@@ -113,8 +113,8 @@ struct RigResult {
   std::vector<RigCaptureResult> captures;
   // One per camera and capture, in the order of the captures; then what was left out before.
   std::vector<RigImageResult> images;
-  // In the order of the requirements; a requirement has an entry for every camera that it concerns. If there are any,
-  // they replace the built-in limits on uncertainty and hold-out errors.
+  // In the order of the requirements; a requirement has an entry for every camera that it concerns, whose built-in
+  // limits on uncertainty and hold-out errors it replaces.
   std::vector<RigRequirement> requirements;
   std::vector<Finding> observations;  // Findings about the run that its figures do not show.
   Verdict verdict;                    // Result of JudgeRig.

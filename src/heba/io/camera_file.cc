@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -70,7 +71,7 @@ Camera ReadCamera(const ConfigValue& value) {
   return camera;
 }
 
-std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path& path) {
+std::optional<CameraSigmas> ReadCameraSigmas(const std::filesystem::path& path) {
   const std::string text = ReadTextFile(path);
   const CameraFormat* own = nullptr;
   for (const CameraFormat& format : CameraFormats()) {
@@ -102,7 +103,7 @@ std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path&
     for (size_t i = 0; i < values.size(); ++i) sigmas[4 + i] = sigma_of(values[i]);
   }
   std_reader.Finish();
-  return sigmas;
+  return CameraSigmas{names, std::move(sigmas)};
 }
 
 std::string CameraToYaml(const Camera& camera) {

@@ -23,9 +23,14 @@ Camera ReadCameraFile(const std::filesystem::path& path, const std::string& came
 // Parses text; `name` is the name of the file in messages.
 Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name, const std::string& camera = "");
 
-// Returns one sigma of each parameter, as a file in heba's own format may contain them under `std`. A sigma that is
-// null or missing is infinite: the parameter is unknown. Returns nothing if the file has another format or no `std`.
-std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path& path);
+// One sigma of each parameter of a camera, by its name.
+struct CameraSigmas {
+  std::vector<std::string> names;  // CameraModel::param_names.
+  std::vector<double> sigmas;
+};
+// Returns the sigmas that a file in heba's own format may contain under `std`. A sigma that is null or missing is
+// infinite: the parameter is unknown. Returns nothing if the file has another format or no `std`.
+std::optional<CameraSigmas> ReadCameraSigmas(const std::filesystem::path& path);
 
 // Reads a camera in heba's own format: {model: brown5, image_size: [w, h], fx, fy, cx, cy, distortion: [...]}, plain
 // numbers in px. An entry `std`, as result.json has it, is accepted but ignored; ReadCameraSigmas reads it. The camera

@@ -88,7 +88,11 @@ TEST(RigVerdictTest, RequirementsReplaceBuiltInLimits) {
   result.errors[1].holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
   result.observations.push_back({Grade::kDoubtful, FindingCode("weak_direction"), {{"x", 9}}, {{"of_camera", "left"}}});
   EXPECT_EQ(JudgeRig(result).grade, Grade::kDoubtful);
-  result.requirements = {{0, {10e-3, 0.95, "here", 2e-3}}, {1, {10e-3, 0.95, "here", 2e-3}}};
+  // A requirement for one camera leaves the limits of the other.
+  result.requirements = {{0, {10e-3, 0.95, "here", 2e-3}}};
+  EXPECT_EQ(JudgeRig(result).grade, Grade::kDoubtful);
+  EXPECT_TRUE(FindingsWith(JudgeRig(result), "weak_direction").empty());
+  result.requirements.push_back({1, {10e-3, 0.95, "here", 2e-3}});
   EXPECT_EQ(JudgeRig(result).grade, Grade::kGood);
   result.requirements[1].requirement.within_m = 2.5e-3;
   const std::vector<Finding> required = FindingsWith(JudgeRig(result), "required");

@@ -1,5 +1,6 @@
 #include "tools/config/rig_config.h"
 
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -102,7 +103,15 @@ TEST_F(RigConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
   EXPECT_THAT(InputErrorOf([&] { Read({"cameras.top.refine.intrinsics_prior=file"}); }),
               HasSubstr("needs a camera file (cameras.top.intrinsics)"));
   EXPECT_THAT(InputErrorOf([&] { Read({"refine.intrinsics_prior=file"}); }),
-              HasSubstr("refine.intrinsics_prior: needs sigmas (std)"));
+              HasSubstr("refine.intrinsics_prior: no file of a camera with free intrinsics has sigmas (std)"));
+  // The only prior may be switched off, and parameters that the file's model does not have are unknown.
+  EXPECT_THAT(priors({"refine.intrinsics_prior=file", "cameras.side.refine.intrinsics_prior=none"}),
+              ElementsAre(false, false));
+  const RigConfig converted = Read({with_sigmas, "cameras.side.model=brown4"});
+  ASSERT_TRUE(converted.data.rig.cameras[1].prior.has_value());
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(converted.data.rig.cameras[1].prior->sigmas,
+              ElementsAre(1.5, 1.4, 2.5, 2.4, kUnknown, kUnknown, kUnknown, kUnknown));
 }
 
 TEST_F(RigConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {

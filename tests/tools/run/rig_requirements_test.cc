@@ -89,7 +89,16 @@ TEST(RigRequirements, ConcernsTheCamerasThatSeeThePlace) {
   const Rigid3d& left = scene.truth.mount_from_camera[0];
   required.places_in_base_m = {left * Eigen::Vector3d(-0.2, 0, 0.45)};
   EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{0, 2}));
+  // Each camera is judged at the corners of a box that it sees, if all are seen.
+  required.places_in_base_m.push_back(kPlace);
+  const std::vector<RigRequirement> of_box = Reached(scene, *solution, required);
+  EXPECT_EQ(CamerasOf(of_box), (std::vector<size_t>{0, 1, 2}));
+  for (const RigRequirement& entry : of_box) EXPECT_TRUE(entry.requirement.reached_m.has_value());
   // A place that none of them sees is a failure of both.
+  required.places_in_base_m.push_back({50, 0, 0});
+  for (const RigRequirement& entry : Reached(scene, *solution, required)) {
+    EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
+  }
   required.places_in_base_m = {{50, 0, 0}};
   const std::vector<RigRequirement> none = Reached(scene, *solution, required);
   EXPECT_EQ(CamerasOf(none), (std::vector<size_t>{0, 1, 2}));

@@ -77,7 +77,7 @@ struct PlacedRequirement {
   double confidence = 0.95;
   std::vector<Eigen::Vector3d> places_in_base_m;  // A point, or a box's corners; empty: the working point.
   std::string text;                               // The positions in words.
-  std::string camera = {};                        // In a rig: the camera that must; empty: every one.
+  std::string camera = {};  // In a rig, the camera that must reach it; empty if every camera must.
 };
 
 // Returns the detection in an image. Throws InputError if the image cannot be read or is of another size than
