@@ -9,7 +9,6 @@
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
 #include "heba/data/stated_pose.h"
-#include "heba/simulation/scene.h"
 #include "heba/target_location.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
@@ -137,8 +136,7 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
         const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
         camera_from_target.translation +=
             Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
-        const bool is_in_view = AreInImage(solution.camera, camera_from_target, middle, 0) &&
-                                Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
+        const bool is_in_view = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
                                         ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
         const Outcome<LocatedTarget> located = is_in_view ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
                                                           : Outcome<LocatedTarget>(Failure{"it is not in view"});

@@ -90,10 +90,12 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
 }
 
-// The config names a longer tool than that of the poses, with which the arm does not reach them.
+// The config names a longer tool than that of the poses, with which the arm does not reach them. The tool is beside the
+// flange's axis, so that no tool along that axis explains the poses.
 TEST(RobotCheckTest, AToolThatIsTooLongShouldBeShorter) {
-  Examination examination = ExaminationWith(UrScene(ToolOf(0.1)), "ur5e", false);
-  examination.config.data.robot->tip_from_gripper = ToolOf(0.45);
+  const Rigid3d beside(Eigen::Quaterniond::Identity(), {0.08, 0, 0});
+  Examination examination = ExaminationWith(UrScene(beside * ToolOf(0.1)), "ur5e", false);
+  examination.config.data.robot->tip_from_gripper = beside * ToolOf(0.45);
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm shorter along the flange's z axis than robot.tool says"));
