@@ -45,6 +45,11 @@ image: {noise: 2 grey}
 robot_noise: {translation: 0.1 mm, rotation: 0.02 deg}
 )";
 
+// The setting of a target on the wall with other markers than those that were rendered.
+constexpr const char* kOtherWall =
+    "targets.wall.target={type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, "
+    "dictionary: DICT_4X4_250, first_marker: 200}";
+
 // The rig as it was rendered, shared by all tests.
 class RigDoctorTest : public RenderedRigTest<RigDoctorTest> {
  public:
@@ -341,19 +346,14 @@ TEST_F(RigDoctorTest, NamesTheCameraWithOtherIntrinsics) {
 }
 
 TEST_F(RigDoctorTest, NamesTheWrongTarget) {
-  const CommandResult doctor =
-      Doctor({"targets.wall.target={type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, dictionary: "
-              "DICT_4X4_250, first_marker: 200}"});
+  const CommandResult doctor = Doctor({kOtherWall});
   EXPECT_THAT(First(doctor), AllOf(HasSubstr("wrong [target]: camera wrist, target wall"),
                                    HasSubstr("first_marker: 100"), HasSubstr("set in the target")));
 }
 
 TEST_F(RigDoctorTest, TellsProgramsTheSettingOfTheRig) {
   const CommandResult doctor =
-      RunHeba({"doctor", (Rig() / "config.yaml").string(), "--quiet", "--json", "--set",
-               "targets.wall.target={type: charuco, rows: 5, columns: 7, square: 40 mm, marker: 29 mm, dictionary: "
-               "DICT_4X4_250, first_marker: 200}"},
-              Cache());
+      RunHeba({"doctor", (Rig() / "config.yaml").string(), "--quiet", "--json", "--set", kOtherWall}, Cache());
   ASSERT_EQ(doctor.status, 0) << doctor.err;
   const nlohmann::json json = nlohmann::json::parse(doctor.out);
   EXPECT_EQ(json["captures"], 16);

@@ -69,7 +69,7 @@ RunConfig ConfigOf(const RigConfig& config, const DoctorPair& pair) {
   return of_pair;
 }
 
-// What the keys of a config of one camera are called in that of a rig.
+// Returns the names that the keys of a config of one camera have in that of a rig.
 std::vector<std::pair<std::string, std::string>> RigKeys(const RigConfig& config, const DoctorPair& pair) {
   const std::string camera = "cameras." + config.data.rig.cameras[pair.camera].name;
   const std::string& arm = config.arms[pair.robot].section;

@@ -23,7 +23,7 @@ struct DoctorPair {
   size_t camera = 0;
   size_t target = 0;
   size_t robot = 0;
-  std::vector<size_t> captures;  // Those in which the camera sees the target, or no target at all.
+  std::vector<size_t> captures;  // The captures in which the camera sees the target, or no target.
   int num_seen = 0;
 };
 

@@ -1,4 +1,4 @@
-// What the pairs of a rig's cameras and targets have in common.
+// Symptoms of a rig that several pairs of its cameras and targets share.
 #pragma once
 
 #include <vector>

@@ -21,9 +21,9 @@ namespace {
 // An image of a camera that determines the pose of its target.
 struct SeenTarget {
   const RigCapture* capture = nullptr;
-  Observations observations;   // Of the target as manufactured.
-  Rigid3d camera_from_target;  // By the solution, with the errors that captures share.
-  Eigen::Vector3d middle;      // Of the observed points, in the target.
+  Observations observations;   // The points, of the target as manufactured.
+  Rigid3d camera_from_target;  // The pose by the solution, with the errors that captures share.
+  Eigen::Vector3d middle;      // The mean of the observed points, in the target.
 
   double DistanceM() const { return (camera_from_target * middle).norm(); }
 };
@@ -74,6 +74,8 @@ std::optional<SeenTarget> MovedTo(const Eigen::Vector3d& place_in_camera, const 
 struct Reach {
   std::optional<double> radius_m;
   Unreached unreached = Unreached::kNeverSeen;  // The reason if there is no radius.
+
+  bool IsInView() const { return radius_m || unreached != Unreached::kNotInView; }
 };
 
 Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const RigProblem& used,
@@ -118,7 +120,7 @@ std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unse
   Reach worst{0.0, {}};
   bool sees_any = false;
   for (const Reach& reach : reached) {
-    if (reach.unreached == Unreached::kNotInView && !reach.radius_m && !is_any_unseen) continue;
+    if (!reach.IsInView() && !is_any_unseen) continue;
     sees_any = true;
     if (!reach.radius_m) return reach;
     worst.radius_m = std::max(*worst.radius_m, *reach.radius_m);
@@ -129,10 +131,8 @@ std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unse
 // Returns whether no camera sees one of the positions.
 bool IsAnyUnseen(const std::map<size_t, std::vector<Reach>>& reached_of_cameras, size_t num_places) {
   for (size_t k = 0; k < num_places; ++k) {
-    const bool is_seen = std::any_of(reached_of_cameras.begin(), reached_of_cameras.end(), [&](const auto& entry) {
-      const Reach& reach = entry.second[k];
-      return reach.radius_m || reach.unreached != Unreached::kNotInView;
-    });
+    const bool is_seen = std::any_of(reached_of_cameras.begin(), reached_of_cameras.end(),
+                                     [&](const auto& entry) { return entry.second[k].IsInView(); });
     if (!is_seen) return true;
   }
   return false;

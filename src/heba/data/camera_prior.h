@@ -1,4 +1,4 @@
-// What is known about a camera before the captures are used.
+// Prior knowledge of a camera, before the captures are used.
 #pragma once
 
 #include <vector>

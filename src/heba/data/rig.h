@@ -41,7 +41,7 @@ struct RigCamera {
   // The groups of its parameters that are unknown.
   std::vector<ParameterGroup> free_intrinsics = {};
   std::string mount_name = {};            // The mount as the user calls it; empty: MountText.
-  std::optional<CameraPrior> prior = {};  // What is known about its free parameters.
+  std::optional<CameraPrior> prior = {};  // Prior knowledge of its free parameters.
 };
 
 // A target of a rig.

@@ -80,7 +80,7 @@ struct ArmMap {
   struct Cell {
     Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
     double correction_m = 0;  // Distance between the stated and the true position.
-    double sigma_m = 0;       // Of the position (LocatedGripper).
+    double sigma_m = 0;       // One sigma of the position (LocatedGripper).
   };
   int vertical_axis = 1;                             // The axis of the rows: 1 for the base's y, 2 for its z.
   Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();  // The slice is through this position.
