@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
@@ -168,10 +167,9 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   const int num_wrong = judged.NumWrong();
   if (num_wrong == 0) return;
   if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
-    calibration->refined =
-        Failure{std::to_string(num_wrong) + " of " + std::to_string(judged.verdicts.size()) +
-                " captures contradict every calibration; check that images and poses belong together, and that the "
-                "poses mean what the config says (pose_format, poses_are, setup)"};
+    // No calibration can be told to be the right one: all captures are kept.
+    calibration->num_kept_against_test = num_wrong;
+    calibration->refined = solution;
     return;
   }
   std::vector<View> views;
@@ -197,13 +195,20 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
   if (!choice) return Failure{choice.reason()};
   calibration->bundle = choice->options;
   calibration->alternatives = choice->alternatives;
+  const std::string& lens = choice->solution.camera.model;
+  if (!choice->lenses.empty()) calibration->camera_alternatives = choice->lenses;
+  for (const Camera& candidate : options.choose.lenses) {
+    if (candidate.model == lens) calibration->camera = candidate;
+  }
   // A single model has been fitted to its own inliers already.
   if (choice->alternatives.empty()) return choice->solution;
   if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
   Problem all = ProblemOf(*calibration, options);
   all.camera = choice->solution.camera;
   all.shape = choice->solution.shape;
-  return RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
+  Outcome<Solution> of_all = RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
+  // The points of the choice are a sound selection, too.
+  return of_all ? of_all : choice->solution;
 }
 
 // Tests the rejected captures against the estimate from the others.
@@ -283,27 +288,91 @@ bool LeaveOutRejected(Calibration* calibration) {
   return true;
 }
 
-}  // namespace
+// A camera to start with, and the groups of its intrinsics that are free.
+struct CameraStart {
+  Camera camera;
+  std::vector<ParameterGroup> free_intrinsics;
+};
 
-Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options_in) {
-  CalibrationOptions options = options_in;
-  if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
-  Calibration calibration;
-  calibration.camera_was_given = options.camera.has_value();
+struct CameraStarts {
+  // The wanted start, then those that leave less to be determined.
+  std::vector<CameraStart> starts;
+  std::vector<Camera> candidates;               // AutoModel::lenses.
+  std::vector<CameraAlternative> alternatives;  // Calibration::camera_alternatives.
+  std::string refused;                          // Why the wanted camera could not be estimated; empty if it could.
+};
+
+// Adds starts that hold one more group of the intrinsics each.
+void AddHeldStarts(const Camera& camera, std::vector<ParameterGroup> free, std::vector<CameraStart>* starts) {
+  for (const ParameterGroup group :
+       {ParameterGroup::kDistortion, ParameterGroup::kPrincipalPoint, ParameterGroup::kFocal}) {
+    const size_t num_freed = std::erase(free, group);
+    if (num_freed > 0) starts->push_back({camera, free});
+  }
+}
+
+// Returns the cameras to start with. Returns a Failure if none can be estimated.
+Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const CalibrationOptions& options) {
+  const std::vector<ParameterGroup>& free = options.bundle.free_intrinsics;
+  CameraStarts cameras;
   if (options.camera) {
-    calibration.camera = *options.camera;
-  } else if (options.choose_camera_model) {
+    cameras.starts.push_back({*options.camera, free});
+    AddHeldStarts(*options.camera, free, &cameras.starts);
+    return cameras;
+  }
+  if (options.choose_camera_model) {
     Outcome<CameraChoice> choice = ChooseCameraModel(views, options.width_px, options.height_px);
     if (!choice) return Failure{choice.reason()};
-    calibration.camera = choice->camera;
-    calibration.camera_alternatives = choice->alternatives;
+    cameras.alternatives = std::move(choice->alternatives);
+    cameras.candidates = std::move(choice->candidates);
+    cameras.starts.push_back({choice->camera, free});
+    // The largest of the smaller lenses comes next, then the other ones.
+    std::vector<Camera> others = cameras.candidates;
+    std::stable_sort(others.begin(), others.end(), [&](const Camera& a, const Camera& b) {
+      const auto rank = [&](const Camera& camera) {
+        const bool is_smaller = camera.params.size() <= choice->camera.params.size();
+        return std::pair(!is_smaller, is_smaller ? -static_cast<int>(camera.params.size()) : 0);
+      };
+      return rank(a) < rank(b);
+    });
+    for (Camera& other : others) {
+      if (other.model != choice->camera.model) cameras.starts.push_back({std::move(other), free});
+    }
   } else {
-    Outcome<Camera> camera =
-        EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px, options.camera_start);
-    if (!camera) return Failure{camera.reason()};
-    calibration.camera = *camera;
+    std::vector<std::string> models = SmallerCameraModels(options.camera_model);
+    models.insert(models.begin(), options.camera_model);
+    for (const std::string& model : models) {
+      const bool is_wanted = model == options.camera_model;
+      Outcome<Camera> camera = EstimateIntrinsics(views, model, options.width_px, options.height_px,
+                                                  is_wanted ? options.camera_start : std::nullopt);
+      if (camera) cameras.starts.push_back({std::move(*camera), free});
+      if (is_wanted && !camera) cameras.refused = camera.reason();
+    }
+    if (cameras.starts.empty()) return Failure{cameras.refused};
   }
+  // The captures by themselves determine more than the problem as a whole only where they contradict it.
+  const Camera last = cameras.starts.back().camera;
+  AddHeldStarts(last, free, &cameras.starts);
+  return cameras;
+}
+
+// A calibration up to its first refinement, with an exact robot and the target as designed.
+struct Started {
+  Calibration calibration;
+  std::vector<View> too_few;  // The views with too few points for a pose.
+  std::vector<MethodResult> results;
+  size_t num_posed = 0;  // Number of views with a pose.
+  BundleOptions bundle;  // The options of that refinement.
+  std::vector<ParameterGroup> free_intrinsics;
+};
+
+Started StartFrom(const std::vector<View>& views, const CalibrationOptions& options, const CameraStart& start) {
+  Started started;
+  started.free_intrinsics = start.free_intrinsics;
+  Calibration& calibration = started.calibration;
+  calibration.camera = start.camera;
   SortedViews sorted = SortViews(views, calibration.camera);
+  started.too_few = std::move(sorted.too_small);
   calibration.views = std::move(sorted.posed);
   const bool has_roles =
       std::any_of(views.begin(), views.end(), [](const View& view) { return view.role != CaptureRole::kNone; });
@@ -318,33 +387,32 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     Points3& points = calibration.views[i].observations.points_in_target;
     points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
   }
-
-  const size_t num_views = calibration.views.size();
-  const size_t num_pairs = calibration.pairs.size();
-  std::vector<MethodResult> results = RunMethods(calibration, chosen.solutions);
-  const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
+  started.num_posed = calibration.views.size();
+  started.results = RunMethods(calibration, chosen.solutions);
+  const auto leave_out_misfit = [&](size_t i) {
+    calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
+  };
+  const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(started.results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
-  const std::vector<InitialGuess> seeds = SeedsOf(results, options.seed, calibration);
+  const std::vector<InitialGuess> seeds = SeedsOf(started.results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
     // If the motion is the cause, all methods fail for the same reason.
     std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
-    for (const MethodResult& result : results) {
+    for (const MethodResult& result : started.results) {
       const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
       if (reason.empty() && suits) reason = result.hand_eye.reason();
     }
     if (reason.empty()) reason = "every closed form puts the target behind the camera; check setup and pose direction";
-    for (size_t i = 0; i < sorted.misfits.size(); ++i) {
-      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
-    }
+    for (size_t i = 0; i < sorted.misfits.size(); ++i) leave_out_misfit(i);
     calibration.refined = Failure{reason};
-    AddFewPointViews(sorted.too_small, options, &calibration);
-    calibration.methods = Reported(results, options.methods);
-    return calibration;
+    return started;
   }
   // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
-  BundleOptions first = options.bundle;
+  BundleOptions& first = started.bundle;
+  first = options.bundle;
   const bool drops_wrong = options.bundle.loss != LossKind::kNone;
   first.robot = BundleOptions::Robot::kExact;
+  first.free_intrinsics = start.free_intrinsics;
   // Errors that captures share are no reason to reject those in which they are large.
   if (!options.choose.effects.empty()) first.effects = options.choose.effects.back();
   if (drops_wrong) first.loss = LossKind::kTruncated;
@@ -353,26 +421,80 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     if (drops_wrong && options.symmetries.size() == 1) {
       calibration.views.push_back(std::move(sorted.misfits[i]));
     } else {
-      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
+      leave_out_misfit(i);
     }
   }
-  MultiStartSolution started =
+  MultiStartSolution refined =
       RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, first);
-  if (!started.solution && options.choose.target_shape) {
+  if (!refined.solution && options.choose.target_shape) {
     // A target whose size differs from the design leaves residuals that can prevent the refinement with a free camera.
     BundleOptions scaled = first;
     scaled.free_shape = {TargetShapeGroup::kScale};
     MultiStartSolution other =
         RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
-    if (other.solution) started = std::move(other);
+    if (other.solution) refined = std::move(other);
   }
-  calibration.seed = started.seed;
+  calibration.seed = refined.seed;
+  calibration.refined = std::move(refined.solution);
+  return started;
+}
+
+// Recomputes the poses of the target for the camera of the calibration.
+void UpdatePairs(Calibration* calibration) {
+  const auto num_pairs = static_cast<std::ptrdiff_t>(calibration->pairs.size());
+  const std::vector<View> posed(calibration->views.begin(), calibration->views.begin() + num_pairs);
+  std::vector<PosePair> pairs = PosePairsOf(calibration->camera, calibration->refined->hand_eye, posed);
+  if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
+}
+
+// Notes that the captures did not determine the camera that the options ask for.
+void NoteReduction(const std::string& reason, const CalibrationOptions& wanted, Calibration* calibration) {
+  const bool has_other_model =
+      !wanted.camera && !wanted.choose_camera_model && calibration->camera.model != wanted.camera_model;
+  const bool holds_more = calibration->bundle.free_intrinsics != wanted.bundle.free_intrinsics;
+  if (has_other_model || holds_more) calibration->reduced_camera = reason;
+}
+
+}  // namespace
+
+Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options_in) {
+  CalibrationOptions options = options_in;
+  if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
+  const Outcome<CameraStarts> cameras = FindCameraStarts(views, options);
+  if (!cameras) return Failure{cameras.reason()};
+  options.choose.lenses = cameras->candidates;
+  // What the captures do not determine steps down to what they do.
+  Started started = StartFrom(views, options, cameras->starts.front());
+  std::string refused = cameras->refused;
+  for (size_t k = 1; k < cameras->starts.size() && !started.calibration.refined; ++k) {
+    Started other = StartFrom(views, options, cameras->starts[k]);
+    if (!other.calibration.refined) continue;
+    if (refused.empty()) refused = started.calibration.refined.reason();
+    started = std::move(other);
+  }
+  options.bundle.free_intrinsics = started.free_intrinsics;
+  Calibration calibration = std::move(started.calibration);
+  calibration.camera_was_given = options.camera.has_value();
+  calibration.camera_alternatives = cameras->alternatives;
+  if (calibration.refined && started.free_intrinsics != options_in.bundle.free_intrinsics) {
+    // The other lenses are candidates only if their parameters are free.
+    options.choose.lenses.clear();
+  }
   calibration.bundle = options.bundle;
-  calibration.refined = std::move(started.solution);
+  std::vector<MethodResult> results = std::move(started.results);
+  if (!calibration.refined) {
+    calibration.methods = Reported(results, options.methods);
+    AddFewPointViews(started.too_few, options, &calibration);
+    return calibration;
+  }
+  const std::string start_model = calibration.camera.model;
+  const size_t num_views = started.num_posed;
+  const size_t num_pairs = calibration.pairs.size();
   std::vector<View> left_out;
-  if (calibration.refined && drops_wrong) {
-    const Solution open = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &first);
-    LeaveOutWrongCaptures(first, options, open, &left_out, &calibration);
+  if (options.bundle.loss != LossKind::kNone) {
+    BundleOptions open = started.bundle;
+    const Solution with_shape = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &open);
+    LeaveOutWrongCaptures(open, options, with_shape, &left_out, &calibration);
   }
   if (calibration.refined) {
     const Solution start = *calibration.refined;
@@ -380,13 +502,17 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     TakeBackCaptures(options, &left_out, &calibration);
     if (calibration.refined) NameLeftOut(left_out, options, &calibration);
   }
+  if (calibration.refined) {
+    NoteReduction(refused, options_in, &calibration);
+    if (calibration.camera.model != start_model) UpdatePairs(&calibration);
+  }
   const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
   // Views may have been added or removed.
   const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
-  if (has_fewer_points || has_other_views) results = RunMethods(calibration);
+  if (has_fewer_points || has_other_views || calibration.camera.model != start_model) results = RunMethods(calibration);
   calibration.methods = Reported(results, options.methods);
   if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
-  AddFewPointViews(sorted.too_small, options, &calibration);
+  AddFewPointViews(started.too_few, options, &calibration);
   return calibration;
 }
 

@@ -1,7 +1,9 @@
 #include "solvers/calibration/camera_choice.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "heba/base/distributions.h"
 #include "heba/base/units.h"
@@ -14,8 +16,6 @@
 
 namespace heba {
 namespace {
-
-constexpr double kSignificant = 0.01;
 
 struct FittedCamera {
   Camera camera;
@@ -49,13 +49,7 @@ double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_poi
   return 0.5 * sum;
 }
 
-struct Comparison {
-  double gain = 0;    // Difference of the log-likelihoods.
-  double p = 1;       // Probability of so large a gain by chance.
-  double sigmas = 0;  // Vuong's statistic: the gain corrected for the number of parameters, in sigmas over views.
-};
-
-Comparison Compare(const FittedCamera& smaller, const FittedCamera& larger, double sigma_px) {
+LensComparison Compare(const FittedCamera& smaller, const FittedCamera& larger, double sigma_px) {
   std::vector<double> gains;
   for (size_t v = 0; v < smaller.squares_px2.size(); ++v) {
     const size_t num_points = std::max(smaller.squares_px2[v].size(), larger.squares_px2[v].size());
@@ -63,19 +57,7 @@ Comparison Compare(const FittedCamera& smaller, const FittedCamera& larger, doub
     gains.push_back(MinusLogLikelihood(smaller.squares_px2[v], num_points, sigma_px) -
                     MinusLogLikelihood(larger.squares_px2[v], num_points, sigma_px));
   }
-  Comparison comparison;
-  for (const double gain : gains) comparison.gain += gain;
-  const double num_views = static_cast<double>(gains.size());
-  const double mean = comparison.gain / num_views;
-  double variance = 0;
-  for (const double gain : gains) variance += (gain - mean) * (gain - mean) / std::max(1.0, num_views - 1);
-  const double num_more = std::max(
-      1.0, static_cast<double>(larger.camera.params.size()) - static_cast<double>(smaller.camera.params.size()));
-  comparison.p = ChiSquareTail(std::max(0.0, 2 * comparison.gain), num_more);
-  // Each superfluous parameter gains one half on average.
-  const double scatter = std::sqrt(num_views * variance);
-  comparison.sigmas = scatter > 0 ? (comparison.gain - 0.5 * num_more) / scatter : 0;
-  return comparison;
+  return CompareLenses(gains, NumMoreParams(smaller.camera, larger.camera), std::numeric_limits<double>::infinity());
 }
 
 // Returns the sigma of one coordinate, from the median; the six pose parameters per view are not corrected for.
@@ -108,6 +90,44 @@ double LargestAngleRad(const Camera& camera, const std::vector<View>& views) {
 
 }  // namespace
 
+bool LensComparison::RejectsSmaller() const {
+  constexpr double kSignificant = 0.01;
+  constexpr double kSigmas = 1;
+  return p < kSignificant && sigmas > kSigmas;
+}
+
+LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double num_more, double dof) {
+  LensComparison comparison;
+  for (const double gain : gain_of_capture) comparison.gain += gain;
+  const double num_captures = static_cast<double>(gain_of_capture.size());
+  const double mean = comparison.gain / num_captures;
+  double variance = 0;
+  for (const double gain : gain_of_capture) {
+    variance += (gain - mean) * (gain - mean) / std::max(1.0, num_captures - 1);
+  }
+  comparison.p = FisherTail(std::max(0.0, 2 * comparison.gain) / num_more, num_more, dof);
+  // Each superfluous parameter gains one half on average.
+  const double scatter = std::sqrt(num_captures * variance);
+  comparison.sigmas = scatter > 0 ? (comparison.gain - 0.5 * num_more) / scatter : 0;
+  return comparison;
+}
+
+double NumMoreParams(const Camera& smaller, const Camera& larger) {
+  return std::max(1.0, static_cast<double>(larger.params.size()) - static_cast<double>(smaller.params.size()));
+}
+
+std::vector<std::string> SmallerCameraModels(const std::string& model) {
+  static constexpr std::array kPolynomials = {"rational8", "brown5", "brown4", "pinhole"};
+  static constexpr std::array kFisheyes = {"kannala_brandt4", "double_sphere", "eucm"};
+  const auto after = [&](const auto& ladder) {
+    const auto place = std::find(ladder.begin(), ladder.end(), model);
+    return std::vector<std::string>(place == ladder.end() ? place : place + 1, ladder.end());
+  };
+  const std::vector<std::string> polynomials = after(kPolynomials);
+  if (!polynomials.empty() || model == kPolynomials.back()) return polynomials;
+  return after(kFisheyes);
+}
+
 Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px) {
   std::vector<FittedCamera> fitted;
   std::string reason;
@@ -138,14 +158,13 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
                                      static_cast<int>(fitted[i].camera.params.size()), std::nullopt});
     }
     // A model is rejected by any larger one that is better, not only by the next.
-    constexpr double kSigmas = 1;
     for (size_t i = 0; i < fitted.size(); ++i) {
       double least_p = 1;
       bool is_rejected = false;
       for (size_t k = i + 1; k < fitted.size(); ++k) {
-        const Comparison comparison = Compare(fitted[i], fitted[k], sigma_px);
+        const LensComparison comparison = Compare(fitted[i], fitted[k], sigma_px);
         least_p = std::min(least_p, comparison.p);
-        is_rejected = is_rejected || (comparison.p < kSignificant && comparison.sigmas > kSigmas);
+        is_rejected = is_rejected || comparison.RejectsSmaller();
       }
       if (i + 1 < fitted.size()) choice.alternatives[i].p = least_p;
       chosen = i;
@@ -171,6 +190,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
   }
   if (fitted.empty()) return Failure{reason};
   choice.camera = fitted[chosen].camera;
+  for (FittedCamera& candidate : fitted) choice.candidates.push_back(std::move(candidate.camera));
   return choice;
 }
 

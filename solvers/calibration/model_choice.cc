@@ -3,8 +3,11 @@
 #include "solvers/calibration/model_choice.h"
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
@@ -72,6 +75,14 @@ std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel
   return candidates;
 }
 
+// Returns the options of a model.
+BundleOptions OptionsOf(const ErrorModel& model, BundleOptions options) {
+  options.robot = model.robot;
+  options.free_shape = model.shape;
+  options.effects = model.effects;
+  return options;
+}
+
 // Returns the problem with fixed weights, computed from the residuals of one fit and used in all fits that follow.
 Problem WithFixedWeights(const Problem& problem, std::optional<double> unmodelled_sigma_px) {
   Problem fixed = problem;
@@ -98,9 +109,7 @@ std::optional<FittedModel> FitFrom(const Problem& problem, const FittedModel& fr
 // Fits a model to its own optimum, which is at least as good as that of any model that it contains.
 std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start, const ErrorModel& model,
                                     BundleOptions options, const std::vector<FittedModel>& fitted) {
-  options.robot = model.robot;
-  options.free_shape = model.shape;
-  options.effects = model.effects;
+  options = OptionsOf(model, std::move(options));
   const FittedModel* best_within = nullptr;
   const FittedModel* nearest = nullptr;
   for (const FittedModel& other : fitted) {
@@ -135,6 +144,171 @@ bool IsLikelyEnough(const ModelAlternative& smaller, const ErrorModel& largest) 
   const bool lacks_arm = smaller.model.effects == nullptr && largest.effects != nullptr &&
                          largest.effects->kind == SharedEffectsKind::kArm;
   return smaller.p.value_or(1) >= (lacks_arm ? kExactArmRejected : kModelRejected);
+}
+
+// Returns the options with all noise held at that of a solution.
+BundleOptions WithNoiseOf(const Solution& solution, BundleOptions options) {
+  options.pixel_noise_px = solution.pixel_sigma_px;
+  if (solution.robot_noise) {
+    options.robot = Robot::kGivenNoise;
+    options.robot_noise = *solution.robot_noise;
+  }
+  if (options.effects != nullptr) {
+    auto effects = std::make_shared<SharedEffects>(*options.effects);
+    for (size_t g = 0; g < effects->groups.size(); ++g) effects->groups[g].sigma = solution.effect_sigmas[g];
+    options.effects = std::move(effects);
+  }
+  return options;
+}
+
+// Returns minus the log-likelihood of the captures at each robot pose, with the noise of `options`. Returns nothing if
+// a point cannot be projected.
+std::optional<std::vector<double>> CaptureCosts(const Problem& problem, const Solution& solution,
+                                                const BundleOptions& options) {
+  const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.effects, CorrectionsOf(solution)};
+  const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
+  const std::optional<ViewDistances> distances = DistancesAt(problem, free, state, options.num_threads);
+  if (!distances) return std::nullopt;
+  const double per_px2 = 1 / (*options.pixel_noise_px * *options.pixel_noise_px);
+  std::vector<double> costs;
+  for (const std::vector<size_t>& group : GroupByRobotPose(problem.setup, problem.views)) {
+    double& cost = costs.emplace_back(0);
+    for (const size_t i : group) {
+      for (const double square : *(*distances)[i]) cost += 0.5 * InlierLoss(options).rho(square * per_px2);
+    }
+    if (state.corrections.empty()) continue;
+    const Matrix6 prior = CorrectionPrior(options.robot_noise, problem.views[group.front()].gripper_by_joints);
+    cost += 0.5 * (prior * LocalCoordinates(Rigid3d(), state.corrections[group.front()])).squaredNorm();
+  }
+  return costs;
+}
+
+// A lens that was fitted with the noise of the largest one.
+struct FittedLens {
+  Solution solution;
+  std::vector<double> costs;  // CaptureCosts.
+  size_t alternative = 0;     // Index in LensChoice::alternatives.
+};
+
+struct LensChoice {
+  Problem problem;  // With the camera, and the shape, of the chosen lens.
+  HandEye start;
+  std::vector<CameraAlternative> alternatives;
+};
+
+// Chooses the smallest lens that no larger one rejects, under the error model of `options`. Returns a Failure if none
+// can be fitted.
+Outcome<LensChoice> ChooseLens(const Problem& problem, const HandEye& start, const std::vector<Camera>& lenses,
+                               const BundleOptions& options) {
+  LensChoice choice;
+  for (const Camera& lens : lenses) {
+    choice.alternatives.push_back({lens.model, 0, static_cast<int>(lens.params.size()), std::nullopt});
+  }
+  std::vector<FittedLens> fitted;  // The largest first.
+  std::string reason;
+  double dof = std::numeric_limits<double>::infinity();
+  BundleOptions given = options;
+  for (size_t i = lenses.size(); i-- > 0;) {
+    Problem with_lens = problem;
+    HandEye from = start;
+    if (problem.camera.model != lenses[i].model) with_lens.camera = lenses[i];
+    if (fitted.empty()) {
+      const Outcome<Solution> own = RefineHandEye(with_lens, from, options);
+      if (!own) {
+        choice.alternatives[i].reason = reason = own.reason();
+        continue;
+      }
+      dof = own->covariance_dof;
+      given = WithNoiseOf(*own, options);
+      from = own->hand_eye;
+      with_lens.camera = own->camera;
+      with_lens.shape = own->shape;
+    }
+    const Outcome<Solution> solution = RefineHandEye(with_lens, from, given);
+    const std::optional<std::vector<double>> costs = solution ? CaptureCosts(problem, *solution, given) : std::nullopt;
+    if (costs) {
+      fitted.push_back({*solution, *costs, i});
+    } else {
+      choice.alternatives[i].reason = solution ? HiddenPoint().reason : solution.reason();
+    }
+  }
+  if (fitted.empty()) return Failure{reason};
+  const auto sum = [](const std::vector<double>& costs) { return std::accumulate(costs.begin(), costs.end(), 0.0); };
+  const FittedLens* chosen = nullptr;
+  for (size_t k = fitted.size(); k-- > 0;) {
+    CameraAlternative& alternative = choice.alternatives[fitted[k].alternative];
+    alternative.log_likelihood = sum(fitted.front().costs) - sum(fitted[k].costs);
+    bool is_rejected = false;
+    for (size_t larger = 0; larger < k; ++larger) {
+      std::vector<double> gains;
+      for (size_t g = 0; g < fitted[k].costs.size(); ++g) {
+        gains.push_back(fitted[k].costs[g] - fitted[larger].costs[g]);
+      }
+      const LensComparison comparison =
+          CompareLenses(gains, NumMoreParams(fitted[k].solution.camera, fitted[larger].solution.camera), dof);
+      alternative.p = std::min(alternative.p.value_or(1), comparison.p);
+      is_rejected = is_rejected || comparison.RejectsSmaller();
+    }
+    if (chosen == nullptr && !is_rejected) chosen = &fitted[k];
+  }
+  choice.problem = problem;
+  choice.problem.camera = chosen->solution.camera;
+  choice.problem.shape = chosen->solution.shape;
+  choice.start = chosen->solution.hand_eye;
+  return choice;
+}
+
+// The error models that were fitted, and the one that was chosen.
+struct ErrorModelChoice {
+  std::vector<FittedModel> fitted;
+  std::vector<ModelAlternative> alternatives;
+  size_t chosen = 0;
+};
+
+// Chooses among the error models with one lens. Returns nothing if none can be fitted.
+std::optional<ErrorModelChoice> ChooseErrorModel(const Problem& problem, const HandEye& start,
+                                                 const std::vector<ErrorModel>& candidates,
+                                                 const BundleOptions& options) {
+  ErrorModelChoice choice;
+  for (const ErrorModel& model : candidates) {
+    std::optional<FittedModel> fit = FitModel(problem, start, model, options, choice.fitted);
+    if (fit && std::isfinite(fit->log_likelihood)) choice.fitted.push_back(std::move(*fit));
+  }
+  const FittedModel* best = nullptr;
+  for (const FittedModel& smaller : choice.fitted) {
+    ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
+                                 DofOf(smaller.model), std::nullopt};
+    // The largest of the models that contain `smaller`.
+    const FittedModel* largest = nullptr;
+    for (const FittedModel& other : choice.fitted) {
+      if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
+      if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
+    }
+    if (largest != nullptr) {
+      alternative.p = ChanceAgainst(*largest, smaller);
+      alternative.odds = OddsAgainst(largest->model, alternative, [&](const SharedEffects& effects) {
+        return LogLikelihoodAtLeast(problem, largest->solution, largest->options, effects);
+      });
+    }
+    choice.alternatives.push_back(alternative);
+    if (largest != nullptr && !IsAcceptable(alternative, largest->model)) continue;
+    const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&
+                                               smaller.log_likelihood > best->log_likelihood);
+    if (!is_better) continue;
+    best = &smaller;
+    choice.chosen = choice.alternatives.size() - 1;
+  }
+  if (best == nullptr) return std::nullopt;
+  return choice;
+}
+
+// Adds the points that were left out before a fit to those that it rejected.
+void AddRejected(const Solution& before, Solution* solution) {
+  for (size_t i = 0; i < solution->views.size(); ++i) {
+    std::vector<int>& ids = solution->views[i].rejected_ids;
+    ids.insert(ids.end(), before.views[i].rejected_ids.begin(), before.views[i].rejected_ids.end());
+    std::sort(ids.begin(), ids.end());
+  }
 }
 
 }  // namespace
@@ -260,75 +434,76 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
   return FindSmoothErrors(search).errors;
 }
 
-Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start, const BundleOptions& options_in,
+Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start_in, const BundleOptions& options_in,
                                  const AutoModel& choose) {
   BundleOptions options = options_in;
   const size_t num_poses = GroupByRobotPose(problem_in.setup, problem_in.views).size();
   const bool has_few_poses = num_poses < kMinPosesForVariances;
   if (choose.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
   const std::vector<ErrorModel> candidates = Candidates(options, choose, has_few_poses);
+  const bool chooses_lens = choose.lenses.size() > 1;
 
   // The largest model that can be fitted determines the inliers and their weights: points that a smaller model cannot
   // explain must remain, so that it can be judged by them.
-  std::optional<Problem> problem;
-  std::optional<double> unmodelled_sigma_px;
-  std::string reason = "no model of the errors could be fitted";
-  for (auto model = candidates.rbegin(); model != candidates.rend(); ++model) {
-    BundleOptions largest = options;
-    largest.robot = model->robot;
-    largest.free_shape = model->shape;
-    largest.effects = model->effects;
-    const Outcome<Solution> solution = RefineHandEye(problem_in, start, largest);
-    if (!solution) {
-      reason = solution.reason();
-      continue;
-    }
-    if (candidates.size() == 1) return ModelChoice{largest, *solution, {}, 0};
-    unmodelled_sigma_px = solution->unmodelled_sigma_px;
-    problem = WithFixedWeights(WithoutRejected(problem_in, *solution), unmodelled_sigma_px);
-    break;
+  std::vector<Problem> with_lenses = {problem_in};
+  for (auto lens = choose.lenses.rbegin(); chooses_lens && lens != choose.lenses.rend(); ++lens) {
+    if (lens->model == problem_in.camera.model) continue;
+    with_lenses.push_back(problem_in);
+    with_lenses.back().camera = *lens;
   }
-  if (!problem) return Failure{reason};
+  std::optional<Solution> largest;
+  const ErrorModel* largest_model = nullptr;
+  std::string reason;
+  for (const Problem& with_lens : with_lenses) {
+    for (auto model = candidates.rbegin(); !largest && model != candidates.rend(); ++model) {
+      const BundleOptions of_model = OptionsOf(*model, options);
+      const Outcome<Solution> solution = RefineHandEye(with_lens, start_in, of_model);
+      if (!solution) {
+        if (reason.empty()) reason = solution.reason();
+        continue;
+      }
+      if (candidates.size() == 1 && !chooses_lens) return ModelChoice{of_model, *solution, {}, 0};
+      largest = *solution;
+      largest_model = &*model;
+    }
+  }
+  if (!largest) return Failure{reason};
+  Problem problem = WithFixedWeights(WithoutRejected(problem_in, *largest), largest->unmodelled_sigma_px);
+  problem.camera = largest->camera;
+  HandEye start = start_in;
   options.loss = InlierLoss(options_in).kind;
   options.effects_avoid_zero = false;  // The models with variances of zero are part of the comparison.
-  std::vector<FittedModel> fitted;
-  for (const ErrorModel& model : candidates) {
-    std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);
-    if (fit && std::isfinite(fit->log_likelihood)) fitted.push_back(std::move(*fit));
-  }
-  if (fitted.empty()) return Failure{reason};
 
   ModelChoice choice;
-  const FittedModel* best = nullptr;
-  for (const FittedModel& smaller : fitted) {
-    ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
-                                 DofOf(smaller.model), std::nullopt};
-    // The largest of the models that contain `smaller`.
-    const FittedModel* largest = nullptr;
-    for (const FittedModel& other : fitted) {
-      if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
-      if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
+  std::optional<ErrorModelChoice> errors;
+  std::string lens;
+  constexpr int kMostRounds = 3;
+  for (int round = 0; round < kMostRounds; ++round) {
+    const ErrorModel& model = errors ? errors->fitted[errors->chosen].model : *largest_model;
+    if (chooses_lens) {
+      Outcome<LensChoice> of_lens = ChooseLens(problem, start, choose.lenses, OptionsOf(model, options));
+      if (!of_lens && !errors) return Failure{of_lens.reason()};
+      if (!of_lens || of_lens->problem.camera.model == lens) break;
+      problem.camera = std::move(of_lens->problem.camera);
+      start = of_lens->start;
+      lens = problem.camera.model;
+      choice.lenses = std::move(of_lens->alternatives);
     }
-    if (largest != nullptr) {
-      alternative.p = ChanceAgainst(*largest, smaller);
-      alternative.odds = OddsAgainst(largest->model, alternative, [&](const SharedEffects& effects) {
-        return LogLikelihoodAtLeast(*problem, largest->solution, largest->options, effects);
-      });
-    }
-    choice.alternatives.push_back(alternative);
-    if (largest != nullptr && !IsAcceptable(alternative, largest->model)) continue;
-    const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&
-                                               smaller.log_likelihood > best->log_likelihood);
-    if (!is_better) continue;
-    best = &smaller;
-    choice.chosen = choice.alternatives.size() - 1;
+    std::optional<ErrorModelChoice> next = ChooseErrorModel(problem, start, candidates, options);
+    if (!next && !errors) return Failure{"no model of the errors could be fitted"};
+    if (!next) break;
+    errors = std::move(next);
+    if (!chooses_lens) break;
   }
-  CHECK(best != nullptr) << "the largest model cannot be rejected";
-  choice.options = best->options;
+  const FittedModel& best = errors->fitted[errors->chosen];
+  choice.alternatives = std::move(errors->alternatives);
+  choice.chosen = errors->chosen;
+  choice.options = best.options;
   choice.options.loss = options_in.loss;
   choice.options.effects_avoid_zero = options_in.effects_avoid_zero;
-  choice.solution = best->solution;
-  choice.solution.unmodelled_sigma_px = unmodelled_sigma_px;
+  choice.solution = best.solution;
+  choice.solution.unmodelled_sigma_px = largest->unmodelled_sigma_px;
+  AddRejected(*largest, &choice.solution);
   return choice;
 }
 

@@ -57,11 +57,17 @@ struct ModelChoice {
   Solution solution;                           // The solution of the chosen model.
   std::vector<ModelAlternative> alternatives;  // The simplest first.
   size_t chosen = 0;                           // Index of the chosen alternative.
+  std::vector<CameraAlternative> lenses = {};  // The camera models that were compared; empty if none were.
 };
 
 // Fits every combination of {exact robot, robot noise, robot noise and systematic errors} and {as designed, scale,
 // bend, scale and bend} that is to be chosen from and that the captures determine. Chooses the one with the fewest
 // parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely.
+//
+// The lens is chosen with them: under the largest error model that can be fitted, all lenses of `choose` are fitted
+// with the noise of the largest one, and the smallest that no larger one rejects (LensComparison) is taken; a lens that
+// cannot be fitted, because the captures do not determine it, has lost. The error models are then compared with that
+// lens, and the lenses once more under the error model that was chosen, until both stand.
 //
 // Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
 // that model's solution. Models that differ in the shape alone are compared by an F-test (restricted likelihood ratio,

@@ -36,6 +36,19 @@ const Loss& InlierLoss(const BundleOptions& options) {
   return LossOf(options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss);
 }
 
+namespace {
+
+// Returns what the sigmas of the camera's pose are compared with.
+std::vector<CameraReach> ReachOf(const Problem& problem, const FreeUnknowns& free, const FitState& state) {
+  std::vector<Rigid3d> camera_from_target;
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    camera_from_target.push_back(PredictedPose(problem, free, state, i));
+  }
+  return {{kHandEyeBlock, WorkingDistance(camera_from_target)}};
+}
+
+}  // namespace
+
 Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
@@ -76,10 +89,10 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     fit.noise.effect_sigmas.push_back(options.effects->groups[g].sigma);
   }
   const std::optional<Information> start_information = FitInformation(free, LossOf(LossKind::kNone), options, &fit);
-  CHECK(start_information.has_value());
+  if (!start_information) return HiddenPoint();
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
-          CheckUncertainty(InvertInformation(*start_information, 1.0), {problem.camera})) {
+          CheckDetermined(InvertInformation(*start_information, 1.0), ReachOf(problem, free, start_state))) {
     return *failure;
   }
 
@@ -124,16 +137,18 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   const PoseGroups& groups = *settled->groups;
   solution.convergence.initial_cost =
       FitCost(problem_in, start_distances, start_state, groups, free, settled->noise, loss);
-  solution.convergence.final_cost =
-      FitCost(problem_in, DistancesAt(*settled->problem, free, settled->state, options.num_threads), settled->state,
-              groups, free, settled->noise, loss);
+  const std::optional<ViewDistances> distances =
+      DistancesAt(*settled->problem, free, settled->state, options.num_threads);
+  if (!distances) return HiddenPoint();
+  solution.convergence.final_cost = FitCost(problem_in, *distances, settled->state, groups, free, settled->noise, loss);
   const std::optional<Information> information = FitInformation(free, loss, options, &*settled);
-  CHECK(information.has_value());
+  if (!information) return HiddenPoint();
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);
   const std::string camera_faults = CheckCamera(solution.camera);
   if (!camera_faults.empty()) return Failure{"the refined camera is implausible: " + camera_faults};
-  if (const std::optional<Failure> failure = CheckUncertainty(solution.covariance, {solution.camera})) {
+  if (const std::optional<Failure> failure =
+          CheckDetermined(solution.covariance, ReachOf(*settled->problem, free, settled->state))) {
     return *failure;
   }
   return solution;

@@ -126,12 +126,15 @@ std::vector<double> JoinDistances(const ViewDistances& distances) {
   return joined;
 }
 
-ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state, int num_threads) {
+std::optional<ViewDistances> DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state,
+                                         int num_threads) {
   ViewDistances distances = SquaredDistances(problem, free, state, num_threads);
-  CHECK(std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); }))
-      << "Ceres accepted a step that hides a point";
-  return distances;
+  const bool are_visible =
+      std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); });
+  return are_visible ? std::optional<ViewDistances>(std::move(distances)) : std::nullopt;
 }
+
+Failure HiddenPoint() { return {"the refined estimate leaves a point of the target without an image"}; }
 
 double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,
                const PoseGroups& groups, const FreeUnknowns& free, const FitNoise& noise, const Loss& loss) {
@@ -218,8 +221,8 @@ ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, 
   for (size_t g = 0; g < corrections.size(); ++g) {
     for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g].front();
   }
-  if (summary.termination_type == ceres::CONVERGENCE) {
-    CHECK(cost.Accepted().parameters == unknowns.all()) << "Ceres did not evaluate the Jacobians at its solution last";
+  // After a step that does not improve the cost, the Jacobians that were evaluated last are not those of the solution.
+  if (summary.termination_type == ceres::CONVERGENCE && cost.Accepted().parameters == unknowns.all()) {
     fit->known = KnownProducts{
         fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt, {}}, cost.Accepted()};
     // Identical up to the normalisation of the poses.

@@ -75,8 +75,11 @@ ViewDistances SquaredDistances(const Problem& problem, const FreeUnknowns& free,
                                int num_threads);
 // Returns the distances of all points in the order of the views, skipping views that have none.
 std::vector<double> JoinDistances(const ViewDistances& distances);
-// Returns the distances at a state where every point can be projected, as after a refinement.
-ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state, int num_threads);
+// Returns the distances at a state, such as that of a refinement; nothing if a point cannot be projected there.
+std::optional<ViewDistances> DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state,
+                                         int num_threads);
+// The Failure of an estimate at which a point cannot be projected.
+Failure HiddenPoint();
 
 // Returns half the sum of rho over all points and of the squared whitened corrections and effects.
 double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <memory>
 
-#include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -22,13 +21,14 @@ struct EstimatedNoise {
 };
 
 // Estimates the noise that explains the residuals best.
-EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Loss& loss, const BundleOptions& options) {
+std::optional<EstimatedNoise> EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Loss& loss,
+                                            const BundleOptions& options) {
   const FitNoise& noise = fit.noise;
   const bool pixel_is_free = !options.pixel_noise_px;
   const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options);
-  CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
+  if (!views) return std::nullopt;
   std::vector<VarianceGroup> groups =
       WithEffectGroups(CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
@@ -116,20 +116,21 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& l
     if (!fit.convergence.converged) {
       // The usual reason is missing information; the failure then names it.
       const std::optional<Information> weak = FitInformation(free, loss, options, &fit);
-      std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
-      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), {fit.state.camera});
+      const std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
     }
     if (options.pixel_noise_px && !estimates_robot) break;
     FitNoise next = fit.noise;
     if (has_robot_noise) {
-      const EstimatedNoise estimated = EstimateNoise(fit, free, loss, options);
-      next = estimated.noise;
-      fit.robot_stddev = estimated.robot_stddev;
-      fit.dof = estimated.dof;
+      const std::optional<EstimatedNoise> estimated = EstimateNoise(fit, free, loss, options);
+      if (!estimated) return HiddenPoint();
+      next = estimated->noise;
+      fit.robot_stddev = estimated->robot_stddev;
+      fit.dof = estimated->dof;
     } else {
-      const std::vector<double> distances =
-          JoinDistances(DistancesAt(*fit.problem, free, fit.state, options.num_threads));
+      const std::optional<ViewDistances> at = DistancesAt(*fit.problem, free, fit.state, options.num_threads);
+      if (!at) return HiddenPoint();
+      const std::vector<double> distances = JoinDistances(*at);
       // The median is robust to 50 % outliers and is used while outliers are searched for.
       const double median_px = SigmaFromMedian(distances);
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);

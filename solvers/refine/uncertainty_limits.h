@@ -1,7 +1,8 @@
-// The sigmas beyond which a result is refused.
+// The sigmas beyond which the data say nothing about a camera's pose.
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "heba/base/error.h"
@@ -9,8 +10,17 @@
 
 namespace heba {
 
-// Returns a Failure if the sigma of an unknown is too large for the result to be useful. `cameras` are the owners of
-// the layout's camera blocks, in their order.
-std::optional<Failure> CheckUncertainty(const Covariance& covariance, const std::vector<Camera>& cameras);
+// The pose of a camera on its mount: its block of the unknowns, and the distance at which the camera works.
+struct CameraReach {
+  std::string block;
+  double distance_m = 0;
+};
+
+// Returns the median distance of the targets from a camera, given their poses; 0 if there are none.
+double WorkingDistance(const std::vector<Rigid3d>& camera_from_target);
+
+// Returns a Failure if the sigma of a camera's position exceeds its working distance, or if that of its orientation
+// exceeds 30 deg. A smaller sigma is a result, however large: whoever reads it judges it.
+std::optional<Failure> CheckDetermined(const Covariance& covariance, const std::vector<CameraReach>& cameras);
 
 }  // namespace heba

@@ -129,6 +129,24 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
   return solution;
 }
 
+// Returns what the sigmas of each camera's pose are compared with.
+std::vector<CameraReach> ReachesOf(const RigProblem& problem, const RigState& state) {
+  std::vector<std::vector<Rigid3d>> poses_of_camera(problem.cameras.size());
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.observations.size() == 0) continue;
+      poses_of_camera[image.camera].push_back(
+          CameraFromTarget(problem, state.poses, image.camera, image.target, WithErrors(capture, state.effects)));
+    }
+  }
+  std::vector<CameraReach> reaches;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    if (poses_of_camera[c].empty()) continue;
+    reaches.push_back({CameraPoseBlock(problem.cameras[c]), WorkingDistance(poses_of_camera[c])});
+  }
+  return reaches;
+}
+
 }  // namespace
 
 std::string RigOptions::Check() const {
@@ -183,10 +201,10 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   fit.noise.pixel_px.assign(problem.cameras.size(), options.pixel_noise_px.value_or(kLittleNoisePx));
   fit.noise.image_px.assign(problem.cameras.size(), 0);
   const std::optional<Information> start_information = RigInformation(fit, LossOf(LossKind::kNone));
-  CHECK(start_information.has_value());
+  if (!start_information) return HiddenPoint();
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
-          CheckUncertainty(InvertInformation(*start_information, 1.0), fit.state.cameras)) {
+          CheckDetermined(InvertInformation(*start_information, 1.0), ReachesOf(*fit.problem, fit.state))) {
     return *failure;
   }
 
@@ -204,7 +222,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   if (!settled) return Failure{settled.reason()};
   RigSolution solution = SolutionOf(problem, *settled, keep, options);
   const std::optional<Information> information = RigInformation(*settled, loss);
-  CHECK(information.has_value());
+  if (!information) return HiddenPoint();
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);
   for (size_t c = 0; c < solution.cameras.size(); ++c) {
@@ -213,7 +231,10 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
       return Failure{"the refined camera " + problem.cameras[c].name + " is implausible: " + camera_faults};
     }
   }
-  if (const std::optional<Failure> failure = CheckUncertainty(solution.covariance, solution.cameras)) return *failure;
+  if (const std::optional<Failure> failure =
+          CheckDetermined(solution.covariance, ReachesOf(*settled->problem, settled->state))) {
+    return *failure;
+  }
   return solution;
 }
 

@@ -240,7 +240,7 @@ std::vector<RigArmChoice> AddArmErrors(const RigCalibrationOptions& options, Rig
     const RigArmErrors& arm = options.arms[choice.robot];
     if (choice.model == nullptr || !arm.is_chosen) continue;
     const std::optional<LinearisedRig> rig = LineariseAt(used_with_errors, refined->solution, choice.robot);
-    CHECK(rig.has_value()) << "a point that was used has no image at the solution";
+    if (!rig) return decline_all("the refinement with the arm's errors hides a point of a target");
     ChooseModelOf(arm, *rig, refined->solution.covariance_dof, &choice);
   }
   const std::vector<ArmPart> chosen = PartsOf(options.arms, choices);

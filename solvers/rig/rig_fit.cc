@@ -11,7 +11,6 @@
 #include "heba/data/free_parameters.h"
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/refine/reprojection_problem.h"
-#include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/block_prior.h"
@@ -162,13 +161,14 @@ struct EstimatedRigNoise {
 };
 
 // Estimates the noise that explains the residuals best.
-EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
+std::optional<EstimatedRigNoise> EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale scale,
+                                               const RigOptions& options) {
   EstimatedRigNoise result;
   result.noise = fit.noise;
   const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
-  CHECK(images.has_value()) << "Ceres accepted a step that hides a point";
+  if (!images) return std::nullopt;
   const std::optional<Information> information = RigInformation(fit, loss);
-  CHECK(information.has_value());
+  if (!information) return std::nullopt;
   const Eigen::MatrixXd covariance = InvertInformation(*information, 1.0).matrix;
   if (!options.pixel_noise_px && scale == NoiseScale::kOfFit) {
     EstimateCameraNoise(fit, *images, covariance, &result.noise);
@@ -440,16 +440,16 @@ Outcome<RigFit> IterateRig(RigFit fit, const Loss& loss, NoiseScale scale, const
     if (!fit.convergence.converged) {
       // The usual reason is missing information; the failure then names it.
       const std::optional<Information> weak = RigInformation(fit, loss);
-      std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
-      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.cameras);
+      const std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
     }
     if (options.pixel_noise_px && options.robot != BundleOptions::Robot::kEstimatedNoise) break;
-    EstimatedRigNoise next = EstimateNoise(fit, loss, scale, options);
-    bool has_converged = NoiseConverged(fit.noise, next.noise, scale);
-    fit.noise = std::move(next.noise);
-    fit.robot_stddev = std::move(next.robot_stddev);
-    fit.dof = next.dof;
+    std::optional<EstimatedRigNoise> next = EstimateNoise(fit, loss, scale, options);
+    if (!next) return HiddenPoint();
+    bool has_converged = NoiseConverged(fit.noise, next->noise, scale);
+    fit.noise = std::move(next->noise);
+    fit.robot_stddev = std::move(next->robot_stddev);
+    fit.dof = next->dof;
     if (!options.pixel_noise_px && UpdateWeights(&fit)) has_converged = false;
     if (has_converged) break;
   }

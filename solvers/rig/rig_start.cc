@@ -334,6 +334,54 @@ std::optional<Failure> WhyNotSeen(const RigProblem& problem) {
   return std::nullopt;
 }
 
+// Returns the arm that moves a target against a camera; nothing if none or two do.
+std::optional<size_t> MoverOf(const RigProblem& problem, size_t camera, size_t target) {
+  std::vector<size_t> movers;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    if (IsMovedBy(problem.cameras[camera].mount, problem.targets[target].mount, r)) movers.push_back(r);
+  }
+  return movers.size() == 1 ? std::optional<size_t>(movers.front()) : std::nullopt;
+}
+
+// Returns the options of the calibration of a pair by itself, with the camera as the problem has it.
+CalibrationOptions PairOptions(const RigProblem& problem, size_t camera, size_t target, LossKind loss) {
+  CalibrationOptions single;
+  const bool is_in_hand = problem.cameras[camera].mount.part == Mount::Part::kGripper;
+  single.setup = is_in_hand ? Setup::kEyeInHand : Setup::kEyeToHand;
+  single.shape = problem.targets[target].shape;
+  single.symmetries = problem.targets[target].symmetries;
+  single.bundle.free_intrinsics = problem.cameras[camera].free_intrinsics;
+  single.bundle.loss = loss;
+  return single;
+}
+
+// Estimates a camera of which the model is to be chosen too: with the target that an arm moves against it in most
+// images, by the choice of a single camera, or from its images alone if there is none.
+Outcome<Camera> ChooseCamera(const RigProblem& problem, size_t camera, const std::vector<View>& views, LossKind loss) {
+  const Camera& size = problem.cameras[camera].camera;
+  std::optional<size_t> best;
+  std::vector<View> moved;
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const std::optional<size_t> robot = MoverOf(problem, camera, t);
+    if (!robot) continue;
+    std::vector<View> of_target = ViewsOf(problem, camera, t, robot);
+    if (of_target.size() <= moved.size()) continue;
+    moved = std::move(of_target);
+    best = t;
+  }
+  if (best) {
+    CalibrationOptions single = PairOptions(problem, camera, *best, loss);
+    single.choose_camera_model = true;
+    single.width_px = size.width_px;
+    single.height_px = size.height_px;
+    Outcome<Calibration> calibration = Calibrate(moved, single);
+    if (calibration && calibration->refined) return calibration->camera;
+  }
+  Outcome<CameraChoice> choice = ChooseCameraModel(views, size.width_px, size.height_px);
+  if (!choice) return Failure{choice.reason()};
+  return choice->camera;
+}
+
 }  // namespace
 
 Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const RigCalibrationOptions& options) {
@@ -349,15 +397,11 @@ Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const
       for (View& view : ViewsOf(problem, c, t, std::nullopt)) views.push_back(std::move(view));
     }
     const Camera& known = problem.cameras[c].camera;
-    if (known.model.empty()) {
-      Outcome<CameraChoice> choice = ChooseCameraModel(views, known.width_px, known.height_px);
-      if (choice) cameras[c] = choice->camera;
-      if (!choice) reasons[c] = choice.reason();
-    } else {
-      Outcome<Camera> camera = EstimateIntrinsics(views, known.model, known.width_px, known.height_px);
-      if (camera) cameras[c] = *camera;
-      if (!camera) reasons[c] = camera.reason();
-    }
+    const Outcome<Camera> camera =
+        known.model.empty() ? ChooseCamera(problem, c, views, options.adjustment.loss)
+                            : EstimateIntrinsics(views, known.model, known.width_px, known.height_px);
+    if (camera) cameras[c] = *camera;
+    if (!camera) reasons[c] = camera.reason();
   });
   for (size_t c = 0; c < reasons.size(); ++c) {
     if (!reasons[c].empty()) return Failure{"camera " + problem.cameras[c].name + ": " + reasons[c]};
@@ -370,11 +414,7 @@ std::vector<RigPair> CalibratePairs(const RigProblem& problem, const RigCalibrat
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     for (size_t t = 0; t < problem.targets.size(); ++t) {
       RigPair pair{c, t, std::nullopt};
-      std::vector<size_t> movers;
-      for (size_t r = 0; r < problem.robots.size(); ++r) {
-        if (IsMovedBy(problem.cameras[c].mount, problem.targets[t].mount, r)) movers.push_back(r);
-      }
-      if (movers.size() == 1) pair.robot = movers.front();
+      pair.robot = MoverOf(problem, c, t);
       pair.num_images = static_cast<int>(ViewsOf(problem, c, t, std::nullopt).size());
       if (pair.num_images > 0) pairs.push_back(std::move(pair));
     }
@@ -383,16 +423,10 @@ std::vector<RigPair> CalibratePairs(const RigProblem& problem, const RigCalibrat
     RigPair& pair = pairs[static_cast<size_t>(index)];
     if (!pair.robot) return;
     const RigCamera& camera = problem.cameras[pair.camera];
-    const RigTarget& target = problem.targets[pair.target];
-    CalibrationOptions single;
-    single.setup = camera.mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+    CalibrationOptions single = PairOptions(problem, pair.camera, pair.target, options.adjustment.loss);
     single.camera = camera.camera;
-    single.shape = target.shape;
-    single.symmetries = target.symmetries;
     single.choose = {};
-    single.bundle.free_intrinsics = camera.free_intrinsics;
     single.bundle.camera_prior = camera.prior;
-    single.bundle.loss = options.adjustment.loss;
     const std::vector<View> views = ViewsOf(problem, pair.camera, pair.target, pair.robot);
     pair.calibration = Calibrate(views, single);
     if (pair.calibration && pair.calibration->refined) return;

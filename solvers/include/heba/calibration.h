@@ -62,16 +62,20 @@ struct AutoModel {
   // The systematic errors of the robot among which is chosen, each containing those before it; none may be chosen, too.
   // If there are any, BundleOptions::effects is not used.
   std::vector<std::shared_ptr<const SharedEffects>> effects = {};
+  // The cameras among which is chosen: initial guesses, each of another model, the smallest first. With fewer than two
+  // the model of the problem's camera holds.
+  std::vector<Camera> lenses = {};
 };
 
-// One of the camera models that were compared (solvers/calibration/camera_choice.h).
+// One of the camera models that were compared (solvers/calibration/model_choice.h).
 struct CameraAlternative {
   std::string model;
-  double log_likelihood = 0;  // Every view has its own pose; up to a constant common to all models.
+  double log_likelihood = 0;  // Up to a constant common to all models.
   int dof = 0;                // Number of camera parameters.
   // The probability, if this model is right, of the gain in likelihood of a larger model: the smallest over the larger
-  // polynomial models. Not set for the largest of these, and for kannala_brandt4.
+  // models. Not set for the largest.
   std::optional<double> p;
+  std::string reason = {};  // Why it was not a candidate, in one clause; empty if it was.
 };
 
 // The seed that stands for the closed form with the lowest reprojection RMS over all captures.
@@ -111,7 +115,10 @@ struct Calibration {
   // The options of the final refinement: CalibrationOptions::bundle with the chosen model.
   BundleOptions bundle;
   std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
-  std::vector<ModelAlternative> alternatives;          // The candidate error models; empty if there was only one.
+  // Why the captures do not determine the camera that the options ask for, so that a smaller model was estimated or
+  // intrinsics were held; empty if they do.
+  std::string reduced_camera;
+  std::vector<ModelAlternative> alternatives;  // The candidate error models; empty if there was only one.
   // Number of captures that fail their test, but were kept: JudgedCaptures::num_kept_against_test.
   int num_kept_against_test = 0;
   // The views that were used, with their points in the reading order that was chosen among the target's symmetries.
