@@ -447,6 +447,12 @@ void UpdatePairs(Calibration* calibration) {
   if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
 }
 
+std::string GroupNames(const std::vector<ParameterGroup>& groups) {
+  std::vector<std::string> names;
+  for (const ParameterGroup group : groups) names.emplace_back(kParameterGroupNames[static_cast<size_t>(group)]);
+  return Join(names, ", ");
+}
+
 // Notes that the captures did not determine the camera that the options ask for.
 void NoteReduction(const std::string& reason, const CalibrationOptions& wanted, Calibration* calibration) {
   const bool has_other_model =
@@ -532,10 +538,22 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
   }
   for (Finding& finding : DiagnoseModel(solved, solution, bundle, options.choose)) add(std::move(finding));
   if (calibration.num_kept_against_test > 0) {
-    add(Finding{Grade::kDoubtful,
-                FindingCode("captures_scatter"),
-                {{"captures", calibration.num_kept_against_test},
-                 {"of_captures", static_cast<double>(calibration.views.size())}}});
+    const bool is_most = 2 * static_cast<size_t>(calibration.num_kept_against_test) > calibration.views.size();
+    Finding finding{is_most ? Grade::kBad : Grade::kDoubtful,
+                    is_most ? FindingCode("captures_contradict") : FindingCode("captures_scatter"),
+                    {{"captures", calibration.num_kept_against_test},
+                     {"of_captures", static_cast<double>(calibration.views.size())}}};
+    finding.is_cause = is_most;
+    add(std::move(finding));
+  }
+  if (!calibration.reduced_camera.empty()) {
+    Finding finding{Grade::kDoubtful, FindingCode("camera_reduced")};
+    finding.names = {{"model", solution.camera.model},
+                     {"wanted", options.camera ? solution.camera.model : options.camera_model},
+                     {"free", GroupNames(bundle.free_intrinsics)},
+                     {"why", calibration.reduced_camera}};
+    finding.is_cause = true;
+    add(std::move(finding));
   }
   if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
     add(Finding{Grade::kDoubtful,

@@ -6,6 +6,7 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -17,13 +18,18 @@ namespace {
 std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
   const UnknownLayout& layout = solution.covariance.layout;
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+  std::vector<Rigid3d> camera_from_target;
+  for (const View& view : problem.views) {
+    camera_from_target.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
+  }
+  const double distance_m = WorkingDistance(camera_from_target);
   std::vector<WeakDirection> weak_directions =
       WorstDirections(covariance, layout.Block(kHandEyeBlock).first, solution.hand_eye.camera_mount_from_camera,
-                      CameraMountName(problem.setup), "camera");
+                      CameraMountName(problem.setup), "camera", distance_m);
   const UnknownBlock camera = layout.Block(kCameraBlock);
   for (const std::vector<WeakDirection>& more :
        {WorstDirections(covariance, layout.Block(kBoardBlock).first, solution.hand_eye.target_mount_from_target,
-                        TargetMountName(problem.setup), "target"),
+                        TargetMountName(problem.setup), "target", distance_m),
         IntrinsicDirections(solution.covariance, camera, solution.camera)}) {
     weak_directions.insert(weak_directions.end(), more.begin(), more.end());
   }
@@ -125,7 +131,11 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
   const std::vector<WeakDirection> weak_directions = FindWeakDirections(problem, solution);
   if (weak_directions.empty()) return std::nullopt;
   const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, free);
-  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
+  // New captures have the smooth errors of other poses, too.
+  RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
+  const RobotNoise smooth = solution.smooth_noise.value_or(RobotNoise{});
+  robot.translation_m = std::hypot(robot.translation_m, smooth.translation_m);
+  robot.rotation_rad = std::hypot(robot.rotation_rad, smooth.rotation_rad);
   const Eigen::MatrixXd information =
       InvertInformation({layout, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
   const WeakDirection& worst = weak_directions.front();

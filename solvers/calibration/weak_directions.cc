@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
+#include "heba/evaluation/limits.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/information.h"
 
@@ -47,17 +48,19 @@ WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, con
 
 std::vector<WeakDirection> WorstDirections(const Eigen::MatrixXd& covariance, Eigen::Index first,
                                            const Rigid3d& parent_from_child, std::string_view parent,
-                                           const std::string& child) {
+                                           const std::string& child, double distance_m) {
   constexpr double kWantedM = 1e-3;
   const double wanted_rad = DegToRad(0.1);
   const Eigen::Matrix3d rotation = parent_from_child.RotationMatrix();
   WeakDirection position = WorstOf(covariance, first, "the " + child + "'s position along ", rotation, parent, child);
   position.wanted = kWantedM;
+  position.doubtful = kSigmaShare.doubtful * distance_m;
   position.unit = "mm";
   position.unit_size = 1e-3;
   WeakDirection orientation =
       WorstOf(covariance, first + 3, "the " + child + "'s orientation about ", rotation, parent, child);
   orientation.wanted = wanted_rad;
+  orientation.doubtful = kSigmaShare.doubtful;
   orientation.unit = "deg";
   orientation.unit_size = DegToRad(1.0);
   return {position, orientation};
@@ -66,6 +69,7 @@ std::vector<WeakDirection> WorstDirections(const Eigen::MatrixXd& covariance, Ei
 std::vector<WeakDirection> IntrinsicDirections(const Covariance& covariance, const UnknownBlock& block,
                                                const Camera& camera) {
   constexpr double kWantedRatio = 0.002;
+  constexpr double kDoubtfulRatio = 0.01;
   std::vector<WeakDirection> directions;
   for (Eigen::Index i = block.first; i < block.end(); ++i) {
     const Unknown& unknown = covariance.layout[i];
@@ -76,7 +80,9 @@ std::vector<WeakDirection> IntrinsicDirections(const Covariance& covariance, con
     weakness.direction = is_focal ? AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, block)
                                   : Eigen::VectorXd::Unit(covariance.layout.size(), i);
     weakness.sigma = std::sqrt(weakness.direction.dot(covariance.matrix * weakness.direction));
-    weakness.wanted = kWantedRatio * (is_focal ? AxialFocalLength(camera, 0) : camera.width_px);
+    const double size_px = is_focal ? AxialFocalLength(camera, 0) : camera.width_px;
+    weakness.wanted = kWantedRatio * size_px;
+    weakness.doubtful = kDoubtfulRatio * size_px;
     weakness.unit = "px";
     directions.push_back(std::move(weakness));
   }
@@ -136,13 +142,15 @@ std::optional<ImaginedPoints> ImaginePoints(const Camera& camera, const Observat
 }
 
 Finding FindingOf(const std::vector<WeakDirection>& directions) {
-  const bool is_weak = std::any_of(directions.begin(), directions.end(),
-                                   [](const WeakDirection& direction) { return direction.IsWeak(); });
-  Finding finding{is_weak ? Grade::kDoubtful : Grade::kGood, FindingCode("weak_direction")};
+  const auto grade_of = [](const WeakDirection& direction) {
+    return direction.sigma > direction.doubtful ? Grade::kDoubtful : Grade::kGood;
+  };
+  Finding finding{Grade::kGood, FindingCode("weak_direction")};
   for (const WeakDirection& direction : directions) {
     const double sigma = direction.sigma / direction.unit_size;
+    finding.grade = std::max(finding.grade, grade_of(direction));
     finding.numbers.emplace_back(direction.name + ", " + direction.unit, sigma);
-    finding.parts.push_back({direction.IsWeak() ? Grade::kDoubtful : Grade::kGood,
+    finding.parts.push_back({grade_of(direction),
                              FindingCode("weak_direction_of"),
                              {{"sigma", sigma}},
                              {{"direction", direction.name}, {"unit", direction.unit}}});

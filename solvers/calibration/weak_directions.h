@@ -23,7 +23,8 @@ struct WeakDirection {
   std::string name;           // Such as "the camera's position along the base's x".
   Eigen::VectorXd direction;  // In the space of the unknowns; of length 1 except for a focal length.
   double sigma = 0;           // m, rad or px.
-  double wanted = 0;          // The largest sigma that a robot cell usually accepts.
+  double wanted = 0;          // The sigma from which the direction is worth naming.
+  double doubtful = 0;        // The sigma from which it makes the result doubtful.
   std::string unit;
   double unit_size = 1;  // Size of `unit`, in the unknowns' unit.
 
@@ -32,12 +33,14 @@ struct WeakDirection {
 
 // Returns the directions of the largest sigmas of the position and of the orientation of a pose, whose tangent starts
 // at `first` in the covariance. Each is named by the axis of `child` or of `parent` that is close to it, or by a vector
-// in `child`. Wanted are 1 mm and 0.1 deg.
+// in `child`. Worth naming are 1 mm and 0.1 deg; doubtful is the share kSigmaShare of `distance_m`, at which the camera
+// works, and that many rad.
 std::vector<WeakDirection> WorstDirections(const Eigen::MatrixXd& covariance, Eigen::Index first,
                                            const Rigid3d& parent_from_child, std::string_view parent,
-                                           const std::string& child);
+                                           const std::string& child, double distance_m);
 // Returns the focal lengths and the coordinates of the principal point that are unknown. `block` is that of the camera,
-// and may be empty. Wanted are 0.2 % of the focal length and of the image's width.
+// and may be empty. Worth naming are 0.2 % of the focal length and of the image's width, doubtful 1 %: errors of
+// intrinsics and poses partly cancel at a located target.
 std::vector<WeakDirection> IntrinsicDirections(const Covariance& covariance, const UnknownBlock& block,
                                                const Camera& camera);
 // Sorts by the ratio of what is known to what is wanted, the worst first.

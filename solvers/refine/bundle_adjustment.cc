@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/closed_form/motion_analysis.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/noise_iteration.h"
@@ -44,7 +45,7 @@ std::vector<CameraReach> ReachOf(const Problem& problem, const FreeUnknowns& fre
   for (size_t i = 0; i < problem.views.size(); ++i) {
     camera_from_target.push_back(PredictedPose(problem, free, state, i));
   }
-  return {{kHandEyeBlock, WorkingDistance(camera_from_target)}};
+  return {CameraReach{std::string(kHandEyeBlock), WorkingDistance(camera_from_target)}};
 }
 
 }  // namespace

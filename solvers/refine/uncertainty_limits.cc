@@ -3,17 +3,10 @@
 #include <cmath>
 #include <string>
 
-#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 
 namespace heba {
-
-double WorkingDistance(const std::vector<Rigid3d>& camera_from_target) {
-  std::vector<double> distances_m;
-  for (const Rigid3d& pose : camera_from_target) distances_m.push_back(pose.translation.norm());
-  return distances_m.empty() ? 0 : Median(distances_m);
-}
 
 std::optional<Failure> CheckDetermined(const Covariance& covariance, const std::vector<CameraReach>& cameras) {
   const double most_rad = DegToRad(30.0);

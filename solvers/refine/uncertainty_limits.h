@@ -16,9 +16,6 @@ struct CameraReach {
   double distance_m = 0;
 };
 
-// Returns the median distance of the targets from a camera, given their poses; 0 if there are none.
-double WorkingDistance(const std::vector<Rigid3d>& camera_from_target);
-
 // Returns a Failure if the sigma of a camera's position exceeds its working distance, or if that of its orientation
 // exceeds 30 deg. A smaller sigma is a result, however large: whoever reads it judges it.
 std::optional<Failure> CheckDetermined(const Covariance& covariance, const std::vector<CameraReach>& cameras);

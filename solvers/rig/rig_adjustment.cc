@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/refine/point_rejection.h"
 #include "solvers/refine/uncertainty_limits.h"
@@ -131,18 +132,10 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
 
 // Returns what the sigmas of each camera's pose are compared with.
 std::vector<CameraReach> ReachesOf(const RigProblem& problem, const RigState& state) {
-  std::vector<std::vector<Rigid3d>> poses_of_camera(problem.cameras.size());
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
-      if (image.observations.size() == 0) continue;
-      poses_of_camera[image.camera].push_back(
-          CameraFromTarget(problem, state.poses, image.camera, image.target, WithErrors(capture, state.effects)));
-    }
-  }
   std::vector<CameraReach> reaches;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    if (poses_of_camera[c].empty()) continue;
-    reaches.push_back({CameraPoseBlock(problem.cameras[c]), WorkingDistance(poses_of_camera[c])});
+    const std::vector<Rigid3d> poses = TargetPosesOf(problem, state.poses, state.effects, c);
+    if (!poses.empty()) reaches.push_back({CameraPoseBlock(problem.cameras[c]), WorkingDistance(poses)});
   }
   return reaches;
 }

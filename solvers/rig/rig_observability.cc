@@ -12,6 +12,7 @@
 #include "heba/base/even_indices.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_fit.h"
 #include "solvers/rig/rig_outliers.h"
@@ -243,7 +244,8 @@ std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const R
   const UnknownLayout& layout = solution.covariance.layout;
   std::vector<WeakDirection> directions =
       WorstDirections(solution.covariance.matrix, layout.Block(CameraPoseBlock(of_rig)).first,
-                      solution.poses.mount_from_camera[camera], MountText(problem, of_rig), "camera");
+                      solution.poses.mount_from_camera[camera], MountText(problem, of_rig), "camera",
+                      WorkingDistance(TargetPosesOf(problem, solution.poses, solution.effects, camera)));
   for (WeakDirection& direction :
        IntrinsicDirections(solution.covariance, layout.Block(CameraBlock(of_rig)), solution.cameras[camera])) {
     directions.push_back(std::move(direction));

@@ -397,9 +397,9 @@ Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const
       for (View& view : ViewsOf(problem, c, t, std::nullopt)) views.push_back(std::move(view));
     }
     const Camera& known = problem.cameras[c].camera;
-    const Outcome<Camera> camera =
-        known.model.empty() ? ChooseCamera(problem, c, views, options.adjustment.loss)
-                            : EstimateIntrinsics(views, known.model, known.width_px, known.height_px);
+    const Outcome<Camera> camera = known.model.empty()
+                                       ? ChooseCamera(problem, c, views, options.adjustment.loss)
+                                       : EstimateIntrinsics(views, known.model, known.width_px, known.height_px);
     if (camera) cameras[c] = *camera;
     if (!camera) reasons[c] = camera.reason();
   });

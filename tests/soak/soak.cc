@@ -34,7 +34,6 @@
 #include "heba/base/distributions.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/geometry/tangent.h"
 #include "heba/run.h"
 #include "tests/support/data_sets.h"
 #include "tools/config/run_config.h"

@@ -70,8 +70,8 @@ ModelSummary SummariseModel(const Calibration& calibration) {
         {NameOf(alternative.model), alternative.log_likelihood, alternative.dof, alternative.p, alternative.odds});
   }
   for (const CameraAlternative& alternative : calibration.camera_alternatives) {
-    model.alternatives.push_back(
-        {"camera " + alternative.model, alternative.log_likelihood, alternative.dof, alternative.p});
+    model.alternatives.push_back({"camera " + alternative.model, alternative.log_likelihood, alternative.dof,
+                                  alternative.p, std::nullopt, alternative.reason});
   }
   return model;
 }

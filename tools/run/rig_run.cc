@@ -205,6 +205,8 @@ void AddErrors(const RigDataset& dataset, const RigProblem& used, const RigSolut
   for (size_t c = 0; c < sums.size(); ++c) {
     RigErrors& errors = result->errors.emplace_back();
     errors.reprojection_rms_px = sums[c].RmsPx();
+    const std::vector<Rigid3d> poses = TargetPosesOf(used, solution.poses, solution.effects, c);
+    if (!poses.empty()) errors.distance_m = WorkingDistance(poses);
     if (!dataset.truth) continue;
     const PoseError error = ErrorOf(solution.poses.mount_from_camera[c], dataset.truth->mount_from_camera[c]);
     errors.truth_mm = error.mm;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "heba/base/text.h"
+#include "heba/evaluation/judgement.h"
 #include "tools/run/arm_keys.h"
 #include "tools/text/target_symmetry.h"
 
@@ -429,6 +430,23 @@ FindingText CapturesScatter(const Finding& finding) {
           "check the robot's own calibration, the target's dimensions and the camera model"};
 }
 
+FindingText CapturesContradict(const Finding& finding) {
+  return {Count(finding, "captures") + " of " + Count(finding, "of_captures") +
+              " captures contradict every calibration, so that none of them could be left out",
+          "check that images and poses belong together, and that the poses mean what the config says (pose_format, "
+          "poses_are, setup)"};
+}
+
+FindingText CameraReduced(const Finding& finding) {
+  const std::string model = Name(finding, "model");
+  const std::string wanted = Name(finding, "wanted");
+  const std::string free = Name(finding, "free");
+  return {(model == wanted ? "of the camera's intrinsics only " + (free.empty() ? "none" : free) + " could be freed: "
+                           : "the lens " + model + " was estimated in place of " + wanted + " (camera.model): ") +
+              Name(finding, "why"),
+          "use camera.model: auto, or take captures with more depth and tilt over the whole image"};
+}
+
 FindingText FewCapturesPrior(const Finding& finding) {
   const auto bound = [&](std::string_view key) { return Significant(Number(finding, key), 1); };
   return {"the captures contain fewer than " + Count(finding, "fewer_than") +
@@ -498,7 +516,9 @@ constexpr CodeWords kWords[] = {
     {"target_scale", &TargetScale},
     {"held_intrinsics", &HeldIntrinsics},
     {"camera", &CameraUse},
+    {"captures_contradict", &CapturesContradict},
     {"captures_scatter", &CapturesScatter},
+    {"camera_reduced", &CameraReduced},
     {"few_captures_prior", &FewCapturesPrior},
     {"missing_ids", &MissingIds},
     {"arm_estimated", &ArmEstimated},
@@ -545,11 +565,11 @@ FindingText OwnWords(const Finding& finding) {
 
 FindingText FindingWords(const Finding& finding) {
   FindingText words = OwnWords(finding);
-  if (!finding.is_cause) return words;
-  for (const Finding& consequence : finding.parts) {
+  if (!finding.is_cause && !IsMisfit(finding)) return words;
+  for (const Finding& part : finding.parts) {
     // A finding whose parts have texts was described before: its text contains them.
-    if (!finding.text.empty() && !consequence.text.empty()) continue;
-    words.text += "; as a consequence, " + FindingWords(consequence).text;
+    if (!finding.text.empty() && !part.text.empty()) continue;
+    words.text += (finding.is_cause ? "; as a consequence, " : "; besides, ") + FindingWords(part).text;
   }
   return words;
 }

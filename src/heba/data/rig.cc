@@ -81,6 +81,19 @@ std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eig
   return poses;
 }
 
+std::vector<Rigid3d> TargetPosesOf(const RigProblem& problem, const RigPoses& poses,
+                                   const std::vector<Eigen::VectorXd>& effects, size_t camera) {
+  std::vector<Rigid3d> camera_from_target;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.camera != camera || image.observations.size() == 0) continue;
+      camera_from_target.push_back(
+          CameraFromTarget(problem, poses, image.camera, image.target, WithErrors(capture, effects)));
+    }
+  }
+  return camera_from_target;
+}
+
 std::vector<Rigid3d> Corrected(const std::vector<Rigid3d>& base_from_gripper, const std::vector<Rigid3d>& corrections) {
   if (corrections.empty()) return base_from_gripper;
   CHECK_EQ(corrections.size(), base_from_gripper.size());

@@ -118,6 +118,9 @@ Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_
 // Returns the poses of the arms as they report them, multiplied by their errors at these effects, one vector for each
 // arm; an empty list stands for no effects.
 std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eigen::VectorXd>& effects);
+// Returns camera_from_target of the images of a camera that have points, with the errors of the arms.
+std::vector<Rigid3d> TargetPosesOf(const RigProblem& problem, const RigPoses& poses,
+                                   const std::vector<Eigen::VectorXd>& effects, size_t camera);
 
 // Returns the poses of the arms multiplied by their corrections (gripper_from_corrected_gripper); an empty list stands
 // for none.

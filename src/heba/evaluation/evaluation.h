@@ -98,13 +98,14 @@ struct WorkingPoint {
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 
-// One of the error models that were compared (solvers/calibration/model_choice.h).
+// One of the error models, or of the lenses, that were compared (solvers/calibration/model_choice.h).
 struct ModelEntry {
   std::string name;
   double log_likelihood = 0;
   int dof = 0;
   std::optional<double> p;
   std::optional<double> odds = {};  // ModelAlternative::odds.
+  std::string reason = {};          // Why it was not a candidate; empty if it was.
 };
 
 // The error model that the refinement uses.

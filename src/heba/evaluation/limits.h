@@ -1,7 +1,7 @@
-// The limits by which results are graded. They suit usual cells.
+// The limits by which results are graded. Accuracy is stated and not graded, unless a requirement grades it: the limits
+// of errors are shares of the distance between camera and target, far beyond what a sound cell reaches.
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "heba/evaluation/finding.h"
@@ -14,12 +14,12 @@ struct Limits {
   double bad;
 };
 
-// A requirement (RunResult::requirements) replaces the first five.
-inline constexpr Limits kPositionMm = {1, 5};
-inline constexpr Limits kOrientationDeg = {0.1, 0.5};
-inline constexpr Limits kAtWorkMm = {1, 5};
-inline constexpr Limits kHeldOutMm = {1.5, 5};
-inline constexpr Limits kHeldOutDeg = {0.3, 1};
+// Errors of a target's position as shares of its distance from the camera, and errors of orientations in rad, which
+// move the target by that share. A requirement (RunResult::requirements) replaces them.
+inline constexpr Limits kSigmaShare = {0.003, 0.015};
+inline constexpr Limits kHeldOutShare = {0.005, 0.02};
+// A target at an unknown distance counts as one at this distance.
+inline constexpr double kUsualDistanceM = 0.5;
 inline constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
 inline constexpr Limits kPixelSigmaPx = {1, 5};
 inline constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.
@@ -28,13 +28,6 @@ inline constexpr int kFewCaptures = 8;
 inline Grade GradeOf(double value, const Limits& limits) {
   if (!(value <= limits.bad)) return Grade::kBad;
   return value <= limits.doubtful ? Grade::kGood : Grade::kDoubtful;
-}
-
-// Sorts findings: the worst first; among equal grades, causes first.
-inline void SortFindings(std::vector<Finding>* findings) {
-  std::stable_sort(findings->begin(), findings->end(), [](const Finding& a, const Finding& b) {
-    return a.grade != b.grade ? a.grade > b.grade : a.is_cause && !b.is_cause;
-  });
 }
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
 
@@ -52,6 +53,12 @@ std::optional<double> AxxbMeanMm(const std::vector<PosePair>& pairs, const Rigid
     sum += (in_mm(a) * x - x * in_mm(b)).norm();
   }
   return sum / static_cast<double>(pairs.size() - 1);
+}
+
+double WorkingDistance(const std::vector<Rigid3d>& camera_from_target) {
+  std::vector<double> distances_m;
+  for (const Rigid3d& pose : camera_from_target) distances_m.push_back(pose.translation.norm());
+  return distances_m.empty() ? 0 : Median(distances_m);
 }
 
 std::optional<BoardScatter> ComputeBoardScatter(const std::vector<PosePair>& pairs, const HandEye& hand_eye) {

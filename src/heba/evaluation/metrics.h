@@ -50,6 +50,10 @@ struct PosePair {
 // camera frame, and X = camera_mount_from_camera. Returns nothing for fewer than two captures.
 std::optional<double> AxxbMeanMm(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera);
 
+// Returns the distance at which a camera works: the median distance of the targets, given their poses; 0 if there are
+// none.
+double WorkingDistance(const std::vector<Rigid3d>& camera_from_target);
+
 // Scatter of the target's pose, as seen through each capture, about its mean in the frame in which the target is fixed
 // (the target's mount): root mean squares over captures.
 struct BoardScatter {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "heba/base/units.h"
+#include "heba/evaluation/judgement.h"
 #include "heba/evaluation/limits.h"
 
 namespace heba {
@@ -24,6 +25,11 @@ bool IsRequired(const RigResult& result, const std::string& camera) {
                      [&](const RigRequirement& entry) { return result.rig.cameras[entry.camera].name == camera; });
 }
 
+// Returns the distance between a camera and its targets.
+double DistanceOf(const RigResult& result, size_t camera) {
+  return camera < result.errors.size() ? result.errors[camera].distance_m.value_or(kUsualDistanceM) : kUsualDistanceM;
+}
+
 Finding JudgeUncertainty(const RigResult& result) {
   Finding worst;
   double worst_mm = -1;
@@ -32,9 +38,10 @@ Finding JudgeUncertainty(const RigResult& result) {
     if (!covariance) continue;
     const double mm = 1000 * LargestSigma(*covariance, 0);
     const double deg = RadToDeg(LargestSigma(*covariance, 3));
-    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
-                            ? Grade::kGood
-                            : std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
+    const Grade grade =
+        IsRequired(result, result.rig.cameras[c].name)
+            ? Grade::kGood
+            : std::max(GradeOf(1e-3 * mm / DistanceOf(result, c), kSigmaShare), GradeOf(DegToRad(deg), kSigmaShare));
     if (grade < worst.grade || (grade == worst.grade && mm <= worst_mm)) continue;
     worst_mm = mm;
     worst = {
@@ -59,10 +66,10 @@ std::vector<Finding> JudgeHoldOut(const RigResult& result) {
   for (size_t c = 0; c < result.errors.size(); ++c) {
     const RigErrors& errors = result.errors[c];
     if (!errors.holdout_target_mm || !errors.holdout_target_deg) continue;
-    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
-                            ? Grade::kGood
-                            : std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm),
-                                       GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
+    const Grade grade =
+        IsRequired(result, result.rig.cameras[c].name)
+            ? Grade::kGood
+            : GradeOfHeldOut(1e-3 * *errors.holdout_target_mm / DistanceOf(result, c), *errors.holdout_target_deg);
     const bool is_first = worst_mm < 0;
     if (!is_first && (grade < worst.grade || (grade == worst.grade && *errors.holdout_target_mm <= worst_mm))) continue;
     worst_mm = *errors.holdout_target_mm;
@@ -75,11 +82,12 @@ std::vector<Finding> JudgeHoldOut(const RigResult& result) {
   return findings;
 }
 
-std::optional<Finding> JudgeModel(const RigResult& result) {
+// `of_hold_out`: the worst grade of the held-out errors.
+std::optional<Finding> JudgeModel(const RigResult& result, Grade of_hold_out) {
   if (!result.holdout_chi2) return std::nullopt;
   const bool has_noise = std::any_of(result.solution.robot_noise.begin(), result.solution.robot_noise.end(),
                                      [](const auto& noise) { return noise.has_value(); });
-  return Finding{GradeOf(*result.holdout_chi2, kHeldOutChi2),
+  return Finding{GradeOfMisfit(*result.holdout_chi2, of_hold_out),
                  FindingCode("unmodelled_error"),
                  {{"chi2_per_dof", *result.holdout_chi2}},
                  {{"robot_noise", has_noise ? "modelled" : "none"}}};
@@ -175,13 +183,18 @@ Verdict JudgeRig(const RigResult& result) {
     return finding.code == FindingCode("weak_direction") && IsRequired(result, finding.Name("of_camera").value_or(""));
   });
   for (Finding& finding : JudgeRequirements(result)) findings.push_back(std::move(finding));
-  for (Finding& finding : JudgeHoldOut(result)) findings.push_back(std::move(finding));
-  if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
+  Grade of_hold_out = Grade::kGood;
+  for (Finding& finding : JudgeHoldOut(result)) {
+    if (finding.code == FindingCode("hold_out")) of_hold_out = std::max(of_hold_out, finding.grade);
+    findings.push_back(std::move(finding));
+  }
+  if (std::optional<Finding> model = JudgeModel(result, of_hold_out)) findings.push_back(std::move(*model));
   Finding uncertainty = JudgeUncertainty(result);
   TakeWeakDirection(&findings, &uncertainty);
   findings.push_back(std::move(uncertainty));
   findings.push_back(JudgeImages(result));
   findings.push_back(JudgePixels(result));
+  GatherSymptoms(&findings);
   SortFindings(&findings);
   verdict.grade = findings.front().grade;
   return verdict;

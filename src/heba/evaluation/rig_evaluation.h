@@ -22,6 +22,7 @@ struct RigErrors {
   // over the held-out images.
   std::optional<double> holdout_target_mm;
   std::optional<double> holdout_target_deg;
+  std::optional<double> distance_m = {};  // Median distance of the targets from the camera.
   // Differences of the pose of the camera in its mount from the truth.
   std::optional<double> truth_mm;
   std::optional<double> truth_deg;

@@ -1,11 +1,11 @@
 #include "heba/evaluation/verdict.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 
 #include "heba/base/units.h"
+#include "heba/evaluation/judgement.h"
 #include "heba/evaluation/limits.h"
 
 namespace heba {
@@ -30,20 +30,29 @@ std::pair<std::string, std::string> RobotNoiseName(const Solution& solution) {
   return {"robot_noise", solution.robot_noise ? "modelled" : "none"};
 }
 
+// Returns the distance between camera and target.
+double DistanceOf(const RunResult& result) {
+  return result.working_point ? result.working_point->in_camera_m.norm() : kUsualDistanceM;
+}
+
+double ShareOfDistance(const RunResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }
+
 Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
   const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
   Finding finding;
   finding.code = FindingCode("uncertainty");
-  finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
   finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
+  // A target is located by all unknowns together, whose errors partly cancel.
+  double largest_mm = std::max(mm, 1000 * DistanceOf(result) * DegToRad(deg));
   if (result.working_point) {
     const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
-    finding.grade = std::max(finding.grade, GradeOf(at_work_mm, kAtWorkMm));
+    largest_mm = at_work_mm;
     finding.numbers.emplace_back("at_work_mm", at_work_mm);
     Finding& at_work = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("at_working_point")});
     at_work.numbers = {{"distance_mm", 1000 * result.working_point->in_camera_m.norm()}, {"at_work_mm", at_work_mm}};
   }
+  finding.grade = GradeOf(ShareOfDistance(result, largest_mm), kSigmaShare);
   if (solution.covariance.layout.Block(kCameraBlock).size == 0 && !solution.camera.params.empty()) {
     Finding& held = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("intrinsics_not_included")});
     if (result.working_point) {
@@ -69,17 +78,17 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   }
   Finding finding;
   finding.code = FindingCode("hold_out");
-  finding.grade =
-      std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
+  finding.grade = GradeOfHeldOut(ShareOfDistance(result, *errors.holdout_target_mm), *errors.holdout_target_deg);
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   return finding;
 }
 
-std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution) {
+// `of_hold_out`: the grade of the held-out errors.
+std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution, Grade of_hold_out) {
   if (!errors.holdout_chi2) return std::nullopt;
   Finding finding;
   finding.code = FindingCode("unmodelled_error");
-  finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
+  finding.grade = GradeOfMisfit(*errors.holdout_chi2, of_hold_out);
   finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
   finding.names = {RobotNoiseName(solution)};
   return finding;
@@ -173,38 +182,10 @@ Finding JudgePoses(const RunResult& result) {
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 
-// Returns whether a finding shows that something is wrong, without its cause.
-bool IsSymptom(const Finding& finding) {
-  constexpr std::array<std::string_view, 9> kSymptoms = {FindingCode("hold_out"),
-                                                         FindingCode("unmodelled_error"),
-                                                         FindingCode("closed_form_better"),
-                                                         FindingCode("captures_left_out"),
-                                                         FindingCode("captures_scatter"),
-                                                         FindingCode("pixel_noise"),
-                                                         FindingCode("influential_capture"),
-                                                         FindingCode("uncertainty"),
-                                                         FindingCode("required")};
-  return std::find(kSymptoms.begin(), kSymptoms.end(), finding.code) != kSymptoms.end();
-}
-
-// If a cause makes the result bad, its consequences are reported in the same finding: the first bad symptom becomes its
-// part, and all symptoms that are not good are removed.
-void GatherUnderCause(std::vector<Finding>* findings) {
-  const auto cause = std::find_if(findings->begin(), findings->end(), [](const Finding& finding) {
-    return finding.is_cause && finding.grade == Grade::kBad;
-  });
-  if (cause == findings->end()) return;
-  for (const Finding& finding : *findings) {
-    if (finding.grade != Grade::kBad || !IsSymptom(finding)) continue;
-    cause->parts.push_back(finding);
-    cause->numbers.insert(cause->numbers.end(), finding.numbers.begin(), finding.numbers.end());
-    break;
-  }
-  findings->erase(std::remove_if(findings->begin(), findings->end(),
-                                 [](const Finding& finding) {
-                                   return !finding.is_cause && finding.grade != Grade::kGood && IsSymptom(finding);
-                                 }),
-                  findings->end());
+// Captures that contradict the others are no finding if the model explains captures that it has not seen.
+void DropExplainedScatter(const std::optional<double>& holdout_chi2, std::vector<Finding>* findings) {
+  if (!holdout_chi2 || GradeOf(*holdout_chi2, kHeldOutChi2) != Grade::kGood) return;
+  std::erase_if(*findings, [](const Finding& finding) { return finding.code == FindingCode("captures_scatter"); });
 }
 
 }  // namespace
@@ -220,6 +201,8 @@ Verdict JudgeRun(const RunResult& result) {
     const Solution& solution = *refined->solution;
     Finding uncertainty = JudgeUncertainty(result, solution);
     Finding hold_out = JudgeHoldOut(result, refined->errors);
+    const Grade of_hold_out = refined->errors.holdout_target_mm ? hold_out.grade : Grade::kGood;
+    DropExplainedScatter(refined->errors.holdout_chi2, &findings);
     if (!result.requirements.empty()) {
       uncertainty.grade = Grade::kGood;
       if (refined->errors.holdout_target_mm) hold_out.grade = Grade::kGood;
@@ -241,8 +224,8 @@ Verdict JudgeRun(const RunResult& result) {
       }
     }
     findings.push_back(std::move(hold_out));
-    const std::optional<Finding> more[] = {JudgeModel(refined->errors, solution), JudgeGain(result, *refined),
-                                           JudgeInfluence(result)};
+    const std::optional<Finding> more[] = {JudgeModel(refined->errors, solution, of_hold_out),
+                                           JudgeGain(result, *refined), JudgeInfluence(result)};
     for (const std::optional<Finding>& finding : more) {
       if (finding) findings.push_back(*finding);
     }
@@ -250,7 +233,7 @@ Verdict JudgeRun(const RunResult& result) {
     findings.push_back(JudgeCaptures(result));
     findings.push_back(JudgePixels(solution));
   }
-  GatherUnderCause(&findings);
+  GatherSymptoms(&findings);
   SortFindings(&findings);
   verdict.grade = findings.front().grade;
   return verdict;

@@ -141,6 +141,7 @@ Json ModelJson(const ModelSummary& model) {
                                 {"dof", entry.dof},
                                 {"p", OrNull(entry.p)}});
     if (entry.odds) alternatives.back()["odds"] = Finite(*entry.odds);
+    if (!entry.reason.empty()) alternatives.back()["reason"] = entry.reason;
   }
   return Json{{"robot_noise", model.robot_noise},
               {"target_shape", model.target_shape},

@@ -151,7 +151,8 @@ ModelSummary ReadModel(const JsonReader& reader) {
   for (const JsonReader& entry : reader.Get("alternatives").List()) {
     model.alternatives.push_back(
         {entry.Get("name").Text(), ReadFinite(entry, "log_likelihood", -std::numeric_limits<double>::infinity()),
-         entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"), ReadOptional(entry, "odds")});
+         entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"), ReadOptional(entry, "odds"),
+         entry.Has("reason") ? entry.Get("reason").Text() : std::string()});
   }
   return model;
 }

@@ -1,0 +1,102 @@
+#include "heba/evaluation/judgement.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include "heba/base/units.h"
+#include "heba/evaluation/limits.h"
+
+namespace heba {
+namespace {
+
+// What errors of the model show as, the one that says most first.
+constexpr std::array<std::string_view, 6> kSymptoms = {
+    FindingCode("unmodelled_error"),    FindingCode("hold_out"),
+    FindingCode("captures_scatter"),    FindingCode("closed_form_better"),
+    FindingCode("influential_capture"), FindingCode("pixel_noise")};
+// What a cause explains besides.
+constexpr std::array<std::string_view, 3> kConsequences = {FindingCode("captures_left_out"), FindingCode("uncertainty"),
+                                                           FindingCode("required")};
+
+size_t RankOf(const Finding& finding) {
+  return static_cast<size_t>(std::find(kSymptoms.begin(), kSymptoms.end(), finding.code) - kSymptoms.begin());
+}
+
+// Returns whether a finding shows that something is wrong, without its cause.
+bool IsSymptom(const Finding& finding) {
+  return IsMisfit(finding) ||
+         std::find(kConsequences.begin(), kConsequences.end(), finding.code) != kConsequences.end();
+}
+
+// Moves the findings that `is_part` selects into the one at `lead`.
+template <class IsPart>
+void MoveInto(size_t lead, const IsPart& is_part, std::vector<Finding>* findings) {
+  std::vector<Finding> parts;
+  for (size_t i = 0; i < findings->size(); ++i) {
+    Finding& finding = (*findings)[i];
+    if (i == lead || !is_part(finding)) continue;
+    parts.push_back(std::move(finding));
+    finding.code.clear();
+  }
+  SortFindings(&parts);
+  Finding& whole = (*findings)[lead];
+  for (Finding& part : parts) {
+    whole.numbers.insert(whole.numbers.end(), part.numbers.begin(), part.numbers.end());
+    whole.parts.push_back(std::move(part));
+  }
+  std::erase_if(*findings, [](const Finding& finding) { return finding.code.empty(); });
+}
+
+// Returns the index of the finding that precedes all others by `is_before` among those that `is_candidate` selects.
+template <class IsCandidate, class IsBefore>
+std::optional<size_t> FirstOf(const std::vector<Finding>& findings, const IsCandidate& is_candidate,
+                              const IsBefore& is_before) {
+  std::optional<size_t> first;
+  for (size_t i = 0; i < findings.size(); ++i) {
+    if (is_candidate(findings[i]) && (!first || is_before(findings[i], findings[*first]))) first = i;
+  }
+  return first;
+}
+
+}  // namespace
+
+Grade GradeOfHeldOut(double share_of_distance, double deg) {
+  return std::max(GradeOf(share_of_distance, kHeldOutShare), GradeOf(DegToRad(deg), kHeldOutShare));
+}
+
+Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out) {
+  const Grade grade = GradeOf(chi2_per_dof, kHeldOutChi2);
+  return of_hold_out == Grade::kGood ? std::min(grade, Grade::kDoubtful) : grade;
+}
+
+bool IsMisfit(const Finding& finding) { return RankOf(finding) < kSymptoms.size(); }
+
+void GatherSymptoms(std::vector<Finding>* findings) {
+  const std::optional<size_t> cause = FirstOf(
+      *findings, [](const Finding& finding) { return finding.is_cause && finding.grade != Grade::kGood; },
+      [](const Finding& a, const Finding& b) { return a.grade > b.grade; });
+  if (cause) {
+    const Grade grade = (*findings)[*cause].grade;
+    MoveInto(
+        *cause,
+        [&](const Finding& finding) {
+          return !finding.is_cause && IsSymptom(finding) && finding.grade != Grade::kGood && finding.grade <= grade;
+        },
+        findings);
+  }
+  const auto is_misfit = [](const Finding& finding) { return finding.grade != Grade::kGood && IsMisfit(finding); };
+  const std::optional<size_t> lead = FirstOf(*findings, is_misfit, [](const Finding& a, const Finding& b) {
+    return a.grade != b.grade ? a.grade > b.grade : RankOf(a) < RankOf(b);
+  });
+  if (lead) MoveInto(*lead, is_misfit, findings);
+}
+
+void SortFindings(std::vector<Finding>* findings) {
+  std::stable_sort(findings->begin(), findings->end(), [](const Finding& a, const Finding& b) {
+    return a.grade != b.grade ? a.grade > b.grade : a.is_cause && !b.is_cause;
+  });
+}
+
+}  // namespace heba
