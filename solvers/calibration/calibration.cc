@@ -219,20 +219,40 @@ std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const
                              FreeOf(solution.camera.Model(), calibration.bundle), left_out);
 }
 
-// Takes back rejected captures that the final estimate explains.
-void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
+// Tests all captures under the chosen model, takes back those that it explains and leaves out those that contradict it,
+// and chooses the model again, until model and captures stand.
+void SettleCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
   constexpr int kMaxRounds = 3;
-  for (int round = 0; round < kMaxRounds && calibration->refined && !left_out->empty(); ++round) {
-    const std::vector<CaptureVerdict> verdicts = TestLeftOut(*left_out, options, *calibration);
+  for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
+    const Problem problem = ProblemOf(*calibration, options);
+    const Solution& solution = *calibration->refined;
+    const FreeUnknowns free = FreeOf(solution.camera.Model(), calibration->bundle);
+    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, solution, free);
+    const auto num_wrong =
+        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& verdict) { return verdict.is_wrong; });
+    // So many are not wrong by themselves: the model is incomplete.
+    const bool is_model = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(verdicts.size());
+    calibration->num_kept_against_test = is_model ? static_cast<int>(num_wrong) : 0;
+    if (is_model) verdicts.assign(verdicts.size(), CaptureVerdict());
+    Calibration next = *calibration;
+    next.views.clear();
+    next.pairs.clear();
     std::vector<View> still_out;
-    Calibration larger = *calibration;
-    for (size_t k = 0; k < left_out->size(); ++k) {
-      (verdicts[k].is_wrong ? still_out : larger.views).push_back((*left_out)[k]);
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      (verdicts[i].is_wrong ? still_out : next.views).push_back(calibration->views[i]);
+      const bool has_pair = i < calibration->pairs.size();
+      if (has_pair && !verdicts[i].is_wrong) next.pairs.push_back(calibration->pairs[i]);
     }
-    if (still_out.size() == left_out->size()) return;
-    larger.refined = RefineWithChosenModel(options, *calibration->refined, &larger);
-    if (!larger.refined) return;
-    *calibration = std::move(larger);
+    bool has_changed = !still_out.empty();
+    const std::vector<CaptureVerdict> of_left_out = TestLeftOut(*left_out, options, *calibration);
+    for (size_t k = 0; k < left_out->size(); ++k) {
+      (of_left_out[k].is_wrong ? still_out : next.views).push_back((*left_out)[k]);
+      has_changed = has_changed || !of_left_out[k].is_wrong;
+    }
+    if (!has_changed) return;
+    next.refined = RefineWithChosenModel(options, solution, &next);
+    if (!next.refined) return;
+    *calibration = std::move(next);
     *left_out = std::move(still_out);
   }
 }
@@ -505,7 +525,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) {
     const Solution start = *calibration.refined;
     calibration.refined = RefineWithChosenModel(options, start, &calibration);
-    TakeBackCaptures(options, &left_out, &calibration);
+    if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &left_out, &calibration);
     if (calibration.refined) NameLeftOut(left_out, options, &calibration);
   }
   if (calibration.refined) {

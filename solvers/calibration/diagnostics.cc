@@ -6,6 +6,7 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
@@ -15,14 +16,18 @@
 namespace heba {
 namespace {
 
-std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
-  const UnknownLayout& layout = solution.covariance.layout;
-  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+double DistanceOf(const Problem& problem, const Solution& solution) {
   std::vector<Rigid3d> camera_from_target;
   for (const View& view : problem.views) {
     camera_from_target.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
   }
-  const double distance_m = WorkingDistance(camera_from_target);
+  return WorkingDistance(camera_from_target);
+}
+
+std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
+  const UnknownLayout& layout = solution.covariance.layout;
+  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+  const double distance_m = DistanceOf(problem, solution);
   std::vector<WeakDirection> weak_directions =
       WorstDirections(covariance, layout.Block(kHandEyeBlock).first, solution.hand_eye.camera_mount_from_camera,
                       CameraMountName(problem.setup), "camera", distance_m);
@@ -234,17 +239,27 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
 
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model) {
   if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
-  return JudgeScale(solution.shape, !SigmaOf(solution.covariance, "camera.fx"));
+  return JudgeScale(solution.shape, solution.covariance, kTargetBlock, !SigmaOf(solution.covariance, "camera.fx"));
 }
 
-std::optional<Finding> JudgeScale(const TargetShape& shape, bool is_focal_held) {
+std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& covariance, std::string_view block_name,
+                                  bool is_focal_held) {
   constexpr double kOfPrint = 5e-3;
   constexpr double kWrong = 0.02;
-  const double off = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
+  constexpr double kSigmas = 3;
+  double sigma = 0;
+  const UnknownBlock block = covariance.layout.Block(block_name);
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    if (covariance.layout[i].group == UnknownGroup::kScale) {
+      sigma = std::max(sigma, std::sqrt(covariance.matrix(i, i)));
+    }
+  }
+  // The part of the deviation that its uncertainty does not explain.
+  const double off = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1)) - kSigmas * sigma;
   if (off <= kOfPrint) return std::nullopt;
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   FindingCode("target_scale"),
-                  {{"scale_x", shape.params[0]}, {"scale_y", shape.params[1]}},
+                  {{"scale_x", shape.params[0]}, {"scale_y", shape.params[1]}, {"scale_sigma", sigma}},
                   {{"focal_length", is_focal_held ? "held" : "free"}}};
   finding.is_cause = true;
   return finding;
@@ -264,12 +279,14 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   if (!choice) return std::nullopt;
   const Solution& freed = choice->solution;
   return JudgeHeldIntrinsics(solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
-                             solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+                             solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera,
+                             DistanceOf(problem, solution));
 }
 
 std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& all,
                                            std::string_view block, double covariance_dof,
-                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed) {
+                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed,
+                                           double distance_m) {
   const UnknownBlock camera = all.layout.Block(block);
   const Eigen::Index num_intrinsics = camera.size;
   CHECK_EQ(num_intrinsics, NumParams(held.Model()));
@@ -288,10 +305,11 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   if (!(p < kBeyondDoubt)) return std::nullopt;
   const double move_m = DistanceM(mount_from_held, mount_from_freed);
   const double move_rad = AngleRad(mount_from_held, mount_from_freed);
-  constexpr double kBadM = 5e-3;
-  const double bad_rad = DegToRad(0.5);
-  Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful,
-                  FindingCode("held_intrinsics")};
+  // A move that does not matter at the target is no finding.
+  constexpr Limits kMoveShare = {0.001, 0.01};
+  const Grade grade = GradeOf(std::max(move_m / distance_m, move_rad), kMoveShare);
+  if (grade == Grade::kGood) return std::nullopt;
+  Finding finding{grade, FindingCode("held_intrinsics")};
   AddLargestMove(held, freed, all, block, &finding);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));

@@ -38,7 +38,8 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
 // Returns the finding about a target of this shape, of which the scale is free; nothing if it is as large as prints
 // are.
-std::optional<Finding> JudgeScale(const TargetShape& shape, bool is_focal_held);
+std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& covariance, std::string_view block,
+                                  bool is_focal_held);
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
 // F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
@@ -48,7 +49,8 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
 // those of the camera with held and with free intrinsics.
 std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& covariance,
                                            std::string_view block, double covariance_dof,
-                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed);
+                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed,
+                                           double distance_m);
 
 // Returns the finding `camera`: how a given camera was used (held, as initial guess, as prior), and by how many sigmas
 // the refinement changed it.

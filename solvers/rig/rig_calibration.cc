@@ -9,6 +9,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
@@ -302,7 +303,8 @@ std::vector<Finding> DiagnoseHeldIntrinsics(const RigProblem& problem, const Rig
     if (!other) continue;
     std::optional<Finding> finding = JudgeHeldIntrinsics(
         solution.cameras[c], other->cameras[c], other->covariance, CameraBlock(freed.cameras[c]), other->covariance_dof,
-        solution.poses.mount_from_camera[c], other->poses.mount_from_camera[c]);
+        solution.poses.mount_from_camera[c], other->poses.mount_from_camera[c],
+        WorkingDistance(TargetPosesOf(at, solution.poses, solution.effects, c)));
     if (!finding) continue;
     finding->names.emplace_back("of_camera", at.cameras[c].name);
     findings.push_back(std::move(*finding));
@@ -317,7 +319,7 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
     const RigTarget& target = calibration.problem.targets[t];
     const auto& free = target.free_shape;
     if (std::find(free.begin(), free.end(), TargetShapeGroup::kScale) == free.end()) continue;
-    std::optional<Finding> finding = JudgeScale(solution.shapes[t], false);
+    std::optional<Finding> finding = JudgeScale(solution.shapes[t], solution.covariance, TargetShapeBlock(target), false);
     if (!finding) continue;
     finding->names.emplace_back("of_target", target.name);
     findings.push_back(std::move(*finding));

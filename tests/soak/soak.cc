@@ -22,7 +22,6 @@
 #include <iostream>
 #include <map>
 #include <numeric>
-#include <random>
 #include <set>
 
 #include <gflags/gflags.h>
@@ -32,6 +31,7 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/distributions.h"
+#include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/run.h"
@@ -357,11 +357,17 @@ bool OpenCvAnswers(const Dataset& data) {
   }
 }
 
-void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, std::mt19937* random,
+void Shuffle(Rng* random, std::vector<size_t>* values) {
+  for (size_t i = values->size(); i > 1; --i) {
+    std::swap((*values)[i - 1], (*values)[static_cast<size_t>(random->Index(static_cast<int>(i)))]);
+  }
+}
+
+void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random,
            Dataset* data) {
   std::vector<size_t> order(captures.size());
   std::iota(order.begin(), order.end(), size_t{0});
-  std::shuffle(order.begin(), order.end(), *random);
+  Shuffle(random, &order);
   if (spoiling == Spoiling::kSwapped) {
     std::swap(data->captures[order[0]].base_from_gripper, data->captures[order[1]].base_from_gripper);
   } else if (spoiling == Spoiling::kOtherImage) {
@@ -370,32 +376,31 @@ void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling
     for (const size_t i : set.seen) {
       if (std::find(captures.begin(), captures.end(), i) == captures.end()) others.push_back(i);
     }
-    std::shuffle(others.begin(), others.end(), *random);
+    Shuffle(random, &others);
     data->given_detections[order[0]] =
         others.empty() ? data->given_detections[order[1]] : set.data.given_detections[others.front()];
   } else if (spoiling == Spoiling::kTurned) {
-    std::normal_distribution<double> normal;
-    const Eigen::Vector3d axis = Eigen::Vector3d(normal(*random), normal(*random), normal(*random)).normalized();
+    const Eigen::Vector3d axis = random->NormalVector3().normalized();
     Rigid3d& pose = data->captures[order[0]].base_from_gripper;
     pose = pose * Rigid3d(ExpRotation(DegToRad(3.0) * axis), Eigen::Vector3d::Zero());
   }
 }
 
-Subset Draw(const std::vector<RecordedSet>& sets, size_t which, std::mt19937* random) {
+Subset Draw(const std::vector<RecordedSet>& sets, size_t which, Rng* random) {
   Subset subset;
   subset.set = which;
   const RecordedSet& set = sets[which];
   const int most = std::min(kMostCaptures, static_cast<int>(set.seen.size()));
   const int least = std::min(kFewestCaptures, most);
-  subset.num_captures = std::uniform_int_distribution<int>(least, most)(*random);
+  subset.num_captures = least + random->Index(most - least + 1);
   std::vector<size_t> captures = set.seen;
-  std::shuffle(captures.begin(), captures.end(), *random);
+  Shuffle(random, &captures);
   captures.resize(static_cast<size_t>(subset.num_captures));
   std::sort(captures.begin(), captures.end());
-  subset.fixed = std::uniform_int_distribution<size_t>(0, kFixed.size() - 1)(*random);
+  subset.fixed = static_cast<size_t>(random->Index(static_cast<int>(kFixed.size())));
   subset.data = Part(set, captures);
   if (FLAGS_spoil) {
-    subset.spoiling = static_cast<Spoiling>(std::uniform_int_distribution<int>(1, 3)(*random));
+    subset.spoiling = static_cast<Spoiling>(1 + random->Index(3));
     Spoil(set, captures, subset.spoiling, random, &subset.data);
   }
   return subset;
@@ -515,7 +520,7 @@ int Soak() {
   }
   const std::vector<Answer> whole = AnswersOf(whole_runs, [](size_t, const Answer&) {});
 
-  std::mt19937 random(static_cast<unsigned>(FLAGS_seed));
+  Rng random(static_cast<uint64_t>(FLAGS_seed));
   std::vector<Subset> subsets;
   for (int i = 0; i < FLAGS_subsets; ++i) {
     subsets.push_back(Draw(sets, static_cast<size_t>(i) % sets.size(), &random));

@@ -148,6 +148,29 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
   return paired;
 }
 
+// Names the captures by the images that belong to them, as people know them: by the name of the file if that is the same
+// for all cameras, and with the camera otherwise.
+std::vector<std::string> CaptureNames(const ArmRows& first, const std::vector<std::string>& cameras,
+                                      const std::vector<std::vector<fs::path>>& images_of_cameras) {
+  std::vector<std::string> names;
+  std::set<std::string> known;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    std::set<std::string> files;
+    std::string with_camera;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const fs::path& image = images_of_cameras[c][i];
+      if (image.empty()) continue;
+      files.insert(image.filename());
+      if (with_camera.empty()) with_camera = cameras[c] + "/" + image.filename().string();
+    }
+    std::string name = files.size() == 1 ? *files.begin() : with_camera;
+    if (!first.rows[i].image.empty() || name.empty() || known.contains(name)) name = CaptureName(first.rows[i], i);
+    known.insert(name);
+    names.push_back(std::move(name));
+  }
+  return names;
+}
+
 // Returns where a row is.
 std::string RowName(const fs::path& file, const PoseRow& row) {
   return row.line > 0 ? file.string() + ":" + std::to_string(row.line) : (file / row.image).string();
@@ -414,13 +437,12 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   const std::vector<CameraImages> images = ReadCameras(reader, &config);
   ReadTargets(reader, &config);
   const ArmRows& first = arms.front();
-  std::vector<std::string> names;
-  for (size_t i = 0; i < first.rows.size(); ++i) names.push_back(CaptureName(first.rows[i], i));
-  const std::set<std::string> excluded = ReadExcluded(reader, names);
   std::vector<std::vector<fs::path>> images_of_cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
     images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], cameras.size(), &data.left_out));
   }
+  const std::vector<std::string> names = CaptureNames(first, cameras, images_of_cameras);
+  const std::set<std::string> excluded = ReadExcluded(reader, names);
   std::vector<std::vector<std::optional<size_t>>> rows_of_arms;
   for (const ArmRows& arm : arms) {
     rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));

@@ -123,6 +123,8 @@ std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetect
                              *calibration->refined, calibration->bundle);
   if (!errors) return std::nullopt;
   CalibrationOptions with_errors = *options;
+  // The target's scale and the size of the arm are nearly one.
+  if (!with_errors.bundle.target_scale_sigma) with_errors.bundle.target_scale_sigma = kPrintScaleSigma;
   const auto effects = std::make_shared<const SharedEffects>(errors->effects());
   if (run.smooth == SmoothPoseErrors::kAuto) {
     with_errors.choose.effects = {effects};

@@ -390,8 +390,8 @@ FindingText RobotNoiseIgnored(const Finding& finding) {
 FindingText TargetScale(const Finding& finding) {
   const double mean = 0.5 * (Number(finding, "scale_x") + Number(finding, "scale_y"));
   return {
-      "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " %" +
-          (mean > 1 ? " larger" : " smaller") + " than the config says" +
+      "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " % (one sigma " +
+          Significant(100 * Number(finding, "scale_sigma"), 1) + " %)" + (mean > 1 ? " larger" : " smaller") + " than the config says" +
           (Is(finding, "focal_length", "held") ? " (a focal length that is held at a wrong value looks the same)" : ""),
       "measure the target and correct its dimensions in the config; if they are right, check the units of the "
       "robot's poses and its own calibration"};
@@ -566,11 +566,11 @@ FindingText OwnWords(const Finding& finding) {
 FindingText FindingWords(const Finding& finding) {
   FindingText words = OwnWords(finding);
   if (!finding.is_cause && !IsMisfit(finding)) return words;
-  for (const Finding& part : finding.parts) {
-    // A finding whose parts have texts was described before: its text contains them.
-    if (!finding.text.empty() && !part.text.empty()) continue;
-    words.text += (finding.is_cause ? "; as a consequence, " : "; besides, ") + FindingWords(part).text;
-  }
+  if (finding.parts.empty()) return words;
+  // The first part says enough. A finding whose parts have texts was described before: its text contains it.
+  const Finding& part = finding.parts.front();
+  if (!finding.text.empty() && !part.text.empty()) return words;
+  words.text += (finding.is_cause ? "; as a consequence, " : "; besides, ") + FindingWords(part).text;
   return words;
 }
 

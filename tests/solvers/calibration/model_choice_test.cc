@@ -116,6 +116,57 @@ TEST(ModelChoiceTest, ReportsAllAlternativesAndTheLargestFitsBest) {
   EXPECT_LT(*choice->alternatives.front().p, 1e-10);
 }
 
+// A lens of the true model, of a target that is bent: with the target as designed, a larger lens would take up the bend.
+TEST(ModelChoiceTest, ABentTargetIsNoReasonForALargerLens) {
+  int num_right = 0;
+  constexpr int kSeeds = 8;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    TestSceneOptions scene_options;
+    scene_options.noise_px = 0.1;
+    scene_options.num_captures = 20;
+    scene_options.shape = {1, 1, 1e-3, 7e-4};
+    scene_options.robot_translation_m = 1e-4;
+    scene_options.robot_rotation_rad = 3e-4;
+    scene_options.camera = {"brown4", 1600, 1200, {900, 902, 805, 595, -0.2, 0.1, 1e-3, -5e-4}};
+    const TestScene scene = MakeTestScene(seed, scene_options);
+    CalibrationOptions options;
+    options.setup = scene_options.setup;
+    options.shape = DesignedShape(scene_options.points);
+    options.width_px = 1600;
+    options.height_px = 1200;
+    options.choose_camera_model = true;
+    const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+    ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
+    num_right += calibration->refined->camera.model == "brown4" ? 1 : 0;
+    EXPECT_GE(calibration->camera_alternatives.size(), 3U);
+  }
+  EXPECT_GE(num_right, kSeeds - 1);
+}
+
+// Few captures of few points in the middle of the image do not determine a rational lens: a smaller one is estimated, and the calibration says so.
+TEST(ModelChoiceTest, StepsDownFromALensThatIsNotDetermined) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.num_captures = 8;
+  scene_options.points = GridPoints(4, 3, 0.01);
+  const TestScene scene = MakeTestScene(3, scene_options);
+  CalibrationOptions options;
+  options.setup = scene_options.setup;
+  options.shape = DesignedShape(scene_options.points);
+  options.width_px = scene_options.camera.width_px;
+  options.height_px = scene_options.camera.height_px;
+  options.camera_model = "rational8";
+  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
+  EXPECT_NE(calibration->refined->camera.model, "rational8");
+  EXPECT_FALSE(calibration->reduced_camera.empty());
+  bool is_said = false;
+  for (const Finding& finding : Advise(*calibration, options)) {
+    is_said = is_said || (finding.code == "camera_reduced" && finding.Name("wanted") == "rational8");
+  }
+  EXPECT_TRUE(is_said);
+}
+
 // Six poses do not determine two variances: a prior from industrial arms becomes part of the model, and a finding
 // reports it.
 TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {

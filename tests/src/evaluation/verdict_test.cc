@@ -191,13 +191,50 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
   const Verdict verdict = JudgeRun(result);
   EXPECT_EQ(verdict.grade, Grade::kBad);
   EXPECT_EQ(verdict.findings.front().code, "target_size");
-  ASSERT_EQ(verdict.findings.front().parts.size(), 1U);
+  ASSERT_EQ(verdict.findings.front().parts.size(), 3U);
   EXPECT_EQ(verdict.findings.front().parts[0].code, "hold_out");
   EXPECT_EQ(verdict.findings.front().Number("larger_percent"), 10);
   EXPECT_EQ(verdict.findings.front().Number("target_mm"), 50);
   for (size_t i = 1; i < verdict.findings.size(); ++i) {
     EXPECT_EQ(verdict.findings[i].grade, Grade::kGood) << verdict.findings[i].code;
   }
+}
+
+// Without a cause, what an error of the model shows as is one finding, too; what else is wrong is another one.
+TEST(VerdictTest, SymptomsOfOneFaultAreOneFinding) {
+  RunResult result = GoodResult();
+  result.estimates[1].errors.holdout_target_mm = 4;
+  result.estimates[1].errors.holdout_chi2 = 9;
+  result.estimates[1].errors.holdout_sigmas = 3;
+  result.captures.resize(7);
+  const Verdict verdict = JudgeRun(result);
+  EXPECT_EQ(verdict.grade, Grade::kBad);
+  std::vector<std::string> codes;
+  for (const Finding& finding : verdict.findings) {
+    if (finding.grade != Grade::kGood) codes.push_back(finding.code);
+  }
+  EXPECT_THAT(codes, testing::UnorderedElementsAre("unmodelled_error", "few_captures"));
+  const Finding& lead = verdict.findings[verdict.findings[0].code == "unmodelled_error" ? 0 : 1];
+  EXPECT_EQ(lead.Number("target_mm"), 4);
+  EXPECT_TRUE(lead.Number("ratio").has_value());
+}
+
+// Errors that the noise does not explain make a result bad only if they matter at the target.
+TEST(VerdictTest, IsBadOnlyForErrorsThatMatter) {
+  RunResult result = GoodResult();
+  result.estimates[1].errors.holdout_chi2 = 30;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
+  result.estimates[1].errors.holdout_target_mm = 4;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
+}
+
+// Captures that contradict the others are no finding if the model predicts captures that it has not seen.
+TEST(VerdictTest, ScatterThatTheModelExplainsIsNoFinding) {
+  RunResult result = GoodResult();
+  result.observations.push_back({Grade::kDoubtful, FindingCode("captures_scatter"), {{"captures", 5}}});
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  result.estimates[1].errors.holdout_chi2 = 2;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
 }
 
 // A requirement replaces the built-in limits, whether it is stricter or more lenient.
