@@ -160,7 +160,7 @@ Solution WithOpenShape(const Problem& problem, const Solution& first, const Cali
 // Rejects the captures that contradict the others. `bundle`: the options of the refinement so far, which takes the
 // robot as exact; the test estimates the robot noise itself.
 void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions& options, const Solution& solution,
-                           std::vector<View>* left_out, Calibration* calibration) {
+                           Calibration* calibration) {
   const JudgedCaptures judged = JudgeCaptures(ProblemOf(*calibration, options), solution, bundle);
   calibration->num_kept_against_test = judged.num_kept_against_test;
   calibration->refined = judged.solution;
@@ -176,7 +176,7 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   std::vector<PosePair> pairs;
   for (size_t i = 0; i < judged.verdicts.size(); ++i) {
     if (judged.verdicts[i].is_wrong) {
-      left_out->push_back(calibration->views[i]);
+      calibration->left_out.push_back(calibration->views[i]);
       continue;
     }
     views.push_back(calibration->views[i]);
@@ -212,16 +212,15 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
 }
 
 // Tests the rejected captures against the estimate from the others.
-std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options,
-                                        const Calibration& calibration) {
+std::vector<CaptureVerdict> TestLeftOut(const CalibrationOptions& options, const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
   return TestLeftOutCaptures(ProblemOf(calibration, options), solution,
-                             FreeOf(solution.camera.Model(), calibration.bundle), left_out);
+                             FreeOf(solution.camera.Model(), calibration.bundle), calibration.left_out);
 }
 
 // Tests all captures under the chosen model, takes back those that it explains and leaves out those that contradict it,
 // and chooses the model again, until model and captures stand.
-void SettleCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
+void SettleCaptures(const CalibrationOptions& options, Calibration* calibration) {
   constexpr int kMaxRounds = 3;
   for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
     const Problem problem = ProblemOf(*calibration, options);
@@ -237,30 +236,30 @@ void SettleCaptures(const CalibrationOptions& options, std::vector<View>* left_o
     Calibration next = *calibration;
     next.views.clear();
     next.pairs.clear();
-    std::vector<View> still_out;
+    next.left_out.clear();
     for (size_t i = 0; i < verdicts.size(); ++i) {
-      (verdicts[i].is_wrong ? still_out : next.views).push_back(calibration->views[i]);
+      (verdicts[i].is_wrong ? next.left_out : next.views).push_back(calibration->views[i]);
       const bool has_pair = i < calibration->pairs.size();
       if (has_pair && !verdicts[i].is_wrong) next.pairs.push_back(calibration->pairs[i]);
     }
-    bool has_changed = !still_out.empty();
-    const std::vector<CaptureVerdict> of_left_out = TestLeftOut(*left_out, options, *calibration);
-    for (size_t k = 0; k < left_out->size(); ++k) {
-      (of_left_out[k].is_wrong ? still_out : next.views).push_back((*left_out)[k]);
+    bool has_changed = !next.left_out.empty();
+    const std::vector<CaptureVerdict> of_left_out = TestLeftOut(options, *calibration);
+    for (size_t k = 0; k < of_left_out.size(); ++k) {
+      (of_left_out[k].is_wrong ? next.left_out : next.views).push_back(calibration->left_out[k]);
       has_changed = has_changed || !of_left_out[k].is_wrong;
     }
     if (!has_changed) return;
     next.refined = RefineWithChosenModel(options, solution, &next);
     if (!next.refined) return;
     *calibration = std::move(next);
-    *left_out = std::move(still_out);
   }
 }
 
 // Lists the captures that stay rejected, each with the reason under the final estimate.
-void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options, Calibration* calibration) {
+void NameLeftOut(const CalibrationOptions& options, Calibration* calibration) {
+  const std::vector<View>& left_out = calibration->left_out;
   if (left_out.empty()) return;
-  const std::vector<CaptureVerdict> verdicts = TestLeftOut(left_out, options, *calibration);
+  const std::vector<CaptureVerdict> verdicts = TestLeftOut(options, *calibration);
   for (size_t k = 0; k < left_out.size(); ++k) {
     calibration->unused.push_back({left_out[k].name, left_out[k].capture,
                                    WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
@@ -459,11 +458,15 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
   return started;
 }
 
-// Recomputes the poses of the target for the camera of the calibration.
+// Recomputes the poses of the target, for the camera of the calibration and captures that were taken back. A capture
+// without a pose keeps those after it from having one.
 void UpdatePairs(Calibration* calibration) {
-  const auto num_pairs = static_cast<std::ptrdiff_t>(calibration->pairs.size());
-  const std::vector<View> posed(calibration->views.begin(), calibration->views.begin() + num_pairs);
+  std::vector<View> posed = calibration->views;
   std::vector<PosePair> pairs = PosePairsOf(calibration->camera, calibration->refined->hand_eye, posed);
+  if (pairs.size() != posed.size()) {
+    posed.resize(calibration->pairs.size());
+    pairs = PosePairsOf(calibration->camera, calibration->refined->hand_eye, posed);
+  }
   if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
 }
 
@@ -471,6 +474,17 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   std::vector<std::string> names;
   for (const ParameterGroup group : groups) names.emplace_back(kParameterGroupNames[static_cast<size_t>(group)]);
   return Join(names, ", ");
+}
+
+// Ends a calibration: names the captures that are left out, removes rejected points, and runs the methods on what is
+// used. `has_methods`: whether their results are there already, for these captures with this camera.
+void Finish(const CalibrationOptions& options, bool has_methods, Calibration* calibration) {
+  if (calibration->refined) NameLeftOut(options, calibration);
+  if (calibration->refined && !has_methods) UpdatePairs(calibration);
+  const bool has_fewer_points = calibration->refined && LeaveOutRejected(calibration);
+  if (!has_methods || has_fewer_points) calibration->methods = RunMethods(*calibration);
+  calibration->methods = Reported(calibration->methods, options.methods);
+  if (calibration->refined) calibration->chain = RefineChain(calibration->pairs, calibration->refined->hand_eye);
 }
 
 // Notes that the captures did not determine the camera that the options ask for.
@@ -513,32 +527,53 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     AddFewPointViews(started.too_few, options, &calibration);
     return calibration;
   }
-  const std::string start_model = calibration.camera.model;
-  const size_t num_views = started.num_posed;
-  const size_t num_pairs = calibration.pairs.size();
-  std::vector<View> left_out;
+  calibration.methods = std::move(results);
   if (options.bundle.loss != LossKind::kNone) {
     BundleOptions open = started.bundle;
     const Solution with_shape = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &open);
-    LeaveOutWrongCaptures(open, options, with_shape, &left_out, &calibration);
+    LeaveOutWrongCaptures(open, options, with_shape, &calibration);
   }
-  if (calibration.refined) {
-    const Solution start = *calibration.refined;
-    calibration.refined = RefineWithChosenModel(options, start, &calibration);
-    if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &left_out, &calibration);
-    if (calibration.refined) NameLeftOut(left_out, options, &calibration);
-  }
-  if (calibration.refined) {
-    NoteReduction(refused, options_in, &calibration);
-    if (calibration.camera.model != start_model) UpdatePairs(&calibration);
-  }
-  const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
-  // Views may have been added or removed.
-  const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
-  if (has_fewer_points || has_other_views || calibration.camera.model != start_model) results = RunMethods(calibration);
-  calibration.methods = Reported(results, options.methods);
-  if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
+  const std::string start_model = calibration.camera.model;
+  calibration.refined = RefineWithChosenModel(options, *calibration.refined, &calibration);
+  if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &calibration);
+  if (calibration.refined) NoteReduction(refused, options_in, &calibration);
+  const bool has_methods = calibration.pairs.size() == started.num_posed && calibration.left_out.empty() &&
+                           calibration.camera.model == start_model;
+  Finish(options, has_methods, &calibration);
   AddFewPointViews(started.too_few, options, &calibration);
+  return calibration;
+}
+
+Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const CalibrationOptions& options_in,
+                                          const std::vector<std::shared_ptr<const PoseEffect>>& effect_of_capture,
+                                          const std::vector<Matrix6X>& joints_of_capture) {
+  CHECK(before.refined.ok());
+  CalibrationOptions options = options_in;
+  options.bundle.free_intrinsics = before.bundle.free_intrinsics;
+  if (before.refined->robot_noise) options.bundle.robot_noise_start = *before.refined->robot_noise;
+  Calibration calibration = before;
+  const auto give_effects = [&](View* view) {
+    view->effect = effect_of_capture.empty() ? nullptr : effect_of_capture[view->capture];
+    if (!joints_of_capture.empty()) view->gripper_by_joints = joints_of_capture[view->capture];
+  };
+  for (View& view : calibration.views) give_effects(&view);
+  for (View& view : calibration.left_out) give_effects(&view);
+  // Captures in a region where the errors of an arm are large are no outliers of a model that has these errors. Such
+  // captures come in clusters, which the model has to see before it can be asked.
+  const SharedEffects* const largest =
+      options.choose.effects.empty() ? options.bundle.effects.get() : options.choose.effects.back().get();
+  if (largest != nullptr && largest->kind == SharedEffectsKind::kArm) {
+    for (View& view : calibration.left_out) calibration.views.push_back(std::move(view));
+    calibration.left_out.clear();
+  }
+  std::erase_if(calibration.unused, [&](const UnusedView& unused) {
+    return std::any_of(before.left_out.begin(), before.left_out.end(),
+                       [&](const View& view) { return view.capture == unused.capture; });
+  });
+  calibration.refined = RefineWithChosenModel(options, *before.refined, &calibration);
+  if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &calibration);
+  if (!calibration.refined) return Failure{calibration.refined.reason()};
+  Finish(options, false, &calibration);
   return calibration;
 }
 

@@ -319,7 +319,8 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
     const RigTarget& target = calibration.problem.targets[t];
     const auto& free = target.free_shape;
     if (std::find(free.begin(), free.end(), TargetShapeGroup::kScale) == free.end()) continue;
-    std::optional<Finding> finding = JudgeScale(solution.shapes[t], solution.covariance, TargetShapeBlock(target), false);
+    std::optional<Finding> finding =
+        JudgeScale(solution.shapes[t], solution.covariance, TargetShapeBlock(target), false);
     if (!finding) continue;
     finding->names.emplace_back("of_target", target.name);
     findings.push_back(std::move(*finding));

@@ -363,8 +363,7 @@ void Shuffle(Rng* random, std::vector<size_t>* values) {
   }
 }
 
-void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random,
-           Dataset* data) {
+void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random, Dataset* data) {
   std::vector<size_t> order(captures.size());
   std::iota(order.begin(), order.end(), size_t{0});
   Shuffle(random, &order);

@@ -148,8 +148,8 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
   return paired;
 }
 
-// Names the captures by the images that belong to them, as people know them: by the name of the file if that is the same
-// for all cameras, and with the camera otherwise.
+// Names the captures by the images that belong to them, as people know them: by the name of the file if that is the
+// same for all cameras, and with the camera otherwise.
 std::vector<std::string> CaptureNames(const ArmRows& first, const std::vector<std::string>& cameras,
                                       const std::vector<std::vector<fs::path>>& images_of_cameras) {
   std::vector<std::string> names;

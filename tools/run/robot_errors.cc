@@ -46,12 +46,16 @@ constexpr const char* kNoBranch = "the errors of the arm could be fitted in none
 
 // Calibrates again with other options, which may choose among effects. If that fails, or if no effects are chosen,
 // returns the reason and keeps the calibration and its options.
-std::optional<std::string> Recalibrate(const std::vector<View>& views, CalibrationOptions with_effects,
+std::optional<std::string> Recalibrate(const Dataset& dataset, CalibrationOptions with_effects,
                                        CalibrationOptions* options, Calibration* calibration) {
-  Outcome<Calibration> again = Calibrate(views, with_effects);
-  if (!again || !again->refined) {
-    return "the refinement with the robot's errors failed: " + (again ? again->refined.reason() : again.reason());
+  std::vector<std::shared_ptr<const PoseEffect>> effects;
+  std::vector<Matrix6X> by_joints;
+  for (const Capture& capture : dataset.captures) {
+    effects.push_back(capture.effect);
+    by_joints.push_back(capture.gripper_by_joints);
   }
+  Outcome<Calibration> again = CalibrateWithEffects(*calibration, with_effects, effects, by_joints);
+  if (!again) return "the refinement with the robot's errors failed: " + again.reason();
   if (!with_effects.choose.effects.empty() && again->bundle.effects == nullptr) return WhyDeclined(*again);
   *calibration = std::move(*again);
   *options = std::move(with_effects);
@@ -60,8 +64,8 @@ std::optional<std::string> Recalibrate(const std::vector<View>& views, Calibrati
 
 }  // namespace
 
-void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const RunOptions& run, ArmSetup* arm,
-                      Dataset* dataset, CalibrationOptions* options, Calibration* calibration) {
+void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, CalibrationOptions* options,
+                      Calibration* calibration) {
   const Arm& nominal = dataset->robot->arm;
   if (arm->reason.empty()) arm->reason = WhyNotEstimable(nominal, run.kinematics);
   if (!arm->reason.empty()) return;
@@ -98,7 +102,7 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
     capture.gripper_by_joints = by_joints[branch][i];
   }
-  const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
+  const std::optional<std::string> why_not = Recalibrate(*dataset, with_arm, options, calibration);
   if (!why_not) return;
   arm->reason = *why_not;
   if (!arm->is_recorded)
@@ -111,8 +115,7 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
 
 // Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
 // nothing if the captures show no error of the robot. Returns a finding if such errors are part of the calibration.
-std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetection>& detections, const RunOptions& run,
-                                                 Dataset* dataset, CalibrationOptions* options,
+std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset* dataset, CalibrationOptions* options,
                                                  Calibration* calibration) {
   const bool has_noise =
       calibration->refined->robot_noise && calibration->bundle.robot == BundleOptions::Robot::kEstimatedNoise;
@@ -132,8 +135,7 @@ std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetect
     with_errors.bundle.effects = effects;
   }
   for (Capture& capture : dataset->captures) capture.effect = errors->EffectAt(capture.base_from_gripper);
-  const std::optional<std::string> why_not =
-      Recalibrate(ViewsOf(*dataset, detections), with_errors, options, calibration);
+  const std::optional<std::string> why_not = Recalibrate(*dataset, with_errors, options, calibration);
   const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
   if (!why_not && smooth) {
     return DescribeSmoothErrors(*smooth, errors->lengths(), before, *calibration->refined->robot_noise);

@@ -149,13 +149,13 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   if (dataset.robot && needs_arm && calibration->refined) {
     EndIfCancelled(observer);
     arm = SetUpArm(dataset);
-    CalibrateWithArm(detections, options, &*arm, &dataset, &final_options, &*calibration);
+    CalibrateWithArm(options, &*arm, &dataset, &final_options, &*calibration);
   }
   const bool has_arm = arm && arm->reason.empty();
   std::optional<Finding> of_smooth_errors;
   if (!has_arm && calibration->refined) {
     EndIfCancelled(observer);
-    of_smooth_errors = CalibrateWithSmoothErrors(detections, options, &dataset, &final_options, &*calibration);
+    of_smooth_errors = CalibrateWithSmoothErrors(options, &dataset, &final_options, &*calibration);
   }
   if (observer != nullptr) observer->OnCalibrated(*calibration);
   if (!calibration->refined) return Failure{calibration->refined.reason()};

@@ -127,6 +127,7 @@ struct Calibration {
   std::vector<View> views;
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;
+  std::vector<View> left_out;  // Those of `unused` that contradict the others.
   std::vector<MethodResult> methods;
   Outcome<Solution> chain = Failure{"not run"};
   std::string seed;  // The start that led to the refined result: a method, or one of solvers/calibration/multi_start.h.
@@ -140,6 +141,15 @@ struct Calibration {
 // capture that it explains is taken back. Returns a Failure if no camera can be estimated; the Failure of a refinement
 // is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
+
+// Continues a calibration whose refinement succeeded with errors of the robot as further candidates: `options` are
+// those of that calibration, but for the effects that they choose among, or free. `effect_of_capture` holds
+// View::effect by the index View::capture, and `joints_of_capture`, unless it is empty, View::gripper_by_joints. The
+// lens, the error model and the captures that are left out are chosen again, starting from what was found. Returns the
+// Failure of the refinement.
+Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const CalibrationOptions& options,
+                                          const std::vector<std::shared_ptr<const PoseEffect>>& effect_of_capture,
+                                          const std::vector<Matrix6X>& joints_of_capture = {});
 
 struct PoseCalibrationOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.

@@ -116,7 +116,8 @@ TEST(ModelChoiceTest, ReportsAllAlternativesAndTheLargestFitsBest) {
   EXPECT_LT(*choice->alternatives.front().p, 1e-10);
 }
 
-// A lens of the true model, of a target that is bent: with the target as designed, a larger lens would take up the bend.
+// A lens of the true model, of a target that is bent: with the target as designed, a larger lens would take up the
+// bend.
 TEST(ModelChoiceTest, ABentTargetIsNoReasonForALargerLens) {
   int num_right = 0;
   constexpr int kSeeds = 8;
@@ -143,7 +144,8 @@ TEST(ModelChoiceTest, ABentTargetIsNoReasonForALargerLens) {
   EXPECT_GE(num_right, kSeeds - 1);
 }
 
-// Few captures of few points in the middle of the image do not determine a rational lens: a smaller one is estimated, and the calibration says so.
+// Few captures of few points in the middle of the image do not determine a rational lens: a smaller one is estimated,
+// and the calibration says so.
 TEST(ModelChoiceTest, StepsDownFromALensThatIsNotDetermined) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;

@@ -210,8 +210,8 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
   EXPECT_THAT(RefineHandEye(with_turns(0.0), scene.hand_eye, options).reason(), testing::HasSubstr("did not rotate"));
 }
 
-// The captures are at one distance and with little tilt: the focal length is hardly separated from the distance. What is
-// known badly is a result, and its sigma says so.
+// The captures are at one distance and with little tilt: the focal length is hardly separated from the distance. What
+// is known badly is a result, and its sigma says so.
 TEST(BundleAdjustmentTest, StatesTheSigmaOfIntrinsicsThatAreKnownBadly) {
   const TestScene scene = MakeTestScene(42);
   Rng rng(5);
@@ -230,8 +230,8 @@ TEST(BundleAdjustmentTest, StatesTheSigmaOfIntrinsicsThatAreKnownBadly) {
   EXPECT_GT(*SigmaOf(solution->covariance, "camera.fx"), 0.02 * scene.camera.params[0]);
 }
 
-// Motions that say nothing about a direction are refused, whatever the noise of the robot: the same rotation throughout,
-// rotations about one axis, two captures.
+// Motions that say nothing about a direction are refused, whatever the noise of the robot: the same rotation
+// throughout, rotations about one axis, two captures.
 TEST(BundleAdjustmentTest, RefusesSingularMotionsWithNoisyRobots) {
   const TestScene scene = MakeTestScene(44);
   for (uint64_t seed = 1; seed <= 20; ++seed) {
@@ -253,8 +253,7 @@ TEST(BundleAdjustmentTest, RefusesSingularMotionsWithNoisyRobots) {
           pose = pose * Rigid3d(ExpRotation(robot_m / 5e-4 * DegToRad(0.05) * rng.NormalVector3()),
                                 robot_m * rng.NormalVector3());
         }
-        for (const BundleOptions::Robot robot :
-             {BundleOptions::Robot::kExact, BundleOptions::Robot::kEstimatedNoise}) {
+        for (const BundleOptions::Robot robot : {BundleOptions::Robot::kExact, BundleOptions::Robot::kEstimatedNoise}) {
           BundleOptions options;
           options.free_intrinsics = {};
           options.robot = robot;
