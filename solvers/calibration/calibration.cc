@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
@@ -219,14 +220,20 @@ std::vector<CaptureVerdict> TestLeftOut(const CalibrationOptions& options, const
 }
 
 // Tests all captures under the chosen model, takes back those that it explains and leaves out those that contradict it,
-// and chooses the model again, until model and captures stand.
+// until the captures stand, and then chooses the model again.
 void SettleCaptures(const CalibrationOptions& options, Calibration* calibration) {
-  constexpr int kMaxRounds = 3;
+  constexpr int kMaxRounds = 6;
+  bool has_other_captures = false;
+  // The captures that the others do not contradict at an estimate without them are not tested again.
+  std::set<size_t> returned;
   for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
     const Problem problem = ProblemOf(*calibration, options);
     const Solution& solution = *calibration->refined;
     const FreeUnknowns free = FreeOf(solution.camera.Model(), calibration->bundle);
     std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, solution, free);
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      if (returned.contains(problem.views[i].capture)) verdicts[i].is_wrong = false;
+    }
     const auto num_wrong =
         std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& verdict) { return verdict.is_wrong; });
     // So many are not wrong by themselves: the model is incomplete.
@@ -245,14 +252,25 @@ void SettleCaptures(const CalibrationOptions& options, Calibration* calibration)
     bool has_changed = !next.left_out.empty();
     const std::vector<CaptureVerdict> of_left_out = TestLeftOut(options, *calibration);
     for (size_t k = 0; k < of_left_out.size(); ++k) {
-      (of_left_out[k].is_wrong ? next.left_out : next.views).push_back(calibration->left_out[k]);
-      has_changed = has_changed || !of_left_out[k].is_wrong;
+      const View& view = calibration->left_out[k];
+      const bool returns = !of_left_out[k].is_wrong;
+      if (returns) returned.insert(view.capture);
+      (returns ? next.views : next.left_out).push_back(view);
+      has_changed = has_changed || returns;
     }
-    if (!has_changed) return;
-    next.refined = RefineWithChosenModel(options, solution, &next);
-    if (!next.refined) return;
+    if (!has_changed) break;
+    Problem of_next = ProblemOf(next, options);
+    of_next.camera = solution.camera;
+    of_next.shape = solution.shape;
+    next.refined = RefineHandEye(of_next, solution.hand_eye, calibration->bundle);
+    if (!next.refined) break;
     *calibration = std::move(next);
+    has_other_captures = true;
   }
+  if (!has_other_captures) return;
+  Calibration chosen = *calibration;
+  chosen.refined = RefineWithChosenModel(options, *calibration->refined, &chosen);
+  if (chosen.refined) *calibration = std::move(chosen);
 }
 
 // Lists the captures that stay rejected, each with the reason under the final estimate.

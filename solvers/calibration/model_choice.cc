@@ -118,6 +118,13 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
     const bool has_same_shape = other.model.shape == model.shape;
     if (nearest == nullptr || has_same_shape) nearest = &other;
   }
+  // Models of other shapes have nearly the same noise. A start at zero would stay there.
+  if (nearest != nullptr && nearest->model.effects == model.effects && nearest->solution.robot_noise) {
+    constexpr double kLeast = 1e-5;
+    const RobotNoise& noise = *nearest->solution.robot_noise;
+    options.robot_noise_start.translation_m = std::max(kLeast, noise.translation_m);
+    options.robot_noise_start.rotation_rad = std::max(kLeast, noise.rotation_rad);
+  }
   std::optional<FittedModel> found =
       nearest != nullptr ? FitFrom(problem, *nearest, model, options) : Fit(problem, start, model, options);
   constexpr double kRounding = 1e-3;

@@ -283,7 +283,12 @@ std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_member
   const Members members = MembersOf(judged, is_member);
   const double dof = members.views.empty() ? 0 : DofOf(members);
   if (dof < kLeastDof) return verdicts;
-  const Variances variances = EstimateFrom(members.views, {});
+  Variances variances = EstimateFrom(members.views, {});
+  if (solution.smooth_noise) {
+    // What the members tell of smooth errors elsewhere is uncertain: at most, it is nothing.
+    variances.translation_m2 += std::pow(solution.smooth_noise->translation_m, 2);
+    variances.rotation_rad2 += std::pow(solution.smooth_noise->rotation_rad, 2);
+  }
   const std::vector<double> p_values = PValues(judged, members, variances, dof);
   const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
   for (size_t i = 0; i < judged.views.size(); ++i) {

@@ -39,7 +39,8 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
                                                 const FreeUnknowns& free);
 
 // Applies the same test to `others`, with the noise and the estimate of the views of `problem_of_members` at their
-// solution, to find whether a capture that was left out is still wrong. Returns one verdict per element of `others`.
+// solution, to find whether a capture that was left out is still wrong. Smooth errors at its pose count as unknown.
+// Returns one verdict per element of `others`.
 std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
                                                 const FreeUnknowns& free, const std::vector<View>& others);
 

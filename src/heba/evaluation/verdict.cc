@@ -139,12 +139,11 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   }
   constexpr double kFew = 0.2;
   if (strongest == nullptr || num_unlikely > std::max(1.0, kFew * num_asked)) return std::nullopt;
-  constexpr double kMattersM = 0.3e-3;
-  constexpr double kMattersRad = 5e-4;
   const double move_m = strongest->move_without->tangent.head<3>().norm();
   const double move_rad = strongest->move_without->tangent.tail<3>().norm();
   const double chance = std::min(1.0, num_asked * strongest->move_without->chance);
-  if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
+  const bool matters = std::max(move_m / DistanceOf(result), move_rad) > kSigmaShare.doubtful;
+  if (chance > kUnlikely || !matters) return std::nullopt;
   return Finding{Grade::kDoubtful,
                  FindingCode("influential_capture"),
                  {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}},
