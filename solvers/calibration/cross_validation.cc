@@ -185,6 +185,10 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
   });
+  // A few folds that the refinement cannot fit leave the hold-out to the others, for all methods alike.
+  const auto num_failed =
+      std::count_if(errors.begin(), errors.end(), [](const auto& of_fold) { return !of_fold.back(); });
+  const bool drops_failed = 2 * num_failed < num_folds;
   std::vector<HoldOut> results;
   for (size_t m = 0; m < names.size(); ++m) {
     HoldOut result;
@@ -192,6 +196,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     HeldOutErrors total;
     for (int fold = 0; fold < num_folds; ++fold) {
       const Outcome<HeldOutErrors>& fold_errors = errors[static_cast<size_t>(fold)][m];
+      if (drops_failed && !errors[static_cast<size_t>(fold)].back()) continue;
       if (fold_errors) {
         total.Add(*fold_errors);
       } else if (result.reason.empty()) {

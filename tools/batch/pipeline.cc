@@ -70,11 +70,15 @@ ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& ou
           std::filesystem::absolute(output).lexically_normal()};
 }
 
-// Inserts the doctor's first fault before the findings of a result that is bad.
+// Inserts the doctor's first fault before the findings of a result that is not good.
 void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
-  if (result->verdict.grade != Grade::kBad) return;
-  InsertCause(Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs), &result->observations);
+  if (result->verdict.grade == Grade::kGood) return;
+  const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
+  // Poses that the doctor cannot explain are no cause of a fit that is only doubtful.
+  const bool explains = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() != "poses_unexplained";
+  if (result->verdict.grade != Grade::kBad && !explains) return;
+  InsertCause(diagnosis, &result->observations);
   result->verdict = JudgeRun(*result);
 }
 

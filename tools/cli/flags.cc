@@ -38,6 +38,8 @@ DEFINE_string(child, "", "FRAME|the camera's frame; default: camera_optical_fram
 DEFINE_string(child_is, "",
               "FRAME|optical (z forward), body (x forward, same origin), or the optical frame's pose in the child, "
               "x,y,z,qx,qy,qz,qw in m");
+DEFINE_bool(force, false,
+            "|write the calibrated arm, or poses corrected by it, although the verdict of the run is bad");
 DEFINE_bool(inverse, false,
             "|export the pose of the parent in the child"
             "|correct: the poses are those to reach, and those to command are computed");

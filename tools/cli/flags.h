@@ -28,6 +28,7 @@ DECLARE_string(method);
 DECLARE_string(parent);
 DECLARE_string(child);
 DECLARE_string(child_is);
+DECLARE_bool(force);
 DECLARE_bool(inverse);
 DECLARE_string(units);
 DECLARE_string(pose);

@@ -33,23 +33,17 @@ void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
   for (const UnusedView& unused : calibration.unused) {
     console_->Note("not used: " + unused.name + ": " + unused.reason);
   }
-  if (calibration.refined) {
-    console_->Note("seed: " + calibration.seed);
-    return;
-  }
-  // Notes on each method help to understand the failure.
-  std::vector<MethodReason> outcomes;
-  for (const MethodResult& method : calibration.methods) {
-    outcomes.emplace_back(method.method, method.hand_eye
-                                             ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
-                                             : method.hand_eye.reason());
-  }
-  for (const auto& [reason, methods] : GroupedByReason(outcomes)) console_->Note(methods + ": " + reason);
+  // The reason of a failure is the first line that is printed of it.
+  if (calibration.refined) console_->Note("seed: " + calibration.seed);
 }
 
 void ConsoleObserver::OnHoldOuts(const std::vector<HoldOut>& hold_outs) {
+  std::vector<MethodReason> reasons;
   for (const HoldOut& hold_out : hold_outs) {
-    if (!hold_out.reason.empty()) console_->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
+    if (!hold_out.reason.empty()) reasons.emplace_back(hold_out.method, hold_out.reason);
+  }
+  for (const auto& [reason, methods] : GroupedByReason(reasons)) {
+    console_->Note("no hold-out figure for " + methods + ": " + reason);
   }
 }
 

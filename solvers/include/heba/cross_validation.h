@@ -38,7 +38,8 @@ struct HoldOut {
 // of the translations of a two-step motion (View::role) are never held out, and are not counted in i. Held-out views
 // are not used for anything else: if no camera is given, each fold estimates its own and takes only the initial guess
 // from `full`. `full` is the calibration of all captures with the same options; its views (in the reading order chosen
-// there) and its error model are used in all folds. `progress` is called after each fold, by one thread at a time.
+// there) and its error model are used in all folds. If the refinement fails on less than half of the folds, these are
+// left out for all methods. `progress` is called after each fold, by one thread at a time.
 std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress);
 

@@ -147,6 +147,7 @@ ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimat
   request.child_frame = "camera_optical_frame";
   if (estimate.solution) request.covariance = PoseCovarianceOf(estimate.solution->covariance, "hand_eye");
   request.is_ur_controller = is_ur_controller;
+  request.grade = result.verdict.grade;
   request.camera = estimate.camera;
   // The errors of the arm belong to the refined estimate: that of the images, or of the poses if there are none.
   const Estimate* const refined = FindRefined(result);
@@ -212,6 +213,14 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
   return RobotPoseText(*pose_format, request);
 }
 
+namespace {
+
+void AddGrade(const ExportRequest& request, std::vector<std::string>* remarks) {
+  if (request.grade) remarks->push_back("the verdict of the run: " + std::string(GradeName(*request.grade)));
+}
+
+}  // namespace
+
 std::vector<std::string> ArmRemarks(const ExportRequest& request) {
   const std::vector<ArmJoint>& joints = request.arm->joints;
   const bool yields =
@@ -220,6 +229,7 @@ std::vector<std::string> ArmRemarks(const ExportRequest& request) {
                                           ": the kinematics of the arm " + PlainText(request.arm->name) +
                                           ", estimated with the camera's pose",
                                       "Parameters that no captures determine have their nominal values."};
+  AddGrade(request, &remarks);
   if (yields) {
     remarks.emplace_back(
         "The joints also yield to gravity, which is no part of an arm's geometry: `heba correct` takes it into "
@@ -244,6 +254,7 @@ std::vector<std::string> ExportRemarks(const ExportRequest& request) {
                                           PlainText(request.method) + ": the pose of " + child + " in " + parent,
                                       parent + ": " + FrameInWords(request.parent),
                                       child + ": " + FrameInWords(request.child)};
+  AddGrade(request, &remarks);
   if (request.covariance) {
     constexpr double kMillimetre = 1e-3;
     constexpr double kDegree = M_PI / 180;

@@ -58,6 +58,7 @@ std::vector<ExportedFile> ArmFilesOf(const ExportFormat& format, const RigResult
       ExportRequest request;
       request.name = result.name;
       request.method = kBundleMethod;
+      request.grade = result.verdict.grade;
       request.arm = WithChanges(arm->nominal, arm->errors);
       files.push_back(FileOf(name, ExportText(format, request)));
     } else {
@@ -96,6 +97,7 @@ std::vector<ExportRequest> RigExportRequests(const RigResult& result) {
     ExportRequest& request = requests.emplace_back();
     request.name = result.name;
     request.method = kBundleMethod;
+    request.grade = result.verdict.grade;
     request.setup = is_carried ? Setup::kEyeInHand : Setup::kEyeToHand;
     request.parent_from_child = result.solution.poses.mount_from_camera[c];
     request.parent = is_carried ? ExportFrame::kGripper : ExportFrame::kBase;
@@ -114,6 +116,7 @@ std::vector<ExportRequest> BaseExportRequests(const RigResult& result) {
     ExportRequest& request = requests.emplace_back();
     request.name = result.name;
     request.method = kBundleMethod;
+    request.grade = result.verdict.grade;
     request.parent_from_child = result.solution.poses.world_from_base[r];
     request.child = ExportFrame::kBase;
     request.parent_frame = ArmFrame(rig, 0, "base_link");

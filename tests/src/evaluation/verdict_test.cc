@@ -85,10 +85,10 @@ TEST(VerdictTest, OneFaultDecides) {
        }},
       {Grade::kBad, "pixel_noise", "pixel_sigma_px", 8,
        [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
-      {Grade::kDoubtful, "influential_capture", "move_mm", 0.9,
+      {Grade::kDoubtful, "influential_capture", "move_mm", 3,
        [](RunResult* r) {
-         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
-         r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
+         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
+         r->captures[7].move_without = CaptureMove{3e-3 * Tangent6::Unit(1), 1e-4};
        }},
       {Grade::kBad, "no_estimate", "", 0, [](RunResult* r) { r->estimates.pop_back(); }},
   };
@@ -110,7 +110,7 @@ TEST(VerdictTest, OneFaultDecides) {
 // Names say what a finding is about, and which remedy applies.
 TEST(VerdictTest, FindingsHaveNames) {
   RunResult result = GoodResult();
-  for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
+  for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
   result.captures[7].move_without->chance = 1e-4;
   EXPECT_EQ(JudgeRun(result).findings.front().Name("image"), "7");
   result = GoodResult();

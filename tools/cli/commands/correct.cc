@@ -51,6 +51,7 @@ Form FormOf(const fs::path& run, const std::string& arm) {
 
 // The arm whose poses are corrected.
 struct ArmAskedFor {
+  Grade grade = Grade::kGood;         // Of the run's verdict.
   std::string name;                   // Empty if the run has one camera.
   std::optional<RobotSummary> robot;  // Nothing if its errors were not estimated.
   std::string reason;                 // Why not.
@@ -60,8 +61,9 @@ ArmAskedFor FindArm(const fs::path& result_file) {
   if (!IsRigResult(result_file)) {
     if (!FLAGS_arm.empty()) throw InputError("--arm: the run has one arm without a name; leave this flag out");
     RunResult result = ReadResult(result_file);
-    if (result.robot && result.robot->is_estimated) return {"", std::move(result.robot), ""};
-    return {"", std::nullopt,
+    const Grade grade = result.verdict.grade;
+    if (result.robot && result.robot->is_estimated) return {grade, "", std::move(result.robot), ""};
+    return {grade, "", std::nullopt,
             "the kinematics of the arm were not estimated" +
                 (result.robot ? " (" + result.robot->reason + ")" : "; the config names no arm (robot.model)")};
   }
@@ -74,8 +76,8 @@ ArmAskedFor FindArm(const fs::path& result_file) {
   if (found == robots.end()) throw InputError("--arm: " + UnknownName(FLAGS_arm, robots));
   const auto index = static_cast<size_t>(found - robots.begin());
   const RobotSummary* const robot = FindEstimatedArm(result, index);
-  if (robot == nullptr) return {*found, std::nullopt, WhyNotEstimated(result, index)};
-  return {*found, *robot, ""};
+  if (robot == nullptr) return {result.verdict.grade, *found, std::nullopt, WhyNotEstimated(result, index)};
+  return {result.verdict.grade, *found, *robot, ""};
 }
 
 // Returns the corrected pose, or the one to command. `joints` are empty if the file does not have them.
@@ -100,6 +102,11 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   const ArmAskedFor arm = FindArm(run / "result.json");
   if (!arm.robot) {
     PrintError((run / "result.json").string() + ": " + arm.reason);
+    return kWorkFailed;
+  }
+  if (arm.grade == Grade::kBad && !FLAGS_force) {
+    PrintError((run / "result.json").string() +
+               ": the verdict of this run is bad, and a robot would move by these poses; --force writes them");
     return kWorkFailed;
   }
   const RobotSummary& robot = *arm.robot;

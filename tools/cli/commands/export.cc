@@ -118,6 +118,12 @@ ExportRequest RequestAskedFor(const fs::path& run) {
   return FLAGS_inverse ? Inverted(request) : request;
 }
 
+// Returns why a calibrated arm is not written; empty if it is.
+std::string WhyNoArm(const ExportFormat& format, Grade grade) {
+  if (FLAGS_force || grade != Grade::kBad || HeldBy(format) != ExportHolds::kArm) return "";
+  return "the verdict of this run is bad, and a robot would move by it; --force writes it";
+}
+
 // Writes every format that can hold this result into the folder --out.
 int ExportAll(const ExportRequest& request) {
   if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
@@ -135,7 +141,8 @@ int ExportAll(const ExportRequest& request) {
   }
   fs::create_directories(folder, error);
   for (const ExportFormat& format : ExportFormats()) {
-    const Outcome<std::string> text = ExportText(format, request);
+    const std::string why_not = WhyNoArm(format, request.grade.value_or(Grade::kGood));
+    const Outcome<std::string> text = why_not.empty() ? ExportText(format, request) : Failure{why_not};
     if (text) {
       WriteFileAtomically(folder / format.file_name, *text);
     } else {
@@ -182,6 +189,12 @@ int ExportOfRig(const fs::path& file) {
   std::vector<ExportedFile> files;
   for (const ExportFormat& format : ExportFormats()) {
     if (FLAGS_to != "all" && format.name != FormatAskedFor().name) continue;
+    const std::string why_not = WhyNoArm(format, result.verdict.grade);
+    if (!why_not.empty() && FLAGS_to != "all") {
+      PrintError(file.string() + ": " + why_not);
+      return kWorkFailed;
+    }
+    if (!why_not.empty()) continue;
     for (ExportedFile& exported : ExportRig(format, cameras, bases, result)) files.push_back(std::move(exported));
   }
   // A format that was asked for by its name must hold every camera, as with one camera.
@@ -258,6 +271,11 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
   if (all) return ExportAll(request);
   if (FLAGS_units != "m" && format->name != "matrix") {
     throw InputError("--units: format " + format->name + " has a fixed unit; only matrix can be written in both");
+  }
+  const std::string why_not = WhyNoArm(*format, request.grade.value_or(Grade::kGood));
+  if (!why_not.empty()) {
+    PrintError((run / "result.json").string() + ": " + why_not);
+    return kWorkFailed;
   }
   const Outcome<std::string> text = ExportText(*format, request);
   if (!text) {
