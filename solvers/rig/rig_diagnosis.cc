@@ -10,14 +10,17 @@ namespace {
 // Fewer images cannot tell a fault of the camera from wrong images.
 constexpr int kFewest = 6;
 
-int NumUnused(const RigPair& pair) { return static_cast<int>(pair.calibration->unused.size()); }
+// Returns the number of captures that contradict the others, left out or not.
+int NumContradicting(const RigPair& pair) {
+  return static_cast<int>(pair.calibration->unused.size()) + pair.calibration->num_kept_against_test;
+}
 
 bool IsCalibrated(const RigPair& pair) { return pair.calibration && pair.calibration->refined; }
 
 bool IsSuspicious(const RigPair& pair) {
   constexpr double kManyUnused = 0.25;
   if (!pair.robot || pair.num_images < kFewest) return false;
-  return !IsCalibrated(pair) || NumUnused(pair) > kManyUnused * pair.num_images;
+  return !IsCalibrated(pair) || NumContradicting(pair) > kManyUnused * pair.num_images;
 }
 
 // Returns the problem with the images of one camera only, each moved to the capture `shift` places later.
@@ -50,7 +53,7 @@ std::optional<ShiftedCamera> FindShiftedCamera(const RigProblem& problem, const 
       for (const RigPair& pair : CalibratePairs(Shifted(problem, camera, shift), options)) {
         if (!pair.robot) continue;
         num_images += pair.num_images;
-        num_unused += IsCalibrated(pair) ? NumUnused(pair) : pair.num_images;
+        num_unused += IsCalibrated(pair) ? NumContradicting(pair) : pair.num_images;
       }
       constexpr double kFewUnused = 0.1;
       if (num_images >= kFewest && num_unused <= kFewUnused * num_images) return ShiftedCamera{camera, shift};

@@ -76,14 +76,6 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
     CalibratePoses(options, &calibration);
     if (!calibration.chain) return Failure{calibration.chain.reason()};
   }
-  // The same limits as for bundle adjustment, which rejects a result that is known to 10 cm or 6 deg only.
-  constexpr double kWorthlessMm = 100;
-  constexpr double kWorthlessDeg = 6;
-  const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration.pairs, calibration.chain->hand_eye);
-  if (scatter && (scatter->translation_rms_mm > kWorthlessMm || scatter->rotation_rms_deg > kWorthlessDeg)) {
-    return Failure{"the target scatters by " + Significant(scatter->translation_rms_mm, 2) + " mm and " +
-                   Significant(scatter->rotation_rms_deg, 2) + " deg, but should be stationary"};
-  }
   if (observer != nullptr) observer->OnCalibrated(calibration);
   output.result = AssessPoses(dataset, run, calibration, options);
   if (dataset.robot) {

@@ -42,11 +42,11 @@ TEST(VerdictTest, JudgesUncertaintyAtTheWorkingPoint) {
   RunResult result = GoodResult();
   result.working_point = WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
-  result.working_point->covariance_m2(1, 1) = std::pow(4.5e-3, 2);
+  result.working_point->covariance_m2(1, 1) = std::pow(15e-3, 2);
   EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
   const Finding finding = JudgeRun(result).findings.front();
   EXPECT_EQ(finding.code, "uncertainty");
-  EXPECT_NEAR(finding.Number("at_work_mm").value_or(0), 4.5, 1e-9);
+  EXPECT_NEAR(finding.Number("at_work_mm").value_or(0), 15, 1e-9);
   ASSERT_EQ(finding.parts.size(), 1U);
   EXPECT_EQ(finding.parts[0].code, "at_working_point");
   EXPECT_EQ(finding.parts[0].Number("distance_mm"), 3000);
