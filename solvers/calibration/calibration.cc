@@ -553,7 +553,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   const std::string start_model = calibration.camera.model;
   calibration.refined = RefineWithChosenModel(options, *calibration.refined, &calibration);
-  if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &calibration);
+  // Where most captures contradict every calibration, this one cannot tell the wrong ones.
+  const bool can_judge = 2 * static_cast<size_t>(calibration.num_kept_against_test) <= calibration.views.size();
+  if (options.bundle.loss != LossKind::kNone && can_judge) SettleCaptures(options, &calibration);
   if (calibration.refined) NoteReduction(refused, options_in, &calibration);
   const bool has_methods = calibration.pairs.size() == started.num_posed && calibration.left_out.empty() &&
                            calibration.camera.model == start_model;

@@ -1,5 +1,6 @@
 #include "solvers/rig/rig_diagnosis.h"
 
+#include <algorithm>
 #include <set>
 
 #include "solvers/rig/rig_start.h"
@@ -21,6 +22,17 @@ bool IsSuspicious(const RigPair& pair) {
   constexpr double kManyUnused = 0.25;
   if (!pair.robot || pair.num_images < kFewest) return false;
   return !IsCalibrated(pair) || NumContradicting(pair) > kManyUnused * pair.num_images;
+}
+
+// Returns whether the residuals of a pair are clearly smaller than those of the same pair among `others`: without
+// limits of what a result may be, poses of other captures have one too.
+bool FitsBetter(const RigPair& pair, const std::vector<RigPair>& others) {
+  constexpr double kClearly = 0.5;
+  const auto other = std::find_if(others.begin(), others.end(), [&](const RigPair& candidate) {
+    return candidate.camera == pair.camera && candidate.target == pair.target;
+  });
+  if (other == others.end() || !IsCalibrated(*other)) return true;
+  return pair.calibration->refined->pixel_sigma_px < kClearly * other->calibration->refined->pixel_sigma_px;
 }
 
 // Returns the problem with the images of one camera only, each moved to the capture `shift` places later.
@@ -53,7 +65,7 @@ std::optional<ShiftedCamera> FindShiftedCamera(const RigProblem& problem, const 
       for (const RigPair& pair : CalibratePairs(Shifted(problem, camera, shift), options)) {
         if (!pair.robot) continue;
         num_images += pair.num_images;
-        num_unused += IsCalibrated(pair) ? NumContradicting(pair) : pair.num_images;
+        num_unused += IsCalibrated(pair) && FitsBetter(pair, pairs) ? NumContradicting(pair) : pair.num_images;
       }
       constexpr double kFewUnused = 0.1;
       if (num_images >= kFewest && num_unused <= kFewUnused * num_images) return ShiftedCamera{camera, shift};

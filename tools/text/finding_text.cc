@@ -389,10 +389,11 @@ FindingText RobotNoiseIgnored(const Finding& finding) {
 
 FindingText TargetScale(const Finding& finding) {
   const double mean = 0.5 * (Number(finding, "scale_x") + Number(finding, "scale_y"));
+  const std::optional<double> scale_sigma = finding.Number("scale_sigma");
+  const std::string sigma = scale_sigma ? " (one sigma " + Significant(100 * *scale_sigma, 1) + " %)" : "";
   return {
-      "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " % (one sigma " +
-          Significant(100 * Number(finding, "scale_sigma"), 1) + " %)" + (mean > 1 ? " larger" : " smaller") +
-          " than the config says" +
+      "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " %" + sigma +
+          (mean > 1 ? " larger" : " smaller") + " than the config says" +
           (Is(finding, "focal_length", "held") ? " (a focal length that is held at a wrong value looks the same)" : ""),
       "measure the target and correct its dimensions in the config; if they are right, check the units of the "
       "robot's poses and its own calibration"};

@@ -20,6 +20,8 @@ inline constexpr Limits kSigmaShare = {0.003, 0.015};
 inline constexpr Limits kHeldOutShare = {0.005, 0.02};
 // A target at an unknown distance counts as one at this distance.
 inline constexpr double kUsualDistanceM = 0.5;
+// The errors of arms do not shrink with the distance: a nearer target counts as one at this distance.
+inline constexpr double kLeastDistanceM = 0.2;
 inline constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
 inline constexpr Limits kPixelSigmaPx = {1, 5};
 inline constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.

@@ -27,7 +27,8 @@ bool IsRequired(const RigResult& result, const std::string& camera) {
 
 // Returns the distance between a camera and its targets.
 double DistanceOf(const RigResult& result, size_t camera) {
-  return camera < result.errors.size() ? result.errors[camera].distance_m.value_or(kUsualDistanceM) : kUsualDistanceM;
+  const bool is_known = camera < result.errors.size() && result.errors[camera].distance_m;
+  return std::max(kLeastDistanceM, is_known ? *result.errors[camera].distance_m : kUsualDistanceM);
 }
 
 Finding JudgeUncertainty(const RigResult& result) {

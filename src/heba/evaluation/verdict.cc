@@ -32,7 +32,7 @@ std::pair<std::string, std::string> RobotNoiseName(const Solution& solution) {
 
 // Returns the distance between camera and target.
 double DistanceOf(const RunResult& result) {
-  return result.working_point ? result.working_point->in_camera_m.norm() : kUsualDistanceM;
+  return std::max(kLeastDistanceM, result.working_point ? result.working_point->in_camera_m.norm() : kUsualDistanceM);
 }
 
 double ShareOfDistance(const RunResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }

@@ -124,7 +124,7 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
   options.noise_px = 0.1;
   options.num_captures = 20;
   const TestScene scene = MakeTestScene(5, options);
-  for (const double off_px : {0.0, 2.0, 5.0, 10.0}) {
+  for (const double off_px : {0.0, 5.0, 10.0}) {
     Camera held = scene.camera;
     held.params[2] += off_px;
     // The robot noise is estimated here, so it can absorb the misfit of the intrinsics.

@@ -148,7 +148,7 @@ TEST_F(RigConfigTest, RowsThatNameOtherImagesAreRefused) {
   WritePoses("left.csv", "image.top,image.side", {{"1.png,1.png", 1}, {"2.png,2.png", 2}});
   WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"3.png,3.png", 30}});
   EXPECT_THAT(InputErrorOf([&] { Read(); }),
-              HasSubstr("right.csv: has no row for the capture capture_001 of " + (folder_ / "left.csv").string()));
+              HasSubstr("right.csv: has no row for the capture 2.png of " + (folder_ / "left.csv").string()));
   WritePoses("right.csv", "image.top,image.side", {{"1.png,2.png", 10}, {"2.png,1.png", 20}});
   EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:2: names the image 2.png, but the capture of " +
                                                        (folder_ / "left.csv").string() + ":2 has 1.png"));
