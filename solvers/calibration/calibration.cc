@@ -336,6 +336,7 @@ struct CameraStarts {
   std::vector<CameraStart> starts;
   std::vector<Camera> candidates;               // AutoModel::lenses.
   std::vector<CameraAlternative> alternatives;  // Calibration::camera_alternatives.
+  std::vector<std::string> smaller_models;      // Models that are estimated if the starts fail.
   std::string refused;                          // Why the wanted camera could not be estimated; empty if it could.
 };
 
@@ -346,6 +347,20 @@ void AddHeldStarts(const Camera& camera, std::vector<ParameterGroup> free, std::
     const size_t num_freed = std::erase(free, group);
     if (num_freed > 0) starts->push_back({camera, free});
   }
+}
+
+// Adds the starts with the smaller models, and those that hold the intrinsics that the captures by themselves
+// determine.
+void AddSmallerStarts(const std::vector<View>& views, const CalibrationOptions& options, CameraStarts* cameras) {
+  const std::vector<ParameterGroup>& free = options.bundle.free_intrinsics;
+  for (const std::string& model : cameras->smaller_models) {
+    Outcome<Camera> camera = EstimateIntrinsics(views, model, options.width_px, options.height_px);
+    if (camera) cameras->starts.push_back({std::move(*camera), free});
+  }
+  cameras->smaller_models.clear();
+  if (cameras->starts.empty()) return;
+  const Camera last = cameras->starts.back().camera;
+  if (!options.camera) AddHeldStarts(last, free, &cameras->starts);
 }
 
 // Returns the cameras to start with. Returns a Failure if none can be estimated.
@@ -376,20 +391,17 @@ Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const Cal
       if (other.model != choice->camera.model) cameras.starts.push_back({std::move(other), free});
     }
   } else {
-    std::vector<std::string> models = SmallerCameraModels(options.camera_model);
-    models.insert(models.begin(), options.camera_model);
-    for (const std::string& model : models) {
-      const bool is_wanted = model == options.camera_model;
-      Outcome<Camera> camera = EstimateIntrinsics(views, model, options.width_px, options.height_px,
-                                                  is_wanted ? options.camera_start : std::nullopt);
-      if (camera) cameras.starts.push_back({std::move(*camera), free});
-      if (is_wanted && !camera) cameras.refused = camera.reason();
+    const Outcome<Camera> wanted =
+        EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px, options.camera_start);
+    if (wanted) {
+      cameras.starts.push_back({*wanted, free});
+    } else {
+      cameras.refused = wanted.reason();
     }
+    cameras.smaller_models = SmallerCameraModels(options.camera_model);
+    if (!wanted) AddSmallerStarts(views, options, &cameras);
     if (cameras.starts.empty()) return Failure{cameras.refused};
   }
-  // The captures by themselves determine more than the problem as a whole only where they contradict it.
-  const Camera last = cameras.starts.back().camera;
-  AddHeldStarts(last, free, &cameras.starts);
   return cameras;
 }
 
@@ -518,12 +530,13 @@ void NoteReduction(const std::string& reason, const CalibrationOptions& wanted, 
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options_in) {
   CalibrationOptions options = options_in;
   if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
-  const Outcome<CameraStarts> cameras = FindCameraStarts(views, options);
+  Outcome<CameraStarts> cameras = FindCameraStarts(views, options);
   if (!cameras) return Failure{cameras.reason()};
   options.choose.lenses = cameras->candidates;
   // What the captures do not determine steps down to what they do.
   Started started = StartFrom(views, options, cameras->starts.front());
   std::string refused = cameras->refused;
+  if (!started.calibration.refined && refused.empty()) AddSmallerStarts(views, options, &*cameras);
   for (size_t k = 1; k < cameras->starts.size() && !started.calibration.refined; ++k) {
     Started other = StartFrom(views, options, cameras->starts[k]);
     if (!other.calibration.refined) continue;
@@ -555,7 +568,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   calibration.refined = RefineWithChosenModel(options, *calibration.refined, &calibration);
   // Where most captures contradict every calibration, this one cannot tell the wrong ones.
   const bool can_judge = 2 * static_cast<size_t>(calibration.num_kept_against_test) <= calibration.views.size();
-  if (options.bundle.loss != LossKind::kNone && can_judge) SettleCaptures(options, &calibration);
+  // Captures that all passed with the noise that was estimated for the test pass with that of the model, too.
+  const bool has_doubt = !calibration.left_out.empty() || calibration.num_kept_against_test > 0;
+  if (options.bundle.loss != LossKind::kNone && can_judge && has_doubt) SettleCaptures(options, &calibration);
   if (calibration.refined) NoteReduction(refused, options_in, &calibration);
   const bool has_methods = calibration.pairs.size() == started.num_posed && calibration.left_out.empty() &&
                            calibration.camera.model == start_model;

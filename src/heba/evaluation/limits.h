@@ -24,7 +24,7 @@ inline constexpr double kUsualDistanceM = 0.5;
 inline constexpr double kLeastDistanceM = 0.2;
 inline constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
 inline constexpr Limits kPixelSigmaPx = {1, 5};
-inline constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.
+inline constexpr Limits kShareLeftOut = {0.1, 0.6};  // Share of the captures that show the target.
 inline constexpr int kFewCaptures = 8;
 
 inline Grade GradeOf(double value, const Limits& limits) {

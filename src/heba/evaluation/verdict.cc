@@ -99,7 +99,6 @@ Finding JudgeCaptures(const RunResult& result) {
   int num_used = 0;
   int num_seen = 0;
   int num_copies = 0;
-  int num_contradicting = 0;
   int num_listed = 0;
   for (const CaptureResult& capture : result.captures) {
     if (!capture.was_searched) continue;
@@ -108,16 +107,12 @@ Finding JudgeCaptures(const RunResult& result) {
     num_copies += is_copy ? 1 : 0;
     num_used += capture.used ? 1 : 0;
     num_seen += !is_copy && (capture.used || capture.num_points > 0) ? 1 : 0;
-    constexpr int kPointsOfPose = 4;
-    num_contradicting += !is_copy && !capture.used && capture.num_points >= kPointsOfPose ? 1 : 0;
   }
   const int num_captures = num_listed - num_copies;
   const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
   Finding finding;
   finding.code = num_used < kFewCaptures ? FindingCode("few_captures") : FindingCode("captures_left_out");
-  // A capture that shows enough of the target and contradicts the others is a reason to look, however many agree.
-  const bool is_complete = num_contradicting == 0 && num_used >= kFewCaptures;
-  finding.grade = std::max(GradeOf(left_out, kShareLeftOut), is_complete ? Grade::kGood : Grade::kDoubtful);
+  finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
   finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
   return finding;
 }
