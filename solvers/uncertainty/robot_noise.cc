@@ -131,8 +131,16 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
   const Eigen::Index num_dependent = view.offset.size() - view.num_rows_without_effects;
   RowMajorMatrix dependent(num_dependent, n + 1);
   dependent << view.by_unknowns.topRows(num_dependent), view.offset.head(num_dependent);
-  const Eigen::LLT<Eigen::MatrixXd> root(CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances));
-  CHECK(root.info() == Eigen::Success);
+  Eigen::MatrixXd covariance = CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances);
+  Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() != Eigen::Success) {
+    // The noise of a pose that is close to the camera hides that of the pixels, which has no digits left in the sum.
+    constexpr double kDigits = 1e-12;
+    covariance.diagonal().array() += kDigits * covariance.trace();
+    root.compute(covariance);
+  }
+  // Rows without a finite covariance say nothing.
+  if (root.info() != Eigen::Success) return RowMajorMatrix::Zero(view.offset.size(), n + 1);
   if (num_dependent > 0) SolveLowerInPlace(root.matrixLLT(), &dependent);
   const double root_weight = 1 / std::sqrt(pixel_variance);
   RowMajorMatrix whitened(view.offset.size(), n + 1);
