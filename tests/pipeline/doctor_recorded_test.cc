@@ -54,7 +54,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Recorded{"chjohnkim_ur5_chess", "chessboard", "square", 42.4, 9, 11, Setup::kEyeInHand},
                     Recorded{"ic_charuco_eye_to_hand", "charuco", "square", 36.195, 7, 5, Setup::kEyeToHand},
                     Recorded{"ic_circlegrid_eye_in_hand", "circle_grid", "spacing", 25.4, 10, 10, Setup::kEyeInHand,
-                             "target_scale"},
+                             "uncertainty"},
                     Recorded{"metric_workcell_camera2", "chessboard", "square", 50, 4, 3, Setup::kEyeToHand},
                     Recorded{"zhangnatha_asym_circles_eye_to_hand", "circle_grid", "spacing", 10, 5, 4,
                              Setup::kEyeToHand}),
