@@ -533,7 +533,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   Outcome<CameraStarts> cameras = FindCameraStarts(views, options);
   if (!cameras) return Failure{cameras.reason()};
   options.choose.lenses = cameras->candidates;
-  // What the captures do not determine steps down to what they do.
+  // A camera that the captures do not determine steps down to one that they do.
   Started started = StartFrom(views, options, cameras->starts.front());
   std::string refused = cameras->refused;
   if (!started.calibration.refined && refused.empty()) AddSmallerStarts(views, options, &*cameras);
@@ -566,7 +566,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   const std::string start_model = calibration.camera.model;
   calibration.refined = RefineWithChosenModel(options, *calibration.refined, &calibration);
-  // Where most captures contradict every calibration, this one cannot tell the wrong ones.
+  // A calibration that most captures contradict cannot tell the wrong ones.
   const bool can_judge = 2 * static_cast<size_t>(calibration.num_kept_against_test) <= calibration.views.size();
   // Captures that all passed with the noise that was estimated for the test pass with that of the model, too.
   const bool has_doubt = !calibration.left_out.empty() || calibration.num_kept_against_test > 0;

@@ -285,7 +285,7 @@ std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_member
   if (dof < kLeastDof) return verdicts;
   Variances variances = EstimateFrom(members.views, {});
   if (solution.smooth_noise) {
-    // What the members tell of smooth errors elsewhere is uncertain: at most, it is nothing.
+    // The members say little about smooth errors at other poses: the test counts them as unknown.
     variances.translation_m2 += std::pow(solution.smooth_noise->translation_m, 2);
     variances.rotation_rad2 += std::pow(solution.smooth_noise->rotation_rad, 2);
   }

@@ -57,7 +57,7 @@ constexpr int kFewestCaptures = 6;
 constexpr int kMostCaptures = 40;
 constexpr int kLimitSeconds = 120;
 
-// What a run must answer for.
+// The limits that the soak must hold.
 constexpr int kEligibleCaptures = 8;    // From so many on, what OpenCV answers must be answered.
 constexpr int kWellGivenCaptures = 12;  // From so many on, few results may be bad.
 constexpr double kLeastAnswered = 0.99;

@@ -97,14 +97,14 @@ std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis)
 void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
   if (diagnosis.NumWrong() == 0) return;
   const Symptom& first = diagnosis.symptoms.front();
-  // What single captures have does not make the whole bad.
+  // A fault of single captures does not make the whole bad.
   const bool is_of_all = !IsOfSingleCaptures(first.code);
   Finding cause{is_of_all ? Grade::kBad : Grade::kDoubtful, std::string(first.code.name())};
   cause.is_cause = true;
   cause.text = first.Text();
   cause.action = first.cure;
   std::erase_if(*findings, [&](const Finding& finding) { return finding.code == cause.code; });
-  // What the run took for a cause is a consequence of a fault of all captures.
+  // A fault of all captures has as a consequence whatever the run took for a cause.
   for (Finding& finding : *findings) {
     if (finding.is_cause && is_of_all) cause.parts.push_back(finding);
   }

@@ -127,7 +127,7 @@ struct Calibration {
   std::vector<View> views;
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;
-  std::vector<View> left_out;  // Those of `unused` that contradict the others.
+  std::vector<View> left_out;  // The views of `unused` that contradict the others.
   std::vector<MethodResult> methods;
   Outcome<Solution> chain = Failure{"not run"};
   std::string seed;  // The start that led to the refined result: a method, or one of solvers/calibration/multi_start.h.

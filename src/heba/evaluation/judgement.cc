@@ -11,12 +11,12 @@
 namespace heba {
 namespace {
 
-// What errors of the model show as, the one that says most first.
+// The codes as which errors of the model show; the one that says most comes first.
 constexpr std::array<std::string_view, 6> kSymptoms = {
     FindingCode("unmodelled_error"),    FindingCode("hold_out"),
     FindingCode("captures_scatter"),    FindingCode("closed_form_better"),
     FindingCode("influential_capture"), FindingCode("pixel_noise")};
-// What a cause explains besides.
+// The codes that a cause explains besides.
 constexpr std::array<std::string_view, 3> kConsequences = {FindingCode("captures_left_out"), FindingCode("uncertainty"),
                                                            FindingCode("required")};
 

@@ -1,4 +1,4 @@
-// What the verdicts on a single camera and on a rig have in common: grades, and the order of findings.
+// Grades findings and orders them, for the verdicts on a single camera and on a rig.
 #pragma once
 
 #include <vector>

@@ -44,7 +44,7 @@ struct ExportRequest {
   bool is_ur_controller = false;
   Camera camera;
   std::optional<Arm> arm;         // With its estimated errors; nothing if they were not estimated.
-  std::optional<Grade> grade;     // Of the run's verdict; nothing if it is not known.
+  std::optional<Grade> grade;     // The grade of the run's verdict; nothing if it is not known.
   std::string length_unit = "m";  // For the format `matrix`: m or mm.
 };
 

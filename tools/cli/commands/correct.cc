@@ -51,7 +51,7 @@ Form FormOf(const fs::path& run, const std::string& arm) {
 
 // The arm whose poses are corrected.
 struct ArmAskedFor {
-  Grade grade = Grade::kGood;         // Of the run's verdict.
+  Grade grade = Grade::kGood;         // The grade of the run's verdict.
   std::string name;                   // Empty if the run has one camera.
   std::optional<RobotSummary> robot;  // Nothing if its errors were not estimated.
   std::string reason;                 // Why not.
