@@ -24,8 +24,8 @@ struct RigErrors {
   std::optional<double> holdout_target_deg;
   std::optional<double> distance_m = {};  // Median distance of the targets from the camera.
   // Differences of the pose of the camera in its mount from the truth.
-  std::optional<double> truth_mm;
-  std::optional<double> truth_deg;
+  std::optional<double> truth_mm = {};
+  std::optional<double> truth_deg = {};
   // The reason if captures were held out, but a figure of them does not exist.
   std::string holdout_reason = {};
 };

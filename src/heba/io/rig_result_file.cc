@@ -100,9 +100,7 @@ RigErrors ReadErrors(const JsonReader& reader) {
   RigErrors errors{ReadOptionalMagnitude(reader, "reprojection_rms_px"),
                    ReadOptionalMagnitude(reader, "holdout_rms_px"),
                    ReadOptionalMagnitude(reader, "holdout_target_mm"),
-                   ReadOptionalMagnitude(reader, "holdout_target_deg"),
-                   {},
-                   {}};
+                   ReadOptionalMagnitude(reader, "holdout_target_deg")};
   if (reader.Has("truth")) {
     errors.truth_mm = ReadMagnitude(reader.Get("truth"), "mm");
     errors.truth_deg = ReadOptionalMagnitude(reader.Get("truth"), "deg");
