@@ -10,9 +10,12 @@
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/geometry/homography.h"
 #include "heba/target.h"
+#include "targets/numbered_grid.h"
 #include "targets/table_choice.h"
 #include "targets/tags/tag_codes.h"
 #include "targets/tags/tag_layout.h"
@@ -176,6 +179,66 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
     reader.Get("corner_squares").Fail("must be false for " + name + ", which has cells where the squares would be");
   }
   return std::make_unique<AprilTagGrid>(std::move(family), geometry);
+}
+
+std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
+  std::vector<TargetSettings> proposals;
+  for (const TagFamilyName& entry : kTagFamilies) {
+    // 16h5 is read in any clutter. The codes of the largest families are not all used by any target.
+    if (std::string_view(entry.name) == "tag16h5") continue;
+    TagFamily family(entry);
+    const bool has_outer_cells = family.NumOuterCells() > 0;
+    constexpr int kMostTags = 587;
+    TagGridGeometry all;
+    all.family = entry.name;
+    all.rows = 1;
+    all.columns = std::min(kMostTags, static_cast<int>(family->ncodes));
+    for (const int border_bits : {1, 2}) {
+      if (has_outer_cells && border_bits > 1) continue;
+      all.border_bits = border_bits;
+      constexpr double kDecimate = 2;
+      const std::vector<SeenTag> tags = TagCodes(TagFamily(entry), all, 0).Detect(grey, kDecimate);
+      if (tags.empty()) continue;
+      std::vector<SeenNumber> seen;
+      int last = 0;
+      for (const SeenTag& tag : tags) {
+        seen.push_back({tag.index, CentreOf(tag.corners_px)});
+        last = std::max(last, tag.index);
+      }
+      const auto add = [&](int rows, int columns, int first, const std::string& spacing) {
+        for (const bool has_squares : {true, false}) {
+          if (has_squares && has_outer_cells) continue;
+          TargetSettings grid = {{"family", entry.name}};
+          for (auto& setting : RowsAndColumns(rows, columns)) grid.push_back(std::move(setting));
+          grid.emplace_back("tag_size", UnitLength(1, 1));
+          if (!spacing.empty()) grid.emplace_back("tag_spacing", spacing);
+          if (border_bits != 1) grid.emplace_back("border_bits", std::to_string(border_bits));
+          if (first > 0) grid.emplace_back("first_id", std::to_string(first));
+          if (!has_squares && !has_outer_cells) grid.emplace_back("corner_squares", "false");
+          proposals.push_back(std::move(grid));
+        }
+      };
+      constexpr int kMostColumns = 30;
+      const std::optional<NumberedGrid> grid = FindNumberedGrid(
+          seen, kMostColumns, [](int index, int columns) { return Eigen::Vector2d(index % columns, index / columns); });
+      if (!grid) {
+        if (tags.size() == 1) add(1, 1, last, "");
+        continue;
+      }
+      const Eigen::Matrix3d cell_from_pixel = grid->pixel_from_cell.inverse();
+      std::vector<double> sides;
+      for (const SeenTag& tag : tags) {
+        TagCorners corners;
+        for (size_t k = 0; k < 4; ++k) corners[k] = ApplyHomography(cell_from_pixel, tag.corners_px[k]);
+        sides.push_back(MeanSide(corners));
+      }
+      const double spacing = 1 / Median(sides) - 1;
+      if (!(spacing > 0.01)) continue;
+      add((last - grid->first) / grid->columns + 1, grid->columns, grid->first, Fixed(spacing, 2));
+      return proposals;
+    }
+  }
+  return proposals;
 }
 
 }  // namespace heba

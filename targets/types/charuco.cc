@@ -18,11 +18,14 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/homography.h"
 #include "heba/target.h"
 #include "targets/corners/corner_refinement.h"
 #include "targets/images/image.h"
+#include "targets/numbered_grid.h"
 #include "targets/table_choice.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/types/likely_misconfigurations.h"
@@ -72,6 +75,31 @@ struct CharucoGeometry {
     return ((row + column) % 2 == 0) == top_left_black;
   }
 };
+
+// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary.
+std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
+  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
+  parameters->minMarkerPerimeterRate = 0.01;
+  // The windows are 3 to 53 px wide, for small and for large images.
+  parameters->adaptiveThreshWinSizeMax = 53;
+  parameters->adaptiveThreshWinSizeStep = 10;
+  std::vector<std::vector<cv::Point2f>> corners;
+  std::vector<int> ids;
+  // Each speck of noise would be traced like a marker's outline.
+  constexpr double kStrongNoiseGrey = 8;
+  cv::Mat smooth = grey;
+  if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
+  cv::aruco::detectMarkers(smooth, dictionary, corners, ids, parameters);
+  std::vector<SeenTag> markers;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    SeenTag marker;
+    marker.index = ids[i];
+    for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {corners[i][k].x, corners[i][k].y};
+    markers.push_back(marker);
+  }
+  return markers;
+}
 
 class Charuco final : public Target {
  public:
@@ -206,30 +234,7 @@ class Charuco final : public Target {
     return markers;
   }
 
-  // Returns all markers that are seen, on the target or not; the index of each is its number in the dictionary.
-  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const {
-    const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
-    parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
-    parameters->minMarkerPerimeterRate = 0.01;
-    // The windows are 3 to 53 px wide, for small and for large images.
-    parameters->adaptiveThreshWinSizeMax = 53;
-    parameters->adaptiveThreshWinSizeStep = 10;
-    std::vector<std::vector<cv::Point2f>> corners;
-    std::vector<int> ids;
-    // Each speck of noise would be traced like a marker's outline.
-    constexpr double kStrongNoiseGrey = 8;
-    cv::Mat smooth = grey;
-    if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
-    cv::aruco::detectMarkers(smooth, dictionary_, corners, ids, parameters);
-    std::vector<SeenTag> markers;
-    for (size_t i = 0; i < ids.size(); ++i) {
-      SeenTag marker;
-      marker.index = ids[i];
-      for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {corners[i][k].x, corners[i][k].y};
-      markers.push_back(marker);
-    }
-    return markers;
-  }
+  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const { return MarkersOf(grey, dictionary_); }
 
   // Predicts a corner from the nearest markers, at least one of which must touch it, and refines it within its
   // squares.
@@ -279,7 +284,87 @@ class Charuco final : public Target {
   std::vector<std::array<int, 2>> marker_squares_;  // Row and column of each marker's square.
 };
 
+// Returns the square of the marker with an index from 0, as (column, row), if the markers are in every other square.
+Eigen::Vector2d SquareOfMarker(int index, int columns, bool is_first_black) {
+  // Two rows have as many markers as columns; the first one has the smaller half if it begins with a black square.
+  const int in_first = is_first_black ? columns / 2 : columns - columns / 2;
+  const int pair = index / columns;
+  const int rest = index % columns;
+  const bool is_second = rest >= in_first;
+  const int place = is_second ? rest - in_first : rest;
+  const bool begins_black = is_first_black != is_second;
+  return {2 * place + (begins_black ? 1 : 0), 2 * pair + (is_second ? 1 : 0)};
+}
+
+// Returns the ratio of marker and square: the median side of the markers in squares.
+double MarkerRatio(const std::vector<SeenTag>& markers, const Eigen::Matrix3d& pixel_from_square) {
+  const Eigen::Matrix3d square_from_pixel = pixel_from_square.inverse();
+  std::vector<double> sides;
+  for (const SeenTag& marker : markers) {
+    TagCorners corners;
+    for (size_t k = 0; k < 4; ++k) corners[k] = ApplyHomography(square_from_pixel, marker.corners_px[k]);
+    sides.push_back(MeanSide(corners));
+  }
+  return Median(sides);
+}
+
+// Returns the smallest dictionary that has the markers of `whole`, of which it is the beginning, up to `last`.
+const char* SmallestDictionary(const DictionaryName& whole, int last) {
+  const std::string name = whole.name;
+  if (!name.ends_with("_1000")) return whole.name;
+  const std::string beginning = name.substr(0, name.rfind('_') + 1);
+  for (const DictionaryName& entry : kDictionaries) {
+    const bool is_part = std::string_view(entry.name).starts_with(beginning);
+    if (is_part && cv::aruco::getPredefinedDictionary(entry.id)->bytesList.rows > last) return entry.name;
+  }
+  return whole.name;
+}
+
+// Returns the boards whose markers of one dictionary are seen.
+std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& whole) {
+  const std::vector<SeenTag> markers = MarkersOf(grey, cv::aruco::getPredefinedDictionary(whole.id));
+  std::vector<SeenNumber> seen;
+  int last = 0;
+  for (const SeenTag& marker : markers) {
+    seen.push_back({marker.index, CentreOf(marker.corners_px)});
+    last = std::max(last, marker.index);
+  }
+  std::vector<TargetSettings> boards;
+  for (const bool is_first_black : {true, false}) {
+    constexpr int kMostColumns = 40;
+    const std::optional<NumberedGrid> grid = FindNumberedGrid(
+        seen, kMostColumns, [&](int index, int columns) { return SquareOfMarker(index, columns, is_first_black); });
+    if (!grid || grid->columns < 2) continue;
+    int rows = static_cast<int>(SquareOfMarker(last - grid->first, grid->columns, is_first_black).y()) + 1;
+    // The top-left square of a legacy pattern is white only if the number of rows is even.
+    if (!is_first_black) rows += rows % 2;
+    const double ratio = MarkerRatio(markers, grid->pixel_from_cell);
+    if (!(ratio > 0.2 && ratio < 0.98)) continue;
+    TargetSettings board = RowsAndColumns(std::max(rows, 2), grid->columns);
+    board.emplace_back("square", UnitLength(1, 1));
+    board.emplace_back("marker", Fixed(ratio, 2) + " m");
+    board.emplace_back("dictionary", SmallestDictionary(whole, last));
+    if (!is_first_black) board.emplace_back("legacy_pattern", "true");
+    if (grid->first > 0) board.emplace_back("first_marker", std::to_string(grid->first));
+    boards.push_back(std::move(board));
+  }
+  return boards;
+}
+
 }  // namespace
+
+std::vector<TargetSettings> ProposeTargets_charuco(const cv::Mat& grey) {
+  std::vector<TargetSettings> proposals;
+  for (const DictionaryName& entry : kDictionaries) {
+    // The smaller dictionaries are the beginnings of the largest of their kind. 16h5 is read in any clutter.
+    const std::string_view name = entry.name;
+    const bool is_part = name.ends_with("_50") || name.ends_with("_100") || name.ends_with("_250");
+    if (is_part || name.ends_with("16h5")) continue;
+    for (TargetSettings& board : BoardsOf(grey, entry)) proposals.push_back(std::move(board));
+    if (!proposals.empty()) break;  // The markers of another kind do not lie as those of a board.
+  }
+  return proposals;
+}
 
 std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   CharucoGeometry geometry;

@@ -99,6 +99,26 @@ std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
   return grids;
 }
 
+// Returns the image without the bright dots of a projector that cover it; nothing if it has none.
+std::optional<cv::Mat> WithoutSpeckle(const cv::Mat& grey) {
+  constexpr int kLargeSidePx = 1500;
+  constexpr double kDotGrey = 25;
+  constexpr double kLeastShare = 0.03;
+  constexpr int kBandPx = 128;
+  const int kernel_px = std::max(grey.cols, grey.rows) > kLargeSidePx ? 7 : 5;
+  cv::Mat median;
+  // The dots are everywhere, so a band of rows shows whether there are any.
+  const int num_rows = std::min(kBandPx, grey.rows);
+  const cv::Mat band = grey.rowRange((grey.rows - num_rows) / 2, (grey.rows + num_rows) / 2);
+  cv::medianBlur(band, median, kernel_px);
+  cv::Mat above;
+  cv::subtract(band, median, above);  // Zero where the image is darker.
+  const int num_dots = cv::countNonZero(above > kDotGrey);
+  if (num_dots < kLeastShare * static_cast<double>(band.total())) return std::nullopt;
+  cv::medianBlur(grey, median, kernel_px);
+  return median;
+}
+
 class Chessboard final : public Target {
  public:
   Chessboard(int rows, int columns, double square_m) : rows_(rows), columns_(columns), square_m_(square_m) {
@@ -124,30 +144,21 @@ class Chessboard final : public Target {
   const std::vector<TargetPoint>& points() const override { return points_; }
 
   Detection Detect(const cv::Mat& grey) const override {
-    Detection detection;
     constexpr int kMinSidePx = 16;  // OpenCV's finders throw on smaller images.
     if (std::min(grey.cols, grey.rows) < kMinSidePx) {
-      detection.reason = "the image is too small";
-      return detection;
+      Detection none;
+      none.reason = "the image is too small";
+      return none;
     }
-    cv::Rect may_be_in;
-    if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
-      // The sigma of a corner that is refined as a saddle although the pattern fit fails there: a guess that gives
-      // such a point little weight.
-      constexpr double kSaddleSigmaPx = 0.15;
-      const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
-      for (const TargetPoint& point : points_) {
-        const MeasuredCorner saddle{(*corners)[static_cast<size_t>(point.id)],
-                                    kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
-        Append(point, Measure(grey, *corners, seen, point).value_or(saddle), &detection);
-      }
-      return detection;
-    }
-    if (!may_be_in.empty()) detection = DetectPartly(grey, may_be_in);
+    Detection detection = DetectIn(grey);
     if (!detection.ids.empty()) return detection;
-    detection.reason = "no chessboard of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
-                       " inner corners found; it must be visible with a light rim" + detection.reason;
-    return detection;
+    // The dots of a projector hide the corners; their median does not.
+    const std::optional<cv::Mat> without_dots = WithoutSpeckle(grey);
+    if (!without_dots) return detection;
+    Detection second = DetectIn(*without_dots);
+    second.reason = "bright dots cover the image: switch the infrared projector off" +
+                    (second.reason.empty() ? "" : "; " + second.reason);
+    return second;
   }
 
   // Returns the size of any chessboard that is seen: chessboards are miscounted in more ways than can be tried.
@@ -184,6 +195,29 @@ class Chessboard final : public Target {
   }
 
  private:
+  // Detects the chessboard in an image as it is.
+  Detection DetectIn(const cv::Mat& grey) const {
+    Detection detection;
+    cv::Rect may_be_in;
+    if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
+      // The sigma of a corner that is refined as a saddle although the pattern fit fails there: a guess that gives
+      // such a point little weight.
+      constexpr double kSaddleSigmaPx = 0.15;
+      const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
+      for (const TargetPoint& point : points_) {
+        const MeasuredCorner saddle{(*corners)[static_cast<size_t>(point.id)],
+                                    kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+        Append(point, Measure(grey, *corners, seen, point).value_or(saddle), &detection);
+      }
+      return detection;
+    }
+    if (!may_be_in.empty()) detection = DetectPartly(grey, may_be_in);
+    if (!detection.ids.empty()) return detection;
+    detection.reason = "no chessboard of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
+                       " inner corners found; it must be visible with a light rim" + detection.reason;
+    return detection;
+  }
+
   // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then
   // the region that may contain it nevertheless, or empty.
   std::optional<Corners> FindCorners(const cv::Mat& grey, cv::Rect* may_be_in) const {
@@ -587,6 +621,17 @@ std::unique_ptr<Target> CreateTarget_chessboard(MapReader& reader) {
   const int columns = reader.Int("columns", kCorners);
   const double square_m = reader.PositiveLength("square");
   return std::make_unique<Chessboard>(rows, columns, square_m);
+}
+
+std::vector<TargetSettings> ProposeTargets_chessboard(const cv::Mat& grey) {
+  std::vector<TargetSettings> proposals;
+  for (const SeenGrid& grid : GridsSeen(grey, cv::Rect({}, grey.size()))) {
+    TargetSettings proposal =
+        RowsAndColumns(std::min(grid.size.width, grid.size.height), std::max(grid.size.width, grid.size.height));
+    proposal.emplace_back("square", UnitLength(1, 1));
+    if (std::find(proposals.begin(), proposals.end(), proposal) == proposals.end()) proposals.push_back(proposal);
+  }
+  return proposals;
 }
 
 }  // namespace heba

@@ -15,6 +15,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
+#include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/homography.h"
 #include "heba/target.h"
@@ -382,6 +383,60 @@ std::unique_ptr<Target> CreateTarget_circle_grid(MapReader& reader) {
     }
   }
   return std::make_unique<CircleGrid>(options);
+}
+
+std::vector<TargetSettings> ProposeTargets_circle_grid(const cv::Mat& grey) {
+  std::vector<TargetSettings> proposals;
+  for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
+    EllipseFinderOptions finder_options;
+    finder_options.polarity = polarity;
+    std::vector<Ellipse> dots;
+    for (const FoundEllipse& found : FindEllipses(grey, finder_options)) dots.push_back(found.ellipse);
+    constexpr int kFewestDots = 6;
+    LatticeOptions lattice_options;
+    lattice_options.min_dots = kFewestDots;
+    const std::vector<Lattice> lattices = GrowLattices(dots, lattice_options);
+    if (lattices.empty()) continue;
+    const Lattice& lattice = lattices.front();
+    const auto num_dots = static_cast<int>(lattice.size());
+    std::vector<double> shares;  // Diameters, as shares of the distance to the next dot.
+    LatticeCell least = lattice.begin()->first;
+    LatticeCell most = least;
+    for (const auto& [cell, dot] : lattice) {
+      least = {std::min(least.i, cell.i), std::min(least.j, cell.j)};
+      most = {std::max(most.i, cell.i), std::max(most.j, cell.j)};
+      const auto next = lattice.find({cell.i + 1, cell.j});
+      if (next == lattice.end()) continue;
+      const Ellipse& here = dots[static_cast<size_t>(dot)];
+      shares.push_back(2 * here.RadiusPx() /
+                       (here.centre_px - dots[static_cast<size_t>(next->second)].centre_px).norm());
+    }
+    if (shares.empty()) continue;
+    // Perspective shortens distances and dots alike in one direction only, so the share is a rough one.
+    const double share = std::clamp(Median(shares), 0.1, 0.9);
+    const auto add = [&](int rows, int columns, bool is_asymmetric, bool has_marker) {
+      TargetSettings grid = RowsAndColumns(rows, columns);
+      grid.emplace_back("spacing", UnitLength(1, 1));
+      grid.emplace_back("dot_diameter", Fixed(is_asymmetric ? std::sqrt(2.0) * share : share, 2) + " m");
+      if (is_asymmetric) grid.emplace_back("asymmetric", "true");
+      if (has_marker) grid.emplace_back("marker_dot", "true");
+      if (polarity == DotPolarity::kLightOnDark) grid.emplace_back("light_on_dark", "true");
+      proposals.push_back(std::move(grid));
+    };
+    const int rows = std::min(most.i - least.i, most.j - least.j) + 1;
+    const int columns = std::max(most.i - least.i, most.j - least.j) + 1;
+    if (rows >= 2 && rows * columns == num_dots) {
+      add(rows, columns, false, false);
+    } else if (rows >= 2 && rows * columns == num_dots + 1) {
+      // The larger dot is not a part of the lattice.
+      add(rows, columns, false, true);
+    } else {
+      for (int factor = 2; factor * 2 <= num_dots; ++factor) {
+        if (num_dots % factor == 0) add(num_dots / factor, factor, true, false);
+      }
+    }
+  }
+  return proposals;
 }
 
 }  // namespace heba

@@ -20,6 +20,7 @@
 #include "targets/dots/ellipse_finder.h"
 #include "targets/dots/ring_code.h"
 #include "targets/dots/ring_decoder.h"
+#include "targets/numbered_grid.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {
@@ -461,6 +462,43 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
               " bits" + (options.bits < 14 ? "; use more bits" : ""));
   }
   return std::make_unique<CodedBoard>(options);
+}
+
+std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
+  for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
+    EllipseFinderOptions finder_options;
+    finder_options.polarity = polarity;
+    finder_options.min_diameter_px = 3;
+    const std::vector<FoundEllipse> dots = FindEllipses(grey, finder_options);
+    for (const int bits : {8, 10, 12, 14}) {
+      for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
+        const std::vector<uint32_t> codes = RingCodes(bits, order);
+        const RingDecoder decoder(bits, polarity, codes);
+        std::vector<SeenNumber> seen;
+        int last = 0;
+        for (const FoundEllipse& dot : dots) {
+          const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
+          if (!reading || !reading->is_clear) continue;
+          const auto number = static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin());
+          seen.push_back({number, dot.ellipse.centre_px});
+          last = std::max(last, number);
+        }
+        constexpr int kMostColumns = 40;
+        const std::optional<NumberedGrid> grid = FindNumberedGrid(seen, kMostColumns, [](int index, int columns) {
+          return Eigen::Vector2d(index % columns, index / columns);
+        });
+        if (!grid) continue;
+        TargetSettings board = RowsAndColumns((last - grid->first) / grid->columns + 1, grid->columns);
+        board.emplace_back("spacing", UnitLength(1, 1));
+        board.emplace_back("bits", std::to_string(bits));
+        if (order == RingCodeOrder::kValue) board.emplace_back("code_order", "value");
+        if (grid->first > 0) board.emplace_back("first_id", std::to_string(grid->first));
+        if (polarity == DotPolarity::kLightOnDark) board.emplace_back("light_on_dark", "true");
+        return {board};
+      }
+    }
+  }
+  return {};
 }
 
 }  // namespace heba

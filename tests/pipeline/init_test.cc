@@ -52,11 +52,16 @@ TEST_F(InitTest, WritesAConfigThatRuns) {
                             HasSubstr("\ntarget: \"target.yaml\"\n"), HasSubstr("  # target_shape: auto\n")));
   const CommandResult run = RunHeba({"run", (folder_ / "cell/config.yaml").string(), "--quiet"});
   EXPECT_EQ(run.status, 0) << run.err;
-  // Nothing is replaced.
+  // Nothing is replaced but what the command itself wrote, and that if it is asked to.
   const CommandResult again = Init({"--target", kTarget});
   EXPECT_EQ(again.status, 2);
   EXPECT_THAT(again.err, HasSubstr("config.yaml: exists already"));
   EXPECT_EQ(ReadAll(folder_ / "cell/config.yaml"), config);
+  EXPECT_EQ(Init({"--target", kTarget, "--force"}).status, 0);
+  WriteAll(folder_ / "cell/config.yaml", "setup: eye_in_hand\n");
+  const CommandResult forced = Init({"--target", kTarget, "--force"});
+  EXPECT_EQ(forced.status, 2);
+  EXPECT_THAT(forced.err, HasSubstr("--force replaces only what 'heba init' wrote"));
 }
 
 TEST_F(InitTest, WritesBothFilesOrNone) {
@@ -77,12 +82,13 @@ TEST_F(InitTest, WritesBothFilesOrNone) {
 }
 
 TEST_F(InitTest, SaysWhatIsMissing) {
-  EXPECT_THAT(Init({}).err, HasSubstr("contains no target file; name it (--target TARGET.yaml) or state the keys"));
+  EXPECT_THAT(Unbroken(Init({}).err), HasSubstr("contains no target file; the images show --target '{type: chessboard, "
+                                                "rows: 6, columns: 7, square: SIZE}'"));
   EXPECT_THAT(Init({"--target", "{type: chessbord}"}).err, HasSubstr("did you mean 'chessboard'?"));
   EXPECT_THAT(Init({"--target", kTarget, "--setup", "eye_in_hnd"}).err, HasSubstr("did you mean 'eye_in_hand'?"));
   EXPECT_THAT(Init({"--target", kTarget, "--images", "absent"}).err, HasSubstr("--images: absent: no such"));
   fs::remove(folder_ / "cell/robot_log.csv");
-  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no table of robot poses; name it (--poses)"));
+  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no robot poses; name their file (--poses)"));
   fs::remove_all(folder_ / "cell/images");
   EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no images; name their folder (--images)"));
   EXPECT_TRUE(fs::is_empty(folder_ / "cell"));
@@ -103,31 +109,35 @@ TEST_F(InitTest, NamesTheCorrectionOfAWrongTarget) {
   EXPECT_THAT(Unbroken(scaled.out), AllOf(HasSubstr("warning: the target is 1.2"), HasSubstr("next: heba doctor ")));
 }
 
-// Nothing is ready to run if no reading fits: the config is written, but the command fails.
+// Nothing is written if no reading fits, and one line says why.
 TEST_F(InitTest, FailsIfNoReadingFits) {
-  const CommandResult unseen = Init({"--target", "{type: circle_grid, rows: 4, columns: 9, spacing: 25 mm}"});
-  EXPECT_EQ(unseen.status, 1) << unseen.err;
-  const std::string first = Unbroken(unseen.out).substr(0, unseen.out.find('\n'));
-  EXPECT_THAT(first, testing::StartsWith("warning: the target is detected in 0 of 10 images"));
-  EXPECT_THAT(unseen.out, AllOf(HasSubstr("next: heba doctor "), Not(HasSubstr("heba run"))));
-  EXPECT_TRUE(fs::exists(folder_ / "cell/config.yaml"));
   const CommandResult other_setup =
       Init({"--target", kTarget, "--setup", "eye_to_hand", "--out", Config("fixed.yaml")});
   EXPECT_EQ(other_setup.status, 1) << other_setup.err;
-  EXPECT_THAT(Unbroken(other_setup.out), AllOf(HasSubstr("warning: the poses are the inverse of what the config says"),
-                                               Not(HasSubstr("set setup in the config"))));
+  EXPECT_THAT(Unbroken(other_setup.err),
+              AllOf(HasSubstr("heba: error: "), HasSubstr("the poses are the inverse of what the config says")));
+  EXPECT_EQ(other_setup.out, "");
+  EXPECT_FALSE(fs::exists(folder_ / "cell/fixed.yaml"));
+  EXPECT_FALSE(fs::exists(folder_ / "cell/target.yaml"));
 }
 
-TEST_F(InitTest, TellsOfDecimalCommas) {
+// The target that the images show takes the place of one of another type.
+TEST_F(InitTest, NamesWhatTheImagesShow) {
+  const CommandResult other = Init({"--target", "{type: circle_grid, rows: 4, columns: 9, spacing: 25 mm}"});
+  EXPECT_THAT(Unbroken(other.out + other.err), HasSubstr("type: chessboard, rows: 6, columns: 7"));
+}
+
+TEST_F(InitTest, ReadsDecimalCommas) {
   std::string poses = ReadAll(folder_ / "cell/robot_log.csv");
   std::replace(poses.begin(), poses.end(), ',', ';');
-  std::replace(poses.begin(), poses.end(), '.', ',');
+  // The names of the images keep their points.
+  for (size_t at = 0; (at = poses.find('.', at)) != std::string::npos; ++at) {
+    if (poses.compare(at, 4, ".png") != 0) poses[at] = ',';
+  }
   WriteAll(folder_ / "cell/robot_log.csv", poses);
-  const std::string log = (folder_ / "cell/robot_log.csv").string();
-  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr(log + ":2: "));
-  const CommandResult named = Init({"--target", kTarget, "--poses", log});
-  EXPECT_EQ(named.status, 2);
-  EXPECT_THAT(named.err, AllOf(HasSubstr("' is not a number; use a decimal point"), Not(HasSubstr("heba_trial"))));
+  const CommandResult made = Init({"--target", kTarget});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_EQ(RunHeba({"run", (folder_ / "cell/config.yaml").string(), "--quiet"}).status, 0);
 }
 
 TEST_F(InitTest, NamesTheUsersFilesInFaults) {
@@ -137,10 +147,23 @@ TEST_F(InitTest, NamesTheUsersFilesInFaults) {
   WriteAll(folder_ / "cell/robot_log.csv", poses);
   const CommandResult made = Init({"--target", kTarget});
   EXPECT_EQ(made.status, 1);
-  EXPECT_THAT(Unbroken(made.out),
-              AllOf(HasSubstr("warning: the data set cannot be read: " + (folder_ / "cell/robot_log.csv").string() +
+  EXPECT_THAT(Unbroken(made.err),
+              AllOf(HasSubstr("the data set cannot be read: " + (folder_ / "cell/robot_log.csv").string() +
                               ": has 4 rows without an image column for 10 images"),
                     Not(HasSubstr("heba_trial"))));
+}
+
+// Of several files with poses, the images decide, and the others are named.
+TEST_F(InitTest, TriesAllPosesThatItFinds) {
+  std::string shifted = ReadAll(folder_ / "cell/robot_log.csv");
+  for (size_t at = 0; (at = shifted.find("\n00", at)) != std::string::npos; ++at) {
+    shifted[at + 3] = shifted[at + 3] == '9' ? '0' : static_cast<char>(shifted[at + 3] + 1);
+  }
+  WriteAll(folder_ / "cell/a.csv", shifted);
+  const CommandResult made = Init({"--target", kTarget});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(ReadAll(folder_ / "cell/config.yaml"), HasSubstr("  poses: \"robot_log.csv\"\n"));
+  EXPECT_THAT(Unbroken(made.out), HasSubstr("other poses were found and not taken: "));
 }
 
 TEST_F(InitTest, ATargetBesideAnotherIsNamedAfterItsConfig) {

@@ -178,7 +178,7 @@ TEST_F(RigArmCommandsTest, CorrectTakesTheArmByItsName) {
   EXPECT_THAT(unnamed.err, HasSubstr("the rig has several arms, one of which is needed: left, right"));
   const CommandResult unknown = correct(Path("cell/left.csv"), "none.csv", {"--arm", "lefd"});
   EXPECT_EQ(unknown.status, 2);
-  EXPECT_THAT(unknown.err, HasSubstr("--arm: 'lefd' is unknown; one of: left, right; did you mean 'left'?"));
+  EXPECT_THAT(unknown.err, HasSubstr("--arm: 'lefd' is unknown; did you mean 'left'? One of: left, right"));
   EXPECT_FALSE(fs::exists(Path("none.csv")));
 
   const CommandResult left = correct(Path("cell/left.csv"), "left_true.csv", {"--arm", "left"});

@@ -155,6 +155,11 @@ int Dispatch(const std::vector<std::string>& words) {
       std::count_if(forms.begin(), forms.end(), [](const std::string& form) { return form.starts_with("["); });
   const size_t num_needed = forms.size() - static_cast<size_t>(num_optional);
   if (arguments.size() < num_needed || (!takes_many && arguments.size() > forms.size())) {
+    const std::string line = "heba " + command->name + " " + command->arguments;
+    if (arguments.empty()) {
+      throw InputError(forms[0] + " is missing: " + line + "; 'heba help " + command->name + "' explains it" +
+                       (forms[0].starts_with("CONFIG") ? ", and 'heba init FOLDER' writes a config" : ""));
+    }
     throw InputError("'heba " + command->name + "' takes " + command->arguments + ", not " +
                      std::to_string(arguments.size()) + (arguments.size() == 1 ? " argument" : " arguments"));
   }

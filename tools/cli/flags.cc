@@ -39,7 +39,8 @@ DEFINE_string(child_is, "",
               "FRAME|optical (z forward), body (x forward, same origin), or the optical frame's pose in the child, "
               "x,y,z,qx,qy,qz,qw in m");
 DEFINE_bool(force, false,
-            "|write the calibrated arm, or poses corrected by it, although the verdict of the run is bad");
+            "|write the calibrated arm, or poses corrected by it, although the verdict of the run is bad"
+            "|init: replace a config that 'heba init' wrote");
 DEFINE_bool(inverse, false,
             "|export the pose of the parent in the child"
             "|correct: the poses are those to reach, and those to command are computed");
@@ -74,6 +75,7 @@ DEFINE_string(pixels, "",
               "with a rig CAMERA=U,V;CAMERA=U,V, the pixels of one point, without images");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 DEFINE_string(paper, "", "NAME|paper of the sheet: a4, a3, letter, ...; default: a page as large as the sheet");

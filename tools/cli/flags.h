@@ -43,6 +43,7 @@ DECLARE_string(poses);
 DECLARE_string(setup);
 DECLARE_string(pixels);
 DECLARE_string(plane);
+DECLARE_bool(any);
 DECLARE_bool(json);
 
 namespace heba {

@@ -35,11 +35,25 @@ std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
 }
 
 std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
-  const fs::path file = reader->InputPath("target_poses");
-  config->data_files.push_back(file);
+  std::optional<MapReader> mapping;
+  const PoseSource source = ReadPoseSource(*reader, "target_poses", &mapping);
+  PoseFormat format = *FindPoseFormat("ros");
+  bool is_inverse = false;
+  if (mapping) {
+    if (const std::optional<ConfigValue> value = mapping->Find("pose_format")) format = ReadPoseFormat(value->Top());
+    mapping->Record("pose_format", PoseFormatNode(format));
+    is_inverse = mapping->Choice("poses_are", {"camera_from_target", "target_from_camera"}, "camera_from_target") ==
+                 "target_from_camera";
+    mapping->Finish();
+    reader->Record("target_poses", mapping->used());
+  }
+  config->data_files.push_back(source.path);
   std::vector<Seen> seen;
-  for (const PoseRow& row : ReadPoseFile(file, *FindPoseFormat("ros"))) {
-    seen.push_back({row.image.empty() ? "sample_" + std::to_string(seen.size()) : row.image, {}, row.pose, {}});
+  for (const PoseRow& row : ReadPoses(source.path, format, {}, source.paths)) {
+    seen.push_back({row.image.empty() ? "sample_" + std::to_string(seen.size()) : row.image,
+                    {},
+                    is_inverse ? Inverse(row.pose) : row.pose,
+                    {}});
   }
   return seen;
 }
@@ -291,6 +305,17 @@ Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
   return reading.is_base_from_gripper ? pose : Inverse(pose);
 }
 
+PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping) {
+  const ConfigValue value = reader.Get(key);
+  if (!value.IsMap()) return {reader.InputPath(key), {}};
+  // A mapping replaces the file that a layer below names.
+  mapping->emplace(value.DownTo({"file"}));
+  PoseSource source{(*mapping)->InputPath("file"), {}};
+  source.paths.pose = (*mapping)->Text("pose", "");
+  source.paths.image = (*mapping)->Text("image", "");
+  return source;
+}
+
 YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   MapReader reader(captures);
   const Source* source = nullptr;
@@ -307,14 +332,20 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     config->pose_reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
   } else {
-    config->poses_file = reader.InputPath("poses");
+    std::optional<MapReader> mapping;
+    const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
+    if (mapping) {
+      mapping->Finish();
+      reader.Record("poses", mapping->used());
+    }
+    config->poses_file = poses.path;
     config->pose_reading = ReadPoseReading(reader);
     if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
     std::error_code error;
     if (fs::is_directory(config->poses_file, error)) {
       for (const fs::path& file : PoseFilesOf(config->poses_file)) config->data_files.push_back(file);
     }
-    rows = ReadPoses(config->poses_file, config->pose_reading.format);
+    rows = ReadPoses(config->poses_file, config->pose_reading.format, {}, poses.paths);
   }
 
   ReadJointsFile(reader, config);

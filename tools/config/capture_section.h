@@ -1,7 +1,12 @@
 // Reads the section `captures` of a config: the measurements and the robot's poses.
 #pragma once
 
+#include <filesystem>
+#include <optional>
+#include <string>
+
 #include "heba/config/yaml_reader.h"
+#include "heba/io/pose_records.h"
 #include "tools/config/run_config.h"
 
 namespace heba {
@@ -10,9 +15,18 @@ namespace heba {
 PoseReading ReadPoseReading(MapReader& captures);
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
+// A file or folder of poses, and where in it they are.
+struct PoseSource {
+  std::filesystem::path path;
+  RecordPaths paths;
+};
+// Reads a key of poses: a path, or {file: PATH, pose: records[].pose, image: records[].image}. Leaves other keys of the
+// mapping to the caller, who finishes `mapping`; it is nothing for a path.
+PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping);
+
 // Fills in the captures of a RunConfig from images (`images`), another project's data set (`data`, `format`), or
 // earlier measurements (`detections`, as in a run's folder, or `target_poses`: poses of the target in the camera, in
-// the form `ros`). Returns the section as used.
+// the form `ros` or another that they state). Returns the section as used.
 YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config);
 
 }  // namespace heba

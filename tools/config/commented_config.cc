@@ -33,6 +33,7 @@ constexpr ShownKey kShown[] = {{"setup", "eye_to_hand  # or eye_in_hand"},
                                {"output", "runs/cell"}};
 
 constexpr size_t kWidth = 100;
+constexpr std::string_view kFirstWords = "A run config of heba";
 
 // Returns a text as comment lines of at most kWidth characters.
 std::string Comment(const std::string& text, const std::string& indent) {
@@ -50,11 +51,13 @@ std::string Comment(const std::string& text, const std::string& indent) {
 
 }  // namespace
 
+bool IsCommentedConfig(const std::string& text) { return text.starts_with("# " + std::string(kFirstWords)); }
+
 std::string CommentedConfig(const std::map<std::string, std::string>& values, const std::vector<std::string>& remarks) {
-  std::string text = Comment(
-      "A run config of heba; 'heba help config' describes all keys. Lines that begin with # are "
-      "comments; a key in a comment shows its default, or an example if it has none.",
-      "");
+  std::string text = Comment(std::string(kFirstWords) +
+                                 "; 'heba help config' describes all keys. Lines that begin with # are comments; a key "
+                                 "in a comment shows its default, or an example if it has none.",
+                             "");
   for (const std::string& remark : remarks) text += Comment(remark, "");
   std::string mapping;
   size_t num_set = 0;

@@ -12,4 +12,7 @@ namespace heba {
 // want to change, are comments themselves. `remarks` are comments at the beginning.
 std::string CommentedConfig(const std::map<std::string, std::string>& values, const std::vector<std::string>& remarks);
 
+// Returns whether a text is a config that CommentedConfig wrote, if with changes.
+bool IsCommentedConfig(const std::string& text);
+
 }  // namespace heba

@@ -76,10 +76,11 @@ Camera AsModel(const Camera& camera, const std::string& model, const ConfigValue
 CameraKeys ReadCameraKeys(MapReader& reader) {
   CameraKeys keys;
   if (const std::optional<ConfigValue> model = reader.Find("model")) {
-    std::vector<std::string> names = CameraModelNames();
-    names.emplace_back("auto");
-    keys.model = model->AsChoice(names);
+    keys.model = model->AsText();
     if (keys.model == "auto") keys.model.clear();
+    if (!keys.model.empty() && FindCameraModel(keys.model) == nullptr) {
+      model->Fail(UnknownCameraModel(keys.model) + ", auto");
+    }
   }
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
     fs::path path;

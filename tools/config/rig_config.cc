@@ -72,9 +72,15 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
                 RigConfig* config) {
   ArmRows arm;
   arm.section = section;
-  arm.file = reader.InputPath("poses");
+  std::optional<MapReader> mapping;
+  const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
+  if (mapping) {
+    mapping->Finish();
+    reader.Record("poses", mapping->used());
+  }
+  arm.file = poses.path;
   arm.reading = ReadPoseReading(reader);
-  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras);
+  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras, poses.paths);
   for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
   std::error_code error;
   if (fs::is_directory(arm.file, error)) {

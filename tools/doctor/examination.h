@@ -29,6 +29,8 @@ struct PoseFit {
   std::string misfit;        // Such as "0.1 deg and 0.3 mm".
   bool fits = false;         // Whether robot and images agree to within kPoorShare of the working distance.
   bool tells_scale = false;  // Whether they would show a target of another size.
+  // Whether camera and gripper (or base) would be at one place: the poses are those of the target in the camera.
+  bool is_of_camera = false;
 };
 
 // The rest of the rig around a data set that is one of its cameras and one of its targets.

@@ -10,16 +10,19 @@
 #include "heba/io/import_text.h"
 #include "heba/io/npy_file.h"
 #include "heba/io/pose_source.h"
+#include "tools/config/capture_section.h"
 #include "tools/config/run_config.h"
 
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// The fields of some poses, one row each, and the file's names of its columns, if it has any.
+// The fields of some poses, one row each, the file's names of its columns, if it has any, and where they are in it.
 struct RawTable {
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> rows;
+  RecordPaths paths = {};
+  std::string pose_format = {};  // The format of the program that wrote the poses, if it is known.
 };
 
 constexpr size_t kMostRows = 1000;
@@ -29,27 +32,49 @@ bool IsNumber(const std::string& field) {
   return ParseDouble(field, &number);
 }
 
-// Splits a line at tabs, semicolons or commas, between which fields may contain blanks, or otherwise at blanks.
+// Replaces the decimal comma of a number by a point; leaves anything else.
+std::string WithPoint(std::string field) {
+  const size_t comma = field.find(',');
+  if (comma == std::string::npos || field.find('.') != std::string::npos) return field;
+  std::string with_point = field;
+  with_point[comma] = '.';
+  return IsNumber(with_point) ? with_point : field;
+}
+
+// Splits a line at tabs, semicolons or commas, between which fields may contain blanks, or otherwise at blanks. Numbers
+// between other separators than commas may have decimal commas.
 std::vector<std::string> FieldsOf(std::string line) {
   line = WithoutBrackets(line);
   std::replace(line.begin(), line.end(), '"', ' ');
+  const auto fields_between = [&](std::string_view separators) {
+    std::vector<std::string> fields;
+    size_t at = line.find_first_not_of(separators);
+    while (at != std::string::npos) {
+      const size_t end = std::min(line.find_first_of(separators, at), line.size());
+      fields.push_back(line.substr(at, end - at));
+      at = line.find_first_not_of(separators, end);
+    }
+    return fields;
+  };
+  const std::vector<std::string> words = fields_between(" \t\r");
+  const bool are_decimals = words.size() >= 3 && std::all_of(words.begin(), words.end(), [](const std::string& word) {
+                              return word.find(',') != std::string::npos && IsNumber(WithPoint(word));
+                            });
   for (const char separator : {'\t', ';', ','}) {
+    if (are_decimals && separator == ',') break;
     if (line.find(separator) == std::string::npos) continue;
     std::vector<std::string> fields;
-    for (const std::string& field : Split(line, separator)) fields.push_back(Trim(field));
+    for (const std::string& field : Split(line, separator)) {
+      fields.push_back(separator == ',' ? Trim(field) : WithPoint(Trim(field)));
+    }
     const bool are_whole = std::all_of(fields.begin(), fields.end(), [](const std::string& field) {
       return field.find_first_of(";,\t") == std::string::npos && !field.empty();
     });
     if (are_whole) return fields;
   }
-  constexpr std::string_view kBetween = " \t\r,;";
+  if (!are_decimals) return fields_between(" \t\r,;");
   std::vector<std::string> fields;
-  size_t at = line.find_first_not_of(kBetween);
-  while (at != std::string::npos) {
-    const size_t end = std::min(line.find_first_of(kBetween, at), line.size());
-    fields.push_back(line.substr(at, end - at));
-    at = line.find_first_not_of(kBetween, end);
-  }
+  for (const std::string& word : words) fields.push_back(WithPoint(word));
   return fields;
 }
 
@@ -124,6 +149,30 @@ RawTable ReadRawTable(const fs::path& poses) {
   return poses.extension() == ".npy" ? TableOfArray(poses) : TableOfText(poses);
 }
 
+// Returns what the file itself is, a table or a folder of plain files, and what its records are.
+std::vector<RawTable> ReadRawTables(const fs::path& poses) {
+  std::vector<RawTable> tables;
+  try {
+    tables.push_back(ReadRawTable(poses));
+  } catch (const InputError&) {
+    // It may hold records.
+  }
+  try {
+    for (const PoseRecords& place : FindPoseRecords(poses)) {
+      RawTable table{place.columns, {}, place.paths, place.pose_format};
+      for (const std::vector<double>& numbers : place.rows) {
+        if (table.rows.size() == kMostRows) break;
+        table.rows.emplace_back();
+        for (const double number : numbers) table.rows.back().push_back(RoundTrip(number));
+      }
+      tables.push_back(std::move(table));
+    }
+  } catch (const InputError&) {
+    // It holds none that can be read.
+  }
+  return tables;
+}
+
 std::vector<double> NumbersOf(const RawTable& table, size_t column) {
   std::vector<double> numbers;
   for (const std::vector<std::string>& row : table.rows) {
@@ -175,8 +224,14 @@ std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vect
     return order;
   };
   switch (columns.size()) {
-    case 6:
-      return {columns, picked({3, 4, 5, 0, 1, 2})};
+    case 6: {
+      std::vector<std::vector<size_t>> orders = {columns, picked({3, 4, 5, 0, 1, 2})};
+      // No controller reports an angle beyond a full turn.
+      constexpr double kFullTurnDeg = 360.5;
+      std::erase_if(orders,
+                    [&](const std::vector<size_t>& order) { return LargestOf(table, order, 3, 6) > kFullTurnDeg; });
+      return orders;
+    }
     case 7:
       if (IsQuaternion(table, columns, 3)) return {columns};
       if (IsQuaternion(table, columns, 0)) return {picked({4, 5, 6, 0, 1, 2, 3})};
@@ -200,8 +255,11 @@ std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std
   if (table.names.empty() || columns.size() == 16) return std::nullopt;
   std::vector<size_t> order;
   for (const char* const axis : {"x", "y", "z"}) {
-    const auto found = std::find_if(columns.begin(), columns.end(),
-                                    [&](size_t column) { return BareColumnName(table.names[column]) == axis; });
+    const auto found = std::find_if(columns.begin(), columns.end(), [&](size_t column) {
+      // ROS names the fields of messages as field.pose.position.x.
+      const std::string& name = table.names[column];
+      return BareColumnName(name.substr(name.find_last_of("./") + 1)) == axis;
+    });
     if (found == columns.end()) return std::nullopt;
     order.push_back(*found);
   }
@@ -267,15 +325,8 @@ std::optional<RunConfig> ReadWith(const fs::path& config, std::vector<std::strin
   }
 }
 
-}  // namespace
-
-GuessedTable GuessPoseFormats(const fs::path& poses) {
-  RawTable table;
-  try {
-    table = ReadRawTable(poses);
-  } catch (const InputError&) {
-    return {};
-  }
+// Guesses the formats of one table.
+GuessedTable GuessOf(const RawTable& table) {
   constexpr size_t kFewestRows = 3;
   if (table.rows.size() < kFewestRows || NamesJoints(table)) return {};
   const size_t width = table.rows.front().size();
@@ -296,13 +347,17 @@ GuessedTable GuessPoseFormats(const fs::path& poses) {
     const bool is_image = count_of([](const std::string& field) { return HasImageSuffix(field); }) == table.rows.size();
     if (!image && is_image) image = column;
   }
-  // An index or a time may precede the pose.
-  for (const size_t before : {0, 1}) {
+  if (!table.pose_format.empty()) return {{*FindPoseFormat(table.pose_format)}, table.rows.size()};
+  // An index or times may precede the pose.
+  for (const size_t before : {0, 1, 2, 3}) {
     if (numeric.size() <= before) break;
     const std::vector<size_t> columns(numeric.begin() + static_cast<std::ptrdiff_t>(before), numeric.end());
     std::vector<std::vector<size_t>> orders = OrdersOf(table, columns);
     if (orders.empty()) continue;
-    if (const std::optional<std::vector<size_t>> named = OrderByNames(table, columns)) orders = {*named};
+    const std::optional<std::vector<size_t>> named = OrderByNames(table, columns);
+    if (named) orders = {*named};
+    // The last six of many numbers are a pose only if the names say so.
+    if (before > 1 && columns.size() == 6 && !named) continue;
     GuessedTable guessed{{}, table.rows.size()};
     for (const std::vector<size_t>& order : orders) guessed.formats.push_back(FormatOf(table, order, image));
     return guessed;
@@ -310,38 +365,39 @@ GuessedTable GuessPoseFormats(const fs::path& poses) {
   return {};
 }
 
-std::string FaultOfDecimalCommas(const fs::path& poses) {
-  fs::path file = poses;
-  try {
-    std::error_code error;
-    if (fs::is_directory(poses, error)) {
-      const std::vector<fs::path> files = PoseFilesOf(poses);
-      if (files.empty()) return "";
-      file = files.front();
-    }
-    for (const TextLine& line : LinesOf(ReadTextFile(file))) {
-      // A comma between fields would leave more than two parts, or none that is a number.
-      const char separator = line.text.find(';') != std::string::npos    ? ';'
-                             : line.text.find('\t') != std::string::npos ? '\t'
-                                                                         : ' ';
-      std::vector<std::string> with_comma;
-      for (const std::string& part : Split(line.text, separator)) {
-        std::string field = Trim(part);
-        if (field.ends_with(',')) field.pop_back();
-        const size_t comma = field.find(',');
-        if (comma == std::string::npos || comma + 1 == field.size()) continue;
-        if (field.find_first_not_of("+-.0123456789eE", comma + 1) != std::string::npos) continue;
-        if (IsNumber(std::string(field).replace(comma, 1, "."))) with_comma.push_back(field);
-      }
-      constexpr size_t kNumbersOfAPlace = 3;
-      if (with_comma.size() < kNumbersOfAPlace) continue;
-      return file.string() + ":" + std::to_string(line.number) + ": " + Quoted(with_comma.front()) +
-             " is not a number; use a decimal point";
-    }
-  } catch (const InputError&) {
-    // A file that cannot be read as text has no numbers with commas.
+// Returns how little the place of some poses in a file sounds like poses of a robot: 0 if its name says so, 2 if it
+// says that they are those of something else.
+int OddnessOf(const std::string& place) {
+  const std::string name = Lower(place);
+  const auto names_any = [&](std::initializer_list<std::string_view> words) {
+    return std::any_of(words.begin(), words.end(),
+                       [&](std::string_view word) { return name.find(word) != std::string::npos; });
+  };
+  if (names_any({"robot", "gripper", "tcp", "flange", "hand", "tool", "end_eff", "eef", "ee_", "base"})) return 0;
+  return names_any({"target", "board", "cam", "marker", "tag", "object", "rvec", "tvec"}) ? 2 : 1;
+}
+
+}  // namespace
+
+std::vector<GuessedTable> GuessTables(const fs::path& poses) {
+  std::vector<GuessedTable> tables;
+  for (const RawTable& table : ReadRawTables(poses)) {
+    GuessedTable guessed = GuessOf(table);
+    if (guessed.formats.empty()) continue;
+    guessed.paths = table.paths;
+    tables.push_back(std::move(guessed));
   }
-  return "";
+  std::stable_sort(tables.begin(), tables.end(), [](const GuessedTable& a, const GuessedTable& b) {
+    return OddnessOf(a.paths.pose) < OddnessOf(b.paths.pose);
+  });
+  return tables;
+}
+
+GuessedTable GuessPoseFormats(const fs::path& poses, const std::string& place) {
+  for (GuessedTable& table : GuessTables(poses)) {
+    if (place.empty() || table.paths.pose == place) return std::move(table);
+  }
+  return {};
 }
 
 std::string PoseFormatSetting(const PoseFormat& format) { return "captures.pose_format=" + PoseFormatText(format); }
@@ -354,7 +410,9 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
     MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
     MapReader captures(reader.Get("captures"));
     if (!captures.Has("poses")) return std::nullopt;
-    formats = GuessPoseFormats(captures.Path("poses")).formats;
+    std::optional<MapReader> mapping;
+    const PoseSource source = ReadPoseSource(captures, "poses", &mapping);
+    formats = GuessPoseFormats(source.path, source.paths.pose).formats;
   } catch (const InputError&) {
     return std::nullopt;
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "heba/io/pose_formats.h"
+#include "heba/io/pose_records.h"
 #include "tools/doctor/doctor.h"
 #include "tools/text/console.h"
 
@@ -16,17 +17,17 @@ namespace heba {
 struct GuessedTable {
   std::vector<PoseFormat> formats;
   size_t num_rows = 0;
+  RecordPaths paths = {};  // Where the file holds the poses; empty if it leaves no choice.
 };
 
 // Guesses formats from the file, array or folder (heba/io/pose_source.h) alone: which of its columns are the numbers
 // of the pose, 6 (a position and angles), 7 (a quaternion), 12 or 16 (a matrix), in which order position and rotation
-// are stored, and, by the size of the numbers, the most likely units. The convention of Euler angles cannot be
-// determined from the file.
-GuessedTable GuessPoseFormats(const std::filesystem::path& poses);
-
-// Describes the first number with a decimal comma in a table of poses, or in the first file of a folder, as the fault
-// of its line; empty if there is none.
-std::string FaultOfDecimalCommas(const std::filesystem::path& poses);
+// are stored, and, by the size of the numbers, the most likely units; or what the program writes that the file comes
+// from. The convention of Euler angles cannot be determined from the file. There are several tables if the file holds
+// poses in several places; those whose names say that a robot has them come first.
+std::vector<GuessedTable> GuessTables(const std::filesystem::path& poses);
+// Returns the first of them, or the one at `place`; empty if there is none.
+GuessedTable GuessPoseFormats(const std::filesystem::path& poses, const std::string& place = "");
 
 // Returns the setting (--set) that makes a config read its poses in this format.
 std::string PoseFormatSetting(const PoseFormat& format);

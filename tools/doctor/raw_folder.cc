@@ -13,6 +13,7 @@
 #include "heba/data/setup.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/export_format.h"
+#include "heba/io/import.h"
 #include "heba/io/import_text.h"
 #include "heba/io/pose_source.h"
 #include "heba/target.h"
@@ -53,46 +54,69 @@ bool IsTarget(const fs::path& file) {
   });
 }
 
+// Returns a path as a value of a config: relative to `config`, or absolute if that is empty.
+std::string PathInConfig(const fs::path& file, const fs::path& config) {
+  const fs::path whole = fs::weakly_canonical(file);
+  return QuotedForYaml(
+      (config.empty() ? whole : whole.lexically_proximate(fs::weakly_canonical(fs::absolute(config).parent_path())))
+          .string());
+}
+
 // Returns the text of a config. Paths in it are relative to `config`, or absolute if that is empty.
-std::string ConfigText(const RawFolder& raw, const PoseFormat& format, const std::optional<Setup>& setup,
+std::string ConfigText(const RawFolder& raw, const RawPoses& poses, const std::optional<Setup>& setup,
                        const fs::path& config, const std::vector<std::string>& remarks) {
-  const auto path = [&](const fs::path& file) {
-    const fs::path whole = fs::weakly_canonical(file);
-    return QuotedForYaml(
-        (config.empty() ? whole : whole.lexically_proximate(fs::weakly_canonical(fs::absolute(config).parent_path())))
-            .string());
-  };
+  const auto path = [&](const fs::path& file) { return PathInConfig(file, config); };
+  std::string source = path(poses.source);
+  if (!poses.paths.pose.empty()) {
+    source = "{file: " + source + ", pose: " + QuotedForYaml(poses.paths.pose) +
+             (poses.paths.image.empty() ? "" : ", image: " + QuotedForYaml(poses.paths.image)) + "}";
+  }
   std::map<std::string, std::string> values = {{"captures.images", path(raw.images)},
-                                               {"captures.poses", path(raw.poses)},
-                                               {"captures.pose_format", PoseFormatText(format)}};
+                                               {"captures.poses", source},
+                                               {"captures.pose_format", PoseFormatText(poses.format)}};
   if (setup) values["setup"] = SetupName(*setup);
   if (raw.target) values["target"] = path(*raw.target);
   if (raw.camera) values["camera.intrinsics"] = path(*raw.camera);
   return CommentedConfig(values, remarks);
 }
 
-// Returns the format with a name that reads the file as `format` does, or `format` itself if none does.
-PoseFormat NamedFormat(const PoseFormat& format, const fs::path& poses) {
+// Returns whether two readings give the same poses.
+bool AreAlike(const std::vector<PoseRow>& a, const std::vector<PoseRow>& b) {
+  constexpr double kRounding = 1e-9;
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const PoseRow& one, const PoseRow& other) {
+    const Rigid3d difference = Inverse(one.pose) * other.pose;
+    return difference.translation.norm() < kRounding && RotationAngle(difference.rotation) < kRounding;
+  });
+}
+
+// Returns the poses in the format with a name that reads them as their own does, or unchanged if none does.
+RawPoses WithNamedFormat(const RawPoses& poses) {
   for (const PoseFormat& known : PoseFormats()) {
-    if (known.translation_unit != format.translation_unit || known.rotation != format.rotation ||
-        known.angle_unit != format.angle_unit || known.columns.size() != format.columns.size()) {
-      continue;
-    }
     try {
-      ReadPoses(poses, known);
-      return known;
+      const auto read = [&](const PoseFormat& format) { return ReadPoses(poses.source, format, {}, poses.paths); };
+      if (!AreAlike(read(known), read(poses.format))) continue;
+      RawPoses named = poses;
+      named.format = known;
+      return named;
     } catch (const InputError&) {
       // The file has other names for its columns, or none.
     }
   }
-  return format;
+  return poses;
 }
 
-// The best reading of the poses under one setup.
+std::string PlaceText(const RawPoses& poses) {
+  return poses.source.string() + (poses.paths.pose.empty() ? "" : ", " + poses.paths.pose);
+}
+
+// The best reading of some poses under one setup.
 struct Trial {
+  RawPoses poses;
   Setup setup = Setup::kEyeToHand;
   GuessedReading reading;
 
+  // Poses of the target in the camera fit perfectly, and say nothing.
+  bool Fits() const { return reading.fits && !reading.diagnosis.pose_fit->is_of_camera; }
   double MisfitM() const {
     const std::optional<PoseFit>& fit = reading.diagnosis.pose_fit;
     return fit ? fit->misfit_m : std::numeric_limits<double>::infinity();
@@ -124,10 +148,11 @@ class TrialFolder {
 
 // Returns the fault of a trial config as one of the user's files: without the name of the trial config, and with paths
 // as the user knows them.
-std::string InPathsOfUser(const std::string& fault, const fs::path& trial, const RawFolder& raw) {
+std::string InPathsOfUser(const std::string& fault, const fs::path& trial, const RawFolder& raw,
+                          const RawPoses& poses) {
   std::string text = fault;
   if (text.starts_with(trial.string() + ":")) text = text.substr(text.find(": ") + 2);
-  std::vector<fs::path> known = {raw.poses, raw.images};
+  std::vector<fs::path> known = {poses.source, raw.images};
   if (raw.target) known.push_back(*raw.target);
   if (raw.camera) known.push_back(*raw.camera);
   for (const fs::path& path : known) {
@@ -140,11 +165,11 @@ std::string InPathsOfUser(const std::string& fault, const fs::path& trial, const
 }
 
 // Explains why the trial config cannot be read; empty if it can be.
-std::string FaultOfTrial(const fs::path& trial, const RawFolder& raw) {
+std::string FaultOfTrial(const fs::path& trial, const RawFolder& raw, const RawPoses& poses) {
   try {
     ReadRunConfig(trial);
   } catch (const InputError& fault) {
-    return "the data set cannot be read: " + InPathsOfUser(fault.what(), trial, raw);
+    return "the data set cannot be read: " + InPathsOfUser(fault.what(), trial, raw, poses);
   }
   return "";
 }
@@ -164,15 +189,16 @@ void AddSymptoms(const Diagnosis& diagnosis, RawConfig* made) {
 
 // Describes trials of which none fits. `fault`: why none could be made.
 void DescribeMisfit(const RawFolder& raw, const std::vector<Trial>& trials, const std::string& fault, RawConfig* made) {
-  const std::string guessed =
-      "the poses contain " + ReadingInWords(raw.format) + ", guessed from the size of the numbers";
+  const RawPoses& poses = trials.empty() ? raw.found.front() : trials.front().poses;
+  const std::string guessed = "the poses (" + PlaceText(poses) + ") contain " + ReadingInWords(poses.format) +
+                              ", guessed from the size of the numbers";
   if (!raw.target) {
     made->remarks.push_back(guessed +
                             ": name the target and the setup in the config, and 'heba doctor' compares every reading "
                             "with the images; or import with --target FILE");
     return;
   }
-  if (!fault.empty()) {
+  if (!fault.empty() && trials.empty()) {
     made->warnings.push_back(fault);
   } else if (!trials.empty()) {
     AddSymptoms(trials.front().reading.diagnosis, made);
@@ -186,20 +212,48 @@ void DescribeMisfit(const RawFolder& raw, const std::vector<Trial>& trials, cons
                           (raw.setup ? "" : "; the setup is left open"));
 }
 
-// Describes trials that fit, the best one first.
+// Describes trials that fit, the best one first, and the poses that were not taken.
 void DescribeFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is_decided, RawConfig* made) {
-  const Diagnosis& diagnosis = trials.front().reading.diagnosis;
+  const Trial& best = trials.front();
+  const Diagnosis& diagnosis = best.reading.diagnosis;
   AddSymptoms(diagnosis, made);
   const bool is_other_target = std::any_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsOfTarget);
-  made->remarks.push_back("the poses contain " + ReadingInWords(trials.front().reading.format) +
+  const auto other = std::find_if(trials.begin(), trials.end(), [&](const Trial& one) {
+    return one.setup != best.setup && PlaceText(one.poses) == PlaceText(best.poses);
+  });
+  made->remarks.push_back("the poses (" + PlaceText(best.poses) + ") contain " + ReadingInWords(best.reading.format) +
                           ", which fits the images" + (is_other_target ? " if the target is corrected" : "") + "; " +
-                          trials.front().InWords() + (trials.size() > 1 ? ", and " + trials.back().InWords() : ""));
+                          best.InWords() + (other == trials.end() ? "" : ", and " + other->InWords()));
   if (!is_decided) made->warnings.emplace_back("both setups fit equally well: set setup in the config");
   if (!raw.setup) {
     made->remarks.emplace_back(
         "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
         "one");
   }
+  std::vector<std::string> others;
+  for (const RawPoses& poses : raw.found) {
+    if (PlaceText(poses) != PlaceText(best.poses)) others.push_back(PlaceText(poses));
+  }
+  if (!others.empty()) made->remarks.push_back("other poses were found and not taken: " + Join(others, "; "));
+}
+
+// Reads the text of a config again, with the reader of `heba run`, and examines it. Throws InputError unless robot and
+// images agree as they did in the trial.
+void CheckWritten(const RawConfig& made, const std::string& text, const fs::path& trial, const Trial& best,
+                  int num_threads) {
+  WriteFileAtomically(trial, text);
+  const RunConfig read =
+      ReadRunConfig(trial, made.setup ? std::vector<std::string>{}
+                                      : std::vector<std::string>{"setup=" + std::string(SetupName(best.setup))});
+  const Diagnosis diagnosis = Diagnose(read, num_threads, Verbosity::kQuiet, Examine::kInputs);
+  constexpr double kAsGood = 1.2;
+  if (diagnosis.pose_fit && diagnosis.pose_fit->fits && diagnosis.pose_fit->misfit_m <= kAsGood * best.MisfitM())
+    return;
+  throw InputError(PlaceText(best.poses) + ": an error of heba: the poses fit as " +
+                   ReadingInWords(best.reading.format) + " (" + best.reading.diagnosis.pose_fit->misfit +
+                   "), but not as pose_format: " + PoseFormatText(read.pose_reading.format) +
+                   " would have been written (" +
+                   (diagnosis.pose_fit ? diagnosis.pose_fit->misfit : std::string("no fit")) + ")");
 }
 
 // Returns the remarks as comments of the config.
@@ -240,30 +294,23 @@ RawFolder FindRawFiles(const fs::path& folder, const RawFolder& given) {
     if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
   }
   if (!given.poses.empty()) sources = {given.poses};
-  // The source whose number of rows is closest to the number of images is chosen.
-  size_t best_difference = std::numeric_limits<size_t>::max();
   for (const fs::path& source : sources) {
     if (source == raw.camera || source == raw.target) continue;
-    const GuessedTable table = GuessPoseFormats(source);
-    if (table.formats.empty()) continue;
-    const size_t difference = std::max(table.num_rows, raw.num_images) - std::min(table.num_rows, raw.num_images);
-    if (difference >= best_difference) continue;
-    best_difference = difference;
-    raw.poses = source;
-    raw.format = table.formats.front();
+    for (const GuessedTable& table : GuessTables(source)) {
+      raw.found.push_back({source, table.paths, table.formats.front(), table.num_rows});
+    }
   }
-  if (!raw.format.columns.empty()) return raw;
-  for (const fs::path& source : sources) {
-    raw.poses_fault = FaultOfDecimalCommas(source);
-    if (!raw.poses_fault.empty()) break;
-  }
+  const auto difference_of = [&](const RawPoses& poses) {
+    return std::max(poses.num_rows, raw.num_images) - std::min(poses.num_rows, raw.num_images);
+  };
+  std::stable_sort(raw.found.begin(), raw.found.end(),
+                   [&](const RawPoses& a, const RawPoses& b) { return difference_of(a) < difference_of(b); });
   return raw;
 }
 
 std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
-  const RawFolder raw = FindRawFiles(folder, {});
-  if (raw.num_images > 0 && !raw.poses_fault.empty()) throw InputError(raw.poses_fault);
-  if (raw.num_images == 0 || raw.poses.empty()) return std::nullopt;
+  RawFolder raw = FindRawFiles(folder, {});
+  if (raw.num_images == 0 || raw.found.empty()) return std::nullopt;
   return raw;
 }
 
@@ -279,33 +326,97 @@ RawConfig ConfigOf(const RawFolder& raw, const fs::path& config, int num_threads
   const fs::path trial = folder.config();
   std::vector<Trial> trials;
   std::string fault;
-  for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
-    if (!target || !fault.empty() || (raw.setup && setup != *raw.setup)) continue;
-    WriteFileAtomically(trial, ConfigText(raw, raw.format, setup, {}, {}));
-    fault = FaultOfTrial(trial, raw);
-    if (!fault.empty()) continue;
-    std::optional<GuessedReading> reading = GuessReading(trial, {}, num_threads, Verbosity::kQuiet, Examine::kInputs);
-    if (reading) trials.push_back({setup, std::move(*reading)});
+  for (const RawPoses& poses : raw.found) {
+    for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
+      if (!target || (raw.setup && setup != *raw.setup)) continue;
+      WriteFileAtomically(trial, ConfigText(raw, poses, setup, {}, {}));
+      const std::string fault_here = FaultOfTrial(trial, raw, poses);
+      if (fault.empty()) fault = fault_here;
+      if (!fault_here.empty()) break;
+      std::optional<GuessedReading> reading = GuessReading(trial, {}, num_threads, Verbosity::kQuiet, Examine::kInputs);
+      if (reading) trials.push_back({poses, setup, std::move(*reading)});
+    }
   }
   // Trials that fit come first.
   std::stable_sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) {
-    return std::pair(!a.reading.fits, a.MisfitM()) < std::pair(!b.reading.fits, b.MisfitM());
+    return std::pair(!a.Fits(), a.MisfitM()) < std::pair(!b.Fits(), b.MisfitM());
   });
   made.setup = raw.setup;
-  PoseFormat format = raw.format;
-  if (trials.empty() || !trials.front().reading.fits) {
+  RawPoses poses = raw.found.front();
+  std::optional<Trial> best;
+  if (trials.empty() || !trials.front().Fits()) {
     DescribeMisfit(raw, trials, fault, &made);
   } else {
-    std::erase_if(trials, [](const Trial& one) { return !one.reading.fits; });
+    std::erase_if(trials, [](const Trial& one) { return !one.Fits(); });
+    best = trials.front();
     // Two setups with similar misfits are not distinguished.
     constexpr double kDecidedly = 2.5;
-    const bool is_decided = raw.setup || trials.size() == 1 || trials[1].MisfitM() > kDecidedly * trials[0].MisfitM();
-    if (is_decided) made.setup = trials.front().setup;
-    format = trials.front().reading.format;
+    const bool has_rival = std::any_of(trials.begin(), trials.end(), [&](const Trial& one) {
+      return one.setup != best->setup && one.MisfitM() <= kDecidedly * best->MisfitM();
+    });
+    const bool is_decided = raw.setup || !has_rival;
+    if (is_decided) made.setup = best->setup;
+    poses = best->poses;
+    poses.format = best->reading.format;
     made.fits = is_decided;
     DescribeFit(raw, trials, is_decided, &made);
   }
-  made.text = ConfigText(raw, NamedFormat(format, raw.poses), made.setup, config, CommentsOf(made));
+  made.poses = poses.source;
+  poses = WithNamedFormat(poses);
+  if (best) CheckWritten(made, ConfigText(raw, poses, made.setup, {}, {}), trial, *best, num_threads);
+  made.text = ConfigText(raw, poses, made.setup, config, CommentsOf(made));
+  return made;
+}
+
+std::optional<RawConfig> ConfigOfDataSet(const fs::path& folder, const RawFolder& raw, const fs::path& config,
+                                         int num_threads) {
+  const ImportFormat* const format = FindImportFormat(folder);
+  if (format == nullptr || format->reader.read == nullptr) return std::nullopt;
+  ImportedSet set;
+  try {
+    set = ImportDataSet(folder, format->name);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  std::error_code error;
+  const bool is_whole = std::all_of(set.captures.begin(), set.captures.end(), [&](const ImportedCapture& capture) {
+    return !capture.image.empty() && fs::exists(capture.image, error) && capture.base_from_gripper;
+  });
+  if (!is_whole || (set.target.empty() && !raw.target)) return std::nullopt;
+  const auto text_of = [&](const std::optional<Setup>& setup, const fs::path& of_config,
+                           const std::vector<std::string>& remarks) {
+    std::map<std::string, std::string> values = {{"captures.data", PathInConfig(folder, of_config)},
+                                                 {"captures.format", set.format}};
+    if (setup) values["setup"] = SetupName(*setup);
+    if (raw.target) values["target"] = PathInConfig(*raw.target, of_config);
+    if (raw.camera) values["camera.intrinsics"] = PathInConfig(*raw.camera, of_config);
+    return CommentedConfig(values, remarks);
+  };
+  const TrialFolder trial;
+  const std::optional<Setup> known = raw.setup ? raw.setup : set.setup;
+  RawConfig made;
+  made.poses = folder;
+  made.warnings = set.remarks;
+  std::optional<double> best_m;
+  std::string misfit;
+  for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
+    if (known && setup != *known) continue;
+    WriteFileAtomically(trial.config(), text_of(setup, {}, {}));
+    const Diagnosis diagnosis =
+        Diagnose(ReadRunConfig(trial.config()), num_threads, Verbosity::kQuiet, Examine::kInputs);
+    const std::optional<PoseFit>& fit = diagnosis.pose_fit;
+    if (!fit || !fit->fits || (best_m && fit->misfit_m >= *best_m)) continue;
+    best_m = fit->misfit_m;
+    misfit = fit->misfit;
+    made.setup = setup;
+    if (const std::string fault = FirstWrong(diagnosis); !fault.empty()) made.warnings.push_back(fault);
+  }
+  made.fits = best_m.has_value();
+  made.remarks.push_back("the folder is a data set of " + set.format +
+                         (made.fits
+                              ? "; " + std::string(SetupName(*made.setup)) + ": robot and images differ by " + misfit
+                              : "; robot and images do not fit"));
+  made.text = text_of(made.setup, config, CommentsOf(made));
   return made;
 }
 

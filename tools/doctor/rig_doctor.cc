@@ -108,7 +108,8 @@ std::vector<Symptom> Unpaired(const std::vector<RigLeftOut>& left_out) {
 
 // Returns whether a motion of the cameras that have a symptom might explain it.
 bool MayBeMotion(const Symptom& symptom) {
-  return !symptom.cameras.empty() && (symptom.code.name() == "poses_unexplained" || IsOfSingleCaptures(symptom.code));
+  return !symptom.cameras.empty() && (symptom.code.name() == "poses_unexplained" ||
+                                      symptom.code.name() == "poses_jump" || IsOfSingleCaptures(symptom.code));
 }
 
 // Adds what the adjustment of the whole rig finds. If something is wrong with the inputs, only cameras that were moved

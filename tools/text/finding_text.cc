@@ -185,16 +185,26 @@ FindingText UnmodelledError(const Finding& finding) {
           is_modelled ? Settings() : Settings{kEstimatedNoise}};
 }
 
-std::string UsedCaptures(const Finding& finding) {
-  std::string text =
-      Count(finding, "used") + " of " + Count(finding, "seen") + " captures that show the target were used";
+// Says how many images show no target, and how many captures are copies.
+std::string OtherCaptures(const Finding& finding) {
+  std::string text;
   const double num_without = Number(finding, "captures") - Number(finding, "seen");
   if (num_without > 0) text += "; " + Fixed(num_without, 0) + " images show no target";
   if (Number(finding, "copies") > 0) text += " (" + Count(finding, "copies") + " are copies of others)";
   return text;
 }
 
-FindingText FewCaptures(const Finding& finding) { return {UsedCaptures(finding), "take 15 to 25 captures"}; }
+std::string UsedCaptures(const Finding& finding) {
+  return Count(finding, "used") + " of " + Count(finding, "seen") + " captures that show the target were used" +
+         OtherCaptures(finding);
+}
+
+FindingText FewCaptures(const Finding& finding) {
+  const bool are_all_used = Number(finding, "used") == Number(finding, "seen");
+  return {are_all_used ? "only " + Count(finding, "used") + " captures show the target" + OtherCaptures(finding)
+                       : UsedCaptures(finding),
+          "take 15 to 25 captures"};
+}
 
 FindingText CapturesLeftOut(const Finding& finding) {
   return {UsedCaptures(finding), "see the reasons in the table of captures"};

@@ -31,23 +31,23 @@ std::optional<double> RotationSigmaDeg(const Estimate& estimate) {
   return sigma_rad ? std::optional<double>(RadToDeg(*sigma_rad)) : std::nullopt;
 }
 
-std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods) {
-  std::vector<std::pair<std::string, std::string>> methods_of;
-  for (const MethodReason& method : methods) {
-    const auto known = std::find_if(methods_of.begin(), methods_of.end(),
-                                    [&](const auto& entry) { return entry.first == method.second; });
-    if (known == methods_of.end()) {
-      methods_of.emplace_back(method.second, method.first);
+std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named) {
+  std::vector<std::pair<std::string, std::string>> names_of;
+  for (const auto& [name, reason] : named) {
+    const auto known =
+        std::find_if(names_of.begin(), names_of.end(), [&](const auto& entry) { return entry.first == reason; });
+    if (known == names_of.end()) {
+      names_of.emplace_back(reason, name);
     } else {
-      known->second += ", " + method.first;
+      known->second += ", " + name;
     }
   }
-  return methods_of;
+  return names_of;
 }
 
 std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
                                                                       const std::vector<std::string>& asked_for) {
-  std::vector<MethodReason> methods;
+  std::vector<NamedReason> methods;
   for (const Estimate& estimate : result.estimates) {
     if (estimate.ok) continue;
     const HandEyeMethod* const method = FindHandEyeMethod(estimate.method);

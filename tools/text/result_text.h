@@ -15,9 +15,10 @@ namespace heba {
 std::optional<double> TranslationSigmaMm(const Estimate& estimate);
 std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
-// Returns each reason once, with the methods that give it, separated by commas. `methods`: each method and its reason.
-using MethodReason = std::pair<std::string, std::string>;
-std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods);
+// Returns each reason once, with the names that have it, separated by commas. `named`: each name and its reason, such
+// as a method and why it has no result.
+using NamedReason = std::pair<std::string, std::string>;
+std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named);
 // Groups the methods of a result that have no estimate. A method for a motion that was not made is left out unless it
 // is one of `asked_for`.
 std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,

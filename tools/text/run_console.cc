@@ -21,7 +21,9 @@ void ConsoleObserver::OnDetected(const LeftOutCaptures& left_out, int num_seen, 
   for (const std::string& note : left_out.notes) Note(note);
   if (num_seen == 0) return;  // The run fails with a reason that says so.
   Note("the target was detected in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
-  for (const LeftOut& entry : dataset_.left_out) Note("without " + entry.name + ": " + entry.reason);
+  std::vector<std::pair<std::string, std::string>> reasons;
+  for (const LeftOut& entry : dataset_.left_out) reasons.emplace_back(entry.name, entry.reason);
+  for (const auto& [reason, names] : GroupedByReason(reasons)) Note("without " + names + ": " + reason);
   if (dataset_.target->Symmetries().size() > 1) Note(SymmetryRemark(*dataset_.target));
 }
 
@@ -38,7 +40,7 @@ void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
 }
 
 void ConsoleObserver::OnHoldOuts(const std::vector<HoldOut>& hold_outs) {
-  std::vector<MethodReason> reasons;
+  std::vector<NamedReason> reasons;
   for (const HoldOut& hold_out : hold_outs) {
     if (!hold_out.reason.empty()) reasons.emplace_back(hold_out.method, hold_out.reason);
   }

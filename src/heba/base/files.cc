@@ -53,9 +53,7 @@ bool WriteAll(int descriptor, std::string_view content) {
 bool HasImageSuffix(const std::filesystem::path& path) {
   static constexpr std::array<std::string_view, 13> kSuffixes = {
       ".png", ".jpg", ".jpeg", ".bmp", ".dib", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".exr", ".jp2"};
-  std::string suffix = path.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string suffix = Lower(path.extension().string());
   return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
 }
 

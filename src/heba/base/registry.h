@@ -40,9 +40,10 @@ auto FindEntry(const Table& table, std::string_view name) -> decltype(&*std::beg
   return found == std::end(table) ? nullptr : &*found;
 }
 
-// Returns "'x' is unknown; one of: a, b, c", with the nearest of these names as a suggestion if one is similar.
+// Returns "'x' is unknown; one of: a, b, c", with the nearest of these names before the list if one is similar.
 inline std::string UnknownName(std::string_view unknown, const std::vector<std::string>& known) {
-  return Quoted(unknown) + " is unknown; one of: " + Join(known, ", ") + DidYouMean(unknown, known);
+  const std::string meant = DidYouMean(unknown, known);
+  return Quoted(unknown) + " is unknown" + meant + (meant.empty() ? "; one of: " : " One of: ") + Join(known, ", ");
 }
 
 // Returns the value of an enum with this name, given the names of all values in their order; nothing if there is none.

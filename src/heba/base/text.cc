@@ -1,6 +1,7 @@
 #include "heba/base/text.h"
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -267,6 +268,13 @@ bool ParseDouble(std::string_view text, double* value) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
+std::string Lower(std::string_view text) {
+  std::string lower(text);
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return lower;
+}
+
 std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known) {
   // Names that long are not typing errors, and the distance takes time and memory proportional to the product of the
   // lengths.
@@ -283,6 +291,14 @@ std::string DidYouMean(std::string_view unknown, const std::vector<std::string>&
       best = &name;
     }
   }
+  // A part of a name is nearer than any name that was mistyped.
+  const std::string unknown_lower = Lower(unknown);
+  const std::string* shortest = nullptr;
+  for (const std::string& name : known) {
+    const bool is_part = unknown.size() >= 3 && Lower(name).find(unknown_lower) != std::string::npos;
+    if (is_part && (shortest == nullptr || name.size() < shortest->size())) shortest = &name;
+  }
+  if (shortest != nullptr) best = shortest;
   return best == nullptr ? "" : "; did you mean '" + *best + "'?";
 }
 

@@ -63,10 +63,14 @@ std::string FromBase64(std::string_view text);
 // it is not a number.
 bool ParseDouble(std::string_view text, double* value);
 
+// Returns `text` with ASCII letters in lower case.
+std::string Lower(std::string_view text);
+
 // Returns whether name `a` comes before `b` if numbers in the names are compared by value: 9.png before 10.png.
 bool NaturalLess(const std::string& a, const std::string& b);
 
 // Returns "; did you mean 'x'?" with the known name nearest to `unknown`, or an empty string if none is similar.
+// The shortest name that contains `unknown` in whichever case is nearer than one with other letters.
 std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known);
 
 }  // namespace heba

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "heba/base/error.h"
-#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -18,7 +17,7 @@ const CameraModel& Camera::Model() const {
 std::string CheckCamera(const Camera& camera) {
   const CameraModel* model = FindCameraModel(camera.model);
   if (model == nullptr) {
-    return "camera model " + UnknownName(camera.model, CameraModelNames());
+    return "camera model " + UnknownCameraModel(camera.model);
   }
   std::vector<std::string> faults;
   if (static_cast<int>(camera.params.size()) != NumParams(*model)) {

@@ -1,6 +1,8 @@
 #include "heba/camera/camera_model.h"
 
 #include <algorithm>
+#include <cctype>
+#include <utility>
 
 #include "heba/base/registry.h"
 #include "heba/kernels/simd.h"
@@ -70,5 +72,26 @@ const CameraModel* FindCameraModel(std::string_view name) {
 }
 
 std::vector<std::string> CameraModelNames() { return NamesOf(CameraModels()); }
+
+std::string UnknownCameraModel(std::string_view unknown) {
+  static constexpr std::pair<std::string_view, std::string_view> kDescriptions[] = {
+#define HEBA_CAMERA_MODEL(name, description) {#name, description},
+#include "heba/camera/models.def"
+#undef HEBA_CAMERA_MODEL
+  };
+  const std::string sought = Lower(unknown);
+  for (const auto& [name, description] : kDescriptions) {
+    const std::string text = Lower(description);
+    const size_t place = sought.empty() ? std::string::npos : text.find(sought);
+    if (place == std::string::npos) continue;
+    const auto is_part_of_word = [&](size_t i) {
+      return i < text.size() && (std::isalnum(text[i]) != 0 || text[i] == '_');
+    };
+    if (is_part_of_word(place - 1) || is_part_of_word(place + sought.size())) continue;
+    return Quoted(unknown) + " is unknown; did you mean '" + std::string(name) + "' (" + std::string(description) +
+           ")? One of: " + Join(CameraModelNames(), ", ");
+  }
+  return UnknownName(unknown, CameraModelNames());
+}
 
 }  // namespace heba

@@ -132,5 +132,9 @@ const CameraModel* FindCameraModel(std::string_view name);
 // Returns all models, in the order of models.def.
 const std::vector<const CameraModel*>& CameraModels();
 std::vector<std::string> CameraModelNames();
+// Returns "'x' is unknown; one of: a, b, c" with the model that is meant before the list: the first whose description
+// in models.def contains `unknown` as other programs' name of it, such as fisheye or plumb_bob, or else the nearest
+// name.
+std::string UnknownCameraModel(std::string_view unknown);
 
 }  // namespace heba

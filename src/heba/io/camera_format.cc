@@ -21,6 +21,26 @@ const std::vector<CameraFormat>& CameraFormats() {
   return formats;
 }
 
+namespace {
+
+std::optional<ConfigValue> FindMapWithAny(const ConfigValue& value, std::initializer_list<const char*> keys,
+                                          int depth) {
+  constexpr int kDeepest = 6;
+  if (!value.IsMap() || depth > kDeepest) return std::nullopt;
+  MapReader reader(value);
+  for (const char* const key : keys) {
+    if (reader.Has(key)) return value;
+  }
+  for (const auto& entry : value.node()) {
+    if (!entry.first.IsScalar()) continue;
+    const ConfigValue member(entry.second, value.file(), entry.first.Scalar());
+    if (std::optional<ConfigValue> found = FindMapWithAny(member, keys, depth + 1)) return found;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 bool HasKey(std::string_view text, std::string_view key) {
   const auto in_name = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.'; };
   for (size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {
@@ -31,6 +51,11 @@ bool HasKey(std::string_view text, std::string_view key) {
     if (end < text.size() && text[end] == ':') return true;
   }
   return false;
+}
+
+ConfigValue MapWithAny(const ConfigValue& root, std::initializer_list<const char*> keys) {
+  const std::optional<ConfigValue> found = FindMapWithAny(root, keys, 0);
+  return found ? *found : root;
 }
 
 std::vector<double> ReadNumbers(const ConfigValue& list) {

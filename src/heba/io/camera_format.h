@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,6 +34,9 @@ const std::vector<CameraFormat>& CameraFormats();
 
 // Returns whether `key` occurs anywhere in `text` as a key, that is, quoted or not, before a colon.
 bool HasKey(std::string_view text, std::string_view key);
+
+// Returns the first mapping within `root`, itself included, that has one of `keys`; `root` if there is none.
+ConfigValue MapWithAny(const ConfigValue& root, std::initializer_list<const char*> keys);
 
 // Returns the numbers of a list.
 std::vector<double> ReadNumbers(const ConfigValue& list);

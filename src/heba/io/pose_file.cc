@@ -105,6 +105,14 @@ std::vector<std::string> Fields(const Line& line, char separator) {
   }
 }
 
+bool HasDecimalComma(std::string word) {
+  const size_t comma = word.find(',');
+  if (comma == std::string::npos || word.find('.') != std::string::npos) return false;
+  word[comma] = '.';
+  double number = 0;
+  return ParseDouble(word, &number);
+}
+
 // Returns the most frequent separator of the first line. The result is a blank if the line contains no separator, or if
 // tabs occur among blanks and separate too few fields.
 char FindSeparator(const Line& first, size_t num_numbers) {
@@ -113,6 +121,11 @@ char FindSeparator(const Line& first, size_t num_numbers) {
   for (const char separator : {';', '\t'}) {
     if (std::count(text.begin(), text.end(), separator) > std::count(text.begin(), text.end(), best)) best = separator;
   }
+  // Numbers with decimal commas may stand between blanks.
+  const std::vector<std::string> words = Fields(first, ' ');
+  const bool are_decimals =
+      best == ',' && words.size() >= 3 && std::all_of(words.begin(), words.end(), HasDecimalComma);
+  if (are_decimals) return ' ';
   const bool has_any = text.find(best) != std::string_view::npos;
   if (!has_any || (best == '\t' && Fields(first, best).size() < num_numbers)) return ' ';
   return best;
@@ -232,15 +245,32 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
   return header;
 }
 
-double ReadNumber(const Line& line, const std::string& column, const std::string& field) {
+// Reads a number with a decimal point, or with a decimal comma where the fields are not separated by commas.
+double ReadNumber(const Line& line, const std::string& column, std::string field) {
   if (field.empty()) line.FailColumn(column, "a number is missing");
-  double number = 0;
-  if (!ParseDouble(field, &number)) {
-    line.FailColumn(column, Quoted(field) + " is not a number" +
-                                (field.find(',') == std::string::npos ? "" : "; use a decimal point"));
+  if (const size_t comma = field.find(','); comma != std::string::npos && field.find('.') == std::string::npos) {
+    field[comma] = '.';
   }
+  double number = 0;
+  if (!ParseDouble(field, &number)) line.FailColumn(column, Quoted(field) + " is not a number");
   if (!std::isfinite(number)) line.FailColumn(column, Quoted(field) + " is not finite");
   return number;
+}
+
+// Returns what a line with another number of fields than columns lacks.
+std::string WrongNumberOfFields(const std::vector<std::string>& fields, const Header& header, bool has_header) {
+  const auto is_digits = [](const std::string& field) {
+    return !field.empty() && field.find_first_not_of("+-0123456789") == std::string::npos;
+  };
+  const auto num_digits = static_cast<size_t>(std::count_if(fields.begin(), fields.end(), is_digits));
+  const size_t num_numbers = header.numbers.size() + header.extras.size();
+  const std::string columns =
+      (has_header ? "the header names " : "pose_format has ") + std::to_string(header.names.size()) + " columns";
+  if (fields.size() > header.names.size() && num_digits > num_numbers) {
+    return "the numbers have decimal commas, and commas separate the columns too (" + std::to_string(fields.size()) +
+           " fields, but " + columns + "); write decimal points, or separate the columns by semicolons";
+  }
+  return std::to_string(fields.size()) + " fields, but " + columns;
 }
 
 // Returns a field for writing, in quotes if necessary.
@@ -303,9 +333,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     if (rows.size() == kMaxRows) line->Fail("more than " + std::to_string(kMaxRows) + " captures");
     const std::vector<std::string> fields = Fields(*line, separator);
     if (fields.size() != header.names.size()) {
-      line->Fail(std::to_string(fields.size()) + " fields, but " +
-                 (has_header ? "the header names " : "pose_format has ") + std::to_string(header.names.size()) +
-                 " columns");
+      line->Fail(WrongNumberOfFields(fields, header, has_header));
     }
     PoseRow row;
     row.line = line->number;

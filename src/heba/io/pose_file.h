@@ -36,8 +36,9 @@ struct PoseRow {
 // `image.CAMERA` for each of `cameras`, all or none of them.
 //
 // Fields are separated by the most frequent one of commas, semicolons and tabs in the first line, or by blanks if it
-// has none of them, and may be quoted. Blank lines and lines that start with # are skipped. Throws InputError with the
-// line and column of the first fault, and also for a file over 64 MiB, for more than a million captures, and for none.
+// has none of them, and may be quoted. Where commas do not separate the fields, they may be decimal commas. Blank lines
+// and lines that start with # are skipped. Throws InputError with the line and column of the first fault, and also for
+// a file over 64 MiB, for more than a million captures, and for none.
 std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format,
                                   const std::vector<std::string>& extra_columns = {},
                                   const std::vector<std::string>& cameras = {});

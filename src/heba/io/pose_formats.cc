@@ -126,11 +126,14 @@ Outcome<Rigid3d> PoseFromMatrix(std::span<const double> numbers, double m_per_un
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;
   if (numbers.size() == 16) {
-    const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> matrix(numbers.data());
-    constexpr double kPrinted = 1e-6;
-    if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > kPrinted) {
-      return Failure{"the matrix's last row is not 0 0 0 1; it must be given row by row"};
-    }
+    Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data());
+    const auto is_last = [](const Eigen::Vector4d& row) {
+      constexpr double kPrinted = 1e-6;
+      return (row - Eigen::Vector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() < kPrinted;
+    };
+    // Some controllers, such as Franka's, report a matrix column by column.
+    if (!is_last(matrix.row(3)) && is_last(matrix.col(3))) matrix.transposeInPlace();
+    if (!is_last(matrix.row(3))) return Failure{"the last row of the matrix is not 0 0 0 1"};
     rotation = matrix.topLeftCorner<3, 3>();
     translation = matrix.topRightCorner<3, 1>();
   } else {

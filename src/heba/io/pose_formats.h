@@ -23,7 +23,8 @@ inline constexpr std::string_view kNoColumn = "-";
 struct PoseFormat {
   std::string name;  // Name in pose_formats.def; empty for a user's own format.
   // The columns in the order of the numbers: x, y, z, then the rotation. For the rotation `matrix`, either x, y, z and
-  // the nine numbers of the rotation matrix row by row (12 columns), or the 4 x 4 matrix row by row (16 columns).
+  // the nine numbers of the rotation matrix row by row (12 columns), or the 4 x 4 matrix row by row (16 columns). A 4 x
+  // 4 matrix that was written column by column is recognised by its last row.
   std::vector<std::string> columns;
   std::string translation_unit;  // One of m, cm, mm, in.
   std::string rotation;          // One of PoseRotationNames(), or `joints`.

@@ -19,11 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMatrixNumbers = 16;
 
-std::string SuffixOf(const fs::path& file) {
-  std::string suffix = file.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(), [](unsigned char c) { return std::tolower(c); });
-  return suffix;
-}
+std::string SuffixOf(const fs::path& file) { return Lower(file.extension().string()); }
 
 bool IsYaml(const std::string& suffix) { return suffix == ".yaml" || suffix == ".yml" || suffix == ".json"; }
 
@@ -169,6 +165,86 @@ std::vector<PoseRow> ReadPoseArray(const fs::path& file, const PoseFormat& forma
   return rows;
 }
 
+// Reads poses from anything but records and programs.
+std::vector<PoseRow> ReadPlainPoses(const fs::path& path, const PoseFormat& format,
+                                    const std::vector<std::string>& cameras) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) {
+    return SuffixOf(path) == ".npy" ? ReadPoseArray(path, format) : ReadPoseFile(path, format, {}, cameras);
+  }
+  std::vector<PoseRow> rows;
+  for (const fs::path& file : PoseFilesOf(path)) rows.push_back(ReadOnePose(file, format));
+  if (rows.empty()) {
+    throw InputError(path.string() +
+                     ": the folder contains no poses; it needs files with a number in their names, .txt, .csv, .yaml, "
+                     ".json or .npy");
+  }
+  return rows;
+}
+
+// Returns whether a source that could not be read otherwise holds poses in records or in a robot's program. A fault of
+// its own, such as a pose that breaks off, is reported in place of the other one.
+bool HoldsRecords(const fs::path& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return false;
+  return !FindPoseRecords(path, 1).empty();
+}
+
+// Returns the places of records as "records[].a (7 numbers), records[].b (16 numbers)".
+std::string PlacesText(const std::vector<PoseRecords>& places) {
+  std::vector<std::string> texts;
+  for (const PoseRecords& place : places) {
+    texts.push_back(place.paths.pose + " (" + std::to_string(place.rows.front().size()) + " numbers)");
+  }
+  return Join(texts, ", ");
+}
+
+// Returns the place that `paths` names, or else the only one whose poses have as many numbers as the format.
+const PoseRecords& ChoosePlace(const std::vector<PoseRecords>& places, const fs::path& path, const PoseFormat& format,
+                               const RecordPaths& paths) {
+  if (!paths.pose.empty()) {
+    const auto named = std::find_if(places.begin(), places.end(),
+                                    [&](const PoseRecords& place) { return place.paths.pose == paths.pose; });
+    if (named != places.end()) return *named;
+    throw InputError(path.string() + ": there are no poses at " + Quoted(paths.pose) +
+                     (places.empty() ? "" : "; poses are at " + PlacesText(places)));
+  }
+  std::vector<PoseRecords> fitting;
+  const PoseRecords* chosen = nullptr;
+  for (const PoseRecords& place : places) {
+    if (place.rows.front().size() != format.columns.size()) continue;
+    fitting.push_back(place);
+    chosen = &place;
+  }
+  if (fitting.size() == 1) return *chosen;
+  if (fitting.empty()) {
+    throw InputError(path.string() + ": no poses of " + std::to_string(format.columns.size()) + " numbers (" +
+                     Join(format.columns, ", ") + ") are in it, but " + PlacesText(places) + "; set pose_format");
+  }
+  throw InputError(path.string() + ": poses are at " + PlacesText(fitting) +
+                   "; name one of them: poses: {file: ..., pose: " + fitting.front().paths.pose + "}");
+}
+
+std::vector<PoseRow> RowsOfRecords(const fs::path& path, const PoseFormat& format, const RecordPaths& paths) {
+  const std::vector<PoseRecords> places = FindPoseRecords(path, 1);
+  const PoseRecords& place = ChoosePlace(places, path, format, paths);
+  if (!paths.image.empty() && paths.image != place.paths.image) {
+    throw InputError(path.string() + ": the images of " + Quoted(place.paths.pose) + " are not named at " +
+                     Quoted(paths.image) +
+                     (place.paths.image.empty() ? "; leave it out: the images are paired in their order"
+                                                : ", but at " + Quoted(place.paths.image)));
+  }
+  std::vector<PoseRow> rows;
+  for (size_t i = 0; i < place.rows.size(); ++i) {
+    const std::string where = path.string() + (place.lines.empty() ? ": pose " + std::to_string(i + 1)
+                                                                   : ":" + std::to_string(place.lines[i]));
+    rows.push_back(RowOf(format, InOrder(format, place.rows[i]), where));
+    if (!place.images.empty()) rows.back().image = place.images[i];
+    if (!place.lines.empty()) rows.back().line = place.lines[i];
+  }
+  return rows;
+}
+
 }  // namespace
 
 std::vector<double> PoseNumbersOfYaml(const fs::path& file, const PoseFormat& format) {
@@ -233,20 +309,15 @@ std::optional<long> NumberInName(const std::string& stem) {
   return error == std::errc() ? std::optional(number) : std::nullopt;
 }
 
-std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format,
-                               const std::vector<std::string>& cameras) {
-  std::error_code error;
-  if (!fs::is_directory(path, error)) {
-    return SuffixOf(path) == ".npy" ? ReadPoseArray(path, format) : ReadPoseFile(path, format, {}, cameras);
+std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format, const std::vector<std::string>& cameras,
+                               const RecordPaths& paths) {
+  if (!paths.pose.empty()) return RowsOfRecords(path, format, paths);
+  try {
+    return ReadPlainPoses(path, format, cameras);
+  } catch (const InputError&) {
+    if (!HoldsRecords(path)) throw;
   }
-  std::vector<PoseRow> rows;
-  for (const fs::path& file : PoseFilesOf(path)) rows.push_back(ReadOnePose(file, format));
-  if (rows.empty()) {
-    throw InputError(path.string() +
-                     ": the folder contains no poses; it needs files with a number in their names, .txt, .csv, .yaml, "
-                     ".json or .npy");
-  }
-  return rows;
+  return RowsOfRecords(path, format, paths);
 }
 
 }  // namespace heba

@@ -98,8 +98,7 @@ Json ErrorsJson(const RigErrors& errors) {
 
 RigErrors ReadErrors(const JsonReader& reader) {
   RigErrors errors{ReadOptionalMagnitude(reader, "reprojection_rms_px"),
-                   ReadOptionalMagnitude(reader, "holdout_rms_px"),
-                   ReadOptionalMagnitude(reader, "holdout_target_mm"),
+                   ReadOptionalMagnitude(reader, "holdout_rms_px"), ReadOptionalMagnitude(reader, "holdout_target_mm"),
                    ReadOptionalMagnitude(reader, "holdout_target_deg")};
   if (reader.Has("truth")) {
     errors.truth_mm = ReadMagnitude(reader.Get("truth"), "mm");

@@ -56,7 +56,7 @@ TEST(RegistryTest, FindsTheValueOfAnEnum) {
 }
 
 TEST(UnknownNameTest, ListsTheNamesAndSuggestsTheNearest) {
-  EXPECT_EQ(UnknownName("clean", {"show", "clear"}), "'clean' is unknown; one of: show, clear; did you mean 'clear'?");
+  EXPECT_EQ(UnknownName("clean", {"show", "clear"}), "'clean' is unknown; did you mean 'clear'? One of: show, clear");
   EXPECT_EQ(UnknownName("remove", {"show", "clear"}), "'remove' is unknown; one of: show, clear");
 }
 

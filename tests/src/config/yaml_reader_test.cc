@@ -137,7 +137,7 @@ TEST(MapReaderTest, WrongTypesAreErrors) {
                       [](MapReader* reader) {
                         reader->Choice("loss", {"none", "huber"});
                       }),
-              HasSubstr("cell.yaml:1: loss: 'hubber' is unknown; one of: none, huber; did you mean 'huber'?"));
+              HasSubstr("cell.yaml:1: loss: 'hubber' is unknown; did you mean 'huber'? One of: none, huber"));
 }
 
 TEST(YamlTest, TheRootMustBeAMapping) {

@@ -79,7 +79,7 @@ TEST(OwnCameraFile, WritesWhatItReads) {
 
 TEST(OwnCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(With(kOwn, "brown5", "brown")),
-              HasSubstr("camera:2: model: 'brown' is unknown; one of: pinhole, brown4, brown5"));
+              HasSubstr("camera:2: model: 'brown' is unknown; did you mean 'brown4'? One of: pinhole, brown4, brown5"));
   EXPECT_THAT(ErrorOf(With(kOwn, "model", "modle")), HasSubstr("'model' is missing"));
   EXPECT_THAT(ErrorOf(With(kOwn, "cx: 640\n", "")), HasSubstr("camera:2: 'cx' is missing"));
   EXPECT_THAT(ErrorOf(kOwn + "k1: 3\n"), HasSubstr("camera:9: unknown key 'k1'"));
@@ -480,13 +480,52 @@ TEST(KalibrCameraFile, NamesTheCamerasOfAChain) {
   const auto error_of = [](const std::string& text, const std::string& camera) {
     return InputErrorOf([&] { ParseCameraFile(text, "camera", camera); });
   };
-  EXPECT_THAT(error_of(Chain(), "cam2"), HasSubstr("'cam2' is unknown; one of: cam0, cam1"));
+  EXPECT_THAT(error_of(Chain(), "cam2"), HasSubstr("'cam2' is unknown; did you mean 'cam0'? One of: cam0, cam1"));
   EXPECT_THAT(error_of(kOwn, "cam0"), HasSubstr("one camera without a name"));
   const std::string alone =
       "intrinsics: [300, 301, 320, 240]\ndistortion_model: radtan\n"
       "distortion_coeffs: [0, 0, 0, 0]\nresolution: [640, 480]\n";
   EXPECT_EQ(Parse(alone).params[0], 300);
   EXPECT_THAT(error_of(alone, "cam0"), HasSubstr("its camera has no name"));
+}
+
+// What librealsense reports of its cameras.
+std::string RealSense(const std::string& model, const std::string& coefficients) {
+  return R"({"device": "D435", "intrinsics": {"width": 640, "height": 480, "fx": 605.5, "fy": 605, "ppx": 320.5,
+             "ppy": 241, "model": ")" +
+         model + R"(", "coeffs": [)" + coefficients + "]}}";
+}
+
+TEST(RealSenseCameraFile, ReadsIntrinsicsWithinRecords) {
+  const Camera camera = Parse(RealSense("Brown Conrady", "0.1, -0.2, 1e-3, 2e-3, 0.05"));
+  EXPECT_EQ(camera.model, "brown5");
+  EXPECT_EQ(camera.width_px, 640);
+  EXPECT_THAT(camera.params, ElementsAre(605.5, 605, 320.5, 241, 0.1, -0.2, 1e-3, 2e-3, 0.05));
+  // Without coefficients, the name of the model does not matter.
+  EXPECT_EQ(Parse(RealSense("distortion.inverse_brown_conrady", "0, 0, 0, 0, 0")).model, "pinhole");
+}
+
+// The same letters stand for another map there.
+TEST(RealSenseCameraFile, RefusesTheInverseModel) {
+  EXPECT_THAT(ErrorOf(RealSense("distortion.inverse_brown_conrady", "0.1, -0.2, 0, 0, 0")),
+              HasSubstr("'inverse_brown_conrady' maps pixels to rays, not rays to pixels as brown5 does"));
+}
+
+TEST(ZividCameraFile, Reads) {
+  const Camera camera = Parse(
+      "__version__: 3\nCameraIntrinsics:\n  CameraMatrix:\n    CX: 957.25\n    CY: 599.5\n    FX: 1776\n    FY: 1775\n"
+      "  Distortion:\n    K1: -0.1\n    K2: 0.2\n    K3: 0.3\n    P1: 1e-3\n    P2: 2e-3\n");
+  EXPECT_EQ(camera.model, "brown5");
+  EXPECT_EQ(camera.width_px, 0);
+  EXPECT_THAT(camera.params, ElementsAre(1776, 1775, 957.25, 599.5, -0.1, 0.2, 1e-3, 2e-3, 0.3));
+}
+
+TEST(RosCameraFile, ReadsTheMessageUnderAKey) {
+  const Camera camera = Parse(
+      R"({"stamp": 1, "camera_info": {"width": 640, "height": 480, "distortion_model": "plumb_bob", "D": [],
+          "K": [600, 0, 320, 0, 601, 240, 0, 0, 1]}})");
+  EXPECT_EQ(camera.model, "pinhole");
+  EXPECT_THAT(camera.params, ElementsAre(600, 601, 320, 240));
 }
 
 }  // namespace

@@ -285,6 +285,8 @@ TEST(ExportTest, ControllersReadTheirOwnSyntax) {
       {"abb", R"(\[\[%, %, %\], \[%, %, %, %\]\])"},
       {"fanuc", "UFRAME: X % mm, Y % mm, Z % mm, W % deg, P % deg, R % deg"},
       {"staubli", R"(\{%, %, %, %, %, %\})"},
+      {"doosan", R"(posx\(%, %, %, %, %, %\))"},
+      {"techman", R"(\{%, %, %, %, %, %\})"},
       {"kawasaki", R"(TRANS\(%, %, %, %, %, %\))"},
       {"yaskawa", "X % Y % Z % Rx % Ry % Rz %"}};
   for (const auto& [name, form] : forms) {

@@ -81,13 +81,20 @@ TEST(PoseFormatTest, FollowsEveryRobotsConvention) {
   ExpectPose("fanuc", {100, 200, 300, 10, 20, 30}, Rz(30) * Ry(20) * Rx(10));
   ExpectPose("yaskawa", {100, 200, 300, 10, 20, 30}, Rz(30) * Ry(20) * Rx(10));
   ExpectPose("staubli", {100, 200, 300, 10, 20, 30}, Rx(10) * Ry(20) * Rz(30));
+  ExpectPose("doosan", {100, 200, 300, 10, 20, 30}, Rz(10) * Ry(20) * Rz(30));
+  ExpectPose("techman", {100, 200, 300, 10, 20, 30}, Rz(30) * Ry(20) * Rx(10));
   ExpectPose("kawasaki", {100, 200, 300, 10, 20, 30}, Rz(10) * Ry(20) * Rz(30));
   ExpectPose("matrix", {0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1}, Rz(90));
 }
 
+// Franka's O_T_EE is written column by column.
+TEST(PoseFormatTest, AMatrixByColumnsIsRecognised) {
+  ExpectPose("matrix", {0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1}, Rz(90));
+}
+
 TEST(PoseFormatTest, BuiltInFormatsMatchTheManual) {
-  EXPECT_THAT(PoseFormatNames(),
-              ElementsAre("ros", "ur", "kuka", "fanuc", "yaskawa", "abb", "staubli", "kawasaki", "matrix"));
+  EXPECT_THAT(PoseFormatNames(), ElementsAre("ros", "ur", "kuka", "fanuc", "yaskawa", "abb", "doosan", "techman",
+                                             "staubli", "kawasaki", "matrix"));
   EXPECT_THAT(Format("abb").columns, ElementsAre("x", "y", "z", "q1", "q2", "q3", "q4"));
   EXPECT_EQ(Format("matrix").columns.size(), 16u);
   EXPECT_EQ(Format("matrix").columns[4], "m10");
@@ -198,7 +205,7 @@ TEST(PoseFromNumbersTest, RefusesInvalidPoses) {
   EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}), HasSubstr("reflection"));
   EXPECT_THAT(reason("matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}), HasSubstr("not a rotation"));
   // The matrix is written column by column.
-  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1}), HasSubstr("row by row"));
+  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 2}), HasSubstr("not 0 0 0 1"));
 }
 
 // User-defined formats.
@@ -244,7 +251,8 @@ TEST(ReadPoseFormatTest, TextsRoundTrip) {
 
 TEST(ReadPoseFormatTest, SaysWhatIsWrong) {
   const auto error = [](const std::string& yaml) { return InputErrorOf([&] { FormatOf(yaml); }); };
-  EXPECT_THAT(error("kuke"), HasSubstr("cell.yaml:1: pose_format: 'kuke' is unknown; one of: ros, ur, kuka"));
+  EXPECT_THAT(error("kuke"),
+              HasSubstr("cell.yaml:1: pose_format: 'kuke' is unknown; did you mean 'kuka'? One of: ros, ur, kuka"));
   EXPECT_THAT(error("kuke"), HasSubstr("did you mean 'kuka'?"));
   EXPECT_THAT(error("[ros]"), HasSubstr("one of: ros"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b, c], translation: mm, rotation: euler_zyz}"),
@@ -365,10 +373,18 @@ TEST(PoseFileTest, RowFaultsNameLineAndColumn) {
   EXPECT_EQ(ErrorOf(kHeader + "\"a\" b,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: 'b' follows the closing quote");
   EXPECT_THAT(
       ErrorOf("role,x,y,z,qx,qy,qz,qw\nhoem,1,2,3,0,0,0,1\n"),
-      StartsWith("poses.csv:2: column 'role': 'hoem' is unknown; one of: home, translate_x, translate_y, rotate, free; "
-                 "did you mean 'home'?"));
-  // The decimal separator is a comma.
-  EXPECT_THAT(ErrorOf("x;y;z;qx;qy;qz;qw\n0,5;0;0;0;0;0;1\n"), HasSubstr("'0,5' is not a number; use a decimal point"));
+      StartsWith("poses.csv:2: column 'role': 'hoem' is unknown; did you mean 'home'? One of: home, translate_x, "
+                 "translate_y, rotate, free"));
+  // Decimal commas cannot be told from commas between fields.
+  EXPECT_THAT(ErrorOf("x,y,z,qx,qy,qz,qw\n0,5,0,1,0,2,0,0,0,0,0,0,1,0\n"),
+              StartsWith("poses.csv:2: the numbers have decimal commas, and commas separate the columns too"));
+}
+
+TEST(PoseFileTest, ReadsDecimalCommasBetweenOtherSeparators) {
+  const std::vector<PoseRow> rows =
+      ParsePoses("x;y;z;qx;qy;qz;qw\n0,5;-1,25;0;0;0;0;1\n", "poses.csv", *FindPoseFormat("ros"));
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(0.5, -1.25, 0));
 }
 
 TEST(PoseFileTest, MessagesAreOneShortLine) {

@@ -54,7 +54,7 @@ TEST_F(FlagsTest, FailOnIsAGrade) {
 
 // A verdict that is good or better would be every one.
 TEST_F(FlagsTest, FailOnRefusesOtherWords) {
-  for (const char* word : {"good", "Bad", "worse"}) {
+  for (const char* word : {"good", "none", "worse"}) {
     FLAGS_fail_on = word;
     EXPECT_THAT(InputErrorOf([] { FailOn(); }),
                 StartsWith("--fail-on: '" + std::string(word) + "' is unknown; one of: bad, doubtful"));

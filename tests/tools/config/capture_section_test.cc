@@ -52,7 +52,7 @@ TEST(PoseReadingTest, RefusesWrongValuesWithTheirKey) {
   EXPECT_THAT(error_of("{pose_format: joints}"), HasSubstr("'robot' is missing"));
   EXPECT_THAT(error_of("{pose_format: joints, robot: ur6}"), HasSubstr("robot: 'ur6' is unknown"));
   EXPECT_THAT(error_of("{pose_format: joints, robot: ur5, joint_angles: grad}"),
-              HasSubstr("joint_angles: 'grad' is unknown; one of: rad, deg"));
+              HasSubstr("joint_angles: 'grad' is unknown; did you mean 'rad'? One of: rad, deg"));
 }
 
 TEST(PoseReadingTest, GripperFromBaseIsInverted) {

@@ -245,7 +245,8 @@ TEST_F(RigArmConfigTest, JointsBelongToTheRowsOfTheirArm) {
 }
 
 TEST_F(RigArmConfigTest, ErrorsNameTheFileAndTheKeyOfTheArm) {
-  EXPECT_THAT(ErrorOf({"robots.right.model=ur99"}), HasSubstr("robots.right.model: 'ur99' is unknown; one of: ur3,"));
+  EXPECT_THAT(ErrorOf({"robots.right.model=ur99"}),
+              HasSubstr("robots.right.model: 'ur99' is unknown; did you mean 'ur3'? One of: ur3,"));
   EXPECT_THAT(ErrorOf({"robots.right.joints=" + (folder_ / "joints.csv").string()}),
               HasSubstr("robots.right.joints: needs an arm (robots.right.model)"));
   EXPECT_THAT(ErrorOf({"robots.right.model=ur5e", "robots.right.joint_angle=deg"}),

@@ -209,8 +209,8 @@ INSTANTIATE_TEST_SUITE_P(
         WrongScene{"SeveralFaultsOfTheMotion", "motion: {depth: 1, spread: 2}\n",
                    "motion: the depth ratio must be in [0, 1); the spread must be in [0, 1]"},
         WrongScene{"Clutter", "image: {clutter: yes}\n", "image.clutter: true or false is needed, not 'yes'"},
-        WrongScene{"Bits", "image: {bits: 12}\n", "image.bits: '12' is unknown; one of: 8, 16"},
-        WrongScene{"ManyBits", "image: {bits: 32}\n", "image.bits: '32' is unknown; one of: 8, 16"},
+        WrongScene{"Bits", "image: {bits: 12}\n", "image.bits: '12' is unknown; did you mean '16'? One of: 8, 16"},
+        WrongScene{"ManyBits", "image: {bits: 32}\n", "image.bits: '32' is unknown; "},
         WrongScene{"Scale", "print: {scale_y: 2.1}\n", "print.scale_y: must be from 0.5 to 2"},
         WrongScene{"RobotNoise", "robot_noise: {translation: 200 mm}\n",
                    "robot_noise.translation: must be at most 100 mm"},
@@ -246,8 +246,8 @@ TEST(SceneConfigTest, ABendIsAtMostAQuarterOfTheSheetsShorterSide) {
 
 TEST(SceneConfigTest, RefusesAnUnknownSetup) {
   EXPECT_THAT(InputErrorOf([] { ReadScene(ParseYaml("setup: eye_on_hand\n", "scene.yaml")); }),
-              HasSubstr("scene.yaml:1: setup: 'eye_on_hand' is unknown; one of: eye_to_hand, eye_in_hand; did you mean "
-                        "'eye_in_hand'?"));
+              HasSubstr("scene.yaml:1: setup: 'eye_on_hand' is unknown; did you mean 'eye_in_hand'? One of: "
+                        "eye_to_hand, eye_in_hand"));
 }
 
 TEST(SceneConfigTest, NamesMissingKeys) {

@@ -41,9 +41,9 @@ TEST_F(RawFolderTest, FindsImagesAndATableBesideOneAnother) {
   ASSERT_TRUE(raw.has_value());
   EXPECT_EQ(raw->images, folder_.path());
   EXPECT_EQ(raw->num_images, 4u);
-  EXPECT_EQ(raw->poses, folder_ / "robot.txt");
-  EXPECT_EQ(raw->format.translation_unit, "mm");
-  EXPECT_EQ(raw->format.angle_unit, "deg");
+  EXPECT_EQ(raw->found.front().source, folder_ / "robot.txt");
+  EXPECT_EQ(raw->found.front().format.translation_unit, "mm");
+  EXPECT_EQ(raw->found.front().format.angle_unit, "deg");
   EXPECT_FALSE(raw->camera.has_value());
   EXPECT_FALSE(raw->target.has_value());
 }
@@ -62,7 +62,7 @@ TEST_F(RawFolderTest, ATableBesideTheImagesIsFound) {
   Write("camera/robot.txt", kKukaPoses);
   const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
   ASSERT_TRUE(raw.has_value());
-  EXPECT_EQ(raw->poses, folder_ / "camera/robot.txt");
+  EXPECT_EQ(raw->found.front().source, folder_ / "camera/robot.txt");
 }
 
 TEST_F(RawFolderTest, RecognisesCameraAndTargetFiles) {
@@ -74,7 +74,7 @@ TEST_F(RawFolderTest, RecognisesCameraAndTargetFiles) {
   ASSERT_TRUE(raw.has_value());
   EXPECT_EQ(raw->camera, folder_ / "lens.yaml");
   EXPECT_EQ(raw->target, folder_ / "sheet.yaml");
-  EXPECT_EQ(raw->poses, folder_ / "robot.txt");
+  EXPECT_EQ(raw->found.front().source, folder_ / "robot.txt");
 }
 
 TEST_F(RawFolderTest, TheTableWithAsManyRowsAsImagesIsChosen) {
@@ -83,16 +83,16 @@ TEST_F(RawFolderTest, TheTableWithAsManyRowsAsImagesIsChosen) {
   Write("b.txt", kKukaPoses);
   const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
   ASSERT_TRUE(raw.has_value());
-  EXPECT_EQ(raw->poses, folder_ / "b.txt");
+  EXPECT_EQ(raw->found.front().source, folder_ / "b.txt");
 }
 
 TEST_F(RawFolderTest, ATableTakesPrecedenceOverFilesOfOnePose) {
   WriteImages("", 4);
   for (int i = 0; i < 4; ++i) Write("poses/" + std::to_string(i) + ".txt", "100 200 300 10 20 30\n");
   ASSERT_TRUE(FindRawFolder(folder_.path()).has_value());
-  EXPECT_EQ(FindRawFolder(folder_.path())->poses, folder_ / "poses");
+  EXPECT_EQ(FindRawFolder(folder_.path())->found.front().source, folder_ / "poses");
   Write("robot.txt", kKukaPoses);
-  EXPECT_EQ(FindRawFolder(folder_.path())->poses, folder_ / "robot.txt");
+  EXPECT_EQ(FindRawFolder(folder_.path())->found.front().source, folder_ / "robot.txt");
 }
 
 TEST_F(RawFolderTest, ImagesAndPosesAreBothNeeded) {
@@ -121,8 +121,9 @@ TEST_F(RawFolderTest, ConfigLeavesOpenWhatIsUnknown) {
       made.text,
       HasSubstr("  pose_format: {columns: [x, y, z, r4, r5, r6], translation: mm, rotation: euler_zyx, angle: deg}\n"));
   ASSERT_THAT(made.remarks, SizeIs(1));
-  EXPECT_THAT(made.remarks[0], HasSubstr("the poses contain 6 numbers per pose: x, y, z in mm and euler_zyx in deg, "
-                                         "guessed from the size of the numbers: name the target and the setup"));
+  EXPECT_THAT(made.remarks[0], HasSubstr("the poses (" + (folder_ / "robot.txt").string() +
+                                         ") contain 6 numbers per pose: x, y, z in mm and euler_zyx in deg, guessed "
+                                         "from the size of the numbers: name the target and the setup"));
 }
 
 // The paths are those from the config, wherever it is.
@@ -151,16 +152,46 @@ TEST_F(RawFolderTest, SaysWhyTheDataSetCannotBeRead) {
   EXPECT_FALSE(made.fits);
 }
 
-TEST_F(RawFolderTest, ReportsDecimalCommas) {
+TEST_F(RawFolderTest, ReadsDecimalCommas) {
   WriteImages("", 4);
-  Write("robot.txt", "100,5; 200,5; 300,5; 10,5; 20,5; 30,5\n");
-  EXPECT_EQ(InputErrorOf([&] { FindRawFolder(folder_.path()); }),
-            (folder_ / "robot.txt").string() + ":1: '100,5' is not a number; use a decimal point");
-  Write("robot.txt", "notes\n100,5 200,5 300,5 10,5 20,5 30,5\n");
-  EXPECT_THAT(FindRawFiles(folder_.path(), {}).poses_fault, HasSubstr("robot.txt:2: '100,5' is not a number"));
-  // Commas between whole numbers separate fields.
-  Write("robot.txt", kKukaPoses);
-  EXPECT_EQ(FindRawFiles(folder_.path(), {}).poses_fault, "");
+  for (const std::string between : {"; ", " ", "\t"}) {
+    std::string poses = "notes\n";
+    for (int i = 0; i < 4; ++i) {
+      for (int k = 0; k < 6; ++k) poses += (k == 0 ? "" : between) + std::to_string(10 * k + i) + ",5";
+      poses += "\n";
+    }
+    Write("robot.txt", poses);
+    const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+    ASSERT_TRUE(raw.has_value()) << poses;
+    EXPECT_EQ(raw->found.front().num_rows, 4u);
+    EXPECT_EQ(raw->found.front().format.columns.size(), 6u);
+  }
+}
+
+// The program is known by its syntax, and records are named by their paths.
+TEST_F(RawFolderTest, FindsProgramsAndRecords) {
+  WriteImages("", 3);
+  Write("waypoints.script",
+        "  global a=p[.1, .2, .3, 1, 2, 3]\n  global b=p[.1, .2, .3, 1, 2, 2]\n"
+        "  global c=p[.1, .2, .4, 1, 2, 3]\n");
+  const std::optional<RawFolder> program = FindRawFolder(folder_.path());
+  ASSERT_TRUE(program.has_value());
+  EXPECT_EQ(program->found.front().format.name, "ur");
+  std::filesystem::remove(folder_ / "waypoints.script");
+  const std::string pose = "\"pose\": [100, 200, 300, 10, 20, 30]";
+  Write("log.json", "{\"records\": [{" + pose + "}, {" + pose + "}, {" + pose + "}]}");
+  const std::optional<RawFolder> records = FindRawFolder(folder_.path());
+  ASSERT_TRUE(records.has_value());
+  EXPECT_EQ(records->found.front().paths.pose, "records[].pose");
+}
+
+// No arm turns a joint of the wrist by 905 deg: these are positions.
+TEST_F(RawFolderTest, AnAngleBeyondAFullTurnIsAPosition) {
+  WriteImages("", 3);
+  Write("robot.txt", "10 20 30 905 200 300\n10 20 40 905 210 300\n10 30 30 900 200 310\n");
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_THAT(raw->found.front().format.file_columns, testing::ElementsAre("r4", "r5", "r6", "x", "y", "z"));
 }
 
 TEST_F(RawFolderTest, AFaultOfTheTargetIsReportedFirst) {

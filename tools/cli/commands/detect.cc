@@ -14,6 +14,7 @@
 #include "targets/images/image.h"
 #include "targets/render/overlay.h"
 #include "tools/cli/command.h"
+#include "tools/cli/detect_any.h"
 #include "tools/cli/flags.h"
 #include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
@@ -213,6 +214,8 @@ int DetectByConfig(const std::string& path, const Config& config) {
 }  // namespace
 
 int RunCommand_detect(const std::vector<std::string>& arguments) {
+  if (FLAGS_any) return DetectAny(arguments);
+  if (arguments.size() > 1) throw InputError("'heba detect' takes one CONFIG, or images with --any");
   const std::string& path = arguments[0];
   if (IsRigConfig(path, Settings())) return DetectByConfig(path, ReadRigConfig(path, Settings()));
   const RunConfig config = ReadRunConfig(path, Settings());

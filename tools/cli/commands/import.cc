@@ -48,7 +48,7 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   folder.Commit();
   if (FLAGS_quiet) return kDone;
   std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " + raw->images.string() +
-                       ", poses in " + raw->poses.string() + "\n";
+                       ", poses in " + made.poses.string() + "\n";
   std::cout << ForTerminal(report + RemarksText(made)) << "written: " << (output / "config.yaml").string() << std::endl;
   return kDone;
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "heba/base/error.h"
+#include "heba/base/even_indices.h"
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
@@ -13,9 +14,13 @@
 #include "heba/data/setup.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/import.h"
+#include "heba/io/import_text.h"
+#include "heba/recognition.h"
 #include "heba/target.h"
+#include "targets/images/image.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/commented_config.h"
 #include "tools/config/key_reference.h"
 #include "tools/doctor/raw_folder.h"
 #include "tools/text/console.h"
@@ -77,8 +82,10 @@ fs::path Existing(const char* flag, const std::string& path) {
 
 void RefuseToReplace(const fs::path& file) {
   std::error_code error;
-  if (fs::exists(file, error))
-    throw InputError(file.string() + ": exists already; remove it, or name another file (--out)");
+  if (!fs::exists(file, error)) return;
+  if (FLAGS_force && fs::is_regular_file(file, error) && IsCommentedConfig(ReadTextFile(file))) return;
+  throw InputError(file.string() + ": exists already; remove it, or name another file (--out)" +
+                   (FLAGS_force ? "; --force replaces only what 'heba init' wrote" : ""));
 }
 
 // Returns where to write the target's keys: target.yaml beside the config, or a file that is named after the config if
@@ -93,13 +100,80 @@ fs::path TargetFileFor(const fs::path& config, const std::string& text) {
   return named;
 }
 
-// Throws InputError unless a table of poses was found.
+// Returns the keys of the target that a few images of a folder show, with its size open; empty if none is seen.
+std::string TargetSeen(const fs::path& folder) {
+  constexpr size_t kFew = 4;
+  const std::vector<fs::path> files = ImagesOf(folder);
+  std::vector<cv::Mat> images;
+  for (const size_t i : EvenIndices(files.size(), kFew)) images.push_back(ReadGreyImage(files[i]));
+  const std::vector<RecognisedTarget> found = RecogniseTargets(images, NumThreads());
+  return found.empty() ? "" : RecognisedTargetText(found.front());
+}
+
+// Throws InputError unless poses were found.
 void CheckPoses(const fs::path& folder, const RawFolder& raw) {
-  if (!raw.format.columns.empty()) return;
-  if (!raw.poses_fault.empty()) throw InputError(raw.poses_fault);
-  throw InputError((raw.poses.empty() ? folder.string() + ": contains no table of robot poses; name it (--poses)"
-                                      : raw.poses.string() + ": is no table of robot poses") +
+  if (!raw.found.empty()) return;
+  throw InputError((raw.poses.empty() ? folder.string() + ": contains no robot poses; name their file (--poses)"
+                                      : raw.poses.string() + ": contains no robot poses") +
                    "; 'heba help poses' describes what it may contain");
+}
+
+// Returns why no config can be written, as one line.
+std::string WhyNoConfig(const RawConfig& made) {
+  std::vector<std::string> reasons = made.warnings;
+  if (reasons.empty()) reasons = made.remarks;
+  return Join(reasons, "; ");
+}
+
+// Returns whether a data set of another project has several cameras. One that cannot be read has none.
+bool HasSeveralCameras(const fs::path& folder, const ImportFormat& format) {
+  try {
+    return format.reader.read_rig != nullptr && ImportRig(folder, format.name).has_value();
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+// Writes the target's keys, if there are any, and then the config that `make` makes with it; both, or none if the
+// config does not fit.
+template <class Make>
+std::optional<RawConfig> WithTarget(const fs::path& config, const std::string& target_text, RawFolder* raw,
+                                    const Make& make) {
+  fs::path new_target;
+  std::error_code error;
+  const std::optional<fs::path> target_before = raw->target;
+  if (!target_text.empty()) {
+    ParseTarget(target_text);  // A fault is reported before a file is written.
+    raw->target = TargetFileFor(config, target_text);
+    if (!fs::exists(*raw->target, error)) new_target = *raw->target;
+    WriteFileAtomically(*raw->target, target_text);
+  }
+  std::optional<RawConfig> made;
+  try {
+    made = make();
+    if (made && made->fits) WriteFileAtomically(config, made->text);
+    if (made && !target_text.empty()) made->target = *raw->target;
+  } catch (...) {
+    if (!new_target.empty()) fs::remove(new_target, error);
+    throw;
+  }
+  if (!made || !made->fits) {
+    if (!new_target.empty()) fs::remove(new_target, error);
+    raw->target = target_before;
+  }
+  return made;
+}
+
+// Prints what was written, or why nothing was. Returns the exit status.
+int Finish(const fs::path& folder, const fs::path& config, const RawConfig& made) {
+  if (!made.fits) {
+    PrintError(folder.string() + ": " + WhyNoConfig(made));
+    return kWorkFailed;
+  }
+  std::cout << ForTerminal(RemarksText(made)) << "written: " << config.string()
+            << (made.target.empty() ? "" : ", " + made.target.string())
+            << "\nnext: " << (made.warnings.empty() ? "heba run " : "heba doctor ") << config.string() << std::endl;
+  return kDone;
 }
 
 }  // namespace
@@ -108,10 +182,6 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   const fs::path folder = arguments[0];
   std::error_code error;
   if (!fs::is_directory(folder, error)) throw InputError(folder.string() + ": no such folder");
-  if (const auto* format = FindImportFormat(folder)) {
-    throw InputError(folder.string() + ": is a data set of " + std::string(format->name) + "; 'heba import " +
-                     folder.string() + " --out DIR' converts it");
-  }
   const fs::path config = FLAGS_out.empty() ? folder / "config.yaml" : fs::path(FLAGS_out);
   RefuseToReplace(config);
   RawFolder given;
@@ -129,6 +199,15 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   }
   const bool has_keys = FLAGS_target.find('{') != std::string::npos;
   if (!FLAGS_target.empty() && !has_keys) given.target = Existing("target", FLAGS_target);
+  if (const auto* format = FindImportFormat(folder)) {
+    if (HasSeveralCameras(folder, *format)) {
+      throw InputError(folder.string() + ": is a data set of several cameras of " + std::string(format->name) +
+                       "; 'heba import " + folder.string() + " --out DIR' converts it");
+    }
+    const auto made = WithTarget(config, has_keys ? FLAGS_target + "\n" : "", &given,
+                                 [&] { return ConfigOfDataSet(folder, given, config, NumThreads()); });
+    if (made) return Finish(folder, config, *made);
+  }
   RawFolder raw = FindRawFiles(folder, given);
   if (raw.num_images == 0) {
     throw InputError((raw.images.empty() ? folder : raw.images).string() +
@@ -138,12 +217,14 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   std::string target_text = has_keys ? FLAGS_target + "\n" : "";
   const bool can_ask = isatty(STDIN_FILENO) == 1;
   if (!can_ask && !raw.target && !has_keys) {
-    throw InputError(folder.string() +
-                     ": contains no target file; name it (--target TARGET.yaml) or state the keys, such as --target "
-                     "'{type: chessboard, rows: 6, columns: 9, square: 25 mm}'");
+    const std::string seen = TargetSeen(raw.images);
+    throw InputError(folder.string() + ": contains no target file; " +
+                     (seen.empty()
+                          ? "name it (--target TARGET.yaml) or state the keys, such as --target "
+                            "'{type: chessboard, rows: 6, columns: 9, square: 25 mm}'"
+                          : "the images show --target '" + seen + "': state it with its size in place of SIZE"));
   }
-  std::cerr << folder.string() << ": " << raw.num_images << " images in " << raw.images.string() << ", poses in "
-            << raw.poses.string() << "\n";
+  std::cerr << folder.string() << ": " << raw.num_images << " images in " << raw.images.string() << "\n";
   if (!raw.target && !has_keys) target_text = AskTarget();
   if (can_ask && !raw.setup) {
     const std::string answer = AskChoice(
@@ -152,28 +233,9 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
         SetupNames(), true);
     if (!answer.empty()) raw.setup = FindSetup(answer);
   }
-  fs::path new_target;
-  if (!target_text.empty()) {
-    ParseTarget(target_text);  // A fault is reported before a file is written.
-    raw.target = TargetFileFor(config, target_text);
-    if (!fs::exists(*raw.target, error)) new_target = *raw.target;
-    WriteFileAtomically(*raw.target, target_text);
-  }
-  RawConfig made;
-  try {
-    made = ConfigOf(raw, config, NumThreads());
-    WriteFileAtomically(config, made.text);
-  } catch (...) {
-    // Both files are written, or none.
-    if (!new_target.empty()) fs::remove(new_target, error);
-    throw;
-  }
-  std::cout << ForTerminal(RemarksText(made)) << "written: " << config.string();
-  if (!target_text.empty()) std::cout << ", " << raw.target->string();
-  // The doctor needs a setup, even if the images do not determine it.
-  const std::string next = made.fits && made.warnings.empty() ? "heba run " : "heba doctor ";
-  std::cout << "\nnext: " << next << config.string() << (made.setup ? "" : " --set setup=eye_to_hand") << std::endl;
-  return made.fits ? kDone : kWorkFailed;
+  const auto made = WithTarget(config, target_text, &raw,
+                               [&] { return std::optional<RawConfig>(ConfigOf(raw, config, NumThreads())); });
+  return Finish(folder, config, *made);
 }
 
 }  // namespace heba

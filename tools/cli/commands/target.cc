@@ -134,7 +134,8 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
     if (!arguments.empty()) throw InputError("--suggest proposes a target, and takes no " + arguments[0]);
     return Suggest();
   }
-  if (arguments.empty()) throw InputError("'heba target' takes TARGET.yaml, or --suggest, not 0 arguments");
+  if (arguments.empty())
+    throw InputError("TARGET.yaml is missing: heba target TARGET.yaml; --suggest proposes a target");
   for (const std::string name : {"distance", "camera", "target-type"}) {
     if (IsFlagGiven(name)) throw InputError("--" + name + " belongs to --suggest, which is missing");
   }

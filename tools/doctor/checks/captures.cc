@@ -122,6 +122,111 @@ double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, con
   return best;
 }
 
+// A displacement of all poses from one capture on.
+struct Jump {
+  size_t first = 0;           // The first view after the displacement.
+  bool is_at_camera = false;  // Whether it is in the camera's mount (the base, if the camera is fixed).
+  Rigid3d displacement;       // Recorded from expected pose: in the camera's mount, or in the target's.
+  size_t num_explained = 0;
+  double typical_misfit_m = 0;  // Of the captures without a displacement.
+};
+
+// Returns the displacement that most of some poses share, and how many of them do.
+std::pair<Rigid3d, size_t> CommonDisplacement(const std::vector<Rigid3d>& displacements, double distance_m,
+                                              double limit_m) {
+  std::pair<Rigid3d, size_t> most{Rigid3d(), 0};
+  for (const Rigid3d& centre : displacements) {
+    const auto count =
+        static_cast<size_t>(std::count_if(displacements.begin(), displacements.end(), [&](const Rigid3d& other) {
+          return std::hypot(DistanceM(centre, other), distance_m * AngleRad(centre, other)) < limit_m;
+        }));
+    if (count > most.second) most = {centre, count};
+  }
+  return most;
+}
+
+// Returns the jump at which the captures fall into two parts that each fit, and together fit if the poses of one are
+// displaced; nothing if there is none.
+std::optional<Jump> FindJump(const std::vector<ExaminedView>& views, double distance_m) {
+  constexpr size_t kFewestInPart = 3;
+  constexpr size_t kFewestForFit = 5;
+  constexpr size_t kMostTried = 60;
+  constexpr double kGoodShare = 0.01;
+  constexpr double kMostExplained = 0.9;
+  constexpr double kOutside = 6;
+  const size_t n = views.size();
+  std::optional<Jump> best;
+  const size_t step = std::max<size_t>(1, n / kMostTried);
+  for (size_t split = kFewestInPart; split + kFewestInPart <= n; split += step) {
+    const bool is_fit_before = 2 * split >= n;
+    const std::vector<ExaminedView> before(views.begin(), views.begin() + static_cast<std::ptrdiff_t>(split));
+    const std::vector<ExaminedView> after(views.begin() + static_cast<std::ptrdiff_t>(split), views.end());
+    const std::vector<ExaminedView>& fitted = is_fit_before ? before : after;
+    const std::vector<ExaminedView>& displaced = is_fit_before ? after : before;
+    if (fitted.size() < kFewestForFit) continue;
+    const std::optional<PoseConsistency> fit = FindPoseConsistency(CandidatesOf(fitted), RobotScale::kOne);
+    if (!fit || fit->typical_misfit_m > kGoodShare * distance_m) continue;
+    const double limit_m = std::max(kOutside * fit->typical_misfit_m, 0.25 * kGoodShare * distance_m);
+    const auto num_fitted = static_cast<size_t>(
+        std::count_if(fit->misfit_m.begin(), fit->misfit_m.end(), [&](double misfit_m) { return misfit_m < limit_m; }));
+    std::vector<Rigid3d> at_camera;
+    std::vector<Rigid3d> at_target;
+    for (const ExaminedView& view : displaced) {
+      const Rigid3d& recorded = view.view.camera_mount_from_target_mount;
+      // Of the poses under which the target looks alike, the one that needs the least displacement is taken.
+      const auto expected_of = [&](const Rigid3d& camera_from_target) {
+        return fit->hand_eye.camera_mount_from_camera * camera_from_target *
+               Inverse(fit->hand_eye.target_mount_from_target);
+      };
+      const auto is_nearer = [&](const Rigid3d& a, const Rigid3d& b) {
+        const auto apart_m = [&](const Rigid3d& one) {
+          const Rigid3d expected = expected_of(one);
+          return std::hypot(DistanceM(expected, recorded), distance_m * AngleRad(expected, recorded));
+        };
+        return apart_m(a) < apart_m(b);
+      };
+      const Rigid3d expected =
+          expected_of(*std::min_element(view.camera_from_target.begin(), view.camera_from_target.end(), is_nearer));
+      // If the later poses are the fitted ones, the earlier ones are displaced the other way.
+      const Rigid3d& from = is_fit_before ? expected : recorded;
+      const Rigid3d& to = is_fit_before ? recorded : expected;
+      at_camera.push_back(to * Inverse(from));
+      at_target.push_back(Inverse(from) * to);
+    }
+    for (const bool is_at_camera : {true, false}) {
+      const auto [displacement, count] = CommonDisplacement(is_at_camera ? at_camera : at_target, distance_m, limit_m);
+      const size_t num_explained = num_fitted + count;
+      const bool is_large =
+          std::hypot(displacement.translation.norm(), distance_m * RotationAngle(displacement.rotation)) > limit_m;
+      const bool explains_most = static_cast<double>(num_explained) >= kMostExplained * static_cast<double>(n);
+      if (count < kFewestInPart || !is_large || !explains_most) continue;
+      if (best && num_explained <= best->num_explained) continue;
+      best = Jump{split, is_at_camera, displacement, num_explained, fit->typical_misfit_m};
+    }
+  }
+  return best;
+}
+
+Symptom JumpSymptom(const Jump& jump, const std::vector<ExaminedView>& views, Setup setup) {
+  // The camera's mount is the base if the camera is fixed.
+  const bool is_base = jump.is_at_camera == (setup == Setup::kEyeToHand);
+  const Eigen::Vector3d mm = 1000 * jump.displacement.translation;
+  const std::string& before = views[jump.first - 1].view.name;
+  const std::string& first = views[jump.first].view.name;
+  std::vector<std::string> parts;
+  for (const double part_mm : mm) parts.push_back(Fixed(part_mm, 1));
+  return {Severity::kWrong, "poses_jump",
+          "from " + first + " on, the robot's poses are displaced against the images by [" + Join(parts, ", ") +
+              "] mm and " + Significant(RadToDeg(RotationAngle(jump.displacement.rotation)), 2) +
+              " deg in the frame of the " + (is_base ? "base" : "gripper") +
+              "; with this displacement, robot and images differ by " + Significant(1000 * jump.typical_misfit_m, 2) +
+              " mm",
+          std::string("between ") + before + " and " + first + ", " +
+              (is_base ? "the base or user frame of the poses was changed, or what stands in the cell was moved"
+                       : "the tool frame of the poses was changed, or what the gripper carries was moved") +
+              ": correct the poses, or leave out one part (captures.exclude)"};
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_captures(Examination* examination) {
@@ -134,9 +239,19 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   constexpr double kLeastShare = 0.01;
   constexpr double kInside = 3;
   const double distance_m = WorkingDistanceM(views);
-  // If nothing fits, there are no outliers.
-  if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
   const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
+  const bool fits = consistency->typical_misfit_m <= kPoorShare * distance_m;
+  constexpr auto kSeveral = 3;
+  const auto num_outside = std::count_if(consistency->misfit_m.begin(), consistency->misfit_m.end(),
+                                         [&](double misfit_m) { return misfit_m > kLeastShare * distance_m; });
+  if (num_outside >= kSeveral) {
+    if (const std::optional<Jump> jump = FindJump(views, distance_m)) {
+      symptoms.push_back(JumpSymptom(*jump, views, examination->config.data.setup));
+      return symptoms;
+    }
+  }
+  // If nothing fits, there are no outliers.
+  if (!fits) return symptoms;
   const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);
   for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
 

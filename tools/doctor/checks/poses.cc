@@ -39,6 +39,7 @@ struct ReadingLimits {
   // clear.
   double no_rotation_deg = 1;
   double clear_rotation_deg = 6;
+  double unrecorded_ratio = 3;  // Images that show so many times the rotation of the poses show one that these lack.
 };
 constexpr ReadingLimits kLimits;
 
@@ -413,6 +414,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const PoseFormat& format_now = examination->config.pose_reading.format;
   examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
                                   now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};
+  const Rigid3d& mount = now->hand_eye.camera_mount_from_camera;
+  constexpr double kSamePlaceShare = 0.03;
+  examination->pose_fit->is_of_camera = std::max(mount.translation.norm() / WorkingDistanceM(examination->views),
+                                                 RotationAngle(mount.rotation)) < kSamePlaceShare;
   const auto is_tellable = [&](const Reading& reading) {
     return !is_scale_only ||
            (reading.direction == Direction::kAsRead && reading.pairing.empty() && reading.arm.empty() &&
@@ -483,6 +488,18 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
     const MotionAnalysis motion = AnalyseMotion(mounts);
     const std::string why = WhyNotObservable(motion);
+    const double turns_deg = RadToDeg(motion.rotation_rms_rad[0]);
+    const double seen_turns_deg = RadToDeg(seen_motion.rotation_rms_rad[0]);
+    if (!why.empty() && seen_turns_deg > kLimits.unrecorded_ratio * turns_deg) {
+      Symptom symptom{
+          Severity::kWrong, "rotation_not_recorded",
+          "the images show rotations of " + Significant(seen_turns_deg, 2) + " deg rms, but the robot's poses have " +
+              (turns_deg < 0.01 ? std::string("one and the same rotation") : Significant(turns_deg, 2) + " deg"),
+          "record the rotations of the poses with their positions: the poses file has none, or columns of "
+          "another quantity"};
+      symptom.evidence = "robot and images differ by " + MisfitText(*now);
+      return {std::move(symptom)};
+    }
     Symptom symptom{Severity::kWrong, "poses_unexplained",
                     "robot and images differ by " + MisfitText(*now) +
                         ", and no other reading of the poses file explains it" +

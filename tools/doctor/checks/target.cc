@@ -6,7 +6,9 @@
 #include "heba/base/median.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/recognition.h"
 #include "heba/target.h"
 #include "targets/images/image.h"
 #include "targets/render/target_text.h"
@@ -101,6 +103,21 @@ std::vector<OtherTarget> OtherTargets(const RunConfig& config, const std::vector
   return others;
 }
 
+// Returns whether another target explains the sample's images decidedly better: with more points, or with hardly any
+// that are missing.
+bool IsDecidedlyBetter(const RunConfig& sample, const OtherTarget& other, size_t num_now) {
+  constexpr double kDecidedly = 1.15;
+  const auto num_points = static_cast<double>(other.num_points);
+  const auto now = static_cast<double>(num_now);
+  if (num_points > kDecidedly * now + kMinPosePoints) return true;
+  constexpr double kHardlyAny = 0.02;
+  constexpr double kMany = 0.08;
+  const auto num_images = static_cast<double>(sample.data.captures.size());
+  const double missing = 1 - num_points / (num_images * static_cast<double>(other.target->points().size()));
+  const double missing_now = 1 - now / (num_images * static_cast<double>(sample.data.target->points().size()));
+  return num_points > now && missing < kHardlyAny && missing_now > kMany;
+}
+
 // Returns, among the targets that this one may be confused with, the one with the most points in the sample's images;
 // nothing if these are not decidedly more than `num_now` points.
 std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<std::string>& other_codes,
@@ -121,12 +138,42 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<
   const auto best = std::max_element(others.begin(), others.end(), [](const OtherTarget& a, const OtherTarget& b) {
     return a.num_points < b.num_points;
   });
-  constexpr double kDecidedly = 1.15;
-  if (best == others.end() ||
-      static_cast<double>(best->num_points) <= kDecidedly * static_cast<double>(num_now) + kMinPosePoints) {
-    return std::nullopt;
-  }
+  if (best == others.end() || !IsDecidedlyBetter(sample, *best, num_now)) return std::nullopt;
   return *best;
+}
+
+// Returns the target that the sample's images show, if it is none of those that this one is often confused with.
+// Images do not tell its size, which is taken to be that of the config's target.
+std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<std::string>& other_codes,
+                                     size_t num_now, int num_threads) {
+  std::vector<cv::Mat> images;
+  for (const Capture& capture : sample.data.captures) images.push_back(ReadGreyImage(capture.image));
+  const YAML::Node now = YAML::Load(sample.target_used);
+  double size_m = 0;
+  for (const char* const key : {"square", "spacing", "tag_size"}) {
+    if (!now[key]) continue;
+    const ParsedQuantity length = ParseQuantity(now[key].Scalar(), Quantity::kLength);
+    if (length.fault.empty()) size_m = length.value;
+  }
+  for (const RecognisedTarget& recognised : RecogniseTargets(images, num_threads)) {
+    const YAML::Node node = YAML::Load(RecognisedTargetText(recognised, size_m > 0 ? size_m : 1));
+    MapReader reader(ConfigValue(node, sample.file, "target"));
+    OtherTarget other;
+    other.target = CreateTarget(reader);
+    if (HasAnyCode(*other.target, other_codes)) continue;
+    other.used = YAML::Dump(reader.used());
+    other.num_points = recognised.num_points;
+    // Of a target of the config's type, only what differs is said.
+    const bool is_alike = now["type"].Scalar() == recognised.target->type();
+    for (const auto& entry : node) {
+      const std::string key = entry.first.Scalar();
+      const bool is_size = key == recognised.size_key;
+      if (is_alike && (is_size || (now[key] && now[key].Scalar() == entry.second.Scalar()))) continue;
+      other.settings.emplace_back(key, entry.second.Scalar());
+    }
+    if (!other.settings.empty() && IsDecidedlyBetter(sample, other, num_now)) return other;
+  }
+  return std::nullopt;
 }
 
 // Returns the median share of the target's points over the images that show it.
@@ -141,11 +188,12 @@ double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>&
 }
 
 constexpr double kMostImages = 0.7;
+constexpr double kLeastShare = 0.6;
 
 // Returns whether the images show enough of the target for it to be the right one.
 bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
-  constexpr double kMostOfIt =
-      0.85;  // A smaller share is a reason to search, not a fault: the target may well be half outside the image.
+  // A smaller share is a reason to search, not a fault: the target may well be half outside the image.
+  constexpr double kMostOfIt = 0.9;
   return static_cast<double>(NumSeen(detections)) >= kMostImages * static_cast<double>(detections.size()) &&
          MiddleShare(config, detections) >= kMostOfIt;
 }
@@ -182,11 +230,19 @@ std::vector<Symptom> Check_target(Examination* examination) {
     is_looked_for = true;
     // Both targets are compared in the same images: the few may not show the target at all.
     const size_t num_now = NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
-    const std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination->num_threads);
+    std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination->num_threads);
+    if (!other) other = Recognise(sample, other_codes, num_now, examination->num_threads);
     if (!other) return std::nullopt;
+    const RunConfig config_now = config;
     config.data.target = other->target;
     config.target_used = other->used;
     detect_all();
+    // A target of which most is not there is another one again.
+    if (MiddleShare(config, examination->detections) < kLeastShare) {
+      config = config_now;
+      detect_all();
+      return std::nullopt;
+    }
     return Symptom{Severity::kWrong, "target",
                    "the images show another target than the config names: that one is detected " + seen + "; with " +
                        TargetSettingsText(other->settings) + " it is detected " +

@@ -24,7 +24,8 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   std::string document = text.substr(0, text.find_last_not_of(" \t\r\n") + 1);
   // `topic echo` prints this line after each message.
   if (document.ends_with("\n---")) document.resize(document.size() - 4);
-  const ConfigValue root = ParseYaml(document, name);
+  // Recorders write it under a key of their own, such as camera_info.
+  const ConfigValue root = MapWithAny(ParseYaml(document, name), {"camera_matrix", "K", "k"});
   MapReader reader(root);
   const bool is_message = !reader.Has("camera_matrix");
   constexpr IntRange kSizes = {1, 100000};

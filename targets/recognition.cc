@@ -1,0 +1,156 @@
+#include "heba/recognition.h"
+
+#include <algorithm>
+#include <iterator>
+#include <optional>
+#include <set>
+
+#include <opencv2/imgproc.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/even_indices.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+
+namespace heba {
+
+#define HEBA_TARGET(type, description) std::vector<TargetSettings> ProposeTargets_##type(const cv::Mat& grey);
+#include "targets/targets.def"
+#undef HEBA_TARGET
+
+namespace {
+
+struct Proposer {
+  const char* type;
+  std::vector<TargetSettings> (*propose)(const cv::Mat& grey);
+};
+constexpr Proposer kProposers[] = {
+#define HEBA_TARGET(type, description) {#type, &ProposeTargets_##type},
+#include "targets/targets.def"
+#undef HEBA_TARGET
+};
+
+// The fewest points that determine a pose.
+constexpr size_t kFewestPoints = 4;
+
+std::string YamlOf(const TargetSettings& settings) {
+  std::vector<std::string> keys;
+  for (const auto& [key, value] : settings) keys.push_back(key + ": " + value);
+  return "{" + Join(keys, ", ") + "}";
+}
+
+bool IsLength(const std::string& value) { return value.ends_with(" m"); }
+
+// Returns the target of some settings; nothing if there is no such target, such as one with more tags than the family
+// has.
+std::optional<RecognisedTarget> TargetOf(const TargetSettings& settings) {
+  RecognisedTarget recognised;
+  try {
+    recognised.target = ParseTarget(YamlOf(settings));
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  const auto first_length =
+      std::find_if(settings.begin(), settings.end(), [](const auto& entry) { return IsLength(entry.second); });
+  if (first_length != settings.end()) recognised.size_key = first_length->first;
+  recognised.settings = settings;
+  return recognised;
+}
+
+// Returns an image of at most `side_px` pixels along its longer side.
+cv::Mat Reduced(const cv::Mat& image, double side_px) {
+  const double scale = side_px / std::max(image.cols, image.rows);
+  if (scale >= 1) return image;
+  cv::Mat reduced;
+  cv::resize(image, reduced, {}, scale, scale, cv::INTER_AREA);
+  return reduced;
+}
+
+size_t NumSeen(const RecognisedTarget& recognised, const cv::Mat& image) {
+  const size_t num_points = recognised.target->Detect(image).ids.size();
+  return num_points < kFewestPoints ? 0 : num_points;
+}
+
+// Returns the proposal of one type of which the most points are found in the image that it comes from; of several with
+// as many, the smallest has the fewest that are not there.
+std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv::Mat& image) {
+  std::optional<RecognisedTarget> best;
+  size_t most = 0;
+  for (TargetSettings& settings : proposer.propose(image)) {
+    settings.insert(settings.begin(), {"type", proposer.type});
+    std::optional<RecognisedTarget> proposal = TargetOf(settings);
+    if (!proposal) continue;
+    const size_t num_points = NumSeen(*proposal, image);
+    const bool is_better = num_points > most || (num_points == most && best && num_points > 0 &&
+                                                 proposal->target->points().size() < best->target->points().size());
+    if (!is_better) continue;
+    most = num_points;
+    best = std::move(proposal);
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& images, int num_threads) {
+  // Proposals come from a few images, in which a target is as well seen at a moderate size.
+  constexpr size_t kMostProposing = 3;
+  constexpr double kProposingSidePx = 1280;
+  std::vector<cv::Mat> proposing;
+  for (const size_t i : EvenIndices(images.size(), kMostProposing)) {
+    proposing.push_back(Reduced(images[i], kProposingSidePx));
+  }
+  constexpr size_t kNumTypes = std::size(kProposers);
+  std::vector<std::optional<RecognisedTarget>> proposed(proposing.size() * kNumTypes);
+  ParallelFor(static_cast<int>(proposed.size()), num_threads, [&](int task) {
+    const auto k = static_cast<size_t>(task);
+    proposed[k] = BestProposal(kProposers[k % kNumTypes], proposing[k / kNumTypes]);
+  });
+  std::vector<RecognisedTarget> proposals;
+  for (std::optional<RecognisedTarget>& one : proposed) {
+    if (!one) continue;
+    const bool is_known = std::any_of(proposals.begin(), proposals.end(),
+                                      [&](const RecognisedTarget& other) { return other.settings == one->settings; });
+    if (!is_known) proposals.push_back(std::move(*one));
+  }
+  std::vector<size_t> num_seen(proposals.size() * images.size());
+  ParallelFor(static_cast<int>(num_seen.size()), num_threads, [&](int task) {
+    const auto k = static_cast<size_t>(task);
+    num_seen[k] = NumSeen(proposals[k / images.size()], images[k % images.size()]);
+  });
+  for (size_t k = 0; k < num_seen.size(); ++k) {
+    RecognisedTarget& proposal = proposals[k / images.size()];
+    proposal.num_points += num_seen[k];
+    proposal.num_images += num_seen[k] > 0 ? 1 : 0;
+  }
+  std::erase_if(proposals, [](const RecognisedTarget& proposal) { return proposal.num_images == 0; });
+  std::stable_sort(proposals.begin(), proposals.end(), [](const RecognisedTarget& a, const RecognisedTarget& b) {
+    return a.num_points != b.num_points ? a.num_points > b.num_points
+                                        : a.target->points().size() < b.target->points().size();
+  });
+  std::vector<RecognisedTarget> best;
+  std::set<std::string_view> types;
+  for (RecognisedTarget& proposal : proposals) {
+    if (!types.insert(proposal.target->type()).second) continue;
+    // A type that is seen in no more images, and with fewer points, is a part of the first one.
+    if (!best.empty() && proposal.num_images <= best.front().num_images) continue;
+    best.push_back(std::move(proposal));
+  }
+  return best;
+}
+
+std::string RecognisedTargetText(const RecognisedTarget& recognised, double size_m) {
+  TargetSettings settings = recognised.settings;
+  for (auto& [key, value] : settings) {
+    if (!IsLength(value)) continue;
+    double ratio = 0;
+    ParseDouble(value.substr(0, value.size() - 2), &ratio);
+    constexpr double kMillimetres = 1000;
+    value = size_m > 0     ? Significant(kMillimetres * size_m * ratio, 4) + " mm"
+            : ratio == 1.0 ? std::string("SIZE")
+                           : Significant(ratio, 3) + " * SIZE";
+  }
+  return YamlOf(settings);
+}
+
+}  // namespace heba
