@@ -95,7 +95,7 @@ std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv:
 std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& images, int num_threads) {
   // Proposals come from a few images, in which a target is as well seen at a moderate size.
   constexpr size_t kMostProposing = 3;
-  constexpr double kProposingSidePx = 1280;
+  constexpr double kProposingSidePx = 1920;
   std::vector<cv::Mat> proposing;
   for (const size_t i : EvenIndices(images.size(), kMostProposing)) {
     proposing.push_back(Reduced(images[i], kProposingSidePx));

@@ -82,8 +82,9 @@ struct SeenGrid {
 };
 
 // Returns the grids of any size that the first two finders see in a part of the image.
-std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
-  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part,
+                                double max_side_px = kFinders[0].max_side_px) {
+  const double scale = std::min(1.0, max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat image;
   cv::resize(grey(part), image, {}, scale, scale, cv::INTER_AREA);
   std::vector<SeenGrid> grids;
@@ -175,6 +176,11 @@ class Chessboard final : public Target {
   }
   const Drawing& Draw() const override { return drawing_; }
   TargetSettings UnitLengths() const override { return {{"square", UnitLength(1, 1)}}; }
+  // Returns the size of the chessboard that a grid is a part of, up to about this one's.
+  cv::Size SizeAround(const cv::Mat& grey, const SeenGrid& grid) const {
+    const LatticeExtent extent = ExtentOf(LatticeOf(grey, grid));
+    return {extent.columns, extent.rows};
+  }
 
   std::vector<Rigid3d> Symmetries() const override {
     std::vector<Rigid3d> symmetries;
@@ -625,11 +631,22 @@ std::unique_ptr<Target> CreateTarget_chessboard(MapReader& reader) {
 
 std::vector<TargetSettings> ProposeTargets_chessboard(const cv::Mat& grey) {
   std::vector<TargetSettings> proposals;
-  for (const SeenGrid& grid : GridsSeen(grey, cv::Rect({}, grey.size()))) {
-    TargetSettings proposal =
-        RowsAndColumns(std::min(grid.size.width, grid.size.height), std::max(grid.size.width, grid.size.height));
-    proposal.emplace_back("square", UnitLength(1, 1));
-    if (std::find(proposals.begin(), proposals.end(), proposal) == proposals.end()) proposals.push_back(proposal);
+  const cv::Rect whole({}, grey.size());
+  std::vector<SeenGrid> grids = GridsSeen(grey, whole);
+  // Small squares need more pixels.
+  constexpr double kFineSidePx = 1920;
+  if (grids.empty() && std::max(grey.cols, grey.rows) > kFinders[0].max_side_px) {
+    grids = GridsSeen(grey, whole, kFineSidePx);
+  }
+  constexpr int kMostCorners = 40;
+  const Chessboard largest(kMostCorners, kMostCorners, 1);
+  for (const SeenGrid& grid : grids) {
+    for (const cv::Size& size : {grid.size, largest.SizeAround(grey, grid)}) {
+      if (std::min(size.width, size.height) < 2) continue;
+      TargetSettings proposal = RowsAndColumns(std::min(size.width, size.height), std::max(size.width, size.height));
+      proposal.emplace_back("square", UnitLength(1, 1));
+      if (std::find(proposals.begin(), proposals.end(), proposal) == proposals.end()) proposals.push_back(proposal);
+    }
   }
   return proposals;
 }

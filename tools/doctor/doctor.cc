@@ -62,6 +62,10 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
     }
     examination.found_wrong = diagnosis.NumWrong() > 0;
   }
+  // A jump explains the poses.
+  if (Has(diagnosis, "poses_jump")) {
+    std::erase_if(diagnosis.symptoms, [](const Symptom& symptom) { return symptom.code.name() == "poses_unexplained"; });
+  }
   diagnosis.pose_fit = examination.pose_fit;
   SortBySeverity(&diagnosis);
   return diagnosis;

@@ -190,11 +190,14 @@ bool HoldsRecords(const fs::path& path) {
   return !FindPoseRecords(path, 1).empty();
 }
 
-// Returns the places of records as "records[].a (7 numbers), records[].b (16 numbers)".
+// Returns the places of records as "records[].a (7 numbers), records[].b (16 numbers)", or what a program writes as
+// "poses of the format ur (6 numbers)".
 std::string PlacesText(const std::vector<PoseRecords>& places) {
   std::vector<std::string> texts;
   for (const PoseRecords& place : places) {
-    texts.push_back(place.paths.pose + " (" + std::to_string(place.rows.front().size()) + " numbers)");
+    const std::string kind = place.pose_format.empty() ? "poses" : "poses of the format " + place.pose_format;
+    texts.push_back((place.paths.pose.empty() ? kind : place.paths.pose) + " (" +
+                    std::to_string(place.rows.front().size()) + " numbers)");
   }
   return Join(texts, ", ");
 }

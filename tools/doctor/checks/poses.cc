@@ -391,6 +391,22 @@ void Apply(const JudgedReading& best, Examination* examination) {
   examination->views = std::move(views);
 }
 
+// Explains the spacing of an asymmetric circle grid if the target is half or twice as large as its config says, or by
+// the root of 2: makers and programs mean different distances by it.
+std::string SpacingConventions(const std::string& target_used, double ratio) {
+  const YAML::Node target = YAML::Load(target_used);
+  if (!target.IsMap() || !target["asymmetric"] || target["asymmetric"].Scalar() != "true") return "";
+  const double root = std::sqrt(2.0);
+  constexpr double kAlike = 0.06;
+  for (const double convention : {0.5, 1 / root, root, 2.0}) {
+    if (std::abs(ratio / convention - 1) > kAlike) continue;
+    return "; the spacing of an asymmetric grid is the distance between neighbouring rows, half of that between the "
+           "dots "
+           "of one row, and not that between nearest dots, which is the root of 2 larger";
+  }
+  return "";
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_poses(Examination* examination) {
@@ -477,7 +493,8 @@ std::vector<Symptom> Check_poses(Examination* examination) {
                     "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
                         Significant(scaled->robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
                     "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
-                        " (or, if it is right, the focal length is wrong by this factor)"};
+                        " (or, if it is right, the focal length is wrong by this factor)" +
+                        SpacingConventions(examination->config.target_used, 1 / scale)};
     symptom.evidence =
         "with this scale, robot and images differ by " + MisfitText(*scaled) + ", without it by " + MisfitText(*now);
     return {std::move(symptom)};
