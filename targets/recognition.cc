@@ -1,6 +1,7 @@
 #include "heba/recognition.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -145,8 +146,9 @@ std::string RecognisedTargetText(const RecognisedTarget& recognised, double size
     if (!IsLength(value)) continue;
     double ratio = 0;
     ParseDouble(value.substr(0, value.size() - 2), &ratio);
-    constexpr double kMillimetres = 1000;
-    value = size_m > 0     ? Significant(kMillimetres * size_m * ratio, 4) + " mm"
+    constexpr double kMicrometres = 1e6;
+    constexpr double kPerMillimetre = 1e3;
+    value = size_m > 0     ? RoundTrip(std::round(kMicrometres * size_m * ratio) / kPerMillimetre) + " mm"
             : ratio == 1.0 ? std::string("SIZE")
                            : Significant(ratio, 3) + " * SIZE";
   }

@@ -90,7 +90,7 @@ TEST(BatchTest, AFailedRunDoesNotAffectOthers) {
   const CommandResult run = RunCached(RunArguments(cell, cell.folder / "out", {}));
   EXPECT_EQ(run.status, 1);
   EXPECT_THAT(run.err, HasSubstr("heba: error: " + (cell.folder / "wrong.yaml").string() + ":2: refine: unknown key"));
-  EXPECT_THAT(run.err, HasSubstr("the target is detected in 0 of 8 images"));
+  EXPECT_THAT(run.err, HasSubstr("the images show another target than the config names"));
   EXPECT_THAT(run.err, HasSubstr("[6/6]"));
   for (const char* name : {"plain", "held", "focal", "cauchy"}) {
     EXPECT_TRUE(fs::exists(cell.folder / "out" / name / "result.json")) << name;

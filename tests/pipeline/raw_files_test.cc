@@ -301,7 +301,7 @@ TEST_F(RawFilesTest, ImportReadsABareFolder) {
   // Without a target the guess is based on the magnitudes of the numbers only.
   const CommandResult unknown = Heba({"import", bare.string(), "--out", out.string()});
   EXPECT_EQ(unknown.status, 0) << unknown.err;
-  EXPECT_THAT(unknown.out, HasSubstr("guessed from the size of the numbers"));
+  EXPECT_THAT(Unbroken(unknown.out), HasSubstr("guessed from the size of the numbers"));
   EXPECT_THAT(ReadAll(out / "config.yaml"), AllOf(HasSubstr("# setup:"), HasSubstr("# target:")));
   const CommandResult known = Heba(
       {"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", (folder_ / "known").string()});

@@ -148,7 +148,7 @@ TEST_F(SheetCommandTest, WrongFlagsAreNamed) {
     std::string part;
   };
   const Call calls[] = {
-      {{"target"}, "takes TARGET.yaml, or --suggest"},
+      {{"target"}, "TARGET.yaml is missing: heba target TARGET.yaml; --suggest"},
       {{"target", small, small}, "takes [TARGET.yaml], not 2 arguments"},
       {{"target", small, "--out", Path("a.pdf"), "--paper", "a44"}, "did you mean 'a4'?"},
       {{"target", small, "--out", Path("a.pdf"), "--camera", camera}, "--camera belongs to --suggest"},

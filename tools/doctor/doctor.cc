@@ -64,7 +64,8 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   }
   // A jump explains the poses.
   if (Has(diagnosis, "poses_jump")) {
-    std::erase_if(diagnosis.symptoms, [](const Symptom& symptom) { return symptom.code.name() == "poses_unexplained"; });
+    std::erase_if(diagnosis.symptoms,
+                  [](const Symptom& symptom) { return symptom.code.name() == "poses_unexplained"; });
   }
   diagnosis.pose_fit = examination.pose_fit;
   SortBySeverity(&diagnosis);

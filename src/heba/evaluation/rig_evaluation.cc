@@ -117,7 +117,6 @@ Finding JudgeImages(const RigResult& result) {
              is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
              {{"used", num_used}, {"seen", num_seen}, {"captures", num_images}, {"copies", 0}},
              {CameraName(result, c)}};
-    worst.is_cause = num_seen < kFewCaptures;
   }
   return worst;
 }

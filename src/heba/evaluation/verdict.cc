@@ -114,7 +114,6 @@ Finding JudgeCaptures(const RunResult& result) {
   finding.code = num_used < kFewCaptures ? FindingCode("few_captures") : FindingCode("captures_left_out");
   finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
   finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
-  finding.is_cause = num_seen < kFewCaptures;
   return finding;
 }
 
@@ -230,7 +229,9 @@ Verdict JudgeRun(const RunResult& result) {
       if (finding) findings.push_back(*finding);
     }
     findings.push_back(std::move(uncertainty));
-    findings.push_back(JudgeCaptures(result));
+    // That there are few captures precedes what the few of them show.
+    Finding captures = JudgeCaptures(result);
+    findings.insert(captures.code == FindingCode("few_captures") ? findings.begin() : findings.end(), captures);
     findings.push_back(JudgePixels(solution));
   }
   GatherSymptoms(&findings);

@@ -182,12 +182,22 @@ std::vector<PoseRow> ReadPlainPoses(const fs::path& path, const PoseFormat& form
   return rows;
 }
 
+// Returns whether a place has the numbers of the format, under its names if they have any.
+bool HasNumbersOf(const PoseRecords& place, const PoseFormat& format) {
+  return place.rows.front().size() == format.columns.size() &&
+         (place.columns.empty() || place.columns == format.columns);
+}
+
 // Returns whether a source that could not be read otherwise holds poses in records or in a robot's program. A fault of
-// its own, such as a pose that breaks off, is reported in place of the other one.
-bool HoldsRecords(const fs::path& path) {
+// its own, such as a pose that breaks off, is reported in place of the other one. An array has one place only, so that
+// the fault of its shape says more.
+bool HoldsRecords(const fs::path& path, const PoseFormat& format) {
   std::error_code error;
   if (!fs::exists(path, error)) return false;
-  return !FindPoseRecords(path, 1).empty();
+  const std::vector<PoseRecords> places = FindPoseRecords(path, 1);
+  if (SuffixOf(path) != ".npy") return !places.empty();
+  return std::any_of(places.begin(), places.end(),
+                     [&](const PoseRecords& place) { return HasNumbersOf(place, format); });
 }
 
 // Returns the places of records as "records[].a (7 numbers), records[].b (16 numbers)", or what a program writes as
@@ -196,8 +206,9 @@ std::string PlacesText(const std::vector<PoseRecords>& places) {
   std::vector<std::string> texts;
   for (const PoseRecords& place : places) {
     const std::string kind = place.pose_format.empty() ? "poses" : "poses of the format " + place.pose_format;
+    const std::string names = place.columns.empty() ? "" : ": " + Join(place.columns, ", ");
     texts.push_back((place.paths.pose.empty() ? kind : place.paths.pose) + " (" +
-                    std::to_string(place.rows.front().size()) + " numbers)");
+                    std::to_string(place.rows.front().size()) + " numbers" + names + ")");
   }
   return Join(texts, ", ");
 }
@@ -215,7 +226,7 @@ const PoseRecords& ChoosePlace(const std::vector<PoseRecords>& places, const fs:
   std::vector<PoseRecords> fitting;
   const PoseRecords* chosen = nullptr;
   for (const PoseRecords& place : places) {
-    if (place.rows.front().size() != format.columns.size()) continue;
+    if (!HasNumbersOf(place, format)) continue;
     fitting.push_back(place);
     chosen = &place;
   }
@@ -318,7 +329,7 @@ std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format, c
   try {
     return ReadPlainPoses(path, format, cameras);
   } catch (const InputError&) {
-    if (!HoldsRecords(path)) throw;
+    if (!HoldsRecords(path, format)) throw;
   }
   return RowsOfRecords(path, format, paths);
 }

@@ -166,7 +166,7 @@ TEST(RosCameraFile, ReadsTheMessageAsPrinted) {
 TEST(RosCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(Ros("plum_bob", 5, "1, 2, 3, 4, 5")),
               HasSubstr("camera:10: distortion_model: distortion model 'plum_bob' is unknown; "
-                        "one of: plumb_bob, rational_polynomial, equidistant"));
+                        "did you mean 'plumb_bob'? One of: plumb_bob, rational_polynomial, equidistant"));
   EXPECT_THAT(ErrorOf(Ros("plumb_bob", 3, "1, 2, 3")),
               HasSubstr("distortion_coefficients: 3 coefficients; 0, 4, 5 or 8"));
   EXPECT_THAT(ErrorOf(Ros("equidistant", 0, "")), HasSubstr("0 coefficients; a fisheye lens has 4"));

@@ -353,7 +353,8 @@ TEST(PoseFileTest, ReportsFaultsOfTheHeader) {
   EXPECT_THAT(ErrorOf("image,x,y,z,qx,qy,qz,qw,\n"), StartsWith("poses.csv:1: column 9 has no name"));
   EXPECT_THAT(ErrorOf("x,x,y,z,qx,qy,qz,qw\n"), StartsWith("poses.csv:1: column 'x' occurs twice"));
   EXPECT_THAT(ErrorOf("1,2,3,0,0,0,1\n"), StartsWith("poses.csv:1: the first line must name the columns: image, x, y"));
-  EXPECT_THAT(ErrorOf("image,x,y,z,rx,ry,rz\n"), HasSubstr("the columns here are those of pose format ur or staubli"));
+  EXPECT_THAT(ErrorOf("image,x,y,z,rx,ry,rz\n"),
+              HasSubstr("the columns here are those of pose format ur or techman or staubli"));
   EXPECT_THAT(ErrorOf("image,x,y,z\n", "kuka"), StartsWith("poses.csv:1: column 'a' is missing"));
 }
 

@@ -129,7 +129,7 @@ TEST_F(PoseGuessTest, TwelveNumbersMayBeTheUpperRowsOfAMatrix) {
 }
 
 TEST_F(PoseGuessTest, SixNumbersMayStateTheRotationFirst) {
-  const GuessedTable guessed = GuessPoseFormats(WriteTable(FormatOf("euler_zyx", "deg", "mm")));
+  const GuessedTable guessed = GuessPoseFormats(Write("poses.txt", "1 2 3 0 0 1\n1 2 4 0 1 0\n1 2 5 1 0 0\n"));
   ASSERT_THAT(guessed.formats, SizeIs(2));
   EXPECT_THAT(guessed.formats[0].file_columns, ElementsAre("x", "y", "z", "r4", "r5", "r6"));
   EXPECT_THAT(guessed.formats[1].file_columns, ElementsAre("r4", "r5", "r6", "x", "y", "z"));
@@ -211,8 +211,9 @@ TEST_F(PoseGuessTest, BracketsAndBlanksAreAccepted) {
   const std::filesystem::path file =
       Write("poses.txt", "p[0.1, 0.2, 0.3, 0, 0, 1]\np[0.2, 0.2, 0.3, 0, 1, 0]\np[0.3, 0.2, 0.3, 1, 0, 0]\n");
   EXPECT_EQ(GuessPoseFormats(file).num_rows, 3u);
+  // Positions in mm are larger than any angle, so that the order is known.
   EXPECT_THAT(GuessPoseFormats(WriteTable(FormatOf("euler_zyx", "deg", "mm"), "", {"", "", ""}, "  ")).formats,
-              SizeIs(2));
+              SizeIs(1));
 }
 
 TEST_F(PoseGuessTest, ReadsAFolderWithOneFilePerPose) {

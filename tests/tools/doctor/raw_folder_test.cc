@@ -155,7 +155,7 @@ TEST_F(RawFolderTest, SaysWhyTheDataSetCannotBeRead) {
 TEST_F(RawFolderTest, ReadsDecimalCommas) {
   WriteImages("", 4);
   for (const std::string between : {"; ", " ", "\t"}) {
-    std::string poses = "notes\n";
+    std::string poses;
     for (int i = 0; i < 4; ++i) {
       for (int k = 0; k < 6; ++k) poses += (k == 0 ? "" : between) + std::to_string(10 * k + i) + ",5";
       poses += "\n";
