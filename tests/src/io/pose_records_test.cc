@@ -97,7 +97,7 @@ TEST_F(PoseRecordsTest, AJointTargetIsNoPose) {
   EXPECT_THAT(FindPoseRecords(file).at(0).rows, SizeIs(3));
 }
 
-constexpr const char* kMatrix = "[[0,-1,0,.1],[1,0,0,.2],[0,0,1,.3],[0,0,0,1]]";
+constexpr const char* kMatrix = "[[0,-1,0,0.1],[1,0,0,0.2],[0,0,1,0.3],[0,0,0,1]]";
 
 TEST_F(PoseRecordsTest, FindsPosesAtAnyDepthWithTheirImages) {
   std::string records;
@@ -142,7 +142,7 @@ TEST_P(ValueTest, IsRecognisedByItsShape) {
 
 INSTANTIATE_TEST_SUITE_P(
     , ValueTest,
-    testing::Values(Value{"Matrix", "[[0,-1,0,.1],[1,0,0,.2],[0,0,1,.3],[0,0,0,1]]", 16},
+    testing::Values(Value{"Matrix", "[[0,-1,0,0.1],[1,0,0,0.2],[0,0,1,0.3],[0,0,0,1]]", 16},
                     Value{"UpperRows", "[[0,-1,0,0.1],[1,0,0,0.2],[0,0,1,0.3]]", 16},
                     Value{"ByColumns", "[0,1,0,0,-1,0,0,0,0,0,1,0,0.1,0.2,0.3,1]", 16},
                     Value{"NoRotation", "[1,2,3,4,5,6,7,8,9,10,11,12,0,0,0,1]", 0},
