@@ -125,9 +125,13 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     proposal.num_images += num_seen[k] > 0 ? 1 : 0;
   }
   std::erase_if(proposals, [](const RecognisedTarget& proposal) { return proposal.num_images == 0; });
-  std::stable_sort(proposals.begin(), proposals.end(), [](const RecognisedTarget& a, const RecognisedTarget& b) {
-    return a.num_points != b.num_points ? a.num_points > b.num_points
-                                        : a.target->points().size() < b.target->points().size();
+  // The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
+  constexpr double kOfCodes = 1.1;
+  const auto weight = [](const RecognisedTarget& proposal) {
+    return static_cast<double>(proposal.num_points) * (proposal.target->Codes().size() > 1 ? kOfCodes : 1);
+  };
+  std::stable_sort(proposals.begin(), proposals.end(), [&](const RecognisedTarget& a, const RecognisedTarget& b) {
+    return weight(a) != weight(b) ? weight(a) > weight(b) : a.target->points().size() < b.target->points().size();
   });
   std::vector<RecognisedTarget> best;
   std::set<std::string_view> types;

@@ -156,6 +156,11 @@ std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<
     if (length.fault.empty()) size_m = length.value;
   }
   for (const RecognisedTarget& recognised : RecogniseTargets(images, num_threads)) {
+    // The corners of a ChArUco board whose markers cannot be read are those of a chessboard.
+    const Target& now_target = *sample.data.target;
+    const bool is_without_codes = now_target.Codes().size() > 1 && recognised.target->Codes().size() == 1 &&
+                                  now_target.points().size() == recognised.target->points().size();
+    if (is_without_codes) continue;
     const YAML::Node node = YAML::Load(RecognisedTargetText(recognised, size_m > 0 ? size_m : 1));
     MapReader reader(ConfigValue(node, sample.file, "target"));
     OtherTarget other;
