@@ -61,6 +61,14 @@ constexpr DictionaryName kDictionaries[] = {
     {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11},
 };
 
+// Returns the name of a dictionary without its size: the smaller dictionaries are the beginnings of the larger ones.
+std::string MarkersName(const std::string& dictionary) {
+  for (const std::string_view size : {"_50", "_100", "_250", "_1000"}) {
+    if (dictionary.ends_with(size)) return dictionary.substr(0, dictionary.size() - size.size());
+  }
+  return dictionary;
+}
+
 struct CharucoGeometry {
   std::string dictionary;
   int rows = 0;
@@ -134,7 +142,8 @@ class Charuco final : public Target {
   std::vector<std::string> Codes() const override {
     std::vector<std::string> codes;
     for (size_t index = 0; index < marker_squares_.size(); ++index) {
-      codes.push_back(geometry_.dictionary + " " + std::to_string(geometry_.first_marker + static_cast<int>(index)));
+      codes.push_back(MarkersName(geometry_.dictionary) + " " +
+                      std::to_string(geometry_.first_marker + static_cast<int>(index)));
     }
     return codes;
   }

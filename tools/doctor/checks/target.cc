@@ -135,9 +135,15 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<
     }
     if (!seen.empty()) others = std::move(seen);
   }
-  const auto best = std::max_element(others.begin(), others.end(), [](const OtherTarget& a, const OtherTarget& b) {
-    return a.num_points < b.num_points;
-  });
+  // Of targets with about as many points, the one of which fewer are missing is shown.
+  const auto score = [&](const OtherTarget& other) {
+    constexpr double kOfMissing = 0.1;
+    const auto num_points = static_cast<double>(other.num_points);
+    const double num_all = static_cast<double>(sample.data.captures.size() * other.target->points().size());
+    return num_points - kOfMissing * (num_all - num_points);
+  };
+  const auto best = std::max_element(others.begin(), others.end(),
+                                     [&](const OtherTarget& a, const OtherTarget& b) { return score(a) < score(b); });
   if (best == others.end() || !IsDecidedlyBetter(sample, *best, num_now)) return std::nullopt;
   return *best;
 }
