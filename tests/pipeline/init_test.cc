@@ -153,7 +153,7 @@ TEST_F(InitTest, NamesTheUsersFilesInFaults) {
                     Not(HasSubstr("heba_trial"))));
 }
 
-// Of several files with poses, the images decide, and the others are named.
+// The images decide between several files with poses, and the others are named.
 TEST_F(InitTest, TriesAllPosesThatItFinds) {
   std::string shifted = ReadAll(folder_ / "cell/robot_log.csv");
   for (size_t at = 0; (at = shifted.find("\n00", at)) != std::string::npos; ++at) {

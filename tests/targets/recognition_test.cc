@@ -31,7 +31,7 @@ std::vector<cv::Mat> ViewsOf(const Target& target, int num_views, double share, 
 // A target with the keys that must be recognised.
 struct Shown {
   const char* name;
-  const char* keys;      // Of the rendered target.
+  const char* keys;      // The keys of the rendered target.
   const char* expected;  // The keys that are recognised, with its size; ratios are known to some hundredths.
   double size_m;
 };

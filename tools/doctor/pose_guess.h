@@ -17,7 +17,7 @@ namespace heba {
 struct GuessedTable {
   std::vector<PoseFormat> formats;
   size_t num_rows = 0;
-  RecordPaths paths = {};  // Where the file holds the poses; empty if it leaves no choice.
+  RecordPaths paths = {};  // The places of the poses in the file; empty if it leaves no choice.
 };
 
 // Guesses formats from the file, array or folder (heba/io/pose_source.h) alone: which of its columns are the numbers

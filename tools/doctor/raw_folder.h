@@ -15,7 +15,7 @@ namespace heba {
 // Poses that a file or folder may hold.
 struct RawPoses {
   std::filesystem::path source;  // A table, an array, records, a robot's program, or a folder with one file per pose.
-  RecordPaths paths = {};        // Where they are in it; empty if it leaves no choice.
+  RecordPaths paths = {};        // Their places in it; empty if it leaves no choice.
   PoseFormat format;             // Guessed from the size of the numbers.
   size_t num_rows = 0;
 };

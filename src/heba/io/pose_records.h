@@ -8,9 +8,10 @@
 
 namespace heba {
 
-// Where the poses of a file and the names of their images are, such as records[].robot_coords and records[].image. `[]`
-// stands for each item of a list, and `*` for each member of an object, whose key may be the name of the image. In a
-// folder with one file per pose, the path is that within a file. Both are empty if the file leaves no choice.
+// The paths to the poses of a file and to the names of their images, such as records[].robot_coords and
+// records[].image.
+// `[]` stands for each item of a list, and `*` for each member of an object, whose key may be the name of the image. In
+// a folder with one file per pose, the path is that within a file. Both are empty if the file leaves no choice.
 struct RecordPaths {
   std::string pose;
   std::string image;

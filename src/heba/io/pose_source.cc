@@ -188,16 +188,17 @@ bool HasNumbersOf(const PoseRecords& place, const PoseFormat& format) {
          (place.columns.empty() || place.columns == format.columns);
 }
 
-// Returns whether a source that could not be read otherwise holds poses in records or in a robot's program. A fault of
-// its own, such as a pose that breaks off, is reported in place of the other one. An array has one place only, so that
-// the fault of its shape says more.
-bool HoldsRecords(const fs::path& path, const PoseFormat& format) {
+// Returns the poses in the records or in the robot's program of a source that could not be read otherwise; none if it
+// is no such source. A fault of its own, such as a pose that breaks off, is reported in place of the other one. An
+// array has one place only, so that the fault of its shape says more.
+std::vector<PoseRecords> RecordsInstead(const fs::path& path, const PoseFormat& format) {
   std::error_code error;
-  if (!fs::exists(path, error)) return false;
-  const std::vector<PoseRecords> places = FindPoseRecords(path, 1);
-  if (SuffixOf(path) != ".npy") return !places.empty();
-  return std::any_of(places.begin(), places.end(),
-                     [&](const PoseRecords& place) { return HasNumbersOf(place, format); });
+  if (!fs::exists(path, error)) return {};
+  std::vector<PoseRecords> places = FindPoseRecords(path, 1);
+  const bool has_any =
+      std::any_of(places.begin(), places.end(), [&](const PoseRecords& place) { return HasNumbersOf(place, format); });
+  if (SuffixOf(path) == ".npy" && !has_any) return {};
+  return places;
 }
 
 // Returns the places of records as "records[].a (7 numbers), records[].b (16 numbers)", or what a program writes as
@@ -239,8 +240,8 @@ const PoseRecords& ChoosePlace(const std::vector<PoseRecords>& places, const fs:
                    "; name one of them: poses: {file: ..., pose: " + fitting.front().paths.pose + "}");
 }
 
-std::vector<PoseRow> RowsOfRecords(const fs::path& path, const PoseFormat& format, const RecordPaths& paths) {
-  const std::vector<PoseRecords> places = FindPoseRecords(path, 1);
+std::vector<PoseRow> RowsOfRecords(const std::vector<PoseRecords>& places, const fs::path& path,
+                                   const PoseFormat& format, const RecordPaths& paths) {
   const PoseRecords& place = ChoosePlace(places, path, format, paths);
   if (!paths.image.empty() && paths.image != place.paths.image) {
     throw InputError(path.string() + ": the images of " + Quoted(place.paths.pose) + " are not named at " +
@@ -325,13 +326,14 @@ std::optional<long> NumberInName(const std::string& stem) {
 
 std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format, const std::vector<std::string>& cameras,
                                const RecordPaths& paths) {
-  if (!paths.pose.empty()) return RowsOfRecords(path, format, paths);
+  if (!paths.pose.empty()) return RowsOfRecords(FindPoseRecords(path, 1), path, format, paths);
   try {
     return ReadPlainPoses(path, format, cameras);
   } catch (const InputError&) {
-    if (!HoldsRecords(path, format)) throw;
+    const std::vector<PoseRecords> places = RecordsInstead(path, format);
+    if (places.empty()) throw;
+    return RowsOfRecords(places, path, format, paths);
   }
-  return RowsOfRecords(path, format, paths);
 }
 
 }  // namespace heba

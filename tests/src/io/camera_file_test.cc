@@ -489,7 +489,7 @@ TEST(KalibrCameraFile, NamesTheCamerasOfAChain) {
   EXPECT_THAT(error_of(alone, "cam0"), HasSubstr("its camera has no name"));
 }
 
-// What librealsense reports of its cameras.
+// Returns the intrinsics of a camera in the form that librealsense reports, within a record.
 std::string RealSense(const std::string& model, const std::string& coefficients) {
   return R"({"device": "D435", "intrinsics": {"width": 640, "height": 480, "fx": 605.5, "fy": 605, "ppx": 320.5,
              "ppy": 241, "model": ")" +

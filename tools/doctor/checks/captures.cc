@@ -128,7 +128,7 @@ struct Jump {
   bool is_at_camera = false;  // Whether it is in the camera's mount (the base, if the camera is fixed).
   Rigid3d displacement;       // Recorded from expected pose: in the camera's mount, or in the target's.
   size_t num_explained = 0;
-  double typical_misfit_m = 0;  // Of the captures without a displacement.
+  double typical_misfit_m = 0;  // The misfit of the captures without a displacement.
 };
 
 // Returns the displacement that most of some poses share, and how many of them do.
@@ -173,7 +173,7 @@ std::optional<Jump> FindJump(const std::vector<ExaminedView>& views, double dist
     std::vector<Rigid3d> at_target;
     for (const ExaminedView& view : displaced) {
       const Rigid3d& recorded = view.view.camera_mount_from_target_mount;
-      // Of the poses under which the target looks alike, the one that needs the least displacement is taken.
+      // The target may look alike in several poses: the one that needs the least displacement is taken.
       const auto expected_of = [&](const Rigid3d& camera_from_target) {
         return fit->hand_eye.camera_mount_from_camera * camera_from_target *
                Inverse(fit->hand_eye.target_mount_from_target);

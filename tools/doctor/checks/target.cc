@@ -135,7 +135,7 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<
     }
     if (!seen.empty()) others = std::move(seen);
   }
-  // Of targets with about as many points, the one of which fewer are missing is shown.
+  // The images show the target of which fewer points are missing if several have about as many points.
   const auto score = [&](const OtherTarget& other) {
     constexpr double kOfMissing = 0.1;
     const auto num_points = static_cast<double>(other.num_points);
@@ -174,7 +174,7 @@ std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<
     if (HasAnyCode(*other.target, other_codes)) continue;
     other.used = YAML::Dump(reader.used());
     other.num_points = recognised.num_points;
-    // Of a target of the config's type, only what differs is said.
+    // A target of the config's type is named by the keys that differ.
     const bool is_alike = now["type"].Scalar() == recognised.target->type();
     for (const auto& entry : node) {
       const std::string key = entry.first.Scalar();
