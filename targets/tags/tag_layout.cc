@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "heba/base/median.h"
 #include "heba/base/union_find.h"
 #include "heba/geometry/homography.h"
 
@@ -43,6 +44,17 @@ double MeanSide(const TagCorners& corners) {
   double sum = 0;
   for (size_t i = 0; i < 4; ++i) sum += (corners[(i + 1) % 4] - corners[i]).norm();
   return sum / 4;
+}
+
+double MedianSideInCells(const std::vector<SeenTag>& tags, const Eigen::Matrix3d& pixel_from_cell) {
+  const Eigen::Matrix3d cell_from_pixel = pixel_from_cell.inverse();
+  std::vector<double> sides;
+  for (const SeenTag& tag : tags) {
+    TagCorners corners;
+    for (size_t k = 0; k < 4; ++k) corners[k] = ApplyHomography(cell_from_pixel, tag.corners_px[k]);
+    sides.push_back(MeanSide(corners));
+  }
+  return Median(sides);
 }
 
 Eigen::Vector2d CentreOf(const TagCorners& corners) { return (corners[0] + corners[1] + corners[2] + corners[3]) / 4; }

@@ -31,6 +31,9 @@ double MinSide(const TagCorners& corners);
 double MeanSide(const TagCorners& corners);
 Eigen::Vector2d CentreOf(const TagCorners& corners);
 
+// Returns the median side of tags in cells of a grid.
+double MedianSideInCells(const std::vector<SeenTag>& tags, const Eigen::Matrix3d& pixel_from_cell);
+
 struct ConsistentTags {
   std::vector<SeenTag> tags;  // Sorted by index, each once.
   int num_dropped = 0;

@@ -10,10 +10,8 @@
 #include <utility>
 
 #include "heba/base/error.h"
-#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
-#include "heba/geometry/homography.h"
 #include "heba/target.h"
 #include "targets/numbered_grid.h"
 #include "targets/table_choice.h"
@@ -225,14 +223,7 @@ std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
         if (tags.size() == 1) add(1, 1, last, "");
         continue;
       }
-      const Eigen::Matrix3d cell_from_pixel = grid->pixel_from_cell.inverse();
-      std::vector<double> sides;
-      for (const SeenTag& tag : tags) {
-        TagCorners corners;
-        for (size_t k = 0; k < 4; ++k) corners[k] = ApplyHomography(cell_from_pixel, tag.corners_px[k]);
-        sides.push_back(MeanSide(corners));
-      }
-      const double spacing = 1 / Median(sides) - 1;
+      const double spacing = 1 / MedianSideInCells(tags, grid->pixel_from_cell) - 1;
       if (!(spacing > 0.01)) continue;
       add((last - grid->first) / grid->columns + 1, grid->columns, grid->first, Fixed(spacing, 2));
       return proposals;

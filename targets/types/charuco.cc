@@ -18,7 +18,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
-#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/homography.h"
@@ -305,18 +304,6 @@ Eigen::Vector2d SquareOfMarker(int index, int columns, bool is_first_black) {
   return {2 * place + (begins_black ? 1 : 0), 2 * pair + (is_second ? 1 : 0)};
 }
 
-// Returns the ratio of marker and square: the median side of the markers in squares.
-double MarkerRatio(const std::vector<SeenTag>& markers, const Eigen::Matrix3d& pixel_from_square) {
-  const Eigen::Matrix3d square_from_pixel = pixel_from_square.inverse();
-  std::vector<double> sides;
-  for (const SeenTag& marker : markers) {
-    TagCorners corners;
-    for (size_t k = 0; k < 4; ++k) corners[k] = ApplyHomography(square_from_pixel, marker.corners_px[k]);
-    sides.push_back(MeanSide(corners));
-  }
-  return Median(sides);
-}
-
 // Returns the smallest dictionary that has the markers of `whole`, of which it is the beginning, up to `last`.
 const char* SmallestDictionary(const DictionaryName& whole, int last) {
   const std::string name = whole.name;
@@ -347,7 +334,7 @@ std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& 
     int rows = static_cast<int>(SquareOfMarker(last - grid->first, grid->columns, is_first_black).y()) + 1;
     // The top-left square of a legacy pattern is white only if the number of rows is even.
     if (!is_first_black) rows += rows % 2;
-    const double ratio = MarkerRatio(markers, grid->pixel_from_cell);
+    const double ratio = MedianSideInCells(markers, grid->pixel_from_cell);
     if (!(ratio > 0.2 && ratio < 0.98)) continue;
     TargetSettings board = RowsAndColumns(std::max(rows, 2), grid->columns);
     board.emplace_back("square", UnitLength(1, 1));

@@ -32,15 +32,6 @@ bool IsNumber(const std::string& field) {
   return ParseDouble(field, &number);
 }
 
-// Replaces the decimal comma of a number by a point; leaves anything else.
-std::string WithPoint(std::string field) {
-  const size_t comma = field.find(',');
-  if (comma == std::string::npos || field.find('.') != std::string::npos) return field;
-  std::string with_point = field;
-  with_point[comma] = '.';
-  return IsNumber(with_point) ? with_point : field;
-}
-
 // Splits a line at tabs, semicolons or commas, between which fields may contain blanks, or otherwise at blanks. Numbers
 // between other separators than commas may have decimal commas.
 std::vector<std::string> FieldsOf(std::string line) {
@@ -58,14 +49,14 @@ std::vector<std::string> FieldsOf(std::string line) {
   };
   const std::vector<std::string> words = fields_between(" \t\r");
   const bool are_decimals = words.size() >= 3 && std::all_of(words.begin(), words.end(), [](const std::string& word) {
-                              return word.find(',') != std::string::npos && IsNumber(WithPoint(word));
+                              return WithDecimalPoint(word) != word;
                             });
   for (const char separator : {'\t', ';', ','}) {
     if (are_decimals && separator == ',') break;
     if (line.find(separator) == std::string::npos) continue;
     std::vector<std::string> fields;
     for (const std::string& field : Split(line, separator)) {
-      fields.push_back(separator == ',' ? Trim(field) : WithPoint(Trim(field)));
+      fields.push_back(separator == ',' ? Trim(field) : WithDecimalPoint(Trim(field)));
     }
     const bool are_whole = std::all_of(fields.begin(), fields.end(), [](const std::string& field) {
       return field.find_first_of(";,\t") == std::string::npos && !field.empty();
@@ -74,7 +65,7 @@ std::vector<std::string> FieldsOf(std::string line) {
   }
   if (!are_decimals) return fields_between(" \t\r,;");
   std::vector<std::string> fields;
-  for (const std::string& word : words) fields.push_back(WithPoint(word));
+  for (const std::string& word : words) fields.push_back(WithDecimalPoint(word));
   return fields;
 }
 

@@ -105,14 +105,6 @@ std::vector<std::string> Fields(const Line& line, char separator) {
   }
 }
 
-bool HasDecimalComma(std::string word) {
-  const size_t comma = word.find(',');
-  if (comma == std::string::npos || word.find('.') != std::string::npos) return false;
-  word[comma] = '.';
-  double number = 0;
-  return ParseDouble(word, &number);
-}
-
 // Returns the most frequent separator of the first line. The result is a blank if the line contains no separator, or if
 // tabs occur among blanks and separate too few fields.
 char FindSeparator(const Line& first, size_t num_numbers) {
@@ -124,7 +116,8 @@ char FindSeparator(const Line& first, size_t num_numbers) {
   // Numbers with decimal commas may stand between blanks.
   const std::vector<std::string> words = Fields(first, ' ');
   const bool are_decimals =
-      best == ',' && words.size() >= 3 && std::all_of(words.begin(), words.end(), HasDecimalComma);
+      best == ',' && words.size() >= 3 &&
+      std::all_of(words.begin(), words.end(), [](const std::string& word) { return WithDecimalPoint(word) != word; });
   if (are_decimals) return ' ';
   const bool has_any = text.find(best) != std::string_view::npos;
   if (!has_any || (best == '\t' && Fields(first, best).size() < num_numbers)) return ' ';
@@ -246,13 +239,10 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
 }
 
 // Reads a number with a decimal point, or with a decimal comma where the fields are not separated by commas.
-double ReadNumber(const Line& line, const std::string& column, std::string field) {
+double ReadNumber(const Line& line, const std::string& column, const std::string& field) {
   if (field.empty()) line.FailColumn(column, "a number is missing");
-  if (const size_t comma = field.find(','); comma != std::string::npos && field.find('.') == std::string::npos) {
-    field[comma] = '.';
-  }
   double number = 0;
-  if (!ParseDouble(field, &number)) line.FailColumn(column, Quoted(field) + " is not a number");
+  if (!ParseDouble(WithDecimalPoint(field), &number)) line.FailColumn(column, Quoted(field) + " is not a number");
   if (!std::isfinite(number)) line.FailColumn(column, Quoted(field) + " is not finite");
   return number;
 }
@@ -282,6 +272,15 @@ std::string Field(const std::string& text) {
 }
 
 }  // namespace
+
+std::string WithDecimalPoint(std::string text) {
+  const size_t comma = text.find(',');
+  if (comma == std::string::npos || text.find('.') != std::string::npos) return text;
+  std::string with_point = text;
+  with_point[comma] = '.';
+  double number = 0;
+  return ParseDouble(with_point, &number) ? with_point : text;
+}
 
 std::string WithoutBrackets(std::string_view line) {
   std::string bare = Trim(line.substr(0, line.find('#')));

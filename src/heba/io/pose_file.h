@@ -47,6 +47,9 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
                                 const std::vector<std::string>& extra_columns = {},
                                 const std::vector<std::string>& cameras = {});
 
+// Returns the text of a number with a point in place of its decimal comma; any other text unchanged.
+std::string WithDecimalPoint(std::string text);
+
 // Returns a line such as [[1, 2, 3], [4, 5, 6]] or p[1, 2, 3, 4, 5, 6] without brackets, comment and trailing
 // separators.
 std::string WithoutBrackets(std::string_view line);
