@@ -1,7 +1,10 @@
 #include "targets/numbered_grid.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+
+#include <Eigen/LU>
 
 #include "heba/base/median.h"
 #include "heba/geometry/homography.h"
@@ -24,6 +27,16 @@ double MisfitOf(const Eigen::Matrix3d& pixel_from_cell, const Eigen::Matrix2Xd& 
 }
 
 }  // namespace
+
+double CellSizePx(const Eigen::Matrix3d& pixel_from_cell, const Eigen::Vector2d& pixel) {
+  const Eigen::Vector2d cell = ApplyHomography(pixel_from_cell.inverse(), pixel);
+  const auto side = [&](const Eigen::Vector2d& step) -> Eigen::Vector2d {
+    return ApplyHomography(pixel_from_cell, cell + 0.5 * step) - ApplyHomography(pixel_from_cell, cell - 0.5 * step);
+  };
+  const Eigen::Vector2d across = side({1, 0});
+  const Eigen::Vector2d down = side({0, 1});
+  return std::sqrt(std::abs(across.x() * down.y() - across.y() * down.x()));
+}
 
 std::optional<NumberedGrid> FindNumberedGrid(const std::vector<SeenNumber>& seen, int most_columns,
                                              const CellOfIndex& cell_of) {

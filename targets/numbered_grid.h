@@ -30,4 +30,7 @@ using CellOfIndex = std::function<Eigen::Vector2d(int index, int columns)>;
 std::optional<NumberedGrid> FindNumberedGrid(const std::vector<SeenNumber>& seen, int most_columns,
                                              const CellOfIndex& cell_of);
 
+// Returns the size of a cell at a pixel: the square root of its area.
+double CellSizePx(const Eigen::Matrix3d& pixel_from_cell, const Eigen::Vector2d& pixel);
+
 }  // namespace heba

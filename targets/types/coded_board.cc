@@ -14,6 +14,8 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/target.h"
 #include "targets/dots/dot_grid.h"
@@ -464,6 +466,9 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
   return std::make_unique<CodedBoard>(options);
 }
 
+// The largest dot, as a share of the spacing, whose ring leaves the next one quiet.
+constexpr double kLargestShare = 0.3;
+
 std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
   for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
     EllipseFinderOptions finder_options;
@@ -475,12 +480,14 @@ std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
         const std::vector<uint32_t> codes = RingCodes(bits, order);
         const RingDecoder decoder(bits, polarity, codes);
         std::vector<SeenNumber> seen;
+        std::vector<double> diameters_px;
         int last = 0;
         for (const FoundEllipse& dot : dots) {
           const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
           if (!reading || !reading->is_clear) continue;
           const auto number = static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin());
           seen.push_back({number, dot.ellipse.centre_px});
+          diameters_px.push_back(2 * dot.ellipse.RadiusPx());
           last = std::max(last, number);
         }
         constexpr int kMostColumns = 40;
@@ -490,6 +497,11 @@ std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
         if (!grid) continue;
         TargetSettings board = RowsAndColumns((last - grid->first) / grid->columns + 1, grid->columns);
         board.emplace_back("spacing", UnitLength(1, 1));
+        std::vector<double> diameters;  // The dots' diameters, as shares of the spacing.
+        for (size_t i = 0; i < seen.size(); ++i) {
+          diameters.push_back(diameters_px[i] / CellSizePx(grid->pixel_from_cell, seen[i].pixel));
+        }
+        board.emplace_back("dot_diameter", Fixed(std::min(Median(diameters), kLargestShare), 2) + " m");
         board.emplace_back("bits", std::to_string(bits));
         if (order == RingCodeOrder::kValue) board.emplace_back("code_order", "value");
         if (grid->first > 0) board.emplace_back("first_id", std::to_string(grid->first));

@@ -71,7 +71,11 @@ INSTANTIATE_TEST_SUITE_P(
         Shown{"CircleGrid", "{type: circle_grid, rows: 5, columns: 8, spacing: 20 mm}",
               "\\{type: circle_grid, rows: 5, columns: 8, spacing: 20 mm, dot_diameter: (9|10)[.0-9]* mm\\}", 0.02},
         Shown{"CodedBoard", "{type: coded_board, rows: 6, columns: 8, spacing: 25 mm}",
-              "\\{type: coded_board, rows: 6, columns: 8, spacing: 25 mm, bits: 12\\}", 0.025}),
+              "\\{type: coded_board, rows: 6, columns: 8, spacing: 25 mm, dot_diameter: (6|6[.][0-9]*) mm, bits: 12\\}",
+              0.025},
+        Shown{"CodedBoardWithLargeDots", "{type: coded_board, rows: 5, columns: 6, spacing: 30 mm, dot_diameter: 9 mm}",
+              "\\{type: coded_board, rows: 5, columns: 6, spacing: 30 mm, dot_diameter: (8|9)[.0-9]* mm, bits: 12\\}",
+              0.03}),
     [](const auto& shown) { return shown.param.name; });
 
 // The rotated lattice of an asymmetric grid is told from a symmetric one; the rest of its keys follow.
