@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # From a fresh Debian 12 machine to passed tests: installs what is missing, builds heba and runs its tests. Needs root or
-# sudo for the packages. Arguments go to ctest; without any the tests labelled slow are left out.
+# sudo for the packages. Arguments go to ctest; without any the tests labelled nightly are left out.
 #   HEBA_WARNINGS_AS_ERRORS=ON tools/test.sh    warnings fail the build
 #   HEBA_REPORT_SCRIPT=ON tools/test.sh         so do pages without charts (no Node.js, no npm registry)
 set -euo pipefail
@@ -10,5 +10,5 @@ tools/install_packages.sh --tests
 cmake --preset release -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" \
   -DHEBA_REPORT_SCRIPT="${HEBA_REPORT_SCRIPT:-AUTO}" >/dev/null
 cmake --build --preset release
-if [ $# -eq 0 ]; then set -- --label-exclude slow; fi
+if [ $# -eq 0 ]; then set -- --label-exclude nightly; fi
 ctest --preset release --parallel "$(nproc)" "$@"

@@ -112,6 +112,13 @@ LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double 
   return comparison;
 }
 
+std::optional<std::string> WhyOnlyWithoutLarger(const Camera& camera) {
+  for (int i = 0; i < static_cast<int>(camera.params.size()); ++i) {
+    if (GroupOf(i) == ParameterGroup::kDistortion) return std::nullopt;
+  }
+  return "a lens without distortion is taken only if none with distortion can be estimated";
+}
+
 double NumMoreParams(const Camera& smaller, const Camera& larger) {
   return std::max(1.0, static_cast<double>(larger.params.size()) - static_cast<double>(smaller.params.size()));
 }
@@ -166,7 +173,11 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
         least_p = std::min(least_p, comparison.p);
         is_rejected = is_rejected || comparison.RejectsSmaller();
       }
-      if (i + 1 < fitted.size()) choice.alternatives[i].p = least_p;
+      if (i + 1 < fitted.size()) {
+        choice.alternatives[i].p = least_p;
+        choice.alternatives[i].reason = WhyOnlyWithoutLarger(fitted[i].camera).value_or("");
+        is_rejected = is_rejected || !choice.alternatives[i].reason.empty();
+      }
       chosen = i;
       if (!is_rejected) break;
     }

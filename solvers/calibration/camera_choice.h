@@ -33,6 +33,11 @@ struct LensComparison {
 // parameters more. `dof`: degrees of freedom of the noise by which the likelihoods are computed.
 LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double num_more, double dof);
 
+// Returns why `camera` is not taken beside a larger model that could be estimated, whatever the captures say: it has no
+// distortion. Captures that cannot tell it from a larger model would lend the result a certainty that comes from the
+// choice alone. Returns nothing for every other model.
+std::optional<std::string> WhyOnlyWithoutLarger(const Camera& camera);
+
 // Returns the number of parameters by which two models are compared, at least 1.
 double NumMoreParams(const Camera& smaller, const Camera& larger);
 
@@ -41,7 +46,7 @@ double NumMoreParams(const Camera& smaller, const Camera& larger);
 std::vector<std::string> SmallerCameraModels(const std::string& model);
 
 // Estimates pinhole, brown4, brown5 and rational8 (EstimateIntrinsics) and chooses the smallest model that the
-// residuals do not reject (LensComparison). The target counts as flat and as designed, and every view has its own pose:
+// residuals do not reject (LensComparison), pinhole only if no other one can be estimated. The target counts as flat and as designed, and every view has its own pose:
 // the choice is a start for that of ChooseModel (solvers/calibration/model_choice.h). If points lie more than 50 deg
 // off the axis, or if no polynomial model could be estimated, kannala_brandt4 is tried too and chosen if it is more
 // likely. Returns a Failure if no model could be estimated.

@@ -203,8 +203,8 @@ struct LensChoice {
   std::vector<CameraAlternative> alternatives;
 };
 
-// Chooses the smallest lens that no larger one rejects, under the error model of `options`. Returns a Failure if none
-// can be fitted.
+// Chooses the smallest lens that no larger one rejects, under the error model of `options`; one without distortion only
+// if no other one can be fitted. Returns a Failure if none can be fitted.
 Outcome<LensChoice> ChooseLens(const Problem& problem, const HandEye& start, const std::vector<Camera>& lenses,
                                const BundleOptions& options) {
   LensChoice choice;
@@ -256,7 +256,8 @@ Outcome<LensChoice> ChooseLens(const Problem& problem, const HandEye& start, con
       alternative.p = std::min(alternative.p.value_or(1), comparison.p);
       is_rejected = is_rejected || comparison.RejectsSmaller();
     }
-    if (chosen == nullptr && !is_rejected) chosen = &fitted[k];
+    if (k > 0) alternative.reason = WhyOnlyWithoutLarger(fitted[k].solution.camera).value_or("");
+    if (chosen == nullptr && !is_rejected && alternative.reason.empty()) chosen = &fitted[k];
   }
   choice.problem = problem;
   choice.problem.camera = chosen->solution.camera;

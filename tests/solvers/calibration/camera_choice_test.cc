@@ -43,7 +43,7 @@ TEST_P(CameraChoiceTest, ChoosesTheSmallestModelThatFitsTheResiduals) {
 
 INSTANTIATE_TEST_SUITE_P(
     Lenses, CameraChoiceTest,
-    testing::Values(Lens{"none", WithDistortion("pinhole", {}), "pinhole"},
+    testing::Values(Lens{"none", WithDistortion("pinhole", {}), "brown4"},
                     Lens{"two_terms", WithDistortion("brown4", {-0.2, 0.1, 1e-3, -5e-4}), "brown4"},
                     Lens{"three_terms", WithDistortion("brown5", {-0.3, 0.12, 1e-3, -5e-4, -0.06}), "brown5"},
                     Lens{"rational", WithDistortion("rational8", {0.5, 0.3, 1e-3, -5e-4, 0.1, 0.9, 0.2, 0.6}),

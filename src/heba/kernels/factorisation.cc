@@ -1,0 +1,107 @@
+#include "heba/kernels/factorisation.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+namespace heba {
+namespace kernels {
+namespace {
+
+// Calls function(size) with the size as a constant if it has code of its own, or with Eigen::Dynamic.
+template <class Function>
+auto BySize(Eigen::Index size, const Function& function) {
+  switch (size) {
+    case 2:
+      return function(std::integral_constant<int, 2>());
+    case 3:
+      return function(std::integral_constant<int, 3>());
+    case 6:
+      return function(std::integral_constant<int, 6>());
+    default:
+      return function(std::integral_constant<int, Eigen::Dynamic>());
+  }
+}
+
+template <int kSize>
+using Square = Eigen::Map<Eigen::Matrix<double, kSize, kSize>>;
+template <int kSize>
+using ConstSquare = Eigen::Map<const Eigen::Matrix<double, kSize, kSize>>;
+
+// Replaces `right` by the solution; a single column has code of its own.
+template <int kSize, class Solve>
+void SolveInPlace(Eigen::Index size, Eigen::Index columns, double* right, const Solve& solve) {
+  if (columns == 1) {
+    Eigen::Map<Eigen::Matrix<double, kSize, 1>> column(right, size);
+    solve(column);
+  } else {
+    Eigen::Map<Eigen::Matrix<double, kSize, Eigen::Dynamic>> all(right, size, columns);
+    solve(all);
+  }
+}
+
+}  // namespace
+
+void SolveSymmetric(Eigen::Index size, double* matrix, Eigen::Index columns, double* right) {
+  BySize(size, [&](auto constant) {
+    constexpr int kSize = decltype(constant)::value;
+    const auto solve = [&](const auto& factor) {
+      SolveInPlace<kSize>(size, columns, right, [&](auto& b) { b = factor.solve(b).eval(); });
+    };
+    if constexpr (kSize == Eigen::Dynamic) {
+      // Matrices of moderate size need no allocation.
+      constexpr int kModerate = 16;
+      if (size <= kModerate) {
+        using Moderate = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kModerate, kModerate>;
+        solve(Eigen::LDLT<Moderate>(Square<kSize>(matrix, size, size)));
+        return;
+      }
+    }
+    solve(Eigen::LDLT<Eigen::Matrix<double, kSize, kSize>>(Square<kSize>(matrix, size, size)));
+  });
+}
+
+bool Cholesky(Eigen::Index size, double* matrix) {
+  return BySize(size, [&](auto constant) {
+    constexpr int kSize = decltype(constant)::value;
+    Square<kSize> square(matrix, size, size);
+    const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> factor(square);
+    square = factor.matrixLLT();
+    return factor.info() == Eigen::Success;
+  });
+}
+
+void SolveLower(Eigen::Index size, const double* lower, Eigen::Index columns, double* right) {
+  BySize(size, [&](auto constant) {
+    constexpr int kSize = decltype(constant)::value;
+    const ConstSquare<kSize> square(lower, size, size);
+    SolveInPlace<kSize>(size, columns, right,
+                        [&](auto& b) { square.template triangularView<Eigen::Lower>().solveInPlace(b); });
+  });
+}
+
+void SolveLowerTransposed(Eigen::Index size, const double* lower, Eigen::Index columns, double* right) {
+  BySize(size, [&](auto constant) {
+    constexpr int kSize = decltype(constant)::value;
+    const ConstSquare<kSize> square(lower, size, size);
+    SolveInPlace<kSize>(
+        size, columns, right,
+        [&](auto& b) { square.transpose().template triangularView<Eigen::Upper>().solveInPlace(b); });
+  });
+}
+
+void EigenSymmetric(Eigen::Index size, const double* matrix, double* values, double* vectors) {
+  BySize(size, [&](auto constant) {
+    constexpr int kSize = decltype(constant)::value;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> eigen(
+        ConstSquare<kSize>(matrix, size, size));
+    Eigen::Map<Eigen::Matrix<double, kSize, 1>>(values, size) = eigen.eigenvalues();
+    Square<kSize>(vectors, size, size) = eigen.eigenvectors();
+  });
+}
+
+}  // namespace kernels
+}  // namespace heba
