@@ -46,10 +46,11 @@ double NumMoreParams(const Camera& smaller, const Camera& larger);
 std::vector<std::string> SmallerCameraModels(const std::string& model);
 
 // Estimates pinhole, brown4, brown5 and rational8 (EstimateIntrinsics) and chooses the smallest model that the
-// residuals do not reject (LensComparison), pinhole only if no other one can be estimated. The target counts as flat and as designed, and every view has its own pose:
-// the choice is a start for that of ChooseModel (solvers/calibration/model_choice.h). If points lie more than 50 deg
-// off the axis, or if no polynomial model could be estimated, kannala_brandt4 is tried too and chosen if it is more
-// likely. Returns a Failure if no model could be estimated.
+// residuals do not reject (LensComparison), pinhole only if no other one can be estimated. The target counts as flat
+// and as designed, and every view has its own pose: the choice is a start for that of ChooseModel
+// (solvers/calibration/model_choice.h). If points lie more than 50 deg off the axis, or if no polynomial model could be
+// estimated, kannala_brandt4 is tried too and chosen if it is more likely. Returns a Failure if no model could be
+// estimated.
 Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px);
 
 }  // namespace heba

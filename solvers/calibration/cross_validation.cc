@@ -4,9 +4,8 @@
 #include <cmath>
 #include <mutex>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/refine/bundle_model.h"
@@ -89,7 +88,7 @@ void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup 
     const Eigen::Index rows = view.offset.size();
     const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, CorrectionVariances(robot, view.by_effects.cols())) +
                                        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->chi2 += MahalanobisSquare(view.offset, covariance) + view.residual_sum_of_squares;
     errors->dof += static_cast<double>(rows + view.num_residual_dof);
   }
 }
@@ -110,7 +109,7 @@ void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Soluti
   const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});
   for (const LinearisedView& view : *views) {
     const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, CorrectionVariances(robot, view.by_effects.cols()));
-    errors->noise_squares += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->noise_squares += MahalanobisSquare(view.offset, covariance) + view.residual_sum_of_squares;
     errors->num_noise += static_cast<double>(view.offset.size() + view.num_residual_dof);
   }
 }

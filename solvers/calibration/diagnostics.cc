@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
@@ -278,15 +279,15 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
   if (!choice) return std::nullopt;
   const Solution& freed = choice->solution;
-  return JudgeHeldIntrinsics(solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
-                             solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera,
-                             DistanceOf(problem, solution));
+  return JudgeHeldIntrinsics(
+      solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
+      {solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera,
+       DistanceM(solution.hand_eye.target_mount_from_target, freed.hand_eye.target_mount_from_target),
+       DistanceOf(problem, solution)});
 }
 
 std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& all,
-                                           std::string_view block, double covariance_dof,
-                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed,
-                                           double distance_m) {
+                                           std::string_view block, double covariance_dof, const FreedPoses& poses) {
   const UnknownBlock camera = all.layout.Block(block);
   const Eigen::Index num_intrinsics = camera.size;
   CHECK_EQ(num_intrinsics, NumParams(held.Model()));
@@ -298,21 +299,23 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   }
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
-  const double squares = scaled.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled));
+  const double squares = MahalanobisSquare(scaled, scale.asDiagonal() * covariance * scale.asDiagonal());
   const double dof = static_cast<double>(num_intrinsics);
   constexpr double kBeyondDoubt = 1e-4;
   const double p = FisherTail(std::max(0.0, squares) / dof, dof, covariance_dof);
   if (!(p < kBeyondDoubt)) return std::nullopt;
-  const double move_m = DistanceM(mount_from_held, mount_from_freed);
-  const double move_rad = AngleRad(mount_from_held, mount_from_freed);
-  // A move that does not matter at the target is no finding.
-  constexpr Limits kMoveShare = {0.001, 0.01};
-  const Grade grade = GradeOf(std::max(move_m / distance_m, move_rad), kMoveShare);
-  if (grade == Grade::kGood) return std::nullopt;
-  Finding finding{grade, FindingCode("held_intrinsics")};
+  const double move_m = DistanceM(poses.mount_from_held, poses.mount_from_freed);
+  const double move_rad = AngleRad(poses.mount_from_held, poses.mount_from_freed);
+  // A move that does not matter is no finding.
+  constexpr double kLeastShare = 0.001;
+  constexpr double kBadShare = 0.01;
+  if (std::max(move_m / poses.distance_m, move_rad) <= kLeastShare) return std::nullopt;
+  const bool is_bad = poses.target_move_m / poses.distance_m > kBadShare;
+  Finding finding{is_bad ? Grade::kBad : Grade::kDoubtful, FindingCode("held_intrinsics")};
   AddLargestMove(held, freed, all, block, &finding);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
+  finding.numbers.emplace_back("target_move_mm", 1000 * poses.target_move_m);
   finding.numbers.emplace_back("p", p);
   finding.is_cause = true;
   return finding;

@@ -45,12 +45,17 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
 // F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
 std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options, const AutoModel& choose);
-// Returns that finding for a camera of which all intrinsics were freed. `covariance` has their `block`; the poses are
-// those of the camera with held and with free intrinsics.
+// The poses of a camera and of a target, with held and with free intrinsics of the camera.
+struct FreedPoses {
+  Rigid3d mount_from_held;
+  Rigid3d mount_from_freed;
+  double target_move_m = 0;  // Distance between the target's positions.
+  double distance_m = 1;     // Between camera and target.
+};
+// Returns that finding for a camera of which all intrinsics were freed. `covariance` has their `block`. It is bad only
+// if the target moves as well: another focal length moves the camera and what it sees by the same amount.
 std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& covariance,
-                                           std::string_view block, double covariance_dof,
-                                           const Rigid3d& mount_from_held, const Rigid3d& mount_from_freed,
-                                           double distance_m);
+                                           std::string_view block, double covariance_dof, const FreedPoses& poses);
 
 // Returns the finding `camera`: how a given camera was used (held, as initial guess, as prior), and by how many sigmas
 // the refinement changed it.

@@ -148,9 +148,8 @@ double ChanceAgainst(const FittedModel& larger, const FittedModel& smaller) {
 
 // Returns whether the likelihood ratio alone does not reject a model.
 bool IsLikelyEnough(const ModelAlternative& smaller, const ErrorModel& largest) {
-  const bool lacks_arm = smaller.model.effects == nullptr && largest.effects != nullptr &&
-                         largest.effects->kind == SharedEffectsKind::kArm;
-  return smaller.p.value_or(1) >= (lacks_arm ? kExactArmRejected : kModelRejected);
+  const bool lacks_systematic = smaller.model.effects == nullptr && largest.effects != nullptr;
+  return smaller.p.value_or(1) >= (lacks_systematic ? kRandomErrorsRejected : kModelRejected);
 }
 
 // Returns the options with all noise held at that of a solution.

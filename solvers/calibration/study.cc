@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/base/rng.h"
 #include "heba/data/prediction.h"
@@ -188,8 +187,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   estimate.error = WithoutEffects(solution->covariance.layout, error);
   if (cell.robot && method == kBundleMethod) estimate.has_effects = solution->shared_effects != nullptr;
   const Eigen::VectorXd scaled_error = scale.cwiseProduct(error);
-  const double squares =
-      scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
+  const double squares = MahalanobisSquare(scaled_error, scale.asDiagonal() * covariance * scale.asDiagonal());
   constexpr double kOutside = 0.05;
   estimate.is_covered = squares <= dof * FisherQuantile(kOutside, dof, solution->covariance_dof);
   estimate.pixel_sigma_px = solution->pixel_sigma_px;

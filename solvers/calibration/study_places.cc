@@ -2,9 +2,8 @@
 
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "solvers/residuals/loop_problem.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -96,7 +95,7 @@ void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen
         predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose() + of_noise * of_noise.transpose();
     constexpr double kOutside = 0.05;
     constexpr int kAxes = 3;
-    const double squares = difference.dot(region.ldlt().solve(difference));
+    const double squares = MahalanobisSquare(difference, region);
     errors.num_covered += squares <= kAxes * FisherQuantile(kOutside, kAxes, solution.covariance_dof) ? 1 : 0;
     ++errors.num;
   }

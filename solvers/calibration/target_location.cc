@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "heba/data/prediction.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -38,7 +38,7 @@ Outcome<SeenPose> LocatePose(const Solution& solution, const Observations& shape
       // Normal matrix of the six pose and the camera's parameters.
       all_u.transpose() * all_u + all_v.transpose() * all_v;
   const Eigen::Index num_params = normal.cols() - 6;
-  return SeenPose{poses.front(), -normal.topLeftCorner<6, 6>().ldlt().solve(normal.block(0, 6, 6, num_params))};
+  return SeenPose{poses.front(), -SolveSymmetric(normal.topLeftCorner<6, 6>(), normal.block(0, 6, 6, num_params))};
 }
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;

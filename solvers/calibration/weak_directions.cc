@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
-
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
@@ -35,12 +34,12 @@ std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& pa
 // Returns the direction of the largest variance within three unknowns.
 WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
                       const Eigen::Matrix3d& parent_from_child, std::string_view parent, const std::string& child) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance.block<3, 3>(first, first));
+  const SymmetricEigen<3> eigen = EigenOfSymmetric(covariance.block<3, 3>(first, first));
   WeakDirection weakness;
   weakness.direction = Eigen::VectorXd::Zero(covariance.rows());
-  weakness.direction.segment<3>(first) = eigen.eigenvectors().col(2);
-  weakness.sigma = std::sqrt(std::max(0.0, eigen.eigenvalues()[2]));
-  weakness.name = what + AxisName(eigen.eigenvectors().col(2), parent_from_child, parent, child);
+  weakness.direction.segment<3>(first) = eigen.vectors.col(2);
+  weakness.sigma = std::sqrt(std::max(0.0, eigen.values[2]));
+  weakness.name = what + AxisName(eigen.vectors.col(2), parent_from_child, parent, child);
   return weakness;
 }
 

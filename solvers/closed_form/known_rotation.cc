@@ -1,6 +1,6 @@
 #include "solvers/closed_form/known_rotation.h"
 
-#include <Eigen/Cholesky>
+#include "heba/base/factorisation.h"
 
 namespace heba {
 
@@ -18,7 +18,7 @@ Eigen::Vector3d SolveTranslation(const MotionSums& motions, const Eigen::Matrix3
     right[k] += rotation_x.cwiseProduct(motions.linear.block<3, 3>(column, MotionSums::kTranslationB)).sum() -
                 motions.linear.block<3, 3>(column, MotionSums::kTranslationA).trace();
   }
-  return normal.ldlt().solve(right);
+  return SolveSymmetric(normal, right);
 }
 
 HandEye WithAverageBoardPose(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera) {
@@ -41,7 +41,7 @@ HandEye SolveTranslations(const std::vector<PosePair>& pairs, const Eigen::Matri
     right += left.transpose() *
              (rotation_x * pair.camera_from_target.translation - pair.camera_mount_from_target_mount.translation);
   }
-  const Eigen::Matrix<double, 6, 1> translations = normal.ldlt().solve(right);
+  const Eigen::Matrix<double, 6, 1> translations = SolveSymmetric(normal, right);
   return {Rigid3d(rotation_x, translations.tail<3>()), Rigid3d(rotation_z, translations.head<3>())};
 }
 

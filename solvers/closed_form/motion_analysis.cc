@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
-
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 
@@ -23,9 +22,9 @@ MotionAnalysis AnalyseMotion(const std::vector<Rigid3d>& poses) {
     translation_sum += (pose.translation - mean.translation).squaredNorm();
   }
   const double n = static_cast<double>(poses.size());
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter / n);
-  motion.rotation_rms_rad = eigen.eigenvalues().cwiseMax(0).cwiseSqrt().reverse();
-  motion.main_axis = eigen.eigenvectors().col(2);
+  const SymmetricEigen<3> eigen = EigenOfSymmetric(scatter / n);
+  motion.rotation_rms_rad = eigen.values.cwiseMax(0).cwiseSqrt().reverse();
+  motion.main_axis = eigen.vectors.col(2);
   motion.translation_rms_m = std::sqrt(translation_sum / n);
   return motion;
 }

@@ -1,8 +1,8 @@
 #include "solvers/closed_form/target_position.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -49,9 +49,9 @@ Eigen::Vector3d BestKnownPoint(const std::vector<PosePair>& pairs) {
     second(1, 1) = f0p - 2 * f00 + f0m;
     second(0, 1) = sum_at(h, h) - fp0 - f0p + f00;
     second(1, 0) = second(0, 1);
-    const Eigen::LLT<Eigen::Matrix2d> factor(second);
-    if (factor.info() != Eigen::Success) break;
-    const Eigen::Vector2d step = -h * factor.solve(0.5 * Eigen::Vector2d(fp0 - fm0, f0p - f0m));
+    const auto factor = Cholesky(second);
+    if (!factor) break;
+    const Eigen::Vector2d step = -h * factor->Solve(0.5 * Eigen::Vector2d(fp0 - fm0, f0p - f0m));
     point.head<2>() += step;
     if (step.norm() < kSmallStepM) break;
   }

@@ -7,10 +7,9 @@
 #include <utility>
 
 #include <ceres/solver.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
@@ -78,10 +77,10 @@ std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homogr
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) small(i, j) = normal(keep[i], keep[j]);
     }
-    const Eigen::Vector3d null_vector = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(small).eigenvectors().col(0);
+    const Eigen::Vector3d null_vector = EigenOfSymmetric(small).vectors.col(0);
     b << null_vector[0], null_vector[1], 0, 0, null_vector[2];
   } else {
-    b = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>>(normal).eigenvectors().col(0);
+    b = EigenOfSymmetric(normal).vectors.col(0);
   }
   if (b[0] < 0) b = -b;
   const double cx = -b[2] / b[0];

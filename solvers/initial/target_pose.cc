@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
@@ -20,7 +19,7 @@ namespace {
 
 // Returns the rotation by the smallest angle that maps z to `direction`.
 Eigen::Matrix3d RotationFromZ(const Eigen::Vector3d& direction) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction).toRotationMatrix();
+  return RotationOnto(Eigen::Vector3d::UnitZ(), direction).toRotationMatrix();
 }
 
 // Returns the two rotations of a plane whose homography to normalised image coordinates is `h`; the origin of the
@@ -35,7 +34,10 @@ std::vector<Eigen::Matrix3d> PlaneRotations(Eigen::Matrix3d h) {
   projection << 1, 0, -v.x(), 0, 1, -v.y();
   const Eigen::Matrix2d b = projection * r_v.leftCols<2>();
   const Eigen::Matrix2d a = b.inverse() * j;
-  const double gamma = Eigen::JacobiSVD<Eigen::Matrix2d>(a).singularValues()[0];
+  // The largest singular value of a 2 x 2 matrix.
+  const double half_sum = 0.5 * a.squaredNorm();
+  const double determinant = a.determinant();
+  const double gamma = std::sqrt(half_sum + std::sqrt(std::max(0.0, half_sum * half_sum - determinant * determinant)));
   if (!(gamma > 0) || !std::isfinite(gamma)) return {};
   const Eigen::Matrix2d r22 = a / gamma;
   const Eigen::Matrix2d gram = Eigen::Matrix2d::Identity() - r22.transpose() * r22;
@@ -64,7 +66,7 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
     normal += projection.transpose() * projection;
     right -= projection.transpose() * (projection * (rotation * points.col(i)));
   }
-  return normal.ldlt().solve(right);
+  return SolveSymmetric(normal, right);
 }
 
 // Returns the inverse, or nothing if the information is singular up to round-off.
@@ -73,9 +75,9 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   // Scaled before factorisation because metres and radians are mixed.
   const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  const Eigen::LLT<Matrix6> root(scaled);
-  if (root.info() != Eigen::Success) return std::nullopt;
-  const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+  const auto root = Cholesky(scaled);
+  if (!root) return std::nullopt;
+  const Matrix6 inverse_root = InverseOfLower(root->lower());
   // The trace of the inverse is at most six times its largest eigenvalue.
   constexpr double kOpen = 1e-12;
   if (!(inverse_root.squaredNorm() < 1 / kOpen)) return std::nullopt;

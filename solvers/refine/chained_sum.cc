@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include <Eigen/Cholesky>
-
+#include "heba/base/factorisation.h"
 #include "heba/kernels/simd.h"
 
 namespace heba {
@@ -177,14 +176,14 @@ template <int kRows>
 Eigen::MatrixXd ChainedSum::EliminateRows(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows) {
   using Square = Eigen::Matrix<double, kRows, kRows>;
   using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
-  const Eigen::LLT<Square> root{Square(normal)};
-  if (root.info() != Eigen::Success) {
+  const auto root = Cholesky(Square(normal));
+  if (!root) {
     // The views do not determine a pose, and there is no prior.
-    Eigen::MatrixXd step = normal.ldlt().solve(own_rows);
+    Eigen::MatrixXd step = SolveSymmetric(normal, own_rows);
     matrix_.noalias() -= own_rows.transpose() * step;
     return step;
   }
-  const Square inverse_root = InverseOfLower(Square(root.matrixLLT()));
+  const Square inverse_root = InverseOfLower(root->lower());
   if (!eliminated_) eliminated_.emplace(static_cast<int>(num_columns_));
   auto whitened = eliminated_->Next<kRows>(own_rows.rows());
   whitened = inverse_root.lazyProduct(Eigen::Map<const Rows>(own_rows.data(), own_rows.rows(), own_rows.cols()));

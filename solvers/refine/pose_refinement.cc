@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include <ceres/ceres.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/reprojection_problem.h"
@@ -76,9 +76,9 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
   typical = num_known == 0 ? Matrix6(1e-6 * Matrix6::Identity()) : Matrix6(typical / num_known);
   std::vector<Matrix6> whitenings;
   for (const PosePair& pair : pairs) {
-    const Eigen::LLT<Matrix6> factor(pair.covariance_at_1px.value_or(typical));
-    CHECK(factor.info() == Eigen::Success) << "a pose's covariance is not positive definite";
-    whitenings.emplace_back(factor.matrixL().solve(Matrix6::Identity()));
+    const auto factor = Cholesky(pair.covariance_at_1px.value_or(typical));
+    CHECK(factor.has_value()) << "a pose's covariance is not positive definite";
+    whitenings.emplace_back(factor->SolveLower(Matrix6::Identity()));
   }
   return whitenings;
 }

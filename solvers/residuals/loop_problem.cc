@@ -6,9 +6,8 @@
 #include <tuple>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/geometry/pose_block.h"
 
 namespace heba {
@@ -158,9 +157,9 @@ Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_join
   if (gripper_by_joints.cols() == 0 || noise.joint_rad == 0) return sigmas.cwiseInverse().asDiagonal();
   // Q is factorised in units of the white noise, because metres and radians are mixed.
   const Matrix6X scaled = noise.joint_rad * sigmas.cwiseInverse().asDiagonal() * gripper_by_joints;
-  const Eigen::LLT<Matrix6> root(Matrix6(Matrix6::Identity() + scaled * scaled.transpose()));
-  CHECK(root.info() == Eigen::Success);
-  return root.matrixL().solve(Matrix6(sigmas.cwiseInverse().asDiagonal()));
+  const auto root = Cholesky(Matrix6(Matrix6::Identity() + scaled * scaled.transpose()));
+  CHECK(root.has_value());
+  return root->SolveLower(Matrix6(sigmas.cwiseInverse().asDiagonal()));
 }
 
 Eigen::Index NumNoisyJoints(const std::vector<View>& views) {

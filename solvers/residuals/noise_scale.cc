@@ -4,9 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 
 namespace heba {
@@ -59,10 +58,9 @@ void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observatio
     observations->whitening.clear();
     for (const Eigen::MatrixXd& block : observations->covariances_px2) {
       const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(block.rows(), block.cols());
-      const Eigen::LLT<Eigen::MatrixXd> factor((block + unmodelled_sigma_px * unmodelled_sigma_px * identity) /
-                                               unit_px2);
-      CHECK(factor.info() == Eigen::Success) << "a detector's covariance is not positive definite";
-      observations->whitening.emplace_back(factor.matrixL().solve(identity));
+      const auto factor = Cholesky((block + unmodelled_sigma_px * unmodelled_sigma_px * identity) / unit_px2);
+      CHECK(factor.has_value()) << "a detector's covariance is not positive definite";
+      observations->whitening.emplace_back(factor->SolveLower(identity));
     }
   }
 }

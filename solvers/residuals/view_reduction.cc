@@ -4,9 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/data/prediction.h"
 #include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/simd.h"
@@ -317,9 +316,9 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
     reduction->factor = PivotedCholesky(products.matrix);
     // All rows but the last are rotated such that the pose columns are zero below row six.
     auto rotated = reduction->factor.topRows(num_columns_ - 1);
-    const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(rotated.leftCols<6>());
-    rotated.rightCols(num_columns_ - 6).applyOnTheLeft(qr.householderQ().adjoint());
-    rotated.topLeftCorner<6, 6>() = qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>();
+    const HouseholderFactor qr(rotated.leftCols<6>());
+    rotated.rightCols(num_columns_ - 6) = qr.Rotated(rotated.rightCols(num_columns_ - 6));
+    rotated.topLeftCorner<6, 6>() = qr.R();
     rotated.bottomLeftCorner(num_columns_ - 7, 6).setZero();
     reduction->loss_remainder = products.loss_remainder;
     return true;
@@ -335,16 +334,13 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
 void WeighPosePart(double variance_ratio, Eigen::MatrixXd* products) {
   if (variance_ratio == 1) return;
   const Eigen::Matrix<double, 6, 6> of_pose = products->topLeftCorner<6, 6>();
-  const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(of_pose);
   const Eigen::MatrixXd mixed = products->topRows<6>();
-  *products -= (1 - 1 / variance_ratio) * mixed.transpose() * factor.solve(mixed);
+  *products -= (1 - 1 / variance_ratio) * mixed.transpose() * SolveSymmetric(of_pose, mixed);
 }
 
 void WeighPoseRows(double variance_ratio, Eigen::MatrixXd* rows) {
   if (variance_ratio == 1) return;
-  const Eigen::Index rank = std::min<Eigen::Index>(6, rows->rows());
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows->leftCols<6>());
-  const Eigen::MatrixXd basis = qr.householderQ() * Eigen::MatrixXd::Identity(rows->rows(), rank);
+  const Eigen::MatrixXd basis = HouseholderFactor(rows->leftCols<6>()).Basis();
   *rows -= (1 - 1 / std::sqrt(variance_ratio)) * basis * (basis.transpose() * *rows);
 }
 

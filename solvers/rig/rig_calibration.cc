@@ -7,10 +7,12 @@
 #include <utility>
 
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/diagnostics.h"
+#include "solvers/calibration/model_choice.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_arms.h"
@@ -104,7 +106,7 @@ RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
           covariance(a, b) = open.covariance.matrix(places[static_cast<size_t>(a)], places[static_cast<size_t>(b)]);
         }
       }
-      const double statistic = deviation.dot(covariance.ldlt().solve(deviation)) / static_cast<double>(size);
+      const double statistic = MahalanobisSquare(deviation, covariance) / static_cast<double>(size);
       if (FisherTail(statistic, static_cast<double>(size), open.covariance_dof) < kLevel) {
         target.free_shape.push_back(group);
       }
@@ -114,10 +116,9 @@ RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
 }
 
 // Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
-// for them or if the captures show them at 1 %. Returns those that were added.
+// for them or if the captures show them (kRandomErrorsRejected). Returns those that were added.
 std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& options, RigProblem* problem,
                                              JudgedRig* judged) {
-  constexpr double kLevel = 0.01;
   constexpr double kNumFigures = 4;  // Two standard deviations and two lengths.
   const bool has_noise =
       options.adjustment.robot == BundleOptions::Robot::kEstimatedNoise && !options.adjustment.robot_noise_prior;
@@ -128,7 +129,7 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
   const RigProblem used = UsedPoints(*problem, *judged);
   for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
-    const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kLevel;
+    const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kRandomErrorsRejected;
     if (options.smooth == SmoothPoseErrors::kAuto && !is_likely) continue;
     added.push_back({arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot]});
     with_errors.effects[arm.robot] = std::make_shared<const SharedEffects>(arm.found.errors.effects());
@@ -301,10 +302,15 @@ std::vector<Finding> DiagnoseHeldIntrinsics(const RigProblem& problem, const Rig
     }
     const Outcome<RigSolution> other = RefineRig(freed, solution.poses, options);
     if (!other) continue;
+    double target_move_m = 0;
+    for (size_t t = 0; t < at.targets.size(); ++t) {
+      target_move_m =
+          std::max(target_move_m, DistanceM(solution.poses.mount_from_target[t], other->poses.mount_from_target[t]));
+    }
     std::optional<Finding> finding = JudgeHeldIntrinsics(
         solution.cameras[c], other->cameras[c], other->covariance, CameraBlock(freed.cameras[c]), other->covariance_dof,
-        solution.poses.mount_from_camera[c], other->poses.mount_from_camera[c],
-        WorkingDistance(TargetPosesOf(at, solution.poses, solution.effects, c)));
+        {solution.poses.mount_from_camera[c], other->poses.mount_from_camera[c], target_move_m,
+         WorkingDistance(TargetPosesOf(at, solution.poses, solution.effects, c))});
     if (!finding) continue;
     finding->names.emplace_back("of_camera", at.cameras[c].name);
     findings.push_back(std::move(*finding));

@@ -5,9 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/data/target_shape.h"
 #include "solvers/initial/pose_selection.h"
@@ -95,11 +94,10 @@ struct Jump {
 
 // Returns the place of the first displacement of the second part: every displacement is near the mean of its part.
 size_t PlaceOf(const std::vector<Displacement>& all, const Mean& before, const Mean& after, const Matrix6& scatter) {
-  const Eigen::LDLT<Matrix6> factor(scatter);
   const auto cost = [&](const Displacement& displacement, const Mean& mean) {
     constexpr double kMost = 50;  // Wrong images count alike in both parts.
     const Tangent6 from_mean = displacement.tangent - mean.value;
-    return std::min(kMost, from_mean.dot(factor.solve(from_mean)));
+    return std::min(kMost, MahalanobisSquare(from_mean, scatter));
   };
   double sum = 0;
   double least = 0;
@@ -127,7 +125,7 @@ std::optional<Jump> ClearestJump(const RigProblem& problem, const RigSolution& s
     if (before.count < kFewest || after.count < kFewest || count < kSize + 4) continue;
     const Matrix6 scatter = (before.squares + after.squares) / (count - 2);
     const Tangent6 difference = after.value - before.value;
-    const double distance2 = difference.dot(scatter.ldlt().solve(difference));
+    const double distance2 = MahalanobisSquare(difference, scatter);
     constexpr double kClear = 3;
     if (!(distance2 > kClear * kClear)) continue;
     const double t2 = before.count * after.count / count * distance2;
@@ -234,7 +232,7 @@ std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig&
   std::optional<RelativePose> pose = MotionOf(split, *two, jump);
   if (!pose) return std::nullopt;
   const Tangent6 motion = LocalCoordinates(Rigid3d(), pose->parent_from_child);
-  const double statistic = motion.dot(pose->covariance.ldlt().solve(motion)) / kSize;
+  const double statistic = MahalanobisSquare(motion, pose->covariance) / kSize;
   constexpr double kLevel = 1e-6;
   if (FisherTail(statistic, kSize, two->solution.covariance_dof) > kLevel) return std::nullopt;
   // Its size is measured with the lens of the longer part, because two lenses take up a part of the motion.

@@ -7,9 +7,8 @@
 #include <string>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/pose_selection.h"
@@ -138,7 +137,7 @@ void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors
     const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(rows, rows) +
                                        view.by_effects * variances.asDiagonal() * view.by_effects.transpose() +
                                        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += residual.dot(covariance.ldlt().solve(residual)) + view.residual_sum_of_squares;
+    errors->chi2 += MahalanobisSquare(residual, covariance) + view.residual_sum_of_squares;
     errors->dof += static_cast<double>(rows + view.num_residual_dof);
   }
 }

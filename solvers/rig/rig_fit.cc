@@ -4,9 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/data/free_parameters.h"
 #include "solvers/refine/noise_iteration.h"
@@ -336,8 +334,7 @@ ViewDistances ImageDistances(const RigProblem& problem, const CaptureGroups& gro
 Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view) {
   // Another pose of the camera is another pose of the target.
   const UnknownBlock pose = RigUnknowns(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_unknowns.middleCols(pose.first, pose.size));
-  return qr.householderQ() * Eigen::MatrixXd::Identity(view.offset.size(), 6);
+  return HouseholderFactor(view.by_unknowns.middleCols(pose.first, pose.size)).Basis();
 }
 
 Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const std::vector<size_t>& moving) {
@@ -396,11 +393,11 @@ CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views,
     normal += by_sigmas.transpose() * by_sigmas;
     mixed += by_sigmas.transpose() * view->by_unknowns;
   }
-  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+  const auto factor = Cholesky(normal);  // At least the identity.
+  CHECK(factor.has_value());
   CorrectionPosterior posterior;
-  posterior.inverse_normal =
-      sigmas.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(size, size)) * sigmas.asDiagonal();
-  posterior.by_unknowns = sigmas.asDiagonal() * factor.solve(mixed);
+  posterior.inverse_normal = sigmas.asDiagonal() * factor->Inverse() * sigmas.asDiagonal();
+  posterior.by_unknowns = sigmas.asDiagonal() * factor->Solve(mixed);
   return posterior;
 }
 

@@ -5,10 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/data/prediction.h"
 #include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
@@ -151,11 +149,11 @@ class FrameLocation {
     FrameState state{world_from_frame, Eigen::VectorXd::Zero(sigmas_.size())};
     std::optional<FrameEquations> at = EquationsAt(state);
     for (int step = 0; at && step < kMaxSteps; ++step) {
-      const Eigen::LDLT<Eigen::MatrixXd> factor(WithPrior(at->of_images));
-      constexpr double kLeast = 1e-12;  // Of the largest pivot of the frame.
-      const Eigen::LDLT<Eigen::MatrixXd> of_frame(at->of_images.topLeftCorner(num_coordinates_, num_coordinates_));
-      if (!(of_frame.vectorD().minCoeff() > kLeast * of_frame.vectorD().maxCoeff())) return std::nullopt;
-      Eigen::VectorXd tangent = -factor.solve(at->gradient);
+      constexpr double kLeast = 1e-12;  // Of the largest eigenvalue of the frame.
+      const Eigen::VectorXd of_frame =
+          EigenOfSymmetric(at->of_images.topLeftCorner(num_coordinates_, num_coordinates_)).values;
+      if (!(of_frame.minCoeff() > kLeast * of_frame.maxCoeff())) return std::nullopt;
+      Eigen::VectorXd tangent = -SolveSymmetric(WithPrior(at->of_images), at->gradient);
       // A step that does not reduce the cost is halved.
       std::optional<FrameEquations> next;
       FrameState moved;
@@ -174,7 +172,7 @@ class FrameLocation {
       if (is_done) break;
     }
     if (!at) return std::nullopt;
-    const Eigen::MatrixXd inverse = WithPrior(at->of_images).inverse();
+    const Eigen::MatrixXd inverse = InverseOfSymmetric(WithPrior(at->of_images));
     const auto of_frame = inverse.topRows(num_coordinates_);
     const Eigen::MatrixXd by_unknowns = of_frame * at->by_unknowns;
     const Eigen::MatrixXd by_prior = of_frame.rightCols(sigmas_.size());
@@ -211,10 +209,9 @@ class FrameLocation {
                                  by_corrections * by_corrections.transpose();
     covariance.diagonal() += variances;
     // The frame takes up its part of the whitened residuals.
-    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
-    const Eigen::VectorXd whitened = root.matrixL().solve(residual);
-    const Eigen::HouseholderQR<Eigen::MatrixXd> of_frame(root.matrixL().solve(by_frame).eval());
-    const Eigen::VectorXd rotated = of_frame.householderQ().adjoint() * whitened;
+    const auto root = Cholesky(covariance);
+    if (!root) return 0;
+    const Eigen::VectorXd rotated = HouseholderFactor(root->SolveLower(by_frame)).Rotated(root->SolveLower(residual));
     const auto num_left = static_cast<double>(dof);
     return FisherTail(rotated.tail(dof).squaredNorm() / num_left, num_left, solution_.covariance_dof);
   }
@@ -279,9 +276,7 @@ class FrameLocation {
         equations.by_unknowns.col(i) += all.col(6 + layout[i].index);
       }
       equations.residual = all.rightCols<1>();
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_motion);
-      equations.pose_part =
-          qr.householderQ() * Eigen::MatrixXd::Identity(all.rows(), std::min<Eigen::Index>(6, all.rows()));
+      equations.pose_part = HouseholderFactor(by_motion).Basis();
       equations.unmodelled =
           PoseErrorVariance(kUnmodelledPx, solution_.pixel_sigmas_px[camera], view.observations.size()) / ratio;
     }
@@ -511,12 +506,11 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
     normal += across;
     right += across * world_from_camera.translation;
   }
-  const Eigen::LDLT<Eigen::Matrix3d> factor(normal);
   constexpr double kParallel = 1e-9;
-  if (!(factor.vectorD().minCoeff() > kParallel)) {
+  if (!(EigenOfSymmetric(normal).values[0] > kParallel)) {
     return Failure{"the rays of the pixels are parallel: they do not determine a point"};
   }
-  const Eigen::Vector3d guess = factor.solve(right);
+  const Eigen::Vector3d guess = SolveSymmetric(normal, right);
   const std::optional<LocatedFrame> found = location.From({Eigen::Quaterniond::Identity(), guess});
   if (!found) return Failure{"the rays of the pixels do not meet in front of the cameras"};
   RigPoint point;

@@ -6,10 +6,9 @@
 #include <set>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/error.h"
 #include "heba/base/even_indices.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
@@ -184,7 +183,9 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSol
   const Eigen::Index rows = view.offset.size();
   const Eigen::MatrixXd covariance =
       Eigen::MatrixXd::Identity(rows, rows) + view.by_effects * variances.asDiagonal() * view.by_effects.transpose();
-  return covariance.llt().matrixL().solve(view.by_unknowns);
+  const auto root = Cholesky(covariance);  // At least the identity.
+  CHECK(root.has_value());
+  return root->SolveLower(view.by_unknowns);
 }
 
 bool SeesAnything(const RigCandidate& candidate) {
@@ -298,11 +299,11 @@ std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigS
   }
   // The covariance with more rows A of unit noise is C - C A' inv(I + A C A') A C.
   const Eigen::MatrixXd gain = rows * covariance;
-  const Eigen::LLT<Eigen::MatrixXd> innovation(Eigen::MatrixXd::Identity(rows.rows(), rows.rows()) +
-                                               gain * rows.transpose());
+  const auto innovation = Cholesky(Eigen::MatrixXd::Identity(rows.rows(), rows.rows()) + gain * rows.transpose());
+  CHECK(innovation.has_value());
   std::vector<double> sigmas;
   for (const WeakDirection& direction : directions) {
-    const Eigen::VectorXd reduced = innovation.matrixL().solve(gain * direction.direction);
+    const Eigen::VectorXd reduced = innovation->SolveLower(gain * direction.direction);
     sigmas.push_back(std::sqrt(std::max(0.0, direction.sigma * direction.sigma - reduced.squaredNorm())));
   }
   return sigmas;

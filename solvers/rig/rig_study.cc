@@ -7,10 +7,9 @@
 #include <optional>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/refine/uncertainty_limits.h"
@@ -224,7 +223,7 @@ TrialEstimate EstimateOf(RigEstimator estimator, const Rigid3d& truth, const Out
   const Tangent6 error = LocalCoordinates(truth, found->pose);
   estimate.error = error;
   constexpr double kOutside = 0.05;
-  estimate.is_covered = error.dot(found->covariance.ldlt().solve(error)) <= 6 * FisherQuantile(kOutside, 6, found->dof);
+  estimate.is_covered = MahalanobisSquare(error, found->covariance) <= 6 * FisherQuantile(kOutside, 6, found->dof);
   return estimate;
 }
 

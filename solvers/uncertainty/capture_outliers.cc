@@ -5,11 +5,9 @@
 #include <limits>
 #include <numeric>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/small_matrix.h"
@@ -58,7 +56,7 @@ Tangent6 RoughCorrection(const LinearisedView& view) {
   Matrix6 normal = view.by_effects.transpose() * view.by_effects;
   normal.diagonal().head<3>().array() += 1 / (kPossibleM * kPossibleM);
   normal.diagonal().tail<3>().array() += 1 / (kPossibleRad * kPossibleRad);
-  return normal.ldlt().solve(view.by_effects.transpose() * view.offset);
+  return SolveSymmetric(normal, view.by_effects.transpose() * view.offset);
 }
 
 // Returns flags for the half of the captures with the smallest corrections, and the variances of the robot from the
@@ -116,25 +114,25 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = view.offset.size();
   const Eigen::VectorXd scale = others.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
-  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * others.leftCols(n) * scale.asDiagonal());
+  const auto root = Cholesky(scale.asDiagonal() * others.leftCols(n) * scale.asDiagonal());
   // Captures that do not determine the unknowns predict nothing.
-  if (root.info() != Eigen::Success) return 1;
+  if (!root) return 1;
   RowMajorMatrix predicted(n, rows + 1);
   predicted << view.by_unknowns.transpose(), others.col(n);
   predicted = (scale.asDiagonal() * predicted).eval();
-  SolveLowerInPlace(root.matrixLLT(), &predicted);
+  SolveLowerInPlace(root->lower(), &predicted);
   const auto y = predicted.leftCols(rows);
   Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
   const Eigen::Index num_dependent = rows - view.num_rows_without_effects;
   covariance.diagonal().array() += variances.pixel;
   covariance.diagonal().head(num_dependent).array() +=
       VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
-  const Eigen::LLT<Eigen::MatrixXd> b(covariance);
-  if (b.info() != Eigen::Success) return 1;
+  const auto b = Cholesky(covariance);
+  if (!b) return 1;
   // g = G^T B^-1 e has the covariance M + M Q M, M = G^T B^-1 G. It is scaled because it mixes metres and radians.
   RowMajorMatrix whitened(rows, 7);
   whitened << view.by_effects, view.offset - y.transpose() * predicted.col(rows);
-  SolveLowerInPlace(b.matrixLLT(), &whitened);
+  SolveLowerInPlace(b->lower(), &whitened);
   const auto by_correction = whitened.leftCols<6>();
   const Matrix6 m = by_correction.transpose().lazyProduct(by_correction);
   const Tangent6 g = by_correction.transpose() * whitened.col(6);

@@ -1,7 +1,6 @@
 #include "solvers/uncertainty/influence.h"
 
-#include <Eigen/Cholesky>
-
+#include "heba/base/factorisation.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -36,10 +35,9 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
   const double newton = loss.mean_weight / loss.consistency;
   for (size_t i = 0; i < views->size(); ++i) {
     const LinearisedView& view = (*views)[i];
-    const Eigen::MatrixXd whitened =
-        MarginalCovariance(view, loss.covariance_factor(), CorrectionVariances(robot, view.by_effects.cols()))
-            .ldlt()
-            .solve(view.by_unknowns);
+    const Eigen::MatrixXd whitened = SolveSymmetric(
+        MarginalCovariance(view, loss.covariance_factor(), CorrectionVariances(robot, view.by_effects.cols())),
+        view.by_unknowns);
     const Information without{layout, information - view.by_unknowns.transpose() * whitened};
     if (CheckObservable(without)) continue;
     const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;

@@ -4,9 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/geometry/pose_block.h"
 
@@ -16,10 +14,6 @@ namespace {
 // Returns the inverse square roots of the diagonal, or zero for elements that are not positive.
 Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
   return matrix.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
-}
-
-Eigen::MatrixXd InverseOf(const Eigen::LLT<Eigen::MatrixXd>& factor) {
-  return factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()));
 }
 
 }  // namespace
@@ -43,12 +37,12 @@ std::optional<Failure> CheckObservable(const Information& information) {
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
   // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-  if (factor.info() == Eigen::Success && InverseOf(factor).norm() <= 1 / kMinEigenvalue) return std::nullopt;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-  if (eigen.eigenvalues()[0] >= kMinEigenvalue) return std::nullopt;
+  const auto root = Cholesky(scaled);
+  if (root && root->Inverse().norm() <= 1 / kMinEigenvalue) return std::nullopt;
+  const SymmetricEigen<Eigen::Dynamic> eigen = EigenOfSymmetric(scaled);
+  if (eigen.values[0] >= kMinEigenvalue) return std::nullopt;
   // The largest components of the unobservable direction, in scaled units.
-  const Eigen::VectorXd direction = eigen.eigenvectors().col(0);
+  const Eigen::VectorXd direction = eigen.vectors.col(0);
   std::vector<int> order(static_cast<size_t>(direction.size()));
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
@@ -79,13 +73,12 @@ std::optional<Failure> CheckObservable(const Information& information) {
 Covariance InvertInformation(const Information& information, double factor) {
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> root(scaled);
-  if (root.info() == Eigen::Success) {
-    return {information.layout, factor * (scale.asDiagonal() * InverseOf(root) * scale.asDiagonal())};
+  if (const auto root = Cholesky(scaled)) {
+    return {information.layout, factor * (scale.asDiagonal() * root->Inverse() * scale.asDiagonal())};
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-  const Eigen::MatrixXd half = scale.asDiagonal() * eigen.eigenvectors() *
-                               eigen.eigenvalues().cwiseMax(1e-300).cwiseSqrt().cwiseInverse().asDiagonal();
+  const SymmetricEigen<Eigen::Dynamic> eigen = EigenOfSymmetric(scaled);
+  const Eigen::MatrixXd half =
+      scale.asDiagonal() * eigen.vectors * eigen.values.cwiseMax(1e-300).cwiseSqrt().cwiseInverse().asDiagonal();
   return {information.layout, factor * half * half.transpose()};
 }
 

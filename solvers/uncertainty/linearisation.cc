@@ -3,9 +3,8 @@
 #include <numeric>
 #include <utility>
 
-#include <Eigen/QR>
-
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 
@@ -21,8 +20,7 @@ LinearisedView Condensed(const LinearisedView& view) {
   if (view.offset.size() <= rows + 1) return view;
   Eigen::MatrixXd all(view.offset.size(), rows + 1);
   all << view.by_effects, view.by_unknowns, view.offset;
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(all);
-  const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd factor = HouseholderFactor(std::move(all)).R();
   LinearisedView condensed;
   condensed.by_effects = factor.topLeftCorner(rows, num_effects);
   condensed.num_combined_effects = view.num_combined_effects;

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/units.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
@@ -132,16 +130,16 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
   RowMajorMatrix dependent(num_dependent, n + 1);
   dependent << view.by_unknowns.topRows(num_dependent), view.offset.head(num_dependent);
   Eigen::MatrixXd covariance = CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances);
-  Eigen::LLT<Eigen::MatrixXd> root(covariance);
-  if (root.info() != Eigen::Success) {
+  auto root = Cholesky(covariance);
+  if (!root) {
     // The noise of a pose that is close to the camera hides that of the pixels, which has no digits left in the sum.
     constexpr double kDigits = 1e-12;
     covariance.diagonal().array() += kDigits * covariance.trace();
-    root.compute(covariance);
+    root = Cholesky(covariance);
   }
   // Rows without a finite covariance say nothing.
-  if (root.info() != Eigen::Success) return RowMajorMatrix::Zero(view.offset.size(), n + 1);
-  if (num_dependent > 0) SolveLowerInPlace(root.matrixLLT(), &dependent);
+  if (!root) return RowMajorMatrix::Zero(view.offset.size(), n + 1);
+  if (num_dependent > 0) SolveLowerInPlace(root->lower(), &dependent);
   const double root_weight = 1 / std::sqrt(pixel_variance);
   RowMajorMatrix whitened(view.offset.size(), n + 1);
   whitened.topRows(num_dependent) = dependent;
@@ -153,13 +151,13 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
 }
 
 double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(covariance);
-  const Tangent6 along = eigen.eigenvectors().transpose() * vector;
+  const SymmetricEigen<6> eigen = EigenOfSymmetric(covariance);
+  const Tangent6 along = eigen.vectors.transpose() * vector;
   double statistic = 0;
   int rank = 0;
   for (int i = 0; i < 6; ++i) {
-    if (eigen.eigenvalues()[i] < nothing) continue;
-    statistic += along[i] * along[i] / eigen.eigenvalues()[i];
+    if (eigen.values[i] < nothing) continue;
+    statistic += along[i] * along[i] / eigen.values[i];
     ++rank;
   }
   return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);

@@ -8,12 +8,10 @@
 #include <type_traits>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/QR>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
 
@@ -138,11 +136,11 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
         const ByEffects by_sigma = capture.by_effects * sigmas.asDiagonal();
         Square covariance = by_sigma * by_sigma.transpose();
         covariance.diagonal().array() += variances[0];
-        const Eigen::LLT<Square> root(covariance);
-        is_regular_ &= root.info() == Eigen::Success;
+        const auto root = Cholesky(covariance);
+        is_regular_ &= root.has_value();
         if (!is_regular_) return;
-        log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
-        const Square inverse_root = InverseOfLower(Square(root.matrixLLT()));
+        log_determinants_ += root->LogDeterminant();
+        const Square inverse_root = InverseOfLower(root->lower());
         auto whitened = stacked.Next<kRows>(of.num_rows_);
         whitened = inverse_root.lazyProduct(capture.rows);
         const auto v = static_cast<Eigen::Index>(inverses_.size());
@@ -190,9 +188,9 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
       if (num_rows - view.num_rows_without_effects <= num_rows_) {
         capture.by_effects.topRows(num_dependent) = by_effects.topRows(num_dependent);
       } else {
-        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_effects);
-        rotated.applyOnTheLeft(qr.householderQ().adjoint());
-        capture.by_effects = qr.matrixQR().topRows(num_rows_).template triangularView<Eigen::Upper>();
+        const HouseholderFactor factor(by_effects);
+        rotated = factor.Rotated(rotated);
+        capture.by_effects = factor.R();
       }
       capture.rows.topRows(num_dependent) = rotated.topRows(num_dependent);
     }
@@ -274,12 +272,11 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   // Scaled before factorisation because metres, radians and pixels are mixed.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
-  const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
-  if (factor.info() != Eigen::Success) return result;
-  log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() - 2 * scale.array().log().sum();
+  const auto factor = Cholesky(scale.asDiagonal() * information * scale.asDiagonal());
+  if (!factor) return result;
+  log_determinants += factor->LogDeterminant() - 2 * scale.array().log().sum();
   const Eigen::VectorXd all_units = units.cwiseProduct(scale);
-  const Eigen::MatrixXd covariance =
-      all_units.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * all_units.asDiagonal();
+  const Eigen::MatrixXd covariance = all_units.asDiagonal() * factor->Inverse() * all_units.asDiagonal();
   const Eigen::VectorXd step = covariance * products.col(n).head(n);
 
   const double independent_squares =
@@ -496,7 +493,7 @@ Eigen::VectorXd ScoringStep(const Likelihood& here, const std::vector<Eigen::Ind
   const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
   const auto size = static_cast<Eigen::Index>(free.size());
   return scale.asDiagonal() *
-         (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
+         SolveSymmetric(scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size), scale.cwiseProduct(gradient));
 }
 
 }  // namespace
@@ -584,11 +581,9 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
     if (is_told) uncertain.push_back(k);
   }
   if (!uncertain.empty()) {
-    const auto size = static_cast<Eigen::Index>(uncertain.size());
     const Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
     const Eigen::VectorXd scale = fisher.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd inverse =
-        (scale.asDiagonal() * fisher * scale.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+    const Eigen::MatrixXd inverse = InverseOfSymmetric(scale.asDiagonal() * fisher * scale.asDiagonal());
     result.covariance(uncertain, uncertain) = scale.asDiagonal() * inverse * scale.asDiagonal();
   }
   return result;
@@ -610,24 +605,22 @@ double DegreesOfFreedom(const std::vector<LinearisedView>& views, const std::vec
   // Coordinates in which the covariance is the identity, and in which the effects of the variances are decoupled as
   // far as possible.
   const Eigen::VectorXd scale = at->information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * at->information * scale.asDiagonal());
-  if (root.info() != Eigen::Success) return kLeast;
+  const auto root = Cholesky(scale.asDiagonal() * at->information * scale.asDiagonal());
+  if (!root) return kLeast;
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
   for (size_t k = 0; k < at->derivatives.size(); ++k) {
     Eigen::MatrixXd& fall = at->derivatives[k];
     fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
-    fall = root.matrixL().solve(fall).eval();
-    fall = root.matrixL().solve(fall.transpose()).eval();
+    fall = root->SolveLower(root->SolveLower(fall).transpose());
     const auto i = static_cast<Eigen::Index>(k);
     total += std::sqrt(variances.covariance(i, i)) * fall;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(total);
+  const SymmetricEigen<Eigen::Dynamic> eigen = EigenOfSymmetric(total);
   double sum = 0;
   Eigen::VectorXd slope(variances.variances.size());
   for (Eigen::Index m = 0; m < n; ++m) {
     for (size_t k = 0; k < at->derivatives.size(); ++k) {
-      slope[static_cast<Eigen::Index>(k)] =
-          eigen.eigenvectors().col(m).dot(at->derivatives[k] * eigen.eigenvectors().col(m));
+      slope[static_cast<Eigen::Index>(k)] = eigen.vectors.col(m).dot(at->derivatives[k] * eigen.vectors.col(m));
     }
     const double dof = 2 / slope.dot(variances.covariance * slope);
     if (dof <= 2) return kLeast;

@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "heba/geometry/homography.h"
@@ -136,7 +137,7 @@ class Fitter {
   // Returns the covariance of the free parameters.
   Eigen::MatrixXd Covariance() const {
     return std::max(2 * result_.cost / Dof(), SignificantVarianceOf(result_.at_edges)) *
-           result_.normal.ldlt().solve(Eigen::MatrixXd::Identity(NumSought(), NumSought()));
+           SolveSymmetric(result_.normal, Eigen::MatrixXd::Identity(NumSought(), NumSought()));
   }
 
  private:
@@ -184,7 +185,7 @@ class Fitter {
     Eigen::VectorXd whole;
     bool has_converged = false;
     const auto stops_at = [&](const Equations& at) {
-      whole = at.normal.ldlt().solve(-at.gradient);
+      whole = SolveSymmetric(at.normal, -at.gradient);
       if (!whole.allFinite()) return true;
       const double variance = 2 * at.cost / Dof();
       const double move_px = LargestMovePx(whole);
@@ -232,8 +233,8 @@ class Fitter {
     }
     const Eigen::MatrixXd normal = sums->products(wide, wide);
     const Eigen::VectorXd gradient = sums->products(wide, num_sought);
-    const double narrow_fall = narrow.gradient.dot(narrow.normal.ldlt().solve(narrow.gradient));
-    const double wide_fall = gradient.dot(normal.ldlt().solve(gradient));
+    const double narrow_fall = MahalanobisSquare(narrow.gradient, narrow.normal);
+    const double wide_fall = MahalanobisSquare(gradient, normal);
     const double variance = std::max(2 * narrow.cost - wide_fall, 0.0) / Dof();
     const auto num_added = static_cast<double>(normal.cols() - num_sought);
     if (!(wide_fall - narrow_fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added)))) return narrow;
@@ -393,7 +394,7 @@ class Fitter {
     params_[kBlur] = kStartBlurPx;
     constexpr double kEnoughFlat = 20;
     if (flat_normal_.diagonal().minCoeff() >= kEnoughFlat) {
-      params_.segment<2>(kBlack) = flat_normal_.ldlt().solve(flat_right_);
+      params_.segment<2>(kBlack) = SolveSymmetric(flat_normal_, flat_right_);
       if (params_[kWhite] > params_[kBlack]) return true;
     }
     params_[kBlack] = 0;
@@ -403,7 +404,7 @@ class Fitter {
     const Eigen::Index residual = NumSought();
     const Eigen::Index black = std::find(sought_.begin(), sought_.end(), kBlack) - sought_.begin();
     const Eigen::Matrix2d normal = sums->products.block<2, 2>(black, black);
-    params_.segment<2>(kBlack) -= normal.ldlt().solve(sums->products.col(residual).segment<2>(black));
+    params_.segment<2>(kBlack) -= SolveSymmetric(normal, sums->products.col(residual).segment<2>(black));
     return params_.allFinite();
   }
 

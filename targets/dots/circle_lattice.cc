@@ -9,6 +9,8 @@
 
 #include <Eigen/Dense>
 
+#include "heba/base/factorisation.h"
+
 namespace heba {
 namespace {
 
@@ -93,7 +95,7 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
     double distance;
     Eigen::Vector2d offset;  // Offset in units of the outline.
   };
-  const Eigen::Matrix2d units_from_px = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorSqrt();
+  const Eigen::Matrix2d units_from_px = EigenOfSymmetric(ellipse.shape).Root();
   std::vector<Neighbour> neighbours;
   for (const int other : index.Near(ellipse.centre_px, reach_px)) {
     if (other == dot) continue;

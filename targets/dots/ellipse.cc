@@ -2,18 +2,16 @@
 
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+
+#include "heba/base/factorisation.h"
 
 namespace heba {
 
 double Ellipse::RadiusPx() const { return std::pow(shape.determinant(), -0.25); }
 
-Eigen::Vector2d Ellipse::SemiAxesPx() const {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(shape, Eigen::EigenvaluesOnly);
-  return solver.eigenvalues().cwiseSqrt().cwiseInverse();
-}
+Eigen::Vector2d Ellipse::SemiAxesPx() const { return EigenOfSymmetric(shape).values.cwiseSqrt().cwiseInverse(); }
 
 Eigen::Vector2d Ellipse::ExtentPx() const { return shape.inverse().diagonal().cwiseSqrt(); }
 
@@ -25,9 +23,9 @@ Ellipse Ellipse::FromAxes(const Eigen::Vector2d& centre_px, double semi_major_px
 }
 
 Ellipse Ellipse::Grown(double step_px) const {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(shape);
-  const Eigen::Vector2d semi_axes_px = solver.eigenvalues().cwiseSqrt().cwiseInverse().array() + step_px;
-  const Eigen::Matrix2d& axes = solver.eigenvectors();
+  const SymmetricEigen<2> eigen = EigenOfSymmetric(shape);
+  const Eigen::Vector2d semi_axes_px = eigen.values.cwiseSqrt().cwiseInverse().array() + step_px;
+  const Eigen::Matrix2d& axes = eigen.vectors;
   return {centre_px, axes * semi_axes_px.cwiseAbs2().cwiseInverse().asDiagonal() * axes.transpose()};
 }
 

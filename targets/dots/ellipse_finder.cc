@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "targets/images/image.h"
@@ -72,7 +73,7 @@ const std::array<Eigen::Vector2d, Rays::kNumRays>& RayDirections() {
 }
 
 Rays SampleRays(const cv::Mat& grey, const Ellipse& ellipse) {
-  const Eigen::Matrix2d axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorInverseSqrt();
+  const Eigen::Matrix2d axes = EigenOfSymmetric(ellipse.shape).InverseRoot();
   Rays rays;
   for (size_t i = 0; i < Rays::kNumRays; ++i) {
     const Eigen::Vector2d arm = axes * RayDirections()[i];
@@ -217,7 +218,7 @@ std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eige
   normal(4, 0) = normal(3, 1);
   normal(3, 2) = normal(4, 1);
   const Row sum(normal(3, 3), normal(4, 3), normal(4, 4), sum_x, sum_y);
-  const Row conic = normal.llt().solve(sum);
+  const Row conic = SolveSymmetric(normal, sum);
   if (!conic.allFinite()) return std::nullopt;
   Eigen::Matrix2d shape;
   shape << conic[0], 0.5 * conic[1], 0.5 * conic[1], conic[2];

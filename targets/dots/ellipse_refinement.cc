@@ -10,6 +10,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
@@ -208,7 +209,7 @@ class BlurredEllipse {
       num_samples += 1;
     }
     refined.residual_ratio = std::sqrt(sum_square / num_samples) / std::abs(refined.contrast_grey);
-    const Normal covariance = sums_.normal.ldlt().solve(Normal::Identity());
+    const Normal covariance = InverseOfSymmetric(sums_.normal);
     // Rounding alone has a variance of 1/12.
     const double variance = std::max(sum_weighted / std::max(num_samples - num_free_, 1.0), 1.0 / 12);
     refined.centre_covariance_px2 = radius_px_ * radius_px_ * variance * covariance.topLeftCorner<2, 2>();

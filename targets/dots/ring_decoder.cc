@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
@@ -31,9 +32,8 @@ double Phi(double z) {
 
 // Returns the map of the unit circle onto the ellipse that preserves its principal axes.
 Eigen::Matrix3d PixelFromUnitCircle(const Ellipse& ellipse) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(ellipse.shape);
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
-  map.topLeftCorner<2, 2>() = axes.operatorInverseSqrt();
+  map.topLeftCorner<2, 2>() = EigenOfSymmetric(ellipse.shape).InverseRoot();
   map.topRightCorner<2, 1>() = ellipse.centre_px;
   return map;
 }
@@ -168,7 +168,7 @@ double MaxBoost(const cv::Mat& grey, const Ellipse& dot) {
 // Returns the best guess over perspectives along the shorter axis, where they mostly lie.
 Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int bits) {
   const Eigen::Matrix3d pixel_from_unit = PixelFromUnitCircle(dot);
-  const Eigen::Vector2d direction = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot.shape).eigenvectors().col(1);
+  const Eigen::Vector2d direction = EigenOfSymmetric(dot.shape).vectors.col(1);
   const std::vector<Eigen::Vector2d> directions = RingDirections(bits);
   Guess guess = GuessWord(grey, pixel_from_unit, Eigen::Vector2d::Zero(), bits, directions);
   constexpr double kBoostStep = 0.02;

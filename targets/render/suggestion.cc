@@ -6,10 +6,9 @@
 #include <memory>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -129,7 +128,7 @@ Rigid3d TrialPose(const Drawing& drawing, double distance_m) {
 }
 
 double LargestSigma(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues().maxCoeff()));
+  return std::sqrt(std::max(0.0, EigenOfSymmetric(covariance).values[2]));
 }
 
 // Propagates the stated covariances of the pixels to the pose of the target's middle.
@@ -157,9 +156,9 @@ PoseSigma SigmaOf(const Target& target, const Camera& camera, const Rigid3d& cam
         jacobian.block<2, 1>(row, k) = (pixel_of(*point, k, kStep) - pixel_of(*point, k, -kStep)) / (2 * kStep);
       }
     }
-    information += jacobian.transpose() * covariance_px2.ldlt().solve(jacobian);
+    information += jacobian.transpose() * SolveSymmetric(covariance_px2, jacobian);
   }
-  const Eigen::Matrix<double, 6, 6> covariance = information.inverse();
+  const Eigen::Matrix<double, 6, 6> covariance = InverseOfSymmetric(information);
   return {LargestSigma(covariance.topLeftCorner<3, 3>()), LargestSigma(covariance.bottomRightCorner<3, 3>())};
 }
 

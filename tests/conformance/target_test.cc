@@ -9,8 +9,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -20,6 +18,7 @@ extern "C" {
 #include <apriltag/tag36h11.h>
 }
 
+#include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
@@ -147,7 +146,7 @@ TEST_P(TargetTest, IdsIncreaseAndPointsSpanAPlane) {
   for (const TargetPoint& point : points) {
     scatter_m2 += (point.in_target - mean_m) * (point.in_target - mean_m).transpose();
   }
-  const Eigen::Vector3d spread_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_m2).eigenvalues();
+  const Eigen::Vector3d spread_m2 = EigenOfSymmetric(scatter_m2).values;
   EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted ascending: the second is 0 if all points are on one line.
 }
 
@@ -255,7 +254,7 @@ TEST_P(TargetTest, DetectionsAreWellFormed) {
   for (const Eigen::MatrixXd& covariance_px2 : detection.covariances_px2) {
     EXPECT_EQ(covariance_px2.rows() % 2, 0);
     EXPECT_EQ(covariance_px2.rows(), covariance_px2.cols());
-    EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // The covariance is positive definite.
+    EXPECT_TRUE(Cholesky(covariance_px2).has_value());  // The covariance is positive definite.
     num_rows += covariance_px2.rows();
   }
   EXPECT_EQ(num_rows, 2 * static_cast<Eigen::Index>(detection.ids.size()));

@@ -1,14 +1,11 @@
 // Simulated rigs whose arms have errors of their kinematics, for the tests of their estimation.
 #pragma once
 
-#include <memory>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "heba/rig_calibration.h"
 #include "heba/robot/arm_errors.h"
-#include "heba/robot/arm_table.h"
 #include "heba/simulation/arm_captures.h"
 #include "heba/simulation/rig_motion.h"
 #include "tests/support/rig_scenes.h"
@@ -23,59 +20,13 @@ struct RigArmScene {
 
 // Two fixed cameras and one on the gripper, a target on the gripper and one that lies on the floor, where an arm
 // reaches the poses from which its camera sees it. The scene has no captures.
-inline RigScene ReachableRig(uint64_t seed, const RigSceneSetting& setting) {
-  Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"arm"};
-  scene.truth.world_from_base = {Rigid3d()};
-  const Mount base{0, Mount::Part::kBase};
-  const Mount gripper{0, Mount::Part::kGripper};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
-  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("wrist", gripper, Rigid3d(ExpRotation(0.5 * rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
-  AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
-  // The front of a target is on the side of its negative z axis.
-  AddTarget("floor", base, Rigid3d(ExpRotation({kPi, 0, 0}), {0.6, -0.3, 0.1}), &scene);
-  return scene;
-}
+RigScene ReachableRig(uint64_t seed, const RigSceneSetting& setting);
 
 // Returns a rig with the captures of arms of this kind, whose parameters have errors of these sigmas (DrawArmErrors):
 // those that captures determine, so that the poses of what stands in the base or is on the flange are the true ones.
-inline RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErrorSigmas& sigmas, uint64_t seed) {
-  Rng rng(seed);
-  RigArmScene scene{std::move(rig), {}, {}};
-  for (size_t r = 0; r < scene.rig.problem.robots.size(); ++r) {
-    const Arm nominal = *FindArm("ur10e");
-    const Rigid3d tip_from_gripper(ExpRotation(rng.Direction3()), 0.05 * rng.Direction3());
-    scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
-  }
-  const RigSceneOptions options = OptionsOf(setting, scene.arms.size());
-  const Outcome<RigMotion> motion =
-      SimulateRigMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
-  CHECK(motion.ok()) << motion.reason();
-  scene.joints = motion->joints;
-  scene.rig.arms = motion->exact;
-  scene.rig.problem.captures =
-      SimulateRigCaptures(scene.rig.problem, scene.rig.truth, scene.rig.targets, *motion, options, &rng);
-  return scene;
-}
+RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErrorSigmas& sigmas, uint64_t seed);
 
 // Returns the errors of the arms among which a calibration may choose.
-inline std::vector<RigArmErrors> ErrorsOf(const RigArmScene& scene) {
-  std::vector<RigArmErrors> all;
-  for (size_t r = 0; r < scene.arms.size(); ++r) {
-    RigArmErrors& errors = all.emplace_back();
-    const SimulatedArm& arm = *scene.arms[r];
-    for (const ArmErrorModel model : {ArmErrorModel::kOffsets, ArmErrorModel::kGeometry}) {
-      errors.models.push_back(std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, model)));
-    }
-    errors.effects_of_captures.emplace_back();
-    for (const std::vector<Eigen::VectorXd>& joints : scene.joints) {
-      errors.effects_of_captures.back().push_back(MakeArmEffect(arm.nominal, joints[r], arm.tip_from_gripper));
-    }
-  }
-  return all;
-}
+std::vector<RigArmErrors> ErrorsOf(const RigArmScene& scene);
 
 }  // namespace heba

@@ -2,12 +2,8 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
-
-#include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "heba/data/rig.h"
 #include "heba/simulation/rig_scene.h"
@@ -29,11 +25,7 @@ struct RigSceneSetting {
   bool has_free_intrinsics = true;
 };
 
-inline const std::vector<ParameterGroup>& AllIntrinsics() {
-  static const std::vector<ParameterGroup> all = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
-                                                  ParameterGroup::kDistortion};
-  return all;
-}
+const std::vector<ParameterGroup>& AllIntrinsics();
 
 // The errors of poses, summed over trials.
 struct PoseErrorSums {
@@ -41,107 +33,29 @@ struct PoseErrorSums {
   double squares_m2 = 0;
   int num_poses = 0;
 
-  void Add(const Rigid3d& pose, const Rigid3d& truth, const Eigen::Matrix<double, 6, 6>& covariance) {
-    const Tangent6 error = LocalCoordinates(pose, truth);
-    chi2 += error.dot(covariance.ldlt().solve(error));
-    squares_m2 += error.head<3>().squaredNorm();
-    ++num_poses;
-  }
+  void Add(const Rigid3d& pose, const Rigid3d& truth, const Eigen::Matrix<double, 6, 6>& covariance);
 };
 
 // Returns the pose of a camera at `place` that looks at `middle`.
-inline Rigid3d LookingAt(const Eigen::Vector3d& place, const Eigen::Vector3d& middle, double spin_rad) {
-  const Eigen::Quaterniond to_sight =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), (middle - place).normalized());
-  return {to_sight * ExpRotation({0, 0, spin_rad}), place};
-}
+Rigid3d LookingAt(const Eigen::Vector3d& place, const Eigen::Vector3d& middle, double spin_rad);
 
-inline void AddCamera(const std::string& name, const Mount& mount, const Rigid3d& mount_from_camera,
-                      const RigSceneSetting& setting, RigScene* scene) {
-  scene->problem.cameras.push_back({name, mount, TestCamera()});
-  if (setting.has_free_intrinsics) scene->problem.cameras.back().free_intrinsics = AllIntrinsics();
-  scene->truth.mount_from_camera.push_back(mount_from_camera);
-}
+void AddCamera(const std::string& name, const Mount& mount, const Rigid3d& mount_from_camera,
+               const RigSceneSetting& setting, RigScene* scene);
 
-inline void AddTarget(const std::string& name, const Mount& mount, const Rigid3d& mount_from_target, RigScene* scene) {
-  SimulatedTarget target{GridPoints(8, 6, 0.02), false};
-  scene->problem.targets.push_back({name, mount, DesignedShape(target.points_in_target)});
-  scene->targets.push_back(std::move(target));
-  scene->truth.mount_from_target.push_back(mount_from_target);
-}
+void AddTarget(const std::string& name, const Mount& mount, const Rigid3d& mount_from_target, RigScene* scene);
 
 // Returns the options of the simulation of a rig with this number of arms.
-inline RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms) {
-  RigSceneOptions options;
-  options.motion.num_captures = setting.num_captures;
-  options.motion.distance_m = 0.7;
-  options.motion.max_tilt_rad = 0.6;
-  options.noise_px = setting.noise_px;
-  options.robot_noise = setting.robot_noise;
-  options.homes.assign(num_arms, Rigid3d(Eigen::Quaterniond::Identity(), {0.4, 0, 0.4}));
-  return options;
-}
+RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms);
 
-inline void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
-  const RigSceneOptions options = OptionsOf(setting, scene->problem.robots.size());
-  const Outcome<std::vector<ArmPoses>> arms =
-      SimulateArmPoses(scene->problem, scene->truth, scene->targets, options, rng);
-  CHECK(arms.ok()) << arms.reason();
-  scene->arms = *arms;
-  scene->problem.captures = SimulateRigCaptures(scene->problem, scene->truth, scene->targets, *arms, options, rng);
-}
+void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene);
 
 // Two fixed cameras and one on the gripper, a target on the gripper and one beside the arm.
-inline RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting = {}) {
-  Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"arm"};
-  scene.truth.world_from_base = {Rigid3d()};
-  const Mount base{0, Mount::Part::kBase};
-  const Mount gripper{0, Mount::Part::kGripper};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
-  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("wrist", gripper, Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
-  AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
-  AddTarget("wall", base, Rigid3d(ExpRotation(rng.Direction3()), {0.8, -0.3, 0.2}), &scene);
-  Simulate(setting, &rng, &scene);
-  return scene;
-}
+RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting = {});
 
 // Four fixed cameras around a target on the gripper.
-inline RigScene FourCameraRig(uint64_t seed, const RigSceneSetting& setting = {}) {
-  Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"arm"};
-  scene.truth.world_from_base = {Rigid3d()};
-  const Mount base{0, Mount::Part::kBase};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
-  for (int c = 0; c < 4; ++c) {
-    const double angle = 0.35 * c;
-    const Eigen::Vector3d place = middle + 0.7 * Eigen::Vector3d(0.5 * std::sin(angle), std::cos(angle), 0.5);
-    AddCamera("camera" + std::to_string(c + 1), base, LookingAt(place, middle, rng.Uniform(-1, 1)), setting, &scene);
-  }
-  AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()),
-            &scene);
-  Simulate(setting, &rng, &scene);
-  return scene;
-}
+RigScene FourCameraRig(uint64_t seed, const RigSceneSetting& setting = {});
 
 // One fixed camera that sees a target on each of two arms.
-inline RigScene TwoArmRig(uint64_t seed, const RigSceneSetting& setting = {}) {
-  Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"left", "right"};
-  scene.truth.world_from_base = {Rigid3d(), Rigid3d(ExpRotation({0.05, -0.02, 3.0}), {1.1, 0.1, 0.02})};
-  AddCamera("top", {0, Mount::Part::kBase}, LookingAt({0.5, 0.1, 1.2}, {0.55, 0, 0.4}, rng.Uniform(-1, 1)), setting,
-            &scene);
-  for (size_t r = 0; r < 2; ++r) {
-    AddTarget(r == 0 ? "plate" : "disk", {r, Mount::Part::kGripper},
-              Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
-  }
-  Simulate(setting, &rng, &scene);
-  return scene;
-}
+RigScene TwoArmRig(uint64_t seed, const RigSceneSetting& setting = {});
 
 }  // namespace heba

@@ -25,6 +25,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
@@ -173,7 +174,7 @@ Errors Compare(const Corners& corners, const std::vector<Eigen::Vector2d>& truth
     ++errors.num;
     errors.sum += error;
     errors.sum_square += error.cwiseAbs2();
-    if (!covariances_px2.empty()) errors.sum_normalised += error.dot(covariances_px2[i].ldlt().solve(error));
+    if (!covariances_px2.empty()) errors.sum_normalised += MahalanobisSquare(error, covariances_px2[i]);
   }
   return errors;
 }

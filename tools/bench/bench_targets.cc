@@ -21,6 +21,7 @@ extern "C" {
 #include <apriltag/tag36h11.h>
 }
 
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
@@ -112,7 +113,7 @@ Errors Compare(const Target& target, const Detection& detection, const Camera& c
     for (Eigen::Index i = 0; i < size; ++i) error[i] = offsets[first + static_cast<size_t>(i / 2)][i % 2];
     first += static_cast<size_t>(size / 2);
     if (error.cwiseAbs().maxCoeff() > 0.5) continue;
-    errors.sum_normalised += error.dot(covariance.ldlt().solve(error));
+    errors.sum_normalised += MahalanobisSquare(error, covariance);
     errors.num_normalised += static_cast<double>(size);
   }
   return errors;
@@ -523,8 +524,7 @@ void WriteCrop(const std::string& path) {
   };
   const int shift = 4;  // Number of fractional bits of the coordinates.
   if (dot) {
-    const Eigen::Matrix2d axes =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot->ellipse.shape).operatorInverseSqrt();
+    const Eigen::Matrix2d axes = EigenOfSymmetric(dot->ellipse.shape).InverseRoot();
     std::vector<cv::Point> outline;
     for (int i = 0; i < 360; ++i) {
       const double angle = 2 * kPi * i / 360;

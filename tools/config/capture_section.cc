@@ -183,6 +183,24 @@ std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, c
   return pairs;
 }
 
+// Pairs images with more rows than there are images, by the numbers in the images' names, which count the rows from 0
+// or from 1. Returns nothing if the names do not tell which.
+std::optional<std::vector<std::optional<size_t>>> PairByNumber(size_t num_rows, const std::vector<Seen>& seen) {
+  std::vector<std::string> stems;
+  for (const Seen& entry : seen) stems.push_back(StemOf(entry.name));
+  const auto places = PlacesBy<long>(stems, NumberInName);
+  if (!places || places->empty() || seen.size() > num_rows) return std::nullopt;
+  const auto last_row = static_cast<long>(num_rows) - 1;
+  const long first_number = places->begin()->first;
+  const long last_number = places->rbegin()->first;
+  const bool counts_from_0 = first_number == 0 && last_number <= last_row;
+  const bool counts_from_1 = first_number > 0 && last_number == last_row + 1;
+  if (!counts_from_0 && !counts_from_1) return std::nullopt;
+  std::vector<std::optional<size_t>> pairs(num_rows);
+  for (const auto& [number, place] : *places) pairs[static_cast<size_t>(number - (counts_from_1 ? 1 : 0))] = place;
+  return pairs;
+}
+
 // Suggests an image without a pose that the row may mean: one with a similar name and the same number in it.
 std::string ImageMeant(const std::string& name, const std::vector<std::string>& without_row) {
   std::vector<std::string> likely;
@@ -205,6 +223,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   std::vector<std::optional<size_t>> pairs(rows.size());
   if (rows.empty() || rows.front().image.empty()) {
     if (rows.size() != seen.size()) {
+      if (auto by_number = PairByNumber(rows.size(), seen)) return *std::move(by_number);
       throw InputError(config.poses_file.string() + ": has " + std::to_string(rows.size()) +
                        " rows without an image column for " + std::to_string(seen.size()) +
                        " images; the counts must agree, or name the image of each row");

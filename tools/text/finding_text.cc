@@ -422,7 +422,7 @@ FindingText HeldIntrinsics(const Finding& finding) {
   return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
               ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
               Significant(Number(finding, "move_mm"), 2) + " mm and " + Significant(Number(finding, "move_deg"), 2) +
-              " deg away",
+              " deg away, and the target " + Significant(Number(finding, "target_move_mm"), 2) + " mm",
           "free them (leave refine.intrinsics out), or recalibrate the camera"};
 }
 

@@ -2,9 +2,9 @@
 // nine entries of R_X and in t_X at once, with vec by columns:
 //   (I - R_B (x) R_A) vec(R_X) = 0,   (t_B^T (x) I) vec(R_X) + (I - R_A) t_X = t_A
 // by least squares over all motions; R_X is then projected to the nearest rotation.
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -41,7 +41,7 @@ Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
   }
   const Eigen::Matrix3d sum_a = with_rotation_a(kOne);
   normal.bottomRightCorner<3, 3>() = 2 * sums(kOne, kOne) * identity - sum_a - sum_a.transpose();
-  const Eigen::Matrix<double, 12, 1> solution = normal.ldlt().solve(right);
+  const Eigen::Matrix<double, 12, 1> solution = SolveSymmetric(normal, right);
   if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
   const Eigen::Matrix3d linear = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   if (!(linear.determinant() > 1e-6)) {

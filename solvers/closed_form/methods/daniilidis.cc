@@ -8,8 +8,7 @@
 #include <cmath>
 #include <tuple>
 
-#include <Eigen/Eigenvalues>
-
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -52,11 +51,11 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
   Matrix8 sum;
   sum << sum_of(kReal, kReal) + sum_of(kDual, kDual), sum_of(kDual, kReal), sum_of(kReal, kDual), sum_of(kReal, kReal);
-  const Eigen::SelfAdjointEigenSolver<Matrix8> eigen(sum);
-  const Eigen::Vector4d u1 = eigen.eigenvectors().col(0).head<4>();
-  const Eigen::Vector4d v1 = eigen.eigenvectors().col(0).tail<4>();
-  const Eigen::Vector4d u2 = eigen.eigenvectors().col(1).head<4>();
-  const Eigen::Vector4d v2 = eigen.eigenvectors().col(1).tail<4>();
+  const SymmetricEigen<8> eigen = EigenOfSymmetric(sum);
+  const Eigen::Vector4d u1 = eigen.vectors.col(0).head<4>();
+  const Eigen::Vector4d v1 = eigen.vectors.col(0).tail<4>();
+  const Eigen::Vector4d u2 = eigen.vectors.col(1).head<4>();
+  const Eigen::Vector4d v2 = eigen.vectors.col(1).tail<4>();
   // (q; q') = l1 (u1; v1) + l2 (u2; v2) with q q' = 0 is a quadratic equation in l1 / l2 or, if that is better
   // conditioned, in l2 / l1.
   double a = u1.dot(v1);

@@ -2,8 +2,8 @@
 // rotation axes of a motion satisfy n_A = R_X n_B. With unit quaternions, n_A q - q n_B = 0 is linear in q, and the
 // unit q that minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1). The
 // translation follows by linear least squares.
-#include <Eigen/Eigenvalues>
 
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -24,8 +24,7 @@ Outcome<HandEye> SolveHandEye_horaud(const HandEyeInput& input) {
   sum.bottomLeftCorner<3, 1>() = 2 * SumOfCross(ab);  // d cross s
   sum.topRightCorner<1, 3>() = sum.bottomLeftCorner<3, 1>().transpose();
   sum.bottomRightCorner<3, 3>() = dd + ss.trace() * Eigen::Matrix3d::Identity() - ss;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(sum);
-  const Eigen::Vector4d q = eigen.eigenvectors().col(0);
+  const Eigen::Vector4d q = EigenOfSymmetric(sum).vectors.col(0);
   const Eigen::Matrix3d rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
   return WithAverageBoardPose(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }

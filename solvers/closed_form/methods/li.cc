@@ -3,9 +3,9 @@
 // unknowns of M Z = X C at once, with vec by columns:
 //   (I (x) R_M) vec(R_Z) - (R_C^T (x) I) vec(R_X) = 0,   R_M t_Z - (t_C^T (x) I) vec(R_X) - t_X = -t_M
 // by least squares. The rotations are then projected to the nearest ones; the translations are not changed.
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -32,7 +32,7 @@ Outcome<HandEye> SolveHandEye_li(const HandEyeInput& input) {
     normal += left.transpose() * left;
     right -= left.bottomRows<3>().transpose() * pair.camera_mount_from_target_mount.translation;
   }
-  const Eigen::Matrix<double, 24, 1> solution = normal.ldlt().solve(right);
+  const Eigen::Matrix<double, 24, 1> solution = SolveSymmetric(normal, right);
   if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
   const Eigen::Matrix3d linear_z = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   const Eigen::Matrix3d linear_x = Eigen::Map<const Eigen::Matrix3d>(solution.data() + 9);

@@ -9,8 +9,7 @@
 // has the smallest angle is used: for one of the four it is at most 120 deg.
 #include <limits>
 
-#include <Eigen/Cholesky>
-
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {
@@ -31,7 +30,7 @@ Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
     // For s = P_A + Q P_B: skew(s)^T skew(s) = |s|^2 I - s s^T, and skew(s)^T (Q P_B - P_A) = -2 P_A cross Q P_B.
     const Eigen::Matrix3d ss = aa + a_turned + a_turned.transpose() + q * bb * q.transpose();
     const Eigen::Matrix3d normal = ss.trace() * Eigen::Matrix3d::Identity() - ss;
-    const Eigen::Vector3d p = normal.ldlt().solve(-2 * SumOfCross(a_turned));
+    const Eigen::Vector3d p = SolveSymmetric(normal, -2 * SumOfCross(a_turned));
     if (!p.allFinite() || !(p.norm() < smallest)) continue;
     smallest = p.norm();
     rotation_x = Eigen::Quaterniond(1, p.x(), p.y(), p.z()).normalized() * turn;

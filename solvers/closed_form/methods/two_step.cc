@@ -11,10 +11,9 @@
 #include <algorithm>
 #include <optional>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/known_rotation.h"
@@ -86,8 +85,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   }
   // A rotation by w displaces a unit vector perpendicular to its axis by |w|: the direction in which the point is
   // determined worst must have been displaced by a few degrees in total.
-  const double least_rad =
-      std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(normal).eigenvalues()[0]));
+  const double least_rad = std::sqrt(std::max(0.0, EigenOfSymmetric(normal).values[0]));
   const double needed_rad = DegToRad(2.0);
   if (least_rad < needed_rad) {
     return Failure{std::to_string(turns.size()) + (turns.size() == 1 ? " rotation" : " rotations") +
@@ -95,7 +93,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
                    Fixed(RadToDeg(least_rad), 2) +
                    " deg in total: two or more about different axes, by 10 deg or more, are needed"};
   }
-  const Eigen::Vector3d point_in_mount = normal.ldlt().solve(right);
+  const Eigen::Vector3d point_in_mount = SolveSymmetric(normal, right);
   const Eigen::Vector3d translation =
       mount_rotation(home) * point_in_mount + mount_position(home) - rotation_x * position(home);
   return WithBoardAtPoint(pairs, Rigid3d(rotation_x, translation), positions.point_in_target, point_in_mount);

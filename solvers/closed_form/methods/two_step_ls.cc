@@ -13,6 +13,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "solvers/closed_form/known_rotation.h"
 #include "solvers/closed_form/target_position.h"
@@ -50,7 +51,7 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
     right.tail<3>() += pull;
   }
   // LDLT reads the lower triangle only.
-  const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
+  const Eigen::Matrix<double, 6, 1> solution = SolveSymmetric(normal, right);
   return {rotation, solution.tail<3>(), solution.head<3>()};
 }
 
@@ -121,11 +122,11 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   }
   std::vector<Measured> captures;
   for (size_t i = 0; i < pairs.size(); ++i) {
-    const Eigen::LLT<Eigen::Matrix3d> factor(positions.captures[i].covariance_at_1px);
-    if (factor.info() != Eigen::Success) return Failure{"the covariance of a target position is not positive definite"};
+    const auto factor = Cholesky(positions.captures[i].covariance_at_1px);
+    if (!factor) return Failure{"the covariance of a target position is not positive definite"};
     captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
                         pairs[i].camera_mount_from_target_mount.translation - mean_position,
-                        positions.captures[i].in_camera, factor.solve(Eigen::Matrix3d::Identity())});
+                        positions.captures[i].in_camera, factor->Inverse()});
   }
   // A few captures suffice to compare the initial rotations.
   constexpr size_t kMaxForStart = 30;

@@ -7,8 +7,9 @@
 #include <optional>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
+
+#include "heba/base/factorisation.h"
 
 namespace heba {
 
@@ -62,7 +63,7 @@ auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& tr
   for (int num_tries = 0; num_iterations < options.max_iterations && num_tries < options.max_tries; ++num_tries) {
     auto damped = point->normal;
     damped.diagonal() *= 1 + damping;
-    const Step step = -damped.ldlt().solve(point->gradient);
+    const Step step = -SolveSymmetric(damped, point->gradient);
     if (!step.allFinite()) return {false, std::nullopt};
     const double least_drop = options.small_drop * point->cost;
     if (damping < options.trusted_damping && -step.dot(point->gradient) <= least_drop) return {true, step};

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string_view>
 
@@ -62,8 +63,28 @@ std::optional<size_t> FirstOf(const std::vector<Finding>& findings, const IsCand
 
 }  // namespace
 
-Grade GradeOfHeldOut(double share_of_distance, double deg) {
-  return std::max(GradeOf(share_of_distance, kHeldOutShare), GradeOf(DegToRad(deg), kHeldOutShare));
+double RobotErrorShare(const std::optional<RobotNoise>& noise, const std::optional<RobotNoise>& smooth_noise,
+                       double distance_m) {
+  double square = 0;
+  for (const std::optional<RobotNoise>& part : {noise, smooth_noise}) {
+    if (!part) continue;
+    const double share = part->translation_m / distance_m;
+    square += share * share + part->rotation_rad * part->rotation_rad;
+  }
+  return std::sqrt(square);
+}
+
+Grade GradeOfSigma(double share_of_distance, double robot_error_share, int num_captures) {
+  const Grade grade = GradeOf(share_of_distance, kSigmaShare);
+  const double explained = kTimesMean * robot_error_share / std::sqrt(std::max(1, num_captures));
+  return share_of_distance <= std::min(explained, kUseless) ? std::min(grade, Grade::kDoubtful) : grade;
+}
+
+Grade GradeOfHeldOut(double share_of_distance, double deg, double robot_error_share) {
+  const double largest = std::max(share_of_distance, DegToRad(deg));
+  const Grade grade = GradeOf(largest, kHeldOutShare);
+  const double explained = kTimesRobotError * robot_error_share;
+  return largest <= std::min(explained, kUseless) ? std::min(grade, Grade::kDoubtful) : grade;
 }
 
 Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out) {

@@ -1,14 +1,23 @@
 // Grades findings and orders them, for the verdicts on a single camera and on a rig.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 
 namespace heba {
 
-// Returns the grade of the errors of targets on captures that the estimate has not seen.
-Grade GradeOfHeldOut(double share_of_distance, double deg);
+// Returns the error of one capture that a robot's noise and its smooth errors explain, as a share of the distance.
+double RobotErrorShare(const std::optional<RobotNoise>& noise, const std::optional<RobotNoise>& smooth_noise,
+                       double distance_m);
+// Returns the grade of a sigma, as a share of the distance. `robot_error_share` is RobotErrorShare of `num_captures`
+// captures: a sigma that they could not make much smaller is not bad.
+Grade GradeOfSigma(double share_of_distance, double robot_error_share, int num_captures);
+// Returns the grade of the errors of targets on captures that the estimate has not seen. Errors that those of the robot
+// explain (RobotErrorShare) are not bad.
+Grade GradeOfHeldOut(double share_of_distance, double deg, double robot_error_share);
 // Returns the grade of errors that the noise does not explain. They make a result bad only if they matter at the
 // target.
 Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out);

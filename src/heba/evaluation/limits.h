@@ -15,9 +15,16 @@ struct Limits {
 };
 
 // Errors of a target's position as shares of its distance from the camera, and errors of orientations in rad, which
-// move the target by that share. A requirement (RunResult::requirements) replaces them.
+// move the target by that share. A requirement (RunResult::requirements) replaces them. What the robot's noise explains
+// is bad only beyond kUseless.
 inline constexpr Limits kSigmaShare = {0.003, 0.015};
 inline constexpr Limits kHeldOutShare = {0.005, 0.02};
+inline constexpr double kUseless = 0.1;
+// The robot's noise explains sigmas up to so many times what it leaves in the mean of the captures: well distributed
+// captures leave one to three times as much.
+inline constexpr double kTimesMean = 6;
+// It explains held-out errors up to so many times the error of one capture.
+inline constexpr double kTimesRobotError = 2;
 // A target at an unknown distance counts as one at this distance.
 inline constexpr double kUsualDistanceM = 0.5;
 // The errors of arms do not shrink with the distance: a nearer target counts as one at this distance.

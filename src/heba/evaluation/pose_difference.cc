@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -18,7 +17,7 @@ std::optional<PoseDifference> DifferenceOf(const UncertainPose& a, const Uncerta
   if (!scale.allFinite()) return std::nullopt;
   const Matrix6 scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
   const Tangent6 scaled_difference = scale.cwiseProduct(difference);
-  const double statistic = scaled_difference.dot(scaled.ldlt().solve(scaled_difference));
+  const double statistic = MahalanobisSquare(scaled_difference, scaled);
   PoseDifference found;
   found.distance_mm = 1000 * DistanceM(a.pose, b.pose);
   found.angle_deg = RadToDeg(AngleRad(a.pose, b.pose));

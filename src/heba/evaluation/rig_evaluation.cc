@@ -31,6 +31,22 @@ double DistanceOf(const RigResult& result, size_t camera) {
   return std::max(kLeastDistanceM, is_known ? *result.errors[camera].distance_m : kUsualDistanceM);
 }
 
+// Returns RobotErrorShare of the worst arm of the cell.
+double RobotErrorShareOf(const RigResult& result, size_t camera) {
+  double worst = 0;
+  for (size_t robot = 0; robot < result.solution.robot_noise.size(); ++robot) {
+    worst = std::max(worst, RobotErrorShare(result.solution.robot_noise[robot], SmoothNoiseOf(result.solution, robot),
+                                            DistanceOf(result, camera)));
+  }
+  return worst;
+}
+
+int NumUsed(const RigResult& result, size_t camera) {
+  return static_cast<int>(std::count_if(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+    return image.used && image.camera == result.rig.cameras[camera].name;
+  }));
+}
+
 Finding JudgeUncertainty(const RigResult& result) {
   Finding worst;
   double worst_mm = -1;
@@ -39,10 +55,10 @@ Finding JudgeUncertainty(const RigResult& result) {
     if (!covariance) continue;
     const double mm = 1000 * LargestSigma(*covariance, 0);
     const double deg = RadToDeg(LargestSigma(*covariance, 3));
-    const Grade grade =
-        IsRequired(result, result.rig.cameras[c].name)
-            ? Grade::kGood
-            : std::max(GradeOf(1e-3 * mm / DistanceOf(result, c), kSigmaShare), GradeOf(DegToRad(deg), kSigmaShare));
+    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
+                            ? Grade::kGood
+                            : GradeOfSigma(std::max(1e-3 * mm / DistanceOf(result, c), DegToRad(deg)),
+                                           RobotErrorShareOf(result, c), NumUsed(result, c));
     if (grade < worst.grade || (grade == worst.grade && mm <= worst_mm)) continue;
     worst_mm = mm;
     worst = {
@@ -67,10 +83,10 @@ std::vector<Finding> JudgeHoldOut(const RigResult& result) {
   for (size_t c = 0; c < result.errors.size(); ++c) {
     const RigErrors& errors = result.errors[c];
     if (!errors.holdout_target_mm || !errors.holdout_target_deg) continue;
-    const Grade grade =
-        IsRequired(result, result.rig.cameras[c].name)
-            ? Grade::kGood
-            : GradeOfHeldOut(1e-3 * *errors.holdout_target_mm / DistanceOf(result, c), *errors.holdout_target_deg);
+    const Grade grade = IsRequired(result, result.rig.cameras[c].name)
+                            ? Grade::kGood
+                            : GradeOfHeldOut(1e-3 * *errors.holdout_target_mm / DistanceOf(result, c),
+                                             *errors.holdout_target_deg, RobotErrorShareOf(result, c));
     const bool is_first = worst_mm < 0;
     if (!is_first && (grade < worst.grade || (grade == worst.grade && *errors.holdout_target_mm <= worst_mm))) continue;
     worst_mm = *errors.holdout_target_mm;

@@ -37,6 +37,15 @@ double DistanceOf(const RunResult& result) {
 
 double ShareOfDistance(const RunResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }
 
+double RobotErrorShareOf(const RunResult& result, const Solution& solution) {
+  return RobotErrorShare(solution.robot_noise, solution.smooth_noise, DistanceOf(result));
+}
+
+int NumUsed(const RunResult& result) {
+  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
+                                        [](const CaptureResult& capture) { return capture.used; }));
+}
+
 Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
   const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
@@ -52,7 +61,8 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
     Finding& at_work = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("at_working_point")});
     at_work.numbers = {{"distance_mm", 1000 * result.working_point->in_camera_m.norm()}, {"at_work_mm", at_work_mm}};
   }
-  finding.grade = GradeOf(ShareOfDistance(result, largest_mm), kSigmaShare);
+  finding.grade =
+      GradeOfSigma(ShareOfDistance(result, largest_mm), RobotErrorShareOf(result, solution), NumUsed(result));
   if (solution.covariance.layout.Block(kCameraBlock).size == 0 && !solution.camera.params.empty()) {
     Finding& held = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("intrinsics_not_included")});
     if (result.working_point) {
@@ -65,7 +75,7 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   return finding;
 }
 
-Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
+Finding JudgeHoldOut(const RunResult& result, const Solution& solution, const Errors& errors) {
   const bool is_missing = !errors.holdout_target_mm || !errors.holdout_target_deg;
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
     return estimate.errors.holdout_rms_px.has_value();
@@ -78,7 +88,8 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   }
   Finding finding;
   finding.code = FindingCode("hold_out");
-  finding.grade = GradeOfHeldOut(ShareOfDistance(result, *errors.holdout_target_mm), *errors.holdout_target_deg);
+  finding.grade = GradeOfHeldOut(ShareOfDistance(result, *errors.holdout_target_mm), *errors.holdout_target_deg,
+                                 RobotErrorShareOf(result, solution));
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   return finding;
 }
@@ -199,7 +210,7 @@ Verdict JudgeRun(const RunResult& result) {
   } else {
     const Solution& solution = *refined->solution;
     Finding uncertainty = JudgeUncertainty(result, solution);
-    Finding hold_out = JudgeHoldOut(result, refined->errors);
+    Finding hold_out = JudgeHoldOut(result, solution, refined->errors);
     const Grade of_hold_out = refined->errors.holdout_target_mm ? hold_out.grade : Grade::kGood;
     DropExplainedScatter(refined->errors.holdout_chi2, &findings);
     if (!result.requirements.empty()) {

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
 
 namespace heba {
@@ -27,8 +27,8 @@ Eigen::Matrix3d Normalisation(const Eigen::Matrix2Xd& points) {
 double Flatness(const Eigen::Matrix2Xd& points) {
   const Eigen::Vector2d mean = points.rowwise().mean();
   const Eigen::Matrix2Xd centred = points.colwise() - mean;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(centred * centred.transpose());
-  return std::sqrt(std::max(0.0, eigen.eigenvalues()[0]) / eigen.eigenvalues()[1]);
+  const SymmetricEigen<2> eigen = EigenOfSymmetric(centred * centred.transpose());
+  return std::sqrt(std::max(0.0, eigen.values[0]) / eigen.values[1]);
 }
 
 }  // namespace
@@ -53,11 +53,11 @@ std::optional<Eigen::Matrix3d> LinearHomography(const Eigen::Matrix2Xd& from, co
     products.bottomRightCorner<3, 3>() += q.head<2>().squaredNorm() * pp;
   }
   products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
-  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Reads the lower triangle only.
+  const SymmetricEigen<9> eigen = EigenOfSymmetric(products);  // Reads the lower triangle only.
   // A second null direction means that the points do not determine the homography.
   constexpr double kNull = 1e-14;  // Round-off of the products: 1e-7 in the equations themselves.
-  if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
+  if (eigen.values[1] < kNull * eigen.values[8]) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = eigen.vectors.col(0);
   const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
   return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
 }

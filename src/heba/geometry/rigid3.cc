@@ -5,6 +5,7 @@
 #include <Eigen/SVD>
 
 #include "heba/base/error.h"
+#include "heba/base/units.h"
 
 namespace heba {
 
@@ -49,6 +50,17 @@ Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation) {
 
 double RotationAngle(const Eigen::Quaterniond& rotation) {
   return 2.0 * std::atan2(rotation.vec().norm(), std::abs(rotation.w()));
+}
+
+Eigen::Quaterniond RotationOnto(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d a = from.normalized();
+  const Eigen::Vector3d b = to.normalized();
+  // The quaternion (1 + a b, a x b) has half of the angle; it has no length left where the directions are opposite.
+  constexpr double kOpposite = 1e-12;
+  const double w = 1 + a.dot(b);
+  if (w < kOpposite) return Eigen::Quaterniond(Eigen::AngleAxisd(kPi, a.unitOrthogonal()));
+  const Eigen::Vector3d axis = a.cross(b);
+  return Eigen::Quaterniond(w, axis.x(), axis.y(), axis.z()).normalized();
 }
 
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix) {

@@ -42,6 +42,8 @@ Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& rotation_vector);
 Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation);
 // Returns the angle of the rotation, in [0, pi] rad.
 double RotationAngle(const Eigen::Quaterniond& rotation);
+// Returns the rotation by the smallest angle that maps the direction `from` onto `to`; both have a length above zero.
+Eigen::Quaterniond RotationOnto(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 // Returns the rotation matrix that is nearest to `matrix` in the Frobenius norm (by SVD, with determinant +1).
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
 

@@ -298,12 +298,13 @@ std::string WithoutBrackets(std::string_view line) {
   return bare;
 }
 
-std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format_in,
                                 const std::vector<std::string>& extra_columns,
                                 const std::vector<std::string>& cameras) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
   }
+  PoseFormat format = format_in;
   LineReader lines(text, name);
   std::optional<Line> first = lines.Next();
   while (first && WithoutBrackets(first->text).empty()) first = lines.Next();
@@ -312,6 +313,9 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   const Line bare_first{bare, first->number, &name};
   const char bare_separator = FindSeparator(bare_first, format.columns.size());
   const bool has_header = HasHeader(Fields(bare_first, bare_separator));
+  // Joints have one order; the order of a pose's columns is the user's to say.
+  const bool is_of_joints = !format.robot.empty() && Fields(bare_first, bare_separator).size() == format.columns.size();
+  if (!has_header && format.file_columns.empty() && is_of_joints) format.file_columns = format.columns;
   if (!has_header && format.file_columns.empty()) {
     first->Fail("the first line must name the columns: image, " + Join(format.columns, ", ") +
                 "; for a file without such a line name them in the config (pose_format: {columns: [...], ...})");

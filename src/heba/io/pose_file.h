@@ -27,10 +27,10 @@ struct PoseRow {
 // Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any
 // order), then one line per capture.
 //
-// A file without a header is accepted if `format` is a user's own, whose file_columns name the columns. Brackets around
-// the lines of such a file ([[1, 2, 3], [4, 5, 6]], p[...]) are ignored. If a file with a header uses another name for
-// its image column, the position of `image` in file_columns identifies it. Other columns are errors, unless
-// file_columns contains `-`.
+// A file without a header is accepted if `format` is a user's own, whose file_columns name the columns, or if it has
+// the joints of an arm, base first. Brackets around the lines of such a file ([[1, 2, 3], [4, 5, 6]], p[...]) are
+// ignored. If a file with a header uses another name for its image column, the position of `image` in file_columns
+// identifies it. Other columns are errors, unless file_columns contains `-`.
 //
 // A file with a header may also have the columns `extra_columns` of numbers, all or none of them, and a column
 // `image.CAMERA` for each of `cameras`, all or none of them.

@@ -60,7 +60,7 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, {u, v});
     if (!ray || ray->z() < 0.05) continue;
     const Eigen::Vector3d middle_in_camera = *ray * (depth_m / ray->z());
-    const Eigen::Quaterniond to_sight = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), *ray);
+    const Eigen::Quaterniond to_sight = RotationOnto(Eigen::Vector3d::UnitZ(), *ray);
     const Eigen::Quaterniond rotation = to_sight *
                                         ExpRotation(tilt * Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0)) *
                                         ExpRotation({0, 0, spin}) * upright;

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/target_location.h"
@@ -116,7 +116,7 @@ struct Agreement {
   double by_calibration_m2 = 0;
 
   void Add(const Eigen::Vector3d& off_m, const PositionCovariance& covariance, double dof) {
-    const double chi_square = off_m.dot(covariance.TotalM2().ldlt().solve(off_m));
+    const double chi_square = MahalanobisSquare(off_m, covariance.TotalM2());
     chi_square_sum += chi_square;
     num_outside += FisherTail(chi_square / 3, 3, dof) < 0.05 ? 1 : 0;
     by_calibration_m2 += covariance.by_calibration_m2.trace();

@@ -1,8 +1,8 @@
 #include "heba/target_location.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
@@ -58,7 +58,7 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
     const Eigen::Vector3d middle = unseen.observations.points_in_target.rowwise().mean();
     const Eigen::Vector3d off_m = located->base_from_target * middle - truth * middle;
     const Eigen::Matrix3d covariance = located->covariance.TotalM2();
-    sum += off_m.dot(covariance.ldlt().solve(off_m));
+    sum += MahalanobisSquare(off_m, covariance);
     EXPECT_EQ(located->covariance.by_robot_m2.isZero(), !(is_carried && is_noisy));
 
     // A corner of the target is located from its pixel, on the plane of the target, which is either given or seen in
@@ -75,7 +75,7 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
     const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
       const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
       const Eigen::MatrixXd stated = directions.transpose() * point.covariance.TotalM2() * directions;
-      return off.dot(stated.ldlt().solve(off));
+      return MahalanobisSquare(off, stated);
     };
     // A point on a known plane has errors in two directions only.
     EXPECT_LT(std::abs(normal.dot(on_plane->in_base) - plane.distance_m), 1e-9);

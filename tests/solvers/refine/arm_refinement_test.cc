@@ -3,9 +3,9 @@
 #include <memory>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "tests/support/arm_scenes.h"
 
@@ -79,7 +79,7 @@ TEST_P(ArmRefinementTest, ErrorsOfTheArmAreFoundWithHonestCovariance) {
     const Eigen::VectorXd scale = found->covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = scale.asDiagonal() * found->covariance.matrix * scale.asDiagonal();
     const Eigen::VectorXd whitened = scale.cwiseProduct(error);
-    sum_squares += whitened.dot(scaled.ldlt().solve(whitened));
+    sum_squares += MahalanobisSquare(whitened, scaled);
     dof += static_cast<double>(error.size());
     white_m2 += std::pow(HandEyeErrorM(arm, *white), 2);
     arm_m2 += std::pow(HandEyeErrorM(arm, *found), 2);

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/base/factorisation.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/view_reduction.h"
@@ -367,10 +368,9 @@ TEST_P(NewtonStepTest, ReducesTheCostAsPredicted) {
   const double start = Evaluate(*MakeCost(scene, "none", has_corrections, 1, options), here).cost;
   const Eigen::Index n = products.matrix.cols() - 1;
   const Eigen::VectorXd scale = products.matrix.diagonal().head(n).cwiseSqrt().cwiseInverse();
-  const Eigen::VectorXd step =
-      -(scale.asDiagonal() * (scale.asDiagonal() * products.matrix.topLeftCorner(n, n) * scale.asDiagonal())
-                                 .ldlt()
-                                 .solve(scale.cwiseProduct(products.matrix.col(n).head(n))));
+  const Eigen::VectorXd step = -(
+      scale.asDiagonal() * SolveSymmetric(scale.asDiagonal() * products.matrix.topLeftCorner(n, n) * scale.asDiagonal(),
+                                          scale.cwiseProduct(products.matrix.col(n).head(n))));
   const double before = Evaluate(*cost, here).cost;
   const double predicted = cost->PredictedDrop();
   Unknowns there = here;

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/evaluation/metrics.h"
@@ -80,7 +80,7 @@ Tangent6 HandEyeError(const TestScene& scene, const Solution& solution) {
 // Returns the squared error of the hand-eye pose, whitened by its covariance.
 double WhitenedSquare(const TestScene& scene, const Solution& solution) {
   const Tangent6 error = HandEyeError(scene, solution);
-  return error.dot(solution.covariance.matrix.topLeftCorner<6, 6>().ldlt().solve(error));
+  return MahalanobisSquare(error, solution.covariance.matrix.topLeftCorner<6, 6>());
 }
 
 class CircleBiasTest : public testing::TestWithParam<Setup> {};

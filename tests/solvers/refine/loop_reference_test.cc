@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/data/prediction.h"
 #include "heba/geometry/pose_block.h"
@@ -450,7 +451,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   const auto difference_of = [&](const Eigen::MatrixXd& information) {
     const Eigen::VectorXd scale = sigmas;
     const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    const Eigen::MatrixXd correlation = scaled.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::MatrixXd correlation = InverseOfSymmetric(scaled);
     const Eigen::MatrixXd expected_correlation =
         sigmas.cwiseInverse().asDiagonal() * there.covariance * sigmas.cwiseInverse().asDiagonal();
     return (correlation - expected_correlation).cwiseAbs().maxCoeff();

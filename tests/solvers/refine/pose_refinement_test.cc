@@ -4,8 +4,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/pose_selection.h"
 #include "tests/support/matchers.h"
@@ -50,7 +50,7 @@ TEST_P(ChainTest, WeightsPosesByTheirCovariance) {
     Eigen::Matrix<double, 12, 1> error;
     error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
         LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
-    chi2 += error.dot(solution->covariance.matrix.ldlt().solve(error));
+    chi2 += MahalanobisSquare(error, solution->covariance.matrix);
     chain_m2 += error.head<3>().squaredNorm();
     shah_m2 += std::pow(DistanceM(scene.hand_eye.camera_mount_from_camera, shah->camera_mount_from_camera), 2);
   }

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/units.h"
 #include "heba/rig_adjustment.h"
 #include "heba/rig_location.h"
@@ -122,7 +122,7 @@ struct Errors {
     const Outcome<RigLocation> located = LocateInRig(object.scene.rig.problem, solution, object.seen, arms);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object.world_from_object);
-    chi2 += error.dot(located->Total().ldlt().solve(error));
+    chi2 += MahalanobisSquare(error, located->Total());
     squares_m2 += error.head<3>().squaredNorm();
     ++num;
   }
@@ -136,7 +136,7 @@ struct Errors {
     const Eigen::Vector3d error =
         point->in_world -
         object.world_from_object * Eigen::Vector3d(object.scene.rig.targets[0].points_in_target.col(5));
-    chi2 += error.dot(point->TotalM2().ldlt().solve(error));
+    chi2 += MahalanobisSquare(error, point->TotalM2());
     squares_m2 += error.squaredNorm();
     ++num;
   }

@@ -5,9 +5,8 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
 #include "heba/rig_adjustment.h"
@@ -93,11 +92,10 @@ void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, doub
     by_pose.row(2 * i) = jacobian.u.col(i).head<6>().transpose();
     by_pose.row(2 * i + 1) = jacobian.v.col(i).head<6>().transpose();
   }
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_pose);
   Tangent6 error;
   for (Eigen::Index k = 0; k < 6; ++k) error[k] = rng->Normal();
   error *= sigma_px * std::sqrt(2.0 * static_cast<double>(num_points) / 6);
-  const Eigen::VectorXd moved = qr.householderQ() * Eigen::MatrixXd::Identity(2 * num_points, 6) * error;
+  const Eigen::VectorXd moved = HouseholderFactor(by_pose).Basis() * error;
   for (Eigen::Index i = 0; i < num_points; ++i) observations->pixels.col(i) += moved.segment<2>(2 * i);
 }
 
@@ -118,7 +116,7 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
         LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += error.dot(located->Total().ldlt().solve(error));
+    pose_sum += MahalanobisSquare(error, located->Total());
     chance_sum += located->chance;
     std::vector<CameraPixel> pixels;
     for (const CameraObservations& view : object->seen) {
@@ -129,7 +127,7 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
     const Eigen::Vector3d true_point =
         object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(5));
     const Eigen::Vector3d off = point->in_world - true_point;
-    point_sum += off.dot(point->TotalM2().ldlt().solve(off));
+    point_sum += MahalanobisSquare(off, point->TotalM2());
   }
   ASSERT_GE(num_trials, 40);
   EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
@@ -171,14 +169,14 @@ TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
     const Outcome<RigLocation> located = LocateInRig(object->scene.problem, solution, seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += error.dot(located->Total().ldlt().solve(error));
+    pose_sum += MahalanobisSquare(error, located->Total());
     chance_sum += located->chance;
     const Outcome<RigPoint> point = TriangulateInRig(object->scene.problem, solution, pixels, object->reported);
     ASSERT_TRUE(point) << point.reason();
     const Eigen::Vector3d true_point =
         object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(id));
     const Eigen::Vector3d off = point->in_world - true_point;
-    point_sum += off.dot(point->TotalM2().ldlt().solve(off));
+    point_sum += MahalanobisSquare(off, point->TotalM2());
   }
   EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
   EXPECT_NEAR(point_sum / kNumTrials, 3, 4 * 1.5 * std::sqrt(6.0 / kNumTrials));
@@ -289,7 +287,7 @@ TEST(RigLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) {
         LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += error.dot(located->Total().ldlt().solve(error));
+    pose_sum += MahalanobisSquare(error, located->Total());
     robot_m2 += located->by_robot.topLeftCorner<3, 3>().trace();
     image_m2 += located->by_image.topLeftCorner<3, 3>().trace();
   }

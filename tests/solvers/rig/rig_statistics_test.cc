@@ -8,8 +8,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/rig_calibration.h"
 #include "solvers/rig/rig_study.h"
@@ -40,7 +40,7 @@ struct Errors {
 };
 
 void Add(const TrialEstimate& estimate, const Matrix6& bound, Errors* errors) {
-  errors->squares += estimate.error.dot(bound.ldlt().solve(estimate.error));
+  errors->squares += MahalanobisSquare(estimate.error, bound);
   errors->num_coordinates += 6;
   errors->num_inside += *estimate.is_covered ? 1 : 0;
   ++errors->num_poses;

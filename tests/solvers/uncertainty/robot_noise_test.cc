@@ -9,8 +9,8 @@
 #include <optional>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
+#include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/uncertainty/repeated_poses.h"
@@ -58,7 +58,7 @@ Totals RunSeeds(Setup setup, double share, const BundleOptions& options, int num
     Eigen::Matrix<double, 12, 1> error;
     error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
         LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
-    totals.chi2 += error.dot(solution->covariance.matrix.topLeftCorner<12, 12>().ldlt().solve(error));
+    totals.chi2 += MahalanobisSquare(error, solution->covariance.matrix.topLeftCorner<12, 12>());
     totals.squares_m2 += error.head<3>().squaredNorm();
     totals.pixel_px.push_back(solution->pixel_sigma_px);
     if (!solution->robot_noise) continue;
@@ -204,7 +204,7 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
       EXPECT_TRUE(MarginalCovariance(view, kPixelVariance, variances).isApprox(covariance, 1e-12));
       Eigen::MatrixXd rows(view.offset.size(), view.by_unknowns.cols() + 1);
       rows << view.by_unknowns, view.offset;
-      const Eigen::MatrixXd expected = rows.transpose() * covariance.ldlt().solve(rows);
+      const Eigen::MatrixXd expected = rows.transpose() * SolveSymmetric(covariance, rows);
       const RowMajorMatrix whitened = WhitenedRows(view, kPixelVariance, variances);
       const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt().cwiseInverse();
       const Eigen::MatrixXd difference =

@@ -7,7 +7,8 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
+
+#include "heba/base/factorisation.h"
 
 namespace heba {
 namespace {
@@ -223,11 +224,10 @@ double DenseLogLikelihood(const GeneralViews& general) {
     for (const Eigen::Index column : group.columns) fixed.erase(std::find(fixed.begin(), fixed.end(), column));
   }
   const Eigen::MatrixXd x = all(Eigen::all, fixed);
-  const Eigen::LDLT<Eigen::MatrixXd> root(covariance);
-  const Eigen::MatrixXd information = x.transpose() * root.solve(x);
-  const Eigen::VectorXd residual = offset - x * information.ldlt().solve(x.transpose() * root.solve(offset));
-  return -0.5 * (root.vectorD().array().log().sum() + information.ldlt().vectorD().array().log().sum() +
-                 residual.dot(root.solve(residual)));
+  const auto root = Cholesky(covariance);
+  const auto information = Cholesky(x.transpose() * root->Solve(x));
+  const Eigen::VectorXd residual = offset - x * information->Solve(x.transpose() * root->Solve(offset));
+  return -0.5 * (root->LogDeterminant() + information->LogDeterminant() + residual.dot(root->Solve(residual)));
 }
 
 // The likelihood of any set of groups is that of the definition, and its scores are its derivatives, also at zero.

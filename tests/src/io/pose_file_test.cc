@@ -410,6 +410,11 @@ TEST(PoseFileTest, JointsGiveTheFlangesPose) {
   EXPECT_LT(LocalCoordinates(BaseFromFlange(*FindUrRobot("ur10e"), joints_rad), row.pose).norm(), 1e-14);
   const auto too_few = [] { ParsePoses("j1,j2,j3,j4,j5\n0,0,0,0,0\n", "poses.csv", JointFormat("ur5", "rad")); };
   EXPECT_THAT(InputErrorOf(too_few), HasSubstr("column 'j6' is missing"));
+  // Joints without a header are in the order of the arm, base first; any other number of columns needs one.
+  const PoseRow bare = ParsePoses("10,-90,45,-30,80,5\n", "poses.csv", JointFormat("ur10e", "deg")).front();
+  EXPECT_LT(LocalCoordinates(row.pose, bare.pose).norm(), 1e-14);
+  const auto seven = [] { ParsePoses("1,10,-90,45,-30,80,5\n", "poses.csv", JointFormat("ur10e", "deg")); };
+  EXPECT_THAT(InputErrorOf(seven), HasSubstr("the first line must name the columns"));
 }
 
 TEST(PoseFileTest, WritesWhatItReads) {

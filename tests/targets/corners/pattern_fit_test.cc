@@ -6,10 +6,10 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <opencv2/core.hpp>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/geometry/homography.h"
 #include "targets/corners/cell_pattern.h"
@@ -150,7 +150,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
     const Eigen::Vector2d error_px = fit->pixels[0] - ApplyHomography(truth, Eigen::Vector2d::Zero());
     totals.sum_px += error_px;
     totals.squares_px2 += error_px.squaredNorm();
-    totals.chi2 += error_px.dot(fit->covariance_px2.ldlt().solve(error_px));
+    totals.chi2 += MahalanobisSquare(error_px, fit->covariance_px2);
     ++totals.count;
   }
   return totals;

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
@@ -243,7 +244,7 @@ TEST_P(CodedBoardPrecisionTest, CentresAgreeWithTheirCovariance) {
       sum += error;
       sum_square += error.squaredNorm();
       const Eigen::MatrixXd& covariance = detection.covariances_px2[static_cast<size_t>(id)];
-      sum_normalised += error.dot(covariance.ldlt().solve(error));
+      sum_normalised += MahalanobisSquare(error, covariance);
     }
   }
   constexpr double kNumCoordinates = 2.0 * 4 * kNumViews;

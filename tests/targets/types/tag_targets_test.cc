@@ -20,6 +20,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/factorisation.h"
 #include "targets/images/image.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
@@ -90,7 +91,7 @@ double NormalisedError(const Target& target, const Camera& camera, const Rigid3d
     error_px.segment<2>(2 * static_cast<Eigen::Index>(k)) =
         detection.pixels[4 * index + k] - PixelOf(target.points()[point], camera, camera_from_target).value();
   }
-  return std::sqrt(error_px.dot(detection.covariances_px2[index].ldlt().solve(error_px)) / 8);
+  return std::sqrt(MahalanobisSquare(error_px, detection.covariances_px2[index]) / 8);
 }
 
 // A lens with f = 600 px bends the edges of a tag whose corner square is cut off by the side of the image, so the

@@ -179,6 +179,25 @@ TEST_F(CaptureSectionTest, CountsOfRowsWithoutNamesMustAgree) {
               HasSubstr("poses.csv: has 2 rows without an image column for 3 images; the counts must agree"));
 }
 
+// The numbers of some images count the rows from 0 if one of them is 0, and from 1 if one is the number of rows.
+TEST_F(CaptureSectionTest, FewerImagesThanRowsArePairedByTheirNumbers) {
+  struct Case {
+    std::vector<int> numbers;
+    std::vector<double> x_m;  // Of the images' poses; empty if the numbers do not tell.
+  };
+  for (const Case& test :
+       {Case{{0, 2}, {10, 12}}, Case{{0, 3}, {10, 13}}, Case{{2, 4}, {11, 13}}, Case{{1, 3}, {}}, Case{{0, 4}, {}}}) {
+    std::filesystem::remove_all(folder_ / "some");
+    for (const int number : test.numbers) Write("some/frame_" + std::to_string(number) + ".png", "x");
+    Write("poses.csv", "x,y,z,qx,qy,qz,qw\n10,0,0,0,0,0,1\n11,0,0,0,0,0,1\n12,0,0,0,0,0,1\n13,0,0,0,0,0,1\n");
+    if (test.x_m.empty()) {
+      EXPECT_THAT(ErrorOf("{images: some, poses: poses.csv}"), HasSubstr("the counts must agree"));
+      continue;
+    }
+    EXPECT_EQ(XsOf(Read("{images: some, poses: poses.csv}")), test.x_m);
+  }
+}
+
 TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByTheirNamesWithoutSuffix) {
   for (const char* number : {"1", "2", "10"}) {
     Write(std::string("poses/") + number + ".txt", std::string(number) + " 0 0 0 0 0 1\n");

@@ -140,14 +140,14 @@ TEST_F(RawFolderTest, PathsAreRelativeToTheConfig) {
 }
 
 TEST_F(RawFolderTest, SaysWhyTheDataSetCannotBeRead) {
-  WriteImages("", 3);
+  WriteImages("", 5);
   Write("robot.txt", kKukaPoses);
   Write("sheet.yaml", kTarget);
   const RawConfig made = ConfigOf(*FindRawFolder(folder_.path()), folder_ / "cell.yaml", 1);
   EXPECT_THAT(made.text, HasSubstr("target: \"sheet.yaml\"\n"));
   ASSERT_THAT(made.warnings, SizeIs(1));
   EXPECT_EQ(made.warnings[0], "the data set cannot be read: " + (folder_ / "robot.txt").string() +
-                                  ": has 4 rows without an image column for 3 images; the counts must agree, or name "
+                                  ": has 4 rows without an image column for 5 images; the counts must agree, or name "
                                   "the image of each row");
   EXPECT_FALSE(made.fits);
 }

@@ -1,10 +1,11 @@
-#include "heba/kernels/factorisation.h"
+#include "heba/base/factorisation.h"
 
-#include <algorithm>
+#include <type_traits>
 #include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Householder>
 #include <Eigen/QR>
 
 namespace heba {
@@ -87,9 +88,8 @@ void SolveLowerTransposed(Eigen::Index size, const double* lower, Eigen::Index c
   BySize(size, [&](auto constant) {
     constexpr int kSize = decltype(constant)::value;
     const ConstSquare<kSize> square(lower, size, size);
-    SolveInPlace<kSize>(
-        size, columns, right,
-        [&](auto& b) { square.transpose().template triangularView<Eigen::Upper>().solveInPlace(b); });
+    SolveInPlace<kSize>(size, columns, right,
+                        [&](auto& b) { square.transpose().template triangularView<Eigen::Upper>().solveInPlace(b); });
   });
 }
 
@@ -104,4 +104,22 @@ void EigenSymmetric(Eigen::Index size, const double* matrix, double* values, dou
 }
 
 }  // namespace kernels
+
+HouseholderFactor::HouseholderFactor(Eigen::MatrixXd matrix) {
+  Eigen::HouseholderQR<Eigen::MatrixXd> qr(std::move(matrix));
+  factors_ = qr.matrixQR();
+  scales_ = qr.hCoeffs();
+}
+
+Eigen::MatrixXd HouseholderFactor::R() const { return factors_.topRows(scales_.size()).triangularView<Eigen::Upper>(); }
+
+Eigen::MatrixXd HouseholderFactor::Rotated(Eigen::MatrixXd right) const {
+  right.applyOnTheLeft(Eigen::householderSequence(factors_, scales_).adjoint());
+  return right;
+}
+
+Eigen::MatrixXd HouseholderFactor::Basis() const {
+  return Eigen::householderSequence(factors_, scales_) * Eigen::MatrixXd::Identity(factors_.rows(), scales_.size());
+}
+
 }  // namespace heba

@@ -20,12 +20,6 @@ void SolveLower(Eigen::Index size, const double* lower, Eigen::Index columns, do
 void SolveLowerTransposed(Eigen::Index size, const double* lower, Eigen::Index columns, double* right);
 // Writes the ascending eigenvalues, and the eigenvectors as columns, of the matrix whose lower triangle is given.
 void EigenSymmetric(Eigen::Index size, const double* matrix, double* values, double* vectors);
-// Replaces `matrix`, rows x columns, by its factors Q R as Householder vectors below R; the first min(rows, columns)
-// elements of `scales` are those of the vectors.
-void Householder(Eigen::Index rows, Eigen::Index columns, double* matrix, double* scales);
-// Replaces `right`, rows x right_columns, by Q^T right.
-void ApplyHouseholderTransposed(Eigen::Index rows, Eigen::Index columns, const double* factors, const double* scales,
-                                Eigen::Index right_columns, double* right);
 }  // namespace kernels
 
 // Returns A^-1 B for a symmetric matrix A that is not negative, of which the lower triangle is read, by its L D L^T
@@ -114,6 +108,14 @@ template <int kSize>
 struct SymmetricEigen {
   Eigen::Matrix<double, kSize, 1> values;
   Eigen::Matrix<double, kSize, kSize> vectors;
+
+  // Returns the symmetric root of the matrix, or the inverse of that root; the matrix must be positive.
+  Eigen::Matrix<double, kSize, kSize> Root() const {
+    return vectors * values.cwiseSqrt().asDiagonal() * vectors.transpose();
+  }
+  Eigen::Matrix<double, kSize, kSize> InverseRoot() const {
+    return vectors * values.cwiseSqrt().cwiseInverse().asDiagonal() * vectors.transpose();
+  }
 };
 
 // Returns the eigenvalues and eigenvectors of a symmetric matrix, of which the lower triangle is read.
@@ -136,10 +138,12 @@ class HouseholderFactor {
   Eigen::MatrixXd R() const;
   // Returns Q^T `right`.
   Eigen::MatrixXd Rotated(Eigen::MatrixXd right) const;
+  // Returns the first min(rows, columns) columns of Q: a basis of the space of A's columns.
+  Eigen::MatrixXd Basis() const;
 
  private:
-  Eigen::MatrixXd factors_;
-  Eigen::VectorXd scales_;
+  Eigen::MatrixXd factors_;  // R, and below it the vectors of the reflections.
+  Eigen::VectorXd scales_;   // Of the reflections.
 };
 
 }  // namespace heba
