@@ -21,6 +21,7 @@ extern "C" {
 #include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/base/files.h"
+#include "heba/base/text.h"
 #include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 #include "tests/support/data_sets.h"

@@ -29,6 +29,7 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"

@@ -11,13 +11,9 @@ namespace heba {
 
 std::unique_ptr<Target> MakeTarget(const std::string& yaml) { return ParseTarget(yaml); }
 
-// Returns a camera with some distortion, because a target's own geometry must not rely on straight lines.
-inline Camera ImageCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
+Camera ImageCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
 
-// Returns a pose with the middle of the sheet near the optical axis and its front towards the camera, tilted by 0.3
-// to 1 of `max_tilt_rad` and rolled by up to `max_roll_rad`, so that the sheet takes about `share` of the image
-// height.
-inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng) {
+Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng) {
   const Camera camera = ImageCamera();
   const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
   const Eigen::Quaterniond front =

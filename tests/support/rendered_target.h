@@ -1,6 +1,8 @@
 // Creates targets from text, and compares detections in rendered images with the truth.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,6 +19,14 @@
 namespace heba {
 
 std::unique_ptr<Target> MakeTarget(const std::string& yaml);
+
+// Returns a camera with some distortion, because a target's own geometry must not rely on straight lines.
+Camera ImageCamera();
+
+// Returns a pose with the middle of the sheet near the optical axis and its front towards the camera, tilted by 0.3
+// to 1 of `max_tilt_rad` and rolled by up to `max_roll_rad`, so that the sheet takes about `share` of the image
+// height.
+Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng);
 
 struct DetectionErrors {
   size_t num_found = 0;

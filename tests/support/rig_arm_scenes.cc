@@ -1,4 +1,6 @@
 #include "tests/support/rig_arm_scenes.h"
+#include "heba/base/error.h"
+#include "heba/base/units.h"
 
 #include <memory>
 #include <utility>

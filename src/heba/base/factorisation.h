@@ -23,7 +23,7 @@ void EigenSymmetric(Eigen::Index size, const double* matrix, double* values, dou
 }  // namespace kernels
 
 // Returns A^-1 B for a symmetric matrix A that is not negative, of which the lower triangle is read, by its L D L^T
-// factorisation with pivoting. Directions in which A is zero are left out of the solution.
+// factorisation with pivoting. Where a pivot is zero, so is its part of the solution.
 template <class A, class B>
 Eigen::Matrix<double, A::RowsAtCompileTime, B::ColsAtCompileTime> SolveSymmetric(const Eigen::MatrixBase<A>& matrix,
                                                                                  const Eigen::MatrixBase<B>& right) {

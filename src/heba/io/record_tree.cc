@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <zlib.h>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -140,7 +143,27 @@ uint64_t LittleEndian(const std::string& bytes, size_t at, size_t size) {
   return number;
 }
 
-// Reads the arrays of a .npz, which is a ZIP archive without compression unless it was written by savez_compressed.
+// Returns the bytes of a deflated stream (RFC 1951) of which `size` are expected; nothing if it has another size or is
+// spoiled.
+std::optional<std::string> Inflated(std::string_view deflated, size_t size) {
+  z_stream stream{};
+  constexpr int kWithoutHeader = -MAX_WBITS;
+  if (inflateInit2(&stream, kWithoutHeader) != Z_OK) return std::nullopt;
+  std::string bytes(size + 1, '\0');  // One more byte shows whether there are more.
+  std::string input(deflated);
+  stream.next_in = reinterpret_cast<Bytef*>(input.data());
+  stream.avail_in = static_cast<uInt>(input.size());
+  stream.next_out = reinterpret_cast<Bytef*>(bytes.data());
+  stream.avail_out = static_cast<uInt>(bytes.size());
+  const int end = inflate(&stream, Z_FINISH);
+  const size_t num_bytes = stream.total_out;
+  inflateEnd(&stream);
+  if (end != Z_STREAM_END || num_bytes != size) return std::nullopt;
+  bytes.resize(size);
+  return bytes;
+}
+
+// Reads the arrays of a .npz, which is a ZIP archive, deflated if it was written by savez_compressed.
 RecordTree ReadNpz(const std::string& bytes, const fs::path& file) {
   const auto fail = [&](const std::string& fault) { throw InputError(file.string() + ": " + fault); };
   // ZIP, APPNOTE 6.3: the local header of a file.
@@ -150,21 +173,32 @@ RecordTree ReadNpz(const std::string& bytes, const fs::path& file) {
   RecordTree object = RecordTree::object();
   size_t at = 0;
   while (bytes.compare(at, kLocalHeader.size(), kLocalHeader) == 0 && at + kHeaderSize <= bytes.size()) {
-    if (LittleEndian(bytes, at + 8, 2) != 0) fail("is compressed; write it with numpy.savez, not savez_compressed");
+    constexpr uint64_t kStored = 0;
+    constexpr uint64_t kDeflated = 8;
+    const uint64_t method = LittleEndian(bytes, at + 8, 2);
+    if (method != kStored && method != kDeflated) fail("is compressed in a way that NumPy does not use");
     uint64_t size = LittleEndian(bytes, at + 18, 4);
+    uint64_t full_size = LittleEndian(bytes, at + 22, 4);
     const size_t name_size = LittleEndian(bytes, at + 26, 2);
     const size_t extra_size = LittleEndian(bytes, at + 28, 2);
     const size_t data_at = at + kHeaderSize + name_size + extra_size;
     if (data_at > bytes.size()) fail("is truncated");
-    // With 64-bit sizes, the extra field begins with its id and its length, then the two sizes.
+    // With 64-bit sizes, the extra field begins with its id and its length, then the full and the compressed size.
     constexpr size_t kSize64At = 12;
     if (size == kInExtraField && extra_size >= kSize64At + 8) {
+      full_size = LittleEndian(bytes, at + kHeaderSize + name_size + kSize64At - 8, 8);
       size = LittleEndian(bytes, at + kHeaderSize + name_size + kSize64At, 8);
     }
     if (size > bytes.size() - data_at) fail("is truncated");
     std::string name = bytes.substr(at + kHeaderSize, name_size);
     if (name.ends_with(".npy")) name.resize(name.size() - 4);
-    const std::string content = bytes.substr(data_at, size);
+    std::string content = bytes.substr(data_at, size);
+    if (method == kDeflated) {
+      if (full_size > kMostBytes) fail("has an array of more than 64 MB");
+      std::optional<std::string> inflated = Inflated(content, full_size);
+      if (!inflated) fail("is spoiled: the array " + Quoted(name) + " cannot be decompressed");
+      content = *std::move(inflated);
+    }
     try {
       object[name] = TreeOfArray(ParseNpy(content, file));
     } catch (const InputError&) {

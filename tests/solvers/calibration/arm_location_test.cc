@@ -11,9 +11,12 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/base/units.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/robot/arm_postures.h"
+#include "heba/simulation/arm_captures.h"
 #include "heba/target_location.h"
 #include "tests/support/arm_scenes.h"
 

@@ -107,6 +107,27 @@ TEST(VerdictTest, OneFaultDecides) {
   }
 }
 
+// What the robot's own noise explains is doubtful, up to a share of the distance beyond which no result is of use.
+TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
+  struct Case {
+    double robot_mm;
+    double sigma_mm;
+    double held_out_mm;
+    Grade grade;
+  };
+  for (const Case& test :
+       {Case{0.1, 10, 1, Grade::kBad}, Case{10, 10, 1, Grade::kDoubtful}, Case{1, 10, 1, Grade::kBad},
+        Case{0.1, 0.1, 15, Grade::kBad}, Case{10, 0.1, 15, Grade::kDoubtful}, Case{100, 60, 1, Grade::kBad},
+        Case{100, 0.1, 60, Grade::kBad}}) {
+    RunResult result = GoodResult();
+    Solution& solution = *result.estimates[1].solution;
+    solution.robot_noise = RobotNoise{1e-3 * test.robot_mm, 0, 0};
+    solution.covariance.matrix(2, 2) = std::pow(1e-3 * test.sigma_mm, 2);
+    result.estimates[1].errors.holdout_target_mm = test.held_out_mm;
+    EXPECT_EQ(JudgeRun(result).grade, test.grade) << test.robot_mm << " " << test.sigma_mm << " " << test.held_out_mm;
+  }
+}
+
 // Names say what a finding is about, and which remedy applies.
 TEST(VerdictTest, FindingsHaveNames) {
   RunResult result = GoodResult();

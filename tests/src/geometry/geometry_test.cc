@@ -88,6 +88,19 @@ TEST(Rotation, SkewIsTheCrossProduct) {
   EXPECT_EQ((Skew(a) * b), a.cross(b));
 }
 
+TEST(Rotation, RotationOntoTurnsByTheSmallestAngle) {
+  Rng rng(4);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d from = rng.Direction3();
+    const Eigen::Vector3d to = rng.Direction3();
+    const Eigen::Quaterniond rotation = RotationOnto(2 * from, 3 * to);
+    EXPECT_LT((rotation * from - to).norm(), kRoundOff);
+    EXPECT_NEAR(RotationAngle(rotation), std::atan2(from.cross(to).norm(), from.dot(to)), kRoundOff);
+    EXPECT_LT((RotationOnto(from, -from) * from + from).norm(), kRoundOff);
+    EXPECT_LT(RotationAngle(RotationOnto(from, from)), kRoundOff);
+  }
+}
+
 TEST(Rotation, NearestRotationIsARotationAndNearest) {
   Rng rng(4);
   for (int i = 0; i < 50; ++i) {

@@ -32,6 +32,33 @@ class PoseRecordsTest : public testing::Test {
   TempFolder folder_;
 };
 
+// The archive that numpy.savez_compressed(poses=numpy.arange(6.).reshape(1, 6)) writes, as hexadecimal digits.
+constexpr const char* kCompressedArchive =
+    "504b030414000000080000002100f00f1b7557000000b000000009001400706f7365732e6e707901001000b000000000000000570000"
+    "00000000009bec17ea1b10c9c850c650ad9e925a9c5ca46ea5a06e9366a1aea3a09e965f54529498179f5f94920a12774bcc294e058a"
+    "17672416a402f91a863a0a669a3a0ab50a64032e0614f0c11eca7080501c505a004a8b380000504b0102140314000000080000002100"
+    "f00f1b7557000000b0000000090000000000000000000000800100000000706f7365732e6e7079504b05060000000001000100370000"
+    "00920000000000";
+
+TEST_F(PoseRecordsTest, ReadsCompressedArchives) {
+  std::string bytes;
+  const std::string digits = kCompressedArchive;
+  for (size_t i = 0; i < digits.size(); i += 2) {
+    bytes.push_back(static_cast<char>(std::stoi(digits.substr(i, 2), nullptr, 16)));
+  }
+  const std::optional<RecordTree> tree = ReadRecordTree(Write("poses.npz", bytes));
+  ASSERT_TRUE(tree.has_value());
+  EXPECT_EQ((*tree)["poses"].dump(), "[[0.0,1.0,2.0,3.0,4.0,5.0]]");
+  // A spoiled byte of the compressed data is a fault with the array's name, and so is an end that is missing.
+  std::string spoiled = bytes;
+  spoiled[70] = static_cast<char>(spoiled[70] ^ 0x7f);
+  const auto error_of = [&](const std::string& archive) {
+    return InputErrorOf([&] { ReadRecordTree(Write("spoiled.npz", archive)); });
+  };
+  EXPECT_THAT(error_of(spoiled), HasSubstr("spoiled.npz: is spoiled: the array 'poses' cannot be decompressed"));
+  EXPECT_THAT(error_of(bytes.substr(0, 80)), HasSubstr("is truncated"));
+}
+
 // A text in a program's syntax that holds the pose x, y, z = 1, 2, 3 with the rotation 4, 5, 6, and a quaternion with
 // the numbers .5, .5, .5, .5.
 struct Program {

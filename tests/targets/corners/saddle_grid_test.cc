@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
+#include "heba/base/units.h"
 #include "tests/support/rendered_target.h"
 
 namespace heba {

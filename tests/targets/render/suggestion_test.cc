@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/registry.h"
+#include "heba/base/units.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
 #include "targets/render/sheet.h"

@@ -21,6 +21,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/units.h"
 #include "targets/images/image.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
