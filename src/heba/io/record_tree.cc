@@ -143,8 +143,7 @@ uint64_t LittleEndian(const std::string& bytes, size_t at, size_t size) {
   return number;
 }
 
-// Returns the bytes of a deflated stream (RFC 1951) of which `size` are expected; nothing if it has another size or is
-// spoiled.
+// Returns the bytes of a deflated stream (RFC 1951) of which `size` are expected; nothing if it has another size.
 std::optional<std::string> Inflated(std::string_view deflated, size_t size) {
   z_stream stream{};
   constexpr int kWithoutHeader = -MAX_WBITS;
@@ -195,10 +194,11 @@ RecordTree ReadNpz(const std::string& bytes, const fs::path& file) {
     std::string content = bytes.substr(data_at, size);
     if (method == kDeflated) {
       if (full_size > kMostBytes) fail("has an array of more than 64 MB");
-      std::optional<std::string> inflated = Inflated(content, full_size);
-      if (!inflated) fail("is spoiled: the array " + Quoted(name) + " cannot be decompressed");
-      content = *std::move(inflated);
+      content = Inflated(content, full_size).value_or("");
     }
+    const auto crc = crc32(0, reinterpret_cast<const Bytef*>(content.data()), static_cast<uInt>(content.size()));
+    if (crc != LittleEndian(bytes, at + 14, 4))
+      fail("is spoiled: the checksum of the array " + Quoted(name) + " differs");
     try {
       object[name] = TreeOfArray(ParseNpy(content, file));
     } catch (const InputError&) {

@@ -82,10 +82,12 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
        "the best closed form (park) predicts held-out captures 1.5 times better, in sigmas of pixel and robot noise",
        "the residuals contain a systematic error that the model does not describe: free fewer groups of "
        "refine.intrinsics, or give a camera file"},
-      {FindingOf("held_intrinsics", {{"cx_px", -5}, {"cx_sigmas", -9.1}, {"move_mm", 2}, {"move_deg", 0.1}, {"p", 0}},
-                 {{"intrinsic", "cx"}}),
+      {FindingOf(
+           "held_intrinsics",
+           {{"cx_px", -5}, {"cx_sigmas", -9.1}, {"move_mm", 2}, {"move_deg", 0.1}, {"target_move_mm", 0.3}, {"p", 0}},
+           {{"intrinsic", "cx"}}),
        "the intrinsics were held, but the captures indicate cx -5.0 px (9.1 sigma) (p < 1e-15); with free intrinsics "
-       "the camera would be 2.0 mm and 0.10 deg away",
+       "the camera would be 2.0 mm and 0.10 deg away, and the target 0.30 mm",
        "free them (leave refine.intrinsics out), or recalibrate the camera"},
       {FindingOf("target_scale", {{"scale_x", 1.1}, {"scale_y", 1.1}}, {{"focal_length", "held"}}),
        "compared with the robot's poses, the target is 10 % larger than the config says (a focal length that is held "
