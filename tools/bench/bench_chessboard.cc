@@ -34,6 +34,7 @@
 #include "heba/target.h"
 #include "targets/images/image.h"
 #include "targets/render/rendering.h"
+#include "tools/bench/other_detectors.h"
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 60, "views for each row of the table");
@@ -49,29 +50,6 @@ namespace heba {
 namespace {
 
 int NumThreads() { return FLAGS_jobs > 0 ? FLAGS_jobs : NumProcessors(); }
-
-// All corners row by row, in any of the board's orders, or none.
-using Corners = std::vector<cv::Point2f>;
-
-struct BoardSize {
-  int rows = 0;
-  int columns = 0;
-  size_t NumCorners() const { return static_cast<size_t>(rows) * static_cast<size_t>(columns); }
-};
-
-Corners BySectors(const cv::Mat& grey, const BoardSize& size, int flags) {
-  Corners corners;
-  if (!cv::findChessboardCornersSB(grey, {size.columns, size.rows}, corners, flags)) corners.clear();
-  return corners;
-}
-
-Corners BySubPix(const cv::Mat& grey, const BoardSize& size, int half_px) {
-  Corners corners;
-  if (!cv::findChessboardCorners(grey, {size.columns, size.rows}, corners)) return {};
-  cv::cornerSubPix(grey, corners, {half_px, half_px}, {-1, -1},
-                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-3});
-  return corners;
-}
 
 // Calls mrcal's detector, which is a separate program (Debian's package mrgingham) and finds square boards only.
 Corners ByMrgingham(const cv::Mat& grey, const BoardSize& size) {
