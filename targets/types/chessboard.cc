@@ -151,12 +151,13 @@ class Chessboard final : public Target {
       none.reason = "the image is too small";
       return none;
     }
-    Detection detection = DetectIn(grey);
-    if (!detection.ids.empty()) return detection;
-    // The dots of a projector hide the corners; their median does not.
+    Found first = FindIn(grey);
+    if (first.num_measured == points_.size()) return first.detection;
+    // The dots of a projector hide corners; their median does not.
     const std::optional<cv::Mat> without_dots = WithoutSpeckle(grey);
-    if (!without_dots) return detection;
-    Detection second = DetectIn(*without_dots);
+    if (!without_dots) return first.detection;
+    Found again = FindIn(*without_dots);
+    Detection second = std::move(again.num_measured >= first.num_measured ? again.detection : first.detection);
     second.reason = "bright dots cover the image: switch the infrared projector off" +
                     (second.reason.empty() ? "" : "; " + second.reason);
     return second;
@@ -201,27 +202,80 @@ class Chessboard final : public Target {
   }
 
  private:
-  // Detects the chessboard in an image as it is.
-  Detection DetectIn(const cv::Mat& grey) const {
+  struct Found {
     Detection detection;
+    size_t num_measured = 0;  // The corners at which the pattern fit succeeds.
+  };
+
+  // Detects the chessboard in an image as it is.
+  Found FindIn(const cv::Mat& grey) const {
+    Found found;
     cv::Rect may_be_in;
     if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
-      // The sigma of a corner that is refined as a saddle although the pattern fit fails there: a guess that gives
-      // such a point little weight.
-      constexpr double kSaddleSigmaPx = 0.15;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
+      std::vector<std::optional<MeasuredCorner>> measured;
+      for (const TargetPoint& point : points_) measured.push_back(Measure(grey, *corners, seen, point));
       for (const TargetPoint& point : points_) {
-        const MeasuredCorner saddle{(*corners)[static_cast<size_t>(point.id)],
-                                    kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
-        Append(point, Measure(grey, *corners, seen, point).value_or(saddle), &detection);
+        const auto place = static_cast<size_t>(point.id);
+        std::optional<MeasuredCorner> corner = measured[place];
+        found.num_measured += corner ? 1 : 0;
+        if (!corner) corner = Saddle((*corners)[place], PredictedByNeighbours(measured, point.id));
+        if (corner) Append(point, *corner, &found.detection);
       }
-      return detection;
+      return found;
     }
+    Detection& detection = found.detection;
     if (!may_be_in.empty()) detection = DetectPartly(grey, may_be_in);
-    if (!detection.ids.empty()) return detection;
+    found.num_measured = detection.ids.size();
+    if (!detection.ids.empty()) return found;
     detection.reason = "no chessboard of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
                        " inner corners found; it must be visible with a light rim" + detection.reason;
-    return detection;
+    return found;
+  }
+
+  // Where the measured corners around a corner say that it is.
+  struct Prediction {
+    Eigen::Vector2d pixel;
+    double side_px;
+  };
+
+  // Predicts a corner by the homography of the measured ones up to two rows and columns away; nothing if they are few.
+  std::optional<Prediction> PredictedByNeighbours(const std::vector<std::optional<MeasuredCorner>>& measured,
+                                                  int id) const {
+    constexpr int kReach = 2;
+    constexpr size_t kFewest = 6;
+    const int row = id / columns_;
+    const int column = id % columns_;
+    std::vector<Eigen::Vector2d> places;
+    std::vector<Eigen::Vector2d> pixels;
+    for (int r = std::max(0, row - kReach); r <= std::min(rows_ - 1, row + kReach); ++r) {
+      for (int c = std::max(0, column - kReach); c <= std::min(columns_ - 1, column + kReach); ++c) {
+        const std::optional<MeasuredCorner>& other = measured[static_cast<size_t>(r * columns_ + c)];
+        if (!other) continue;
+        places.emplace_back(c - column, r - row);
+        pixels.push_back(other->pixel);
+      }
+    }
+    if (places.size() < kFewest) return std::nullopt;
+    const std::optional<Eigen::Matrix3d> map = FitHomography(places, pixels);
+    if (!map) return std::nullopt;
+    const Eigen::Vector2d pixel = ApplyHomography(*map, Eigen::Vector2d::Zero());
+    return Prediction{pixel, (ApplyHomography(*map, Eigen::Vector2d(1, 0)) - pixel).norm()};
+  }
+
+  // Returns a corner that is refined as a saddle although the pattern fit fails there, with a sigma that gives it
+  // little weight. Returns nothing if the corners around it contradict it: the edge of a shadow, or a dot, was taken
+  // for it.
+  static std::optional<MeasuredCorner> Saddle(const Eigen::Vector2d& pixel,
+                                              const std::optional<Prediction>& predicted) {
+    constexpr double kSigmaPx = 0.15;
+    constexpr double kMostPx = 1;
+    constexpr double kMostShare = 0.02;  // The lens bends the lattice by less within five corners.
+    if (predicted) {
+      const double most_px = std::max(kMostPx, kMostShare * predicted->side_px);
+      if ((pixel - predicted->pixel).norm() > most_px) return std::nullopt;
+    }
+    return MeasuredCorner{pixel, kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity()};
   }
 
   // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then

@@ -252,7 +252,8 @@ void Run() {
              {"OpenCV SB", by_corners([=](const cv::Mat& grey) { return BySectors(grey, size, 0); })},
              {"OpenCV classic", by_corners([=](const cv::Mat& grey) { return BySubPix(grey, size, 5); })}});
     if (kind.rows != 6) continue;
-    const auto tags = TargetOf("type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm");
+    const auto tags =
+        TargetOf("type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm, corner_squares: false");
     const auto by_tags = [](auto find) {
       return [=](const Target&, const Camera&, const Rigid3d&, const cv::Mat& grey) { return find(grey); };
     };
