@@ -30,12 +30,7 @@ double MisfitOf(const Eigen::Matrix3d& pixel_from_cell, const Eigen::Matrix2Xd& 
 
 double CellSizePx(const Eigen::Matrix3d& pixel_from_cell, const Eigen::Vector2d& pixel) {
   const Eigen::Vector2d cell = ApplyHomography(pixel_from_cell.inverse(), pixel);
-  const auto side = [&](const Eigen::Vector2d& step) -> Eigen::Vector2d {
-    return ApplyHomography(pixel_from_cell, cell + 0.5 * step) - ApplyHomography(pixel_from_cell, cell - 0.5 * step);
-  };
-  const Eigen::Vector2d across = side({1, 0});
-  const Eigen::Vector2d down = side({0, 1});
-  return std::sqrt(std::abs(across.x() * down.y() - across.y() * down.x()));
+  return std::sqrt(std::abs(AreaScale(pixel_from_cell, cell)));
 }
 
 std::optional<NumberedGrid> FindNumberedGrid(const std::vector<SeenNumber>& seen, int most_columns,

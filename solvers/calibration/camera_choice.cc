@@ -112,10 +112,9 @@ LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double 
   return comparison;
 }
 
-std::optional<std::string> WhyOnlyWithoutLarger(const Camera& camera) {
-  for (int i = 0; i < static_cast<int>(camera.params.size()); ++i) {
-    if (GroupOf(i) == ParameterGroup::kDistortion) return std::nullopt;
-  }
+std::string WhyNotBesideLarger(const Camera& camera) {
+  const auto last_param = static_cast<int>(camera.params.size()) - 1;  // The distortion follows the other groups.
+  if (GroupOf(last_param) == ParameterGroup::kDistortion) return "";
   return "a lens without distortion is taken only if none with distortion can be estimated";
 }
 
@@ -175,7 +174,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
       }
       if (i + 1 < fitted.size()) {
         choice.alternatives[i].p = least_p;
-        choice.alternatives[i].reason = WhyOnlyWithoutLarger(fitted[i].camera).value_or("");
+        choice.alternatives[i].reason = WhyNotBesideLarger(fitted[i].camera);
         is_rejected = is_rejected || !choice.alternatives[i].reason.empty();
       }
       chosen = i;

@@ -255,7 +255,7 @@ Outcome<LensChoice> ChooseLens(const Problem& problem, const HandEye& start, con
       alternative.p = std::min(alternative.p.value_or(1), comparison.p);
       is_rejected = is_rejected || comparison.RejectsSmaller();
     }
-    if (k > 0) alternative.reason = WhyOnlyWithoutLarger(fitted[k].solution.camera).value_or("");
+    if (k > 0) alternative.reason = WhyNotBesideLarger(fitted[k].solution.camera);
     if (chosen == nullptr && !is_rejected && alternative.reason.empty()) chosen = &fitted[k];
   }
   choice.problem = problem;

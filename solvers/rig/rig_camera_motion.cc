@@ -94,10 +94,11 @@ struct Jump {
 
 // Returns the place of the first displacement of the second part: every displacement is near the mean of its part.
 size_t PlaceOf(const std::vector<Displacement>& all, const Mean& before, const Mean& after, const Matrix6& scatter) {
+  const Matrix6 inverse = InverseOfSymmetric(scatter);
   const auto cost = [&](const Displacement& displacement, const Mean& mean) {
     constexpr double kMost = 50;  // Wrong images count alike in both parts.
     const Tangent6 from_mean = displacement.tangent - mean.value;
-    return std::min(kMost, MahalanobisSquare(from_mean, scatter));
+    return std::min(kMost, from_mean.dot(inverse * from_mean));
   };
   double sum = 0;
   double least = 0;

@@ -149,7 +149,8 @@ class FrameLocation {
     FrameState state{world_from_frame, Eigen::VectorXd::Zero(sigmas_.size())};
     std::optional<FrameEquations> at = EquationsAt(state);
     for (int step = 0; at && step < kMaxSteps; ++step) {
-      constexpr double kLeast = 1e-12;  // Of the largest eigenvalue of the frame.
+      // The frame is determined if its least eigenvalue is above this share of the largest.
+      constexpr double kLeast = 1e-12;
       const Eigen::VectorXd of_frame =
           EigenOfSymmetric(at->of_images.topLeftCorner(num_coordinates_, num_coordinates_)).values;
       if (!(of_frame.minCoeff() > kLeast * of_frame.maxCoeff())) return std::nullopt;

@@ -233,7 +233,7 @@ class Chessboard final : public Target {
     return found;
   }
 
-  // Where the measured corners around a corner say that it is.
+  // The measured corners around a corner say that it is here.
   struct Prediction {
     Eigen::Vector2d pixel;
     double side_px;

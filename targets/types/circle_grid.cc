@@ -318,9 +318,7 @@ class CircleGrid final : public Target {
     if (!pixel_from_plane) return {};
     std::vector<double> sizes;
     for (size_t n = 0; n < dots.size(); ++n) {
-      const double depth = pixel_from_plane->row(2).dot(plane[n].homogeneous());
-      // The scale of areas under a homography at a point.
-      const double scale = pixel_from_plane->determinant() / (depth * depth * depth);
+      const double scale = AreaScale(*pixel_from_plane, plane[n]);
       if (!(scale > 0)) return {};
       sizes.push_back(dots[n].RadiusPx() / std::sqrt(scale));
     }

@@ -1,6 +1,6 @@
 #include "tests/support/arm_scenes.h"
-#include "heba/base/error.h"
 
+#include "heba/base/error.h"
 #include "heba/robot/arm_table.h"
 #include "heba/simulation/arm_captures.h"
 

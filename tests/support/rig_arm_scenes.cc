@@ -1,24 +1,20 @@
 #include "tests/support/rig_arm_scenes.h"
-#include "heba/base/error.h"
-#include "heba/base/units.h"
 
 #include <memory>
 #include <utility>
 
+#include "heba/base/error.h"
+#include "heba/base/units.h"
 #include "heba/robot/arm_table.h"
 
 namespace heba {
 
 RigScene ReachableRig(uint64_t seed, const RigSceneSetting& setting) {
   Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"arm"};
-  scene.truth.world_from_base = {Rigid3d()};
+  RigScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
-  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, middle, rng.Uniform(-1, 1)), setting, &scene);
+  AddLeftAndRight(setting, &rng, &scene);
   AddCamera("wrist", gripper, Rigid3d(ExpRotation(0.5 * rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
   AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
   // The front of a target is on the side of its negative z axis.

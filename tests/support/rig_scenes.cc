@@ -59,16 +59,29 @@ void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
   scene->problem.captures = SimulateRigCaptures(scene->problem, scene->truth, scene->targets, *arms, options, rng);
 }
 
-RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting) {
-  Rng rng(seed);
+namespace {
+const Eigen::Vector3d kWorkPlace(0.5, 0, 0.4);
+}  // namespace
+
+RigScene OneArmScene() {
   RigScene scene;
   scene.problem.robots = {"arm"};
   scene.truth.world_from_base = {Rigid3d()};
+  return scene;
+}
+
+void AddLeftAndRight(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
+  const Mount base{0, Mount::Part::kBase};
+  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, kWorkPlace, rng->Uniform(-1, 1)), setting, scene);
+  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, kWorkPlace, rng->Uniform(-1, 1)), setting, scene);
+}
+
+RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting) {
+  Rng rng(seed);
+  RigScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
-  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, middle, rng.Uniform(-1, 1)), setting, &scene);
-  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, middle, rng.Uniform(-1, 1)), setting, &scene);
+  AddLeftAndRight(setting, &rng, &scene);
   AddCamera("wrist", gripper, Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
   AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
   AddTarget("wall", base, Rigid3d(ExpRotation(rng.Direction3()), {0.8, -0.3, 0.2}), &scene);
@@ -78,15 +91,13 @@ RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting) {
 
 RigScene FourCameraRig(uint64_t seed, const RigSceneSetting& setting) {
   Rng rng(seed);
-  RigScene scene;
-  scene.problem.robots = {"arm"};
-  scene.truth.world_from_base = {Rigid3d()};
+  RigScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
-  const Eigen::Vector3d middle(0.5, 0, 0.4);
   for (int c = 0; c < 4; ++c) {
     const double angle = 0.35 * c;
-    const Eigen::Vector3d place = middle + 0.7 * Eigen::Vector3d(0.5 * std::sin(angle), std::cos(angle), 0.5);
-    AddCamera("camera" + std::to_string(c + 1), base, LookingAt(place, middle, rng.Uniform(-1, 1)), setting, &scene);
+    const Eigen::Vector3d place = kWorkPlace + 0.7 * Eigen::Vector3d(0.5 * std::sin(angle), std::cos(angle), 0.5);
+    AddCamera("camera" + std::to_string(c + 1), base, LookingAt(place, kWorkPlace, rng.Uniform(-1, 1)), setting,
+              &scene);
   }
   AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()),
             &scene);

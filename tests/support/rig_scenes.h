@@ -49,6 +49,12 @@ RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms);
 
 void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene);
 
+// Returns a scene of one arm, whose base is the world, without anything else.
+RigScene OneArmScene();
+
+// Adds the fixed cameras left and right, which look at the place where the arm works.
+void AddLeftAndRight(const RigSceneSetting& setting, Rng* rng, RigScene* scene);
+
 // Two fixed cameras and one on the gripper, a target on the gripper and one beside the arm.
 RigScene MixedRig(uint64_t seed, const RigSceneSetting& setting = {});
 

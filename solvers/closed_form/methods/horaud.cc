@@ -2,7 +2,6 @@
 // rotation axes of a motion satisfy n_A = R_X n_B. With unit quaternions, n_A q - q n_B = 0 is linear in q, and the
 // unit q that minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1). The
 // translation follows by linear least squares.
-
 #include "heba/base/factorisation.h"
 #include "solvers/closed_form/known_rotation.h"
 

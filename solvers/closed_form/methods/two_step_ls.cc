@@ -10,7 +10,6 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
@@ -50,7 +49,7 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
     right.head<3>() += by_point.transpose() * pull;
     right.tail<3>() += pull;
   }
-  // LDLT reads the lower triangle only.
+  // SolveSymmetric reads the lower triangle only.
   const Eigen::Matrix<double, 6, 1> solution = SolveSymmetric(normal, right);
   return {rotation, solution.tail<3>(), solution.head<3>()};
 }

@@ -31,6 +31,9 @@ template <int kSize>
 using Square = Eigen::Map<Eigen::Matrix<double, kSize, kSize>>;
 template <int kSize>
 using ConstSquare = Eigen::Map<const Eigen::Matrix<double, kSize, kSize>>;
+// Eigen's decompositions of this type overwrite the matrix.
+template <int kSize>
+using InPlace = Eigen::Ref<Eigen::Matrix<double, kSize, kSize>>;
 
 // Replaces `right` by the solution; a single column has code of its own.
 template <int kSize, class Solve>
@@ -49,29 +52,28 @@ void SolveInPlace(Eigen::Index size, Eigen::Index columns, double* right, const 
 void SolveSymmetric(Eigen::Index size, double* matrix, Eigen::Index columns, double* right) {
   BySize(size, [&](auto constant) {
     constexpr int kSize = decltype(constant)::value;
-    const auto solve = [&](const auto& factor) {
-      SolveInPlace<kSize>(size, columns, right, [&](auto& b) { b = factor.solve(b).eval(); });
+    const auto solve = [&](auto square) {
+      const Eigen::LDLT<decltype(square)> factor(square);
+      SolveInPlace<kSize>(size, columns, right, [&](auto& b) { factor.solveInPlace(b); });
     };
     if constexpr (kSize == Eigen::Dynamic) {
       // Matrices of moderate size need no allocation.
       constexpr int kModerate = 16;
       if (size <= kModerate) {
         using Moderate = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kModerate, kModerate>;
-        solve(Eigen::LDLT<Moderate>(Square<kSize>(matrix, size, size)));
+        solve(Eigen::Ref<Moderate>(Eigen::Map<Moderate>(matrix, size, size)));
         return;
       }
     }
-    solve(Eigen::LDLT<Eigen::Matrix<double, kSize, kSize>>(Square<kSize>(matrix, size, size)));
+    solve(InPlace<kSize>(Square<kSize>(matrix, size, size)));
   });
 }
 
 bool Cholesky(Eigen::Index size, double* matrix) {
   return BySize(size, [&](auto constant) {
     constexpr int kSize = decltype(constant)::value;
-    Square<kSize> square(matrix, size, size);
-    const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> factor(square);
-    square = factor.matrixLLT();
-    return factor.info() == Eigen::Success;
+    InPlace<kSize> square(Square<kSize>(matrix, size, size));
+    return Eigen::LLT<InPlace<kSize>>(square).info() == Eigen::Success;
   });
 }
 
@@ -106,9 +108,9 @@ void EigenSymmetric(Eigen::Index size, const double* matrix, double* values, dou
 }  // namespace kernels
 
 HouseholderFactor::HouseholderFactor(Eigen::MatrixXd matrix) {
-  Eigen::HouseholderQR<Eigen::MatrixXd> qr(std::move(matrix));
-  factors_ = qr.matrixQR();
-  scales_ = qr.hCoeffs();
+  Eigen::Ref<Eigen::MatrixXd> in_place(matrix);
+  scales_ = Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>>(in_place).hCoeffs();
+  factors_ = std::move(matrix);
 }
 
 Eigen::MatrixXd HouseholderFactor::R() const { return factors_.topRows(scales_.size()).triangularView<Eigen::Upper>(); }

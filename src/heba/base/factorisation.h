@@ -142,8 +142,8 @@ class HouseholderFactor {
   Eigen::MatrixXd Basis() const;
 
  private:
-  Eigen::MatrixXd factors_;  // R, and below it the vectors of the reflections.
-  Eigen::VectorXd scales_;   // Of the reflections.
+  Eigen::MatrixXd factors_;  // The upper triangle is R; below it are the vectors of the reflections.
+  Eigen::VectorXd scales_;   // Each reflection has a scale.
 };
 
 }  // namespace heba

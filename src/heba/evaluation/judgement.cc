@@ -61,6 +61,12 @@ std::optional<size_t> FirstOf(const std::vector<Finding>& findings, const IsCand
   return first;
 }
 
+// Returns the grade of a share of the distance, which is not bad up to `explained_share`.
+Grade GradeUnlessExplained(double share, const Limits& limits, double explained_share) {
+  const Grade grade = GradeOf(share, limits);
+  return share <= std::min(explained_share, kUseless) ? std::min(grade, Grade::kDoubtful) : grade;
+}
+
 }  // namespace
 
 double RobotErrorShare(const std::optional<RobotNoise>& noise, const std::optional<RobotNoise>& smooth_noise,
@@ -75,16 +81,13 @@ double RobotErrorShare(const std::optional<RobotNoise>& noise, const std::option
 }
 
 Grade GradeOfSigma(double share_of_distance, double robot_error_share, int num_captures) {
-  const Grade grade = GradeOf(share_of_distance, kSigmaShare);
-  const double explained = kTimesMean * robot_error_share / std::sqrt(std::max(1, num_captures));
-  return share_of_distance <= std::min(explained, kUseless) ? std::min(grade, Grade::kDoubtful) : grade;
+  return GradeUnlessExplained(share_of_distance, kSigmaShare,
+                              kTimesMean * robot_error_share / std::sqrt(std::max(1, num_captures)));
 }
 
 Grade GradeOfHeldOut(double share_of_distance, double deg, double robot_error_share) {
-  const double largest = std::max(share_of_distance, DegToRad(deg));
-  const Grade grade = GradeOf(largest, kHeldOutShare);
-  const double explained = kTimesRobotError * robot_error_share;
-  return largest <= std::min(explained, kUseless) ? std::min(grade, Grade::kDoubtful) : grade;
+  return GradeUnlessExplained(std::max(share_of_distance, DegToRad(deg)), kHeldOutShare,
+                              kTimesRobotError * robot_error_share);
 }
 
 Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out) {

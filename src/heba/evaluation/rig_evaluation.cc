@@ -115,13 +115,12 @@ Finding JudgeImages(const RigResult& result) {
   Finding worst;
   double worst_share = -1;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
-    int num_used = 0;
+    const int num_used = NumUsed(result, c);
     int num_seen = 0;
     int num_images = 0;
     for (const RigImageResult& image : result.images) {
       if (image.camera != result.rig.cameras[c].name || !image.was_searched) continue;
       ++num_images;
-      num_used += image.used ? 1 : 0;
       num_seen += image.targets.empty() ? 0 : 1;
     }
     const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;

@@ -107,7 +107,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
 
 // Images without the target do not count as captures that were left out.
 Finding JudgeCaptures(const RunResult& result) {
-  int num_used = 0;
+  const int num_used = NumUsed(result);
   int num_seen = 0;
   int num_copies = 0;
   int num_listed = 0;
@@ -116,7 +116,6 @@ Finding JudgeCaptures(const RunResult& result) {
     ++num_listed;
     const bool is_copy = !capture.repeat_of.empty();
     num_copies += is_copy ? 1 : 0;
-    num_used += capture.used ? 1 : 0;
     num_seen += !is_copy && (capture.used || capture.num_points > 0) ? 1 : 0;
   }
   const int num_captures = num_listed - num_copies;

@@ -136,4 +136,9 @@ Eigen::Vector2d ApplyHomography(const Eigen::Matrix3d& homography, const Eigen::
   return (homography * point.homogeneous()).hnormalized();
 }
 
+double AreaScale(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {
+  const double depth = homography.row(2).dot(point.homogeneous());
+  return homography.determinant() / (depth * depth * depth);
+}
+
 }  // namespace heba

@@ -20,5 +20,8 @@ std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>&
                                              const std::vector<Eigen::Vector2d>& to);
 
 Eigen::Vector2d ApplyHomography(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
+// Returns the ratio of a small area around the mapped point to the area around `point`; negative if the homography
+// mirrors it.
+double AreaScale(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
 }  // namespace heba

@@ -159,10 +159,10 @@ struct Header {
   std::optional<size_t> role;
 };
 
-// Returns the columns of a file without a header.
-Header HeaderOf(const PoseFormat& format) {
+// Returns the columns of a file without a header, which `names` lists.
+Header HeaderOf(const PoseFormat& format, const std::vector<std::string>& names) {
   Header header;
-  header.names = format.file_columns;
+  header.names = names;
   const auto place_of = [&](std::string_view name) -> std::optional<size_t> {
     const auto found = std::find(header.names.begin(), header.names.end(), name);
     if (found == header.names.end()) return std::nullopt;
@@ -298,13 +298,12 @@ std::string WithoutBrackets(std::string_view line) {
   return bare;
 }
 
-std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format_in,
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
                                 const std::vector<std::string>& extra_columns,
                                 const std::vector<std::string>& cameras) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
   }
-  PoseFormat format = format_in;
   LineReader lines(text, name);
   std::optional<Line> first = lines.Next();
   while (first && WithoutBrackets(first->text).empty()) first = lines.Next();
@@ -312,16 +311,19 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   std::string bare = WithoutBrackets(first->text);
   const Line bare_first{bare, first->number, &name};
   const char bare_separator = FindSeparator(bare_first, format.columns.size());
-  const bool has_header = HasHeader(Fields(bare_first, bare_separator));
+  const std::vector<std::string> bare_fields = Fields(bare_first, bare_separator);
+  const bool has_header = HasHeader(bare_fields);
   // Joints have one order; the order of a pose's columns is the user's to say.
-  const bool is_of_joints = !format.robot.empty() && Fields(bare_first, bare_separator).size() == format.columns.size();
-  if (!has_header && format.file_columns.empty() && is_of_joints) format.file_columns = format.columns;
-  if (!has_header && format.file_columns.empty()) {
+  const bool is_of_joints =
+      format.file_columns.empty() && !format.robot.empty() && bare_fields.size() == format.columns.size();
+  const std::vector<std::string>& bare_columns = is_of_joints ? format.columns : format.file_columns;
+  if (!has_header && bare_columns.empty()) {
     first->Fail("the first line must name the columns: image, " + Join(format.columns, ", ") +
                 "; for a file without such a line name them in the config (pose_format: {columns: [...], ...})");
   }
   const char separator = has_header ? FindSeparator(*first, format.columns.size()) : bare_separator;
-  const Header header = has_header ? ReadHeader(*first, separator, format, extra_columns, cameras) : HeaderOf(format);
+  const Header header =
+      has_header ? ReadHeader(*first, separator, format, extra_columns, cameras) : HeaderOf(format, bare_columns);
 
   std::vector<PoseRow> rows;
   std::map<std::string, int> line_of_image;

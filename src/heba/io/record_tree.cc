@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <zlib.h>
@@ -143,22 +144,19 @@ uint64_t LittleEndian(const std::string& bytes, size_t at, size_t size) {
   return number;
 }
 
-// Returns the bytes of a deflated stream (RFC 1951) of which `size` are expected; nothing if it has another size.
-std::optional<std::string> Inflated(std::string_view deflated, size_t size) {
+// Returns the bytes of a deflated stream (RFC 1951) of which `size` are expected; none if it has another size.
+std::string Inflated(std::string deflated, size_t size) {
   z_stream stream{};
   constexpr int kWithoutHeader = -MAX_WBITS;
-  if (inflateInit2(&stream, kWithoutHeader) != Z_OK) return std::nullopt;
+  if (inflateInit2(&stream, kWithoutHeader) != Z_OK) return "";
   std::string bytes(size + 1, '\0');  // One more byte shows whether there are more.
-  std::string input(deflated);
-  stream.next_in = reinterpret_cast<Bytef*>(input.data());
-  stream.avail_in = static_cast<uInt>(input.size());
+  stream.next_in = reinterpret_cast<Bytef*>(deflated.data());
+  stream.avail_in = static_cast<uInt>(deflated.size());
   stream.next_out = reinterpret_cast<Bytef*>(bytes.data());
   stream.avail_out = static_cast<uInt>(bytes.size());
   const int end = inflate(&stream, Z_FINISH);
-  const size_t num_bytes = stream.total_out;
+  bytes.resize(end == Z_STREAM_END && stream.total_out == size ? size : 0);
   inflateEnd(&stream);
-  if (end != Z_STREAM_END || num_bytes != size) return std::nullopt;
-  bytes.resize(size);
   return bytes;
 }
 
@@ -194,7 +192,7 @@ RecordTree ReadNpz(const std::string& bytes, const fs::path& file) {
     std::string content = bytes.substr(data_at, size);
     if (method == kDeflated) {
       if (full_size > kMostBytes) fail("has an array of more than 64 MB");
-      content = Inflated(content, full_size).value_or("");
+      content = Inflated(std::move(content), full_size);
     }
     const auto crc = crc32(0, reinterpret_cast<const Bytef*>(content.data()), static_cast<uInt>(content.size()));
     if (crc != LittleEndian(bytes, at + 14, 4))

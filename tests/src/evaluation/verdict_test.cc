@@ -107,7 +107,8 @@ TEST(VerdictTest, OneFaultDecides) {
   }
 }
 
-// What the robot's own noise explains is doubtful, up to a share of the distance beyond which no result is of use.
+// Errors that the robot's own noise explains are doubtful, up to a share of the distance beyond which no result is of
+// use.
 TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
   struct Case {
     double robot_mm;

@@ -183,7 +183,7 @@ TEST_F(CaptureSectionTest, CountsOfRowsWithoutNamesMustAgree) {
 TEST_F(CaptureSectionTest, FewerImagesThanRowsArePairedByTheirNumbers) {
   struct Case {
     std::vector<int> numbers;
-    std::vector<double> x_m;  // Of the images' poses; empty if the numbers do not tell.
+    std::vector<double> x_m;  // The poses of the images have these x; it is empty if the numbers do not tell.
   };
   for (const Case& test :
        {Case{{0, 2}, {10, 12}}, Case{{0, 3}, {10, 13}}, Case{{2, 4}, {11, 13}}, Case{{1, 3}, {}}, Case{{0, 4}, {}}}) {
