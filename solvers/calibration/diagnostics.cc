@@ -182,6 +182,7 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   const ModelAlternative& simplest = alternatives.front();
   const ModelAlternative& largest = alternatives.back();
   if (&simplest != self) {
+    if (simplest.p.value_or(0) >= kRandomErrorsRejected) return finding;  // Its odds were too small.
     finding.parts.push_back(
         {Grade::kGood,
          FindingCode("rejected_model"),

@@ -29,7 +29,6 @@ struct FittedModel {
 };
 
 int NumShapeParams(const ErrorModel& model) { return 2 * static_cast<int>(model.shape.size()); }
-int DofOf(const ErrorModel& model) { return NumVariances(model) + NumShapeParams(model); }
 
 // Returns whether all of `smaller` are among `larger`; null stands for no effects.
 bool Contains(const SharedEffects* larger, const SharedEffects* smaller) {
@@ -354,6 +353,8 @@ double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood
                     covariance_dof);
 }
 
+int DofOf(const ErrorModel& model) { return NumVariances(model) + NumShapeParams(model); }
+
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
   std::vector<std::vector<TargetShapeGroup>> combinations(4);
   combinations[1].push_back(TargetShapeGroup::kScale);
@@ -417,20 +418,22 @@ std::optional<size_t> MostLikelyEffects(
   return best;
 }
 
-std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
-                                                   const BundleOptions& options) {
-  CHECK(solution.robot_noise.has_value());
+std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
+                                                        const BundleOptions& options) {
+  constexpr RobotNoise kStart = {1e-4, 1e-3};  // Of an exact robot.
   const Problem inliers = WithoutRejected(problem, solution);
   const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
   const std::optional<std::vector<LinearisedView>> each =
       LineariseViewsAt(inliers, solution, CorrectionsOf(solution), free, LossOf(LossKind::kNone));
   if (!each) return std::nullopt;
   const PoseGroups groups = GroupByRobotPose(inliers.setup, inliers.views);
-  SmoothSearch search{StackGroups(*each, groups),
-                      {},
-                      solution.pixel_sigma_px,
-                      CorrectionGroups(1, *solution.robot_noise, true, true, nullptr, NumNoisyJoints(inliers.views)),
-                      0};
+  SmoothSearch search{
+      StackGroups(*each, groups),
+      {},
+      solution.pixel_sigma_px,
+      CorrectionGroups(1, solution.robot_noise.value_or(kStart), true, true, nullptr, NumNoisyJoints(inliers.views)),
+      0,
+      !solution.robot_noise.has_value()};
   for (const std::vector<size_t>& group : groups) {
     search.poses.push_back(BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
   }
@@ -438,7 +441,7 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
        PriorViews(options, free, solution.camera, solution.shape, 1, search.views.front().by_effects.cols())) {
     search.views.push_back(std::move(view));
   }
-  return FindSmoothErrors(search).errors;
+  return FindSmoothErrors(search);
 }
 
 Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start_in, const BundleOptions& options_in,

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "heba/calibration.h"
-#include "heba/data/smooth_errors.h"
+#include "solvers/calibration/smooth_search.h"
 
 namespace heba {
 
@@ -20,8 +20,8 @@ inline constexpr size_t kMinPosesForVariances = 8;
 inline constexpr double kModelRejected = 0.01;
 // The level for a model without systematic errors of the robot (of an arm's parameters, or smooth ones) against one
 // with them. Robots have such errors: taken for random ones, they leave sigmas of a part of their size, while
-// superfluous ones shrink to little. For the errors of an arm the probabilities exceed the true ones by far: at this
-// level, less than 1 % of exact arms are rejected.
+// superfluous ones shrink to little (AreLikely of smooth_search.h). For the errors of an arm the probabilities exceed
+// the true ones by far: at this level, less than 1 % of exact arms are rejected.
 inline constexpr double kRandomErrorsRejected = 0.05;
 // The least ModelAlternative::odds: an arm whose offsets have errors has others too, and those are left out only if the
 // captures show that they are smaller than those of other arms. If they are estimated needlessly, they shrink to
@@ -47,6 +47,8 @@ std::optional<double> OddsAgainst(
     const ErrorModel& largest, const ModelAlternative& smaller,
     const std::function<std::optional<double>(const SharedEffects& smaller)>& log_likelihood_at_least);
 
+// Returns ModelAlternative::dof of a model.
+int DofOf(const ErrorModel& model);
 // Returns the number of variances of a model, and of the figures of its effects that were fitted.
 int NumVariances(const ErrorModel& model);
 
@@ -106,10 +108,11 @@ std::optional<size_t> MostLikelyEffects(
     const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
 
 // Returns the smooth errors (heba/data/smooth_errors.h) whose lengths explain the problem best: those of the largest
-// restricted likelihood, linearised at `solution`, which has robot noise and no effects, searched by factors of two.
+// restricted likelihood, linearised at `solution`, which has no effects, searched by factors of two. If it has no robot
+// noise either, they are compared with an exact robot.
 // The standard deviations of the groups are those that belong to the lengths. Returns nothing if a point cannot be
 // projected.
-std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
-                                                   const BundleOptions& options);
+std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
+                                                        const BundleOptions& options);
 
 }  // namespace heba

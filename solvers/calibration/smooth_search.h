@@ -2,6 +2,7 @@
 // estimate without them.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "heba/data/smooth_errors.h"
@@ -19,20 +20,38 @@ struct SmoothSearch {
   std::vector<VarianceGroup> groups;  // The groups without those of smooth errors.
   // Column of LinearisedView::by_effects of the correction of the robot's pose, the first of six.
   Eigen::Index first_column = 0;
+  bool is_exact_without = false;  // Whether the model without smooth errors has no noise of the robot either.
 };
 
 struct FoundSmoothErrors {
   SmoothErrors errors;             // With the most likely standard deviations.
   double log_likelihood_gain = 0;  // The log-likelihood ratio (restricted) to a model without smooth errors.
+  // How many times as likely white noise alone is as smooth errors of at least half of its variances. Not set beside an
+  // exact robot.
+  std::optional<double> odds_of_white = {};
 };
 
 // Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found
 // by descent over factors of two. If there are more than 250 poses, as many of them are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
-// Returns the finding `smooth_errors`: their standard deviations and lengths, and the noise of the robot without and
-// with them.
-Finding DescribeSmoothErrors(const RobotNoise& smooth, const SmoothLengths& lengths, const RobotNoise& before,
-                             const RobotNoise& after);
+// Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model
+// without them (kRandomErrorsRejected), and, beside white noise, if the captures show that less than half of it is
+// smooth (kLeastOdds): errors of robots are smooth as a rule, and those that are left out because a few captures cannot
+// show them make sigmas too small.
+bool AreLikely(const FoundSmoothErrors& found);
+
+// Returns the probability of a gain at least as large if the robot has no smooth errors (an upper bound).
+double PValueWithout(const FoundSmoothErrors& found);
+
+// What the finding `smooth_errors` states.
+struct SmoothErrorsFigures {
+  RobotNoise smooth;  // Standard deviations of the smooth errors.
+  SmoothLengths lengths;
+  RobotNoise noise;            // The noise of the robot beside them.
+  RobotNoise noise_without;    // Its noise without them.
+  double p_value_without = 0;  // PValueWithout.
+};
+Finding DescribeSmoothErrors(const SmoothErrorsFigures& figures);
 
 }  // namespace heba

@@ -116,10 +116,9 @@ RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
 }
 
 // Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
-// for them or if the captures show them (kRandomErrorsRejected). Returns those that were added.
+// for them or if they are likely (AreLikely). Returns those that were added.
 std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& options, RigProblem* problem,
                                              JudgedRig* judged) {
-  constexpr double kNumFigures = 4;  // Two standard deviations and two lengths.
   const bool has_noise =
       options.adjustment.robot == BundleOptions::Robot::kEstimatedNoise && !options.adjustment.robot_noise_prior;
   std::vector<RigSmoothErrors> added;
@@ -129,9 +128,9 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
   const RigProblem used = UsedPoints(*problem, *judged);
   for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
-    const bool is_likely = ChiSquareTail(2 * arm.found.log_likelihood_gain, kNumFigures) < kRandomErrorsRejected;
-    if (options.smooth == SmoothPoseErrors::kAuto && !is_likely) continue;
-    added.push_back({arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot]});
+    if (options.smooth == SmoothPoseErrors::kAuto && !AreLikely(arm.found)) continue;
+    added.push_back(
+        {arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot], PValueWithout(arm.found)});
     with_errors.effects[arm.robot] = std::make_shared<const SharedEffects>(arm.found.errors.effects());
     for (RigCapture& capture : with_errors.captures) {
       capture.effects[arm.robot] = arm.found.errors.EffectAt(capture.base_from_gripper[arm.robot]);
@@ -334,7 +333,8 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
   for (const RigSmoothErrors& of_arm : calibration.smooth_errors) {
     const RobotNoise smooth = SmoothNoiseOf(solution, of_arm.robot).value_or(RobotNoise{});
     const RobotNoise after = solution.robot_noise[of_arm.robot].value_or(RobotNoise{});
-    findings.push_back(DescribeSmoothErrors(smooth, of_arm.lengths, of_arm.noise_before, after));
+    findings.push_back(
+        DescribeSmoothErrors({smooth, of_arm.lengths, after, of_arm.noise_before, of_arm.p_value_without}));
     findings.back().names.emplace_back("of_arm", problem.robots[of_arm.robot]);
   }
   for (const MovedCamera& moved : calibration.moved) {

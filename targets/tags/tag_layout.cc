@@ -1,7 +1,10 @@
 #include "targets/tags/tag_layout.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <numeric>
+#include <utility>
 
 #include "heba/base/median.h"
 #include "heba/base/union_find.h"
@@ -10,10 +13,10 @@
 namespace heba {
 namespace {
 
-// Returns whether the corners of two tags lie approximately on one plane: the residuals of the homography fitted to
-// all eight may be at most `max_residual_ratio` sides of the smaller tag. A fisheye lens bends a target by some
-// hundredths of a side between neighbours, whereas a wrongly decoded tag is off by a whole side.
-bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double max_residual_ratio) {
+// Returns by how much the corners of two tags are off one plane: the largest residual of the homography fitted to all
+// eight, as a share of the smaller tag's side. A fisheye lens bends a target by some hundredths of a side between
+// neighbours, whereas a wrongly decoded tag is off by a whole side. Infinite if there is no homography.
+double Misfit(const SeenTag& a, const SeenTag& b, const TagLayout& layout) {
   std::vector<Eigen::Vector2d> board_m;
   std::vector<Eigen::Vector2d> image_px;
   for (const SeenTag* tag : {&a, &b}) {
@@ -22,12 +25,20 @@ bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double m
     image_px.insert(image_px.end(), tag->corners_px.begin(), tag->corners_px.end());
   }
   const std::optional<Eigen::Matrix3d> image_from_board = FitHomography(board_m, image_px);
-  if (!image_from_board) return false;
-  const double limit_px = max_residual_ratio * std::min(MeanSide(a.corners_px), MeanSide(b.corners_px));
+  if (!image_from_board) return std::numeric_limits<double>::infinity();
+  double largest_px = 0;
   for (size_t i = 0; i < board_m.size(); ++i) {
-    if (!((ApplyHomography(*image_from_board, board_m[i]) - image_px[i]).norm() <= limit_px)) return false;
+    const double residual_px = (ApplyHomography(*image_from_board, board_m[i]) - image_px[i]).norm();
+    if (!std::isfinite(residual_px)) return std::numeric_limits<double>::infinity();
+    largest_px = std::max(largest_px, residual_px);
   }
-  return true;
+  return largest_px / std::min(MeanSide(a.corners_px), MeanSide(b.corners_px));
+}
+
+// Neighbours include the next but one, since a tag between them may be hidden: two steps along each axis.
+bool AreNeighbours(const SeenTag& a, const SeenTag& b, const TagLayout& layout) {
+  constexpr double kReach = 2.9;
+  return (layout.Centre(a.index) - layout.Centre(b.index)).norm() <= kReach * layout.pitch_m;
 }
 
 }  // namespace
@@ -60,18 +71,15 @@ double MedianSideInCells(const std::vector<SeenTag>& tags, const Eigen::Matrix3d
 Eigen::Vector2d CentreOf(const TagCorners& corners) { return (corners[0] + corners[1] + corners[2] + corners[3]) / 4; }
 
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone) {
-  // Neighbours include the next but one, since a tag between them may be hidden.
-  constexpr double kReachOfNeighbours = 2.9;  // Multiple of the pitch: two steps along each axis.
-  constexpr double kMaxResidualRatio = 0.12;
-  constexpr double kMaxResidualRatioFarther = 0.3;
+  constexpr double kMaxMisfit = 0.12;
+  constexpr double kMaxMisfitFarther = 0.3;
   UnionFind<size_t> groups(seen.size());  // Tags that agree with one another.
   for (size_t i = 0; i < seen.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (seen[i].index == seen[j].index) continue;
-      const double distance_m = (layout.Centre(seen[i].index) - layout.Centre(seen[j].index)).norm();
-      if (distance_m > kReachOfNeighbours * layout.pitch_m) continue;
+      if (!AreNeighbours(seen[i], seen[j], layout)) continue;
       if (groups.Root(i) == groups.Root(j)) continue;
-      if (Agree(seen[i], seen[j], layout, kMaxResidualRatio)) groups.Unite(i, j);
+      if (Misfit(seen[i], seen[j], layout) <= kMaxMisfit) groups.Unite(i, j);
     }
   }
   std::vector<size_t> group_size(seen.size(), 0);
@@ -113,7 +121,7 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
               return (layout.Centre(a.index) - layout.Centre(tag.index)).norm() <
                      (layout.Centre(b.index) - layout.Centre(tag.index)).norm();
             });
-        if (Agree(tag, *nearest, layout, kMaxResidualRatioFarther)) belongs = true;
+        if (Misfit(tag, *nearest, layout) <= kMaxMisfitFarther) belongs = true;
       }
     }
     if (!belongs) additional.clear();
@@ -122,6 +130,31 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
   }
   std::sort(kept.tags.begin(), kept.tags.end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
   return kept;
+}
+
+std::vector<bool> ContradictNeighbours(const std::vector<SeenTag>& tags, const TagLayout& layout) {
+  constexpr size_t kNumJudges = 4;
+  std::vector<double> misfits;  // The median over the nearest neighbours of each tag, the lower one of two.
+  std::vector<double> known;
+  for (const SeenTag& tag : tags) {
+    std::vector<std::pair<double, double>> of_tag;  // The distance, and the misfit.
+    for (const SeenTag& other : tags) {
+      if (other.index == tag.index || !AreNeighbours(tag, other, layout)) continue;
+      of_tag.emplace_back((layout.Centre(tag.index) - layout.Centre(other.index)).norm(), Misfit(tag, other, layout));
+    }
+    std::sort(of_tag.begin(), of_tag.end());
+    if (of_tag.size() > kNumJudges) of_tag.resize(kNumJudges);
+    std::sort(of_tag.begin(), of_tag.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    misfits.push_back(of_tag.size() < 2 ? 0 : of_tag[(of_tag.size() - 1) / 2].second);
+    if (of_tag.size() >= 2) known.push_back(misfits.back());
+  }
+  const double usual = known.empty() ? 0 : Median(known);
+  constexpr double kMostPx = 0.3;
+  std::vector<bool> contradict;
+  for (size_t i = 0; i < tags.size(); ++i) {
+    contradict.push_back((misfits[i] - 3 * usual) * MeanSide(tags[i].corners_px) > kMostPx);
+  }
+  return contradict;
 }
 
 std::optional<Eigen::Matrix3d> LocalHomography(const std::vector<SeenTag>& tags, const TagLayout& layout,

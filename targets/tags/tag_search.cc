@@ -59,6 +59,7 @@ class GridSearch {
       if (is_whole && was_seen_well && num_before > 0 && !is_new) break;
       if (pass + 1 >= decimations.size() && (!is_new || (is_whole && was_whole))) break;
     }
+    UndoWrongFits(grey, &search);
     const int num_unfit = MeasureAll(grey, search, &detection);
     detection.reason = Reason(search.board, num_unfit);
     return detection;
@@ -278,7 +279,7 @@ class GridSearch {
 
   // Decodes missing tags at the positions that their neighbours predict, until no more are found.
   void FillIn(const cv::Mat& grey, std::vector<SeenTag>* tags) const {
-    if (!geometry_.corner_squares || tags->empty()) return;
+    if (tags->empty()) return;
     for (;;) {
       std::vector<bool> is_seen(layout_.corners_m.size(), false);
       for (const SeenTag& tag : *tags) is_seen[static_cast<size_t>(tag.index)] = true;
@@ -316,7 +317,7 @@ class GridSearch {
     tag.corners_px = *expected_px;
     // Two passes are necessary because lens distortion may put a saddle beyond the first window.
     for (int pass = 0; pass < 2; ++pass) {
-      if (!RefineOnSquares(grey, &tag)) return std::nullopt;
+      if (!(geometry_.corner_squares ? RefineOnSquares(grey, &tag) : RefineOnEdges(grey, &tag))) return std::nullopt;
     }
     constexpr double kMaxMoveRatio = 0.15;  // Ratio to the tag's side.
     for (size_t k = 0; k < 4; ++k) {
@@ -328,43 +329,48 @@ class GridSearch {
     return tag;
   }
 
-  // Reads the data between the corners and returns the number of bits that differ from the tag's code. Returns
-  // nothing if the border does not contrast with the paper around it, or if a bit lies outside the image.
+  // Reads the cells between the corners and returns the number of bits that differ from the tag's code. A bit is
+  // compared with the neighbouring cells of the other colour, because a shadow may fall on a part of the tag. Returns
+  // nothing if the border does not contrast with the paper around it, or if a cell lies outside the image.
   std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
-    const double width = family_.width();
+    const int width = family_.width();
     const std::optional<Eigen::Matrix3d> image_from_cells =
         FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
     if (!image_from_cells) return std::nullopt;
-    const auto level = [&](double x, double y) -> std::optional<double> {
-      const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x, y});
-      if (!IsInImage(grey, at_px)) return std::nullopt;
-      return GreyAt(grey, at_px);
-    };
-    const auto mean_at = [&](double from_edge) {  // Mean along the four edges, `from_edge` cells inside them.
-      double sum = 0;
-      int count = 0;
-      for (int i = 0; i < family_.width(); ++i) {
-        const std::array<Eigen::Vector2d, 4> cells = {
-            Eigen::Vector2d(i + 0.5, from_edge), Eigen::Vector2d(i + 0.5, width - from_edge),
-            Eigen::Vector2d(from_edge, i + 0.5), Eigen::Vector2d(width - from_edge, i + 0.5)};
-        for (const Eigen::Vector2d& cell : cells) {
-          const std::optional<double> value = level(cell.x(), cell.y());
-          if (!value) continue;
-          sum += *value;
-          ++count;
-        }
+    // The cells of the quad and one more on each side, which are read once.
+    const int side = width + 2;
+    cv::Mat1d levels(side, side);
+    for (int y = 0; y < side; ++y) {
+      for (int x = 0; x < side; ++x) {
+        const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x - 0.5, y - 0.5});
+        if (!IsInImage(grey, at_px)) return std::nullopt;
+        levels(y, x) = GreyAt(grey, at_px);
       }
-      return count > 0 ? sum / count : 0.0;
+    }
+    const auto is_black = [&](int x, int y) { return family_.IsBlack(tag.index, x - 1, y - 1); };
+    const auto contrast_at = [&](int x, int y, int other_x, int other_y) {
+      return (is_black(x, y) ? -1 : 1) * (levels(y, x) - levels(other_y, other_x));
     };
-    const double black = mean_at(0.5);
-    const double white = mean_at(-0.5);
+    double border_contrast = 0;
+    for (int i = 1; i <= width; ++i) {
+      border_contrast += contrast_at(i, 0, i, 1) + contrast_at(i, side - 1, i, side - 2) + contrast_at(0, i, 1, i) +
+                         contrast_at(side - 1, i, side - 2, i);
+    }
     constexpr double kMinContrast = 12;  // Grey values.
-    if (white - black < kMinContrast) return std::nullopt;
+    if (border_contrast < kMinContrast * 4 * width) return std::nullopt;
     int num_errors = 0;
     for (uint32_t bit = 0; bit < family_.num_bits(); ++bit) {
-      const std::optional<double> value = level(family_.BitX(bit) + 0.5, family_.BitY(bit) + 0.5);
-      if (!value) return std::nullopt;
-      num_errors += (*value > 0.5 * (black + white)) != family_.IsWhite(tag.index, bit) ? 1 : 0;
+      const int x = family_.BitX(bit) + 1;
+      const int y = family_.BitY(bit) + 1;
+      int num_right = 0;
+      int num_wrong = 0;
+      for (int other_y = std::max(0, y - 1); other_y <= std::min(side - 1, y + 1); ++other_y) {
+        for (int other_x = std::max(0, x - 1); other_x <= std::min(side - 1, x + 1); ++other_x) {
+          if (is_black(other_x, other_y) == is_black(x, y)) continue;
+          ++(contrast_at(x, y, other_x, other_y) > 0.25 * kMinContrast ? num_right : num_wrong);
+        }
+      }
+      num_errors += num_wrong > num_right ? 1 : 0;
     }
     return num_errors;
   }
@@ -399,6 +405,26 @@ class GridSearch {
         const std::optional<TagCorners> expected_px = Expected(fitted, tag.index);
         if (expected_px) is_new = fit_from(tag.index, *expected_px) || is_new;
       }
+    }
+  }
+
+  // Undoes the fits that the tags around them contradict: a corner in glare has no grey values that hold it. Such a
+  // tag has the corners that its edges give, near those that the others predict.
+  void UndoWrongFits(const cv::Mat& grey, Search* search) const {
+    const std::vector<SeenTag> fitted = Fitted(*search);
+    const std::vector<bool> is_wrong = ContradictNeighbours(fitted, layout_);
+    std::vector<SeenTag> right;
+    for (size_t i = 0; i < fitted.size(); ++i) {
+      if (!is_wrong[i]) right.push_back(fitted[i]);
+    }
+    for (size_t i = 0; i < fitted.size(); ++i) {
+      if (!is_wrong[i]) continue;
+      search->fits[static_cast<size_t>(fitted[i].index)].fit.reset();
+      const auto tag = std::find_if(search->board.tags.begin(), search->board.tags.end(),
+                                    [&](const SeenTag& other) { return other.index == fitted[i].index; });
+      const std::optional<TagCorners> expected_px = Expected(right, fitted[i].index);
+      if (expected_px) tag->corners_px = *expected_px;
+      RefineOnEdges(grey, &*tag);
     }
   }
 
@@ -533,33 +559,90 @@ class GridSearch {
     return farthest_px;
   }
 
-  // Returns the RMS distance from the straight lines between the corners to the steepest change of grey across them.
-  double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+  // A position on a side of a tag, as a share of its length, where grey changes most across it.
+  struct EdgePoint {
+    double along = 0;
+    double off_px = 0;  // The distance from the straight line between the corners, outwards.
+    double slope = 0;   // Grey values per px, outwards; 0 if the image ends there.
+  };
+
+  // Returns the points where grey changes most, in either direction, within 0.8 cells of the side that follows a
+  // corner.
+  std::vector<EdgePoint> EdgePoints(const cv::Mat& grey, const TagCorners& corners_px, size_t corner) const {
     constexpr double kStepPx = 0.25;
     const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
-    double sum_px2 = 0;
-    int count = 0;
-    for (size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector2d& from_px = corners_px[k];
-      const Eigen::Vector2d along_px = corners_px[(k + 1) % 4] - from_px;
-      const Eigen::Vector2d across = Eigen::Vector2d(-along_px.y(), along_px.x()).normalized();
-      for (double share = 0.1; share < 0.95; share += 0.1) {
-        double steepest = 0;
-        double steepest_px = 0;
-        for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
-          const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * across;
-          const Eigen::Vector2d behind_px = before_px + across;
-          if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
-          const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
-          if (slope <= steepest) continue;
-          steepest = slope;
-          steepest_px = at_px;
-        }
-        sum_px2 += steepest_px * steepest_px;
-        ++count;
+    const Eigen::Vector2d& from_px = corners_px[corner];
+    const Eigen::Vector2d along_px = corners_px[(corner + 1) % 4] - from_px;
+    Eigen::Vector2d outwards = Eigen::Vector2d(-along_px.y(), along_px.x()).normalized();
+    if (outwards.dot(from_px - CentreOf(corners_px)) < 0) outwards = -outwards;
+    std::vector<EdgePoint> points;
+    for (double share = 0.1; share < 0.95; share += 0.1) {
+      EdgePoint point{share};
+      for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
+        const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * outwards;
+        const Eigen::Vector2d behind_px = before_px + outwards;
+        if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
+        const double slope = GreyAt(grey, behind_px) - GreyAt(grey, before_px);
+        if (std::abs(slope) <= std::abs(point.slope)) continue;
+        point.slope = slope;
+        point.off_px = at_px;
       }
+      points.push_back(point);
     }
-    return std::sqrt(sum_px2 / count);
+    return points;
+  }
+
+  // Returns the RMS distance from the straight lines between the corners to the steepest change of grey across them.
+  double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+    double sum_px2 = 0;
+    size_t count = 0;
+    for (size_t k = 0; k < 4; ++k) {
+      const std::vector<EdgePoint> points = EdgePoints(grey, corners_px, k);
+      for (const EdgePoint& point : points) sum_px2 += point.off_px * point.off_px;
+      count += points.size();
+    }
+    return std::sqrt(sum_px2 / static_cast<double>(count));
+  }
+
+  // Moves the corners to where straight lines along the sides meet. Of each side, the half of the points that lie
+  // nearest to a line count: where a shadow ends, other points are not on the side. Returns false if a side cannot be
+  // told.
+  bool RefineOnEdges(const cv::Mat& grey, SeenTag* tag) const {
+    std::array<Eigen::Vector3d, 4> lines;
+    for (size_t k = 0; k < 4; ++k) {
+      const std::vector<EdgePoint> points = EdgePoints(grey, tag->corners_px, k);
+      // The line through two of the points from which the median of the distances is least.
+      double least_px = std::numeric_limits<double>::infinity();
+      Eigen::Vector2d best(0, 0);  // The distance at the beginning and at the end.
+      for (size_t i = 0; i < points.size(); ++i) {
+        for (size_t j = i + 1; j < points.size(); ++j) {
+          const double slope = (points[j].off_px - points[i].off_px) / (points[j].along - points[i].along);
+          const Eigen::Vector2d line(points[i].off_px - slope * points[i].along,
+                                     points[i].off_px + slope * (1 - points[i].along));
+          std::vector<double> distances_px;
+          for (const EdgePoint& point : points) {
+            distances_px.push_back(std::abs(point.off_px - line[0] - (line[1] - line[0]) * point.along));
+          }
+          std::nth_element(distances_px.begin(), distances_px.begin() + 5, distances_px.end());
+          if (distances_px[5] >= least_px) continue;
+          least_px = distances_px[5];
+          best = line;
+        }
+      }
+      constexpr double kMaxScatterPx = 0.75;
+      if (least_px > kMaxScatterPx) return false;
+      const Eigen::Vector2d& from_px = tag->corners_px[k];
+      const Eigen::Vector2d& to_px = tag->corners_px[(k + 1) % 4];
+      Eigen::Vector2d outwards = Eigen::Vector2d(from_px.y() - to_px.y(), to_px.x() - from_px.x()).normalized();
+      if (outwards.dot(from_px - CentreOf(tag->corners_px)) < 0) outwards = -outwards;
+      lines[k] = (from_px + best[0] * outwards).homogeneous().cross((to_px + best[1] * outwards).homogeneous());
+    }
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3d corner = lines[(k + 3) % 4].cross(lines[k]);
+      if (std::abs(corner.z()) < 1e-9 * lines[k].norm()) return false;
+      tag->corners_px[k] = corner.hnormalized();
+    }
+    return true;
   }
 
   std::string Reason(const ConsistentTags& board, int num_unfit) const {

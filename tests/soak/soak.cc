@@ -47,6 +47,7 @@ DEFINE_string(sets, "", "Names of the sets, separated by commas; all if empty");
 DEFINE_bool(list, false, "Print a line for each subset");
 DEFINE_int32(jobs, 2, "Number of subsets at a time");
 DEFINE_int32(most_captures, 40, "The most captures of a subset");
+DEFINE_string(robot_noise, "auto", "Model of the robot's noise, as refine.robot_noise: auto, white or smooth");
 DEFINE_bool(statistics, true, "Compare with the whole sets; without it only aborts, hangs and refusals count");
 
 namespace heba {
@@ -299,6 +300,12 @@ RunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
   RunOptions options = set.options;
   if (fixed.shape) options.choose.target_shape = false;
   if (fixed.lens) options.bundle.free_intrinsics = {};
+  if (FLAGS_robot_noise == "white") options.smooth = SmoothPoseErrors::kNone;
+  if (FLAGS_robot_noise == "smooth") {
+    options.choose.robot_noise = false;
+    options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+    options.smooth = SmoothPoseErrors::kAlways;
+  }
   return options;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -136,6 +137,7 @@ struct Counts {
   int wrong = 0;
   int num_images = 0;
   int num_points = 0;
+  double sum_px2 = 0;  // Of the distances of the right points, both coordinates.
 };
 
 constexpr double kWrongPx = 3;
@@ -145,15 +147,17 @@ void Add(const Target& target, const Camera& camera, const Rigid3d& camera_from_
          double scale_px, Counts* counts) {
   int num_right = 0;
   for (size_t i = 0; i < detection.ids.size(); ++i) {
-    bool is_right = false;
+    double least_px = std::numeric_limits<double>::infinity();
     for (const Rigid3d& symmetry : target.Symmetries()) {
       const auto point = std::find_if(target.points().begin(), target.points().end(),
                                       [&](const TargetPoint& entry) { return entry.id == detection.ids[i]; });
       if (point == target.points().end()) continue;
       const Eigen::Vector2d off_px = detection.pixels[i] - *PixelOf(*point, camera, camera_from_target * symmetry);
-      is_right = is_right || off_px.norm() < kWrongPx * scale_px;
+      least_px = std::min(least_px, off_px.norm());
     }
-    num_right += is_right ? 1 : 0;
+    if (least_px >= kWrongPx * scale_px) continue;
+    ++num_right;
+    counts->sum_px2 += least_px * least_px;
   }
   const auto num_points = static_cast<int>(target.points().size());
   counts->found += num_right;
@@ -225,8 +229,9 @@ void Compare(const Kind& kind, const std::string& what, const Target& target, co
   }
   for (size_t m = 0; m < methods.size(); ++m) {
     const Counts& c = counts[m];
-    std::printf("%-28s %-11s %-20s %5.1f %% of the points, %3d of %3d images whole, %d wrong\n", kind.name,
-                what.c_str(), methods[m].name.c_str(), 100.0 * c.found / c.num_points, c.whole, c.num_images, c.wrong);
+    std::printf("%-28s %-11s %-20s %5.1f %% of the points, %3d of %3d images whole, %d wrong, %.3f px\n", kind.name,
+                what.c_str(), methods[m].name.c_str(), 100.0 * c.found / c.num_points, c.whole, c.num_images, c.wrong,
+                std::sqrt(c.sum_px2 / std::max(1, 2 * c.found)));
   }
   std::fflush(stdout);
 }

@@ -1,5 +1,6 @@
 #include "tools/run/robot_errors.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -113,32 +114,50 @@ void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, Ca
   }
 }
 
+// Lists the model without smooth errors that was compared with the chosen one, as the simplest alternative.
+void AddModelWithout(const FoundSmoothErrors& found, BundleOptions::Robot robot,
+                     const std::optional<RobotNoise>& robot_noise, Calibration* calibration) {
+  const BundleOptions& bundle = calibration->bundle;
+  const ErrorModel chosen{bundle.robot, bundle.free_shape, bundle.effects};
+  std::vector<ModelAlternative>& alternatives = calibration->alternatives;
+  if (alternatives.empty()) {
+    alternatives.push_back({chosen, 0, calibration->refined->robot_noise, DofOf(chosen), std::nullopt});
+  }
+  const auto self = std::find_if(alternatives.begin(), alternatives.end(), [&](const ModelAlternative& alternative) {
+    return alternative.model.shape == chosen.shape && alternative.model.effects == chosen.effects;
+  });
+  if (self == alternatives.end()) return;
+  const ErrorModel without{robot, bundle.free_shape};
+  alternatives.insert(alternatives.begin(), {without, self->log_likelihood - found.log_likelihood_gain, robot_noise,
+                                             DofOf(without), PValueWithout(found), found.odds_of_white});
+}
+
 // Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
-// nothing if the captures show no error of the robot. Returns a finding if such errors are part of the calibration.
+// nothing if the robot is exact or its noise white. Returns a finding if such errors are part of the calibration.
 std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset* dataset, CalibrationOptions* options,
                                                  Calibration* calibration) {
-  const bool has_noise =
-      calibration->refined->robot_noise && calibration->bundle.robot == BundleOptions::Robot::kEstimatedNoise;
-  if (run.smooth == SmoothPoseErrors::kNone || !has_noise || calibration->bundle.robot_noise_prior) return std::nullopt;
-  const RobotNoise before = *calibration->refined->robot_noise;
-  const std::optional<SmoothErrors> errors =
-      MostLikelySmoothErrors({calibration->camera, calibration->views, options->setup, options->shape},
-                             *calibration->refined, calibration->bundle);
-  if (!errors) return std::nullopt;
+  const BundleOptions& bundle = calibration->bundle;
+  const bool is_free = bundle.robot == BundleOptions::Robot::kEstimatedNoise || options->choose.robot_noise;
+  if (run.smooth == SmoothPoseErrors::kNone || !is_free || bundle.robot_noise_prior) return std::nullopt;
+  const BundleOptions::Robot robot_before = bundle.robot;
+  const std::optional<RobotNoise> noise_before = calibration->refined->robot_noise;
+  const std::optional<FoundSmoothErrors> found = MostLikelySmoothErrors(
+      {calibration->camera, calibration->views, options->setup, options->shape}, *calibration->refined, bundle);
+  if (!found || (run.smooth == SmoothPoseErrors::kAuto && !AreLikely(*found))) return std::nullopt;
+  const SmoothErrors& errors = found->errors;
   CalibrationOptions with_errors = *options;
   // The target's scale and the size of the arm are nearly one.
   if (!with_errors.bundle.target_scale_sigma) with_errors.bundle.target_scale_sigma = kPrintScaleSigma;
-  const auto effects = std::make_shared<const SharedEffects>(errors->effects());
-  if (run.smooth == SmoothPoseErrors::kAuto) {
-    with_errors.choose.effects = {effects};
-  } else {
-    with_errors.bundle.effects = effects;
-  }
-  for (Capture& capture : dataset->captures) capture.effect = errors->EffectAt(capture.base_from_gripper);
+  with_errors.choose.robot_noise = false;
+  with_errors.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  with_errors.bundle.effects = std::make_shared<const SharedEffects>(errors.effects());
+  for (Capture& capture : dataset->captures) capture.effect = errors.EffectAt(capture.base_from_gripper);
   const std::optional<std::string> why_not = Recalibrate(*dataset, with_errors, options, calibration);
   const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
   if (!why_not && smooth) {
-    return DescribeSmoothErrors(*smooth, errors->lengths(), before, *calibration->refined->robot_noise);
+    if (run.smooth == SmoothPoseErrors::kAuto) AddModelWithout(*found, robot_before, noise_before, calibration);
+    return DescribeSmoothErrors({*smooth, errors.lengths(), *calibration->refined->robot_noise,
+                                 noise_before.value_or(RobotNoise{}), PValueWithout(*found)});
   }
   for (Capture& capture : dataset->captures) capture.effect = nullptr;
   return std::nullopt;

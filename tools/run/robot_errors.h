@@ -17,7 +17,8 @@ void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, Ca
                       Calibration* calibration);
 
 // Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
-// nothing if the captures show no error of the robot. Returns a finding if such errors are part of the calibration.
+// nothing if the robot is exact or its noise white (AreLikely). Returns a finding if such errors are part of the
+// calibration.
 std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset* dataset, CalibrationOptions* options,
                                                  Calibration* calibration);
 

@@ -478,8 +478,13 @@ FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
     return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
   };
-  return {"the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +
-              Amount(finding, "length_mm") + " mm and " + Amount(finding, "length_deg") +
+  const std::string subject =
+      Is(finding, "evidence", "not_excluded")
+          ? "the captures do not exclude that the robot's poses have errors that vary smoothly with the pose, as those "
+            "of most robots do (one sigma "
+          : "the robot's poses have errors that vary smoothly with the pose (one sigma ";
+  return {subject + sigmas("smooth") + ", over " + Amount(finding, "length_mm") + " mm and " +
+              Amount(finding, "length_deg") +
               " deg): they are predicted between the captures, which leaves a noise of " + sigmas("after") +
               " instead of " + sigmas("before") +
               "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "

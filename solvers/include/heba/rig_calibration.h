@@ -64,7 +64,8 @@ struct UnusedRigImage {
 struct RigSmoothErrors {
   size_t robot = 0;
   SmoothLengths lengths;
-  RobotNoise noise_before;  // The noise of the arm without them.
+  RobotNoise noise_before;     // The noise of the arm without them.
+  double p_value_without = 0;  // The probability of so likely smooth errors if the arm has none (an upper bound).
 };
 
 // The outcome of the choice among the models of an arm's errors.

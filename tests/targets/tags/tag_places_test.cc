@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/units.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
 #include "tests/support/rendered_target.h"
