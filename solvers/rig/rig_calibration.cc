@@ -116,7 +116,7 @@ RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
 }
 
 // Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
-// for them or if they are likely (AreLikely). Returns those that were added.
+// for them or if the captures require them (kRandomErrorsRejected). Returns those that were added.
 std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& options, RigProblem* problem,
                                              JudgedRig* judged) {
   const bool has_noise =
@@ -128,7 +128,8 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
   const RigProblem used = UsedPoints(*problem, *judged);
   for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
-    if (options.smooth == SmoothPoseErrors::kAuto && !AreLikely(arm.found)) continue;
+    const bool is_required = PValueWithout(arm.found) < kRandomErrorsRejected;
+    if (options.smooth == SmoothPoseErrors::kAuto && !is_required) continue;
     added.push_back(
         {arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot], PValueWithout(arm.found)});
     with_errors.effects[arm.robot] = std::make_shared<const SharedEffects>(arm.found.errors.effects());

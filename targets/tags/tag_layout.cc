@@ -135,24 +135,33 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
 std::vector<bool> ContradictNeighbours(const std::vector<SeenTag>& tags, const TagLayout& layout) {
   constexpr size_t kNumJudges = 4;
   std::vector<double> misfits;  // The median over the nearest neighbours of each tag, the lower one of two.
-  std::vector<double> known;
+  std::vector<std::vector<size_t>> judges_of;
   for (const SeenTag& tag : tags) {
-    std::vector<std::pair<double, double>> of_tag;  // The distance, and the misfit.
-    for (const SeenTag& other : tags) {
-      if (other.index == tag.index || !AreNeighbours(tag, other, layout)) continue;
-      of_tag.emplace_back((layout.Centre(tag.index) - layout.Centre(other.index)).norm(), Misfit(tag, other, layout));
+    std::vector<std::pair<double, size_t>> near;  // The distance, and the place.
+    for (size_t k = 0; k < tags.size(); ++k) {
+      if (tags[k].index == tag.index || !AreNeighbours(tag, tags[k], layout)) continue;
+      near.emplace_back((layout.Centre(tag.index) - layout.Centre(tags[k].index)).norm(), k);
+    }
+    std::sort(near.begin(), near.end());
+    if (near.size() > kNumJudges) near.resize(kNumJudges);
+    std::vector<size_t>& judges = judges_of.emplace_back();
+    std::vector<double> of_tag;
+    for (const auto& [distance_m, k] : near) {
+      judges.push_back(k);
+      of_tag.push_back(Misfit(tag, tags[k], layout));
     }
     std::sort(of_tag.begin(), of_tag.end());
-    if (of_tag.size() > kNumJudges) of_tag.resize(kNumJudges);
-    std::sort(of_tag.begin(), of_tag.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-    misfits.push_back(of_tag.size() < 2 ? 0 : of_tag[(of_tag.size() - 1) / 2].second);
-    if (of_tag.size() >= 2) known.push_back(misfits.back());
+    misfits.push_back(of_tag.size() < 2 ? 0 : of_tag[(of_tag.size() - 1) / 2]);
   }
-  const double usual = known.empty() ? 0 : Median(known);
   constexpr double kMostPx = 0.3;
+  constexpr double kTimesUsual = 3;
   std::vector<bool> contradict;
   for (size_t i = 0; i < tags.size(); ++i) {
-    contradict.push_back((misfits[i] - 3 * usual) * MeanSide(tags[i].corners_px) > kMostPx);
+    // A lens bends the target most near the border of the image: its neighbours there show what is usual.
+    std::vector<double> usual;
+    for (const size_t k : judges_of[i]) usual.push_back(misfits[k]);
+    const double limit = usual.empty() ? 0 : kTimesUsual * std::max(Median(usual), Median(misfits));
+    contradict.push_back((misfits[i] - limit) * MeanSide(tags[i].corners_px) > kMostPx);
   }
   return contradict;
 }

@@ -44,8 +44,8 @@ struct ConsistentTags {
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone);
 
 // Returns which tags contradict those around them: most of their neighbours lie on one plane with them far less well
-// than tags of this image do as a rule: more than three times as badly, by at least 0.3 px.
-// A tag with fewer than two neighbours contradicts none.
+// than the neighbours themselves, and than the tags of this image as a rule: more than three times as badly, by at
+// least 0.3 px. A tag with fewer than two neighbours contradicts none.
 std::vector<bool> ContradictNeighbours(const std::vector<SeenTag>& tags, const TagLayout& layout);
 
 // Fits image_from_board near `at_m` to the `num_nearest` of `tags` that are nearest to it on the target. Returns

@@ -100,6 +100,34 @@ std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part,
   return grids;
 }
 
+// Returns whether the squares around the chessboard whose inner corners are a grid have one colour, as paper, or a
+// table around it, has. In a random pattern of squares, small chessboards occur.
+bool HasPaperAround(const cv::Mat& grey, const SeenGrid& grid) {
+  std::vector<Eigen::Vector2d> places;
+  for (int row = 0; row < grid.size.height; ++row) {
+    for (int column = 0; column < grid.size.width; ++column) places.emplace_back(column, row);
+  }
+  const std::optional<Eigen::Matrix3d> image_from_grid = FitHomography(places, grid.corners);
+  if (!image_from_grid) return false;
+  std::vector<double> inside;
+  std::vector<double> around;
+  for (int row = -2; row <= grid.size.height; ++row) {
+    for (int column = -2; column <= grid.size.width; ++column) {
+      const Eigen::Vector2d at_px = ApplyHomography(*image_from_grid, {column + 0.5, row + 0.5});
+      const cv::Point at(static_cast<int>(std::lround(at_px.x())), static_cast<int>(std::lround(at_px.y())));
+      if (!cv::Rect({}, grey.size()).contains(at)) continue;
+      const bool is_around = row == -2 || row == grid.size.height || column == -2 || column == grid.size.width;
+      (is_around ? around : inside).push_back(grey.at<uchar>(at));
+    }
+  }
+  const auto [black, white] = std::minmax_element(inside.begin(), inside.end());
+  const double middle = 0.5 * (*black + *white);
+  const auto num_white = std::count_if(around.begin(), around.end(), [&](double level) { return level > middle; });
+  const double share = static_cast<double>(num_white) / static_cast<double>(std::max<size_t>(1, around.size()));
+  constexpr double kMostOfOther = 0.25;
+  return std::min(share, 1 - share) <= kMostOfOther;
+}
+
 // Returns the image without the bright dots of a projector that cover it; nothing if it has none.
 std::optional<cv::Mat> WithoutSpeckle(const cv::Mat& grey) {
   constexpr int kLargeSidePx = 1500;
@@ -694,7 +722,9 @@ std::vector<TargetSettings> ProposeTargets_chessboard(const cv::Mat& grey) {
   }
   constexpr int kMostCorners = 40;
   const Chessboard largest(kMostCorners, kMostCorners, 1);
+  constexpr int kFewCorners = 20;
   for (const SeenGrid& grid : grids) {
+    if (grid.size.area() <= kFewCorners && !HasPaperAround(grey, grid)) continue;
     for (const cv::Size& size : {grid.size, largest.SizeAround(grey, grid)}) {
       if (std::min(size.width, size.height) < 2) continue;
       TargetSettings proposal = RowsAndColumns(std::min(size.width, size.height), std::max(size.width, size.height));
