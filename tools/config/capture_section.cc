@@ -8,6 +8,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
+#include "heba/io/pixel_records.h"
 #include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/config/image_list.h"
@@ -58,7 +59,30 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
   return seen;
 }
 
+// Reads points that another detector found, in the order of the target's points, from records.
+std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, RunConfig* config) {
+  MapReader mapping(value.DownTo({"file"}));
+  const fs::path file = mapping.InputPath("file");
+  const std::string pixels = mapping.Get("pixels").AsText();
+  const std::string images = mapping.Text("image", "");
+  mapping.Finish();
+  reader->Record("detections", mapping.used());
+  config->data_files.push_back(file);
+  config->are_points_in_order = true;
+  std::vector<Seen> seen;
+  for (const PixelRecord& record : ReadPixelRecords(file, pixels, images)) {
+    CaptureDetection detection;
+    detection.detection.pixels = record.pixels;
+    for (size_t k = 0; k < record.pixels.size(); ++k) detection.detection.ids.push_back(static_cast<int>(k));
+    seen.push_back(
+        {record.image.empty() ? "sample_" + std::to_string(seen.size()) : record.image, {}, {}, std::move(detection)});
+  }
+  return seen;
+}
+
 std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
+  const ConfigValue value = reader->Get("detections");
+  if (value.IsMap()) return SeenInRecords(value, reader, config);
   const fs::path file = reader->InputPath("detections");
   config->data_files.push_back(file);
   std::vector<Seen> seen;

@@ -28,6 +28,19 @@ void ReadSetup(MapReader& root, RunConfig* config) {
   config->data.setup = *FindSetup(root.Choice("setup", SetupNames(), fallback));
 }
 
+// Gives points that are listed in the order of the target's points their ids.
+void NumberPoints(RunConfig* config) {
+  const std::vector<TargetPoint>& points = config->data.target->points();
+  for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
+    std::vector<int>& ids = config->data.given_detections[i].detection.ids;
+    if (!ids.empty() && ids.size() != points.size()) {
+      throw InputError(config->data.detections_source + ": " + config->data.captures[i].name + ": " +
+                       std::to_string(ids.size()) + " points, but the target has " + std::to_string(points.size()));
+    }
+    for (size_t k = 0; k < ids.size(); ++k) ids[k] = points[k].id;
+  }
+}
+
 void ReadTargetSection(MapReader& root, RunConfig* config) {
   if (!root.Has("target")) {
     if (config->imported && !config->imported->target.empty()) {
@@ -43,6 +56,7 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
     config->has_target_keys = HoldsTargetKeys(root, "target");
   }
   config->target_used = YAML::Dump(root.used()["target"]);
+  if (config->are_points_in_order) NumberPoints(config);
   std::set<int> known;
   for (const TargetPoint& point : config->data.target->points()) known.insert(point.id);
   for (size_t i = 0; i < config->data.given_detections.size(); ++i) {

@@ -30,6 +30,8 @@ struct RunConfig {
   // Whether the config itself holds the target in heba's keys, so that a setting target.KEY changes one of them.
   // Otherwise the target is in a file of its own, in an imported data set, or in Kalibr's keys.
   bool has_target_keys = false;
+  // Whether the ids of given detections are places in the list of the target's points.
+  bool are_points_in_order = false;
   std::filesystem::path poses_file;
   size_t num_images = 0;  // Of the images (or corners, or poses of the target), with and without a robot pose.
   std::vector<std::string> images_without_pose;

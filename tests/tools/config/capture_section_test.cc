@@ -240,6 +240,17 @@ TEST_F(CaptureSectionTest, DetectionsReplaceImages) {
   EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 3));
 }
 
+TEST_F(CaptureSectionTest, RecordsOfPointsReplaceImages) {
+  Write("log.json", R"([{"image": "2.png", "corners": [[1, 2], [3, 4]]}, {"image": "3.png", "corners": null}])");
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n3.png,3,0,0,0,0,0,1\n");
+  const RunConfig config =
+      Read("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("2.png", "3.png"));
+  ASSERT_THAT(config.data.given_detections, SizeIs(2));
+  EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 1));
+  EXPECT_TRUE(config.are_points_in_order);
+}
+
 // The poses of another project's data set are in the form of `ros` once they are imported.
 TEST_F(CaptureSectionTest, DataSetsBringTheirPoses) {
   Write("set/poses.txt", "1305031102.1 1 0 0 0 0 0 1\n1305031102.2 2 0 0 0 0 0 1\n");
