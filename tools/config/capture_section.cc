@@ -63,7 +63,7 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
 std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, RunConfig* config) {
   MapReader mapping(value.DownTo({"file"}));
   const fs::path file = mapping.InputPath("file");
-  const std::string pixels = mapping.Get("pixels").AsText();
+  const std::string pixels = mapping.Text("pixels");
   const std::string images = mapping.Text("image", "");
   mapping.Finish();
   reader->Record("detections", mapping.used());

@@ -249,6 +249,12 @@ TEST_F(CaptureSectionTest, RecordsOfPointsReplaceImages) {
   ASSERT_THAT(config.data.given_detections, SizeIs(2));
   EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 1));
   EXPECT_TRUE(config.are_points_in_order);
+  RunConfig again;
+  const YAML::Node used = ReadCaptures(
+      ParseYaml("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}",
+                folder_ / "a.yaml"),
+      &again);
+  EXPECT_EQ(used["detections"]["pixels"].as<std::string>(), "[].corners");
 }
 
 // The poses of another project's data set are in the form of `ros` once they are imported.
