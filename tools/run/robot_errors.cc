@@ -114,22 +114,30 @@ void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, Ca
   }
 }
 
-// Lists the model without smooth errors that was compared with the chosen one, as the simplest alternative.
-void AddModelWithout(const FoundSmoothErrors& found, BundleOptions::Robot robot,
-                     const std::optional<RobotNoise>& robot_noise, Calibration* calibration) {
-  const BundleOptions& bundle = calibration->bundle;
-  const ErrorModel chosen{bundle.robot, bundle.free_shape, bundle.effects};
-  std::vector<ModelAlternative>& alternatives = calibration->alternatives;
-  if (alternatives.empty()) {
-    alternatives.push_back({chosen, 0, calibration->refined->robot_noise, DofOf(chosen), std::nullopt});
-  }
-  const auto self = std::find_if(alternatives.begin(), alternatives.end(), [&](const ModelAlternative& alternative) {
-    return alternative.model.shape == chosen.shape && alternative.model.effects == chosen.effects;
-  });
-  if (self == alternatives.end()) return;
-  const ErrorModel without{robot, bundle.free_shape};
-  alternatives.insert(alternatives.begin(), {without, self->log_likelihood - found.log_likelihood_gain, robot_noise,
-                                             DofOf(without), PValueWithout(found), found.odds_of_white});
+// Lists the models without smooth errors that were compared before, the chosen one of which was then compared with the
+// one with smooth errors.
+void AddModelsBefore(const FoundSmoothErrors& found, const Calibration& before, Calibration* calibration) {
+  const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
+  const ErrorModel with{calibration->bundle.robot, before.bundle.free_shape, calibration->bundle.effects};
+  const auto entry_of = [](std::vector<ModelAlternative>* alternatives, const ErrorModel& model,
+                           const std::optional<RobotNoise>& robot_noise) {
+    const auto entry = std::find_if(alternatives->begin(), alternatives->end(), [&](const ModelAlternative& other) {
+      return other.model.robot == model.robot && other.model.shape == model.shape &&
+             other.model.effects == model.effects;
+    });
+    if (entry != alternatives->end()) return entry;
+    return alternatives->insert(alternatives->end(), {model, 0, robot_noise, DofOf(model), std::nullopt});
+  };
+  std::vector<ModelAlternative> alternatives = before.alternatives;
+  const double log_likelihood_with =
+      entry_of(&calibration->alternatives, with, calibration->refined->robot_noise)->log_likelihood;
+  const auto chosen = entry_of(&alternatives, without, before.refined->robot_noise);
+  const double shift = log_likelihood_with - found.log_likelihood_gain - chosen->log_likelihood;
+  chosen->p = PValueWithout(found);
+  chosen->odds = found.odds_of_white;
+  for (ModelAlternative& alternative : alternatives) alternative.log_likelihood += shift;
+  alternatives.insert(alternatives.end(), calibration->alternatives.begin(), calibration->alternatives.end());
+  calibration->alternatives = std::move(alternatives);
 }
 
 // Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
@@ -139,8 +147,7 @@ std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset*
   const BundleOptions& bundle = calibration->bundle;
   const bool is_free = bundle.robot == BundleOptions::Robot::kEstimatedNoise || options->choose.robot_noise;
   if (run.smooth == SmoothPoseErrors::kNone || !is_free || bundle.robot_noise_prior) return std::nullopt;
-  const BundleOptions::Robot robot_before = bundle.robot;
-  const std::optional<RobotNoise> noise_before = calibration->refined->robot_noise;
+  const Calibration before = *calibration;
   const std::optional<FoundSmoothErrors> found = MostLikelySmoothErrors(
       {calibration->camera, calibration->views, options->setup, options->shape}, *calibration->refined, bundle);
   if (!found || (run.smooth == SmoothPoseErrors::kAuto && !AreLikely(*found))) return std::nullopt;
@@ -155,9 +162,9 @@ std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset*
   const std::optional<std::string> why_not = Recalibrate(*dataset, with_errors, options, calibration);
   const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
   if (!why_not && smooth) {
-    if (run.smooth == SmoothPoseErrors::kAuto) AddModelWithout(*found, robot_before, noise_before, calibration);
+    if (run.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found, before, calibration);
     return DescribeSmoothErrors({*smooth, errors.lengths(), *calibration->refined->robot_noise,
-                                 noise_before.value_or(RobotNoise{}), PValueWithout(*found)});
+                                 before.refined->robot_noise.value_or(RobotNoise{}), PValueWithout(*found)});
   }
   for (Capture& capture : dataset->captures) capture.effect = nullptr;
   return std::nullopt;
