@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/median.h"
 #include "heba/base/registry.h"
 #include "heba/geometry/homography.h"
 #include "targets/corners/corner_refinement.h"
@@ -337,36 +338,45 @@ class GridSearch {
     const std::optional<Eigen::Matrix3d> image_from_cells =
         FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
     if (!image_from_cells) return std::nullopt;
-    // The cells of the quad and one more on each side, which are read once.
-    const int side = width + 2;
-    cv::Mat1d levels(side, side);
+    // The cells of the tag and one more on each side. Those outside of the image are not a number.
+    const int margin = family_.NumOuterCells() + 1;
+    const int side = width + 2 * margin;
+    cv::Mat1d levels(side, side, std::numeric_limits<double>::quiet_NaN());
     for (int y = 0; y < side; ++y) {
       for (int x = 0; x < side; ++x) {
-        const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x - 0.5, y - 0.5});
-        if (!IsInImage(grey, at_px)) return std::nullopt;
-        levels(y, x) = GreyAt(grey, at_px);
+        const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x - margin + 0.5, y - margin + 0.5});
+        if (IsInImage(grey, at_px)) levels(y, x) = GreyAt(grey, at_px);
       }
     }
-    const auto is_black = [&](int x, int y) { return family_.IsBlack(tag.index, x - 1, y - 1); };
+    const auto is_black = [&](int x, int y) { return family_.IsBlack(tag.index, x - margin, y - margin); };
+    // Returns by how much a cell differs from another one in the direction of its colour.
     const auto contrast_at = [&](int x, int y, int other_x, int other_y) {
       return (is_black(x, y) ? -1 : 1) * (levels(y, x) - levels(other_y, other_x));
     };
-    double border_contrast = 0;
-    for (int i = 1; i <= width; ++i) {
-      border_contrast += contrast_at(i, 0, i, 1) + contrast_at(i, side - 1, i, side - 2) + contrast_at(0, i, 1, i) +
-                         contrast_at(side - 1, i, side - 2, i);
-    }
     constexpr double kMinContrast = 12;  // Grey values.
-    if (border_contrast < kMinContrast * 4 * width) return std::nullopt;
+    double border_contrast = 0;
+    int num_border = 0;
+    const int first = margin;
+    const int last = margin + width - 1;
+    for (int i = first; i <= last; ++i) {
+      for (const double contrast : {contrast_at(i, first, i, first - 1), contrast_at(i, last, i, last + 1),
+                                    contrast_at(first, i, first - 1, i), contrast_at(last, i, last + 1, i)}) {
+        if (!std::isfinite(contrast)) continue;
+        border_contrast += contrast;
+        ++num_border;
+      }
+    }
+    if (num_border == 0 || border_contrast < kMinContrast * num_border) return std::nullopt;
     int num_errors = 0;
     for (uint32_t bit = 0; bit < family_.num_bits(); ++bit) {
-      const int x = family_.BitX(bit) + 1;
-      const int y = family_.BitY(bit) + 1;
+      const int x = family_.BitX(bit) + margin;
+      const int y = family_.BitY(bit) + margin;
+      if (!std::isfinite(levels(y, x))) return std::nullopt;
       int num_right = 0;
       int num_wrong = 0;
-      for (int other_y = std::max(0, y - 1); other_y <= std::min(side - 1, y + 1); ++other_y) {
-        for (int other_x = std::max(0, x - 1); other_x <= std::min(side - 1, x + 1); ++other_x) {
-          if (is_black(other_x, other_y) == is_black(x, y)) continue;
+      for (int other_y = y - 1; other_y <= y + 1; ++other_y) {
+        for (int other_x = x - 1; other_x <= x + 1; ++other_x) {
+          if (is_black(other_x, other_y) == is_black(x, y) || !std::isfinite(levels(other_y, other_x))) continue;
           ++(contrast_at(x, y, other_x, other_y) > 0.25 * kMinContrast ? num_right : num_wrong);
         }
       }
@@ -408,11 +418,22 @@ class GridSearch {
     }
   }
 
-  // Undoes the fits that the tags around them contradict: a corner in glare has no grey values that hold it. Such a
-  // tag has the corners that its edges give, near those that the others predict.
+  // Undoes the fits that the tags around them contradict, and those whose residuals are far larger than those of the
+  // other tags: a corner in glare has no grey values that hold it, and the edge of a shadow pulls it. Such a tag has
+  // the corners that its edges give, near those that the others predict.
   void UndoWrongFits(const cv::Mat& grey, Search* search) const {
     const std::vector<SeenTag> fitted = Fitted(*search);
-    const std::vector<bool> is_wrong = ContradictNeighbours(fitted, layout_);
+    std::vector<bool> is_wrong = ContradictNeighbours(fitted, layout_);
+    std::vector<double> residual_ratios;
+    for (const SeenTag& tag : fitted) {
+      residual_ratios.push_back(search->fits[static_cast<size_t>(tag.index)].fit->residual_ratio);
+    }
+    constexpr double kLargeRatio = 0.05;
+    constexpr double kTimesUsual = 3;
+    const double usual_ratio = fitted.empty() ? 0 : Median(residual_ratios);
+    for (size_t i = 0; i < fitted.size(); ++i) {
+      if (residual_ratios[i] > std::max(kLargeRatio, kTimesUsual * usual_ratio)) is_wrong[i] = true;
+    }
     std::vector<SeenTag> right;
     for (size_t i = 0; i < fitted.size(); ++i) {
       if (!is_wrong[i]) right.push_back(fitted[i]);
@@ -623,9 +644,10 @@ class GridSearch {
           for (const EdgePoint& point : points) {
             distances_px.push_back(std::abs(point.off_px - line[0] - (line[1] - line[0]) * point.along));
           }
-          std::nth_element(distances_px.begin(), distances_px.begin() + 5, distances_px.end());
-          if (distances_px[5] >= least_px) continue;
-          least_px = distances_px[5];
+          const auto half = distances_px.begin() + static_cast<std::ptrdiff_t>(points.size() / 2 + 1);
+          std::nth_element(distances_px.begin(), half, distances_px.end());
+          if (*half >= least_px) continue;
+          least_px = *half;
           best = line;
         }
       }

@@ -95,6 +95,37 @@ double NormalisedError(const Target& target, const Camera& camera, const Rigid3d
   return std::sqrt(MahalanobisSquare(error_px, detection.covariances_px2[index]) / 8);
 }
 
+// Takes 70 % of the light from the right half of an image; the edge of the shadow is 8 px wide.
+cv::Mat Shadowed(cv::Mat grey) {
+  for (int y = 0; y < grey.rows; ++y) {
+    for (int x = 0; x < grey.cols; ++x) {
+      const double light = 1 - 0.35 * (1 + std::tanh((x - 0.5 * grey.cols) / 4));
+      grey.at<uchar>(y, x) = cv::saturate_cast<uchar>(light * grey.at<uchar>(y, x));
+    }
+  }
+  return grey;
+}
+
+// libapriltag does not find the tags that the edge of a shadow crosses: they are read where the others predict them.
+TEST(AprilTagGrid, ReadsTagsAcrossTheEdgeOfAShadow) {
+  for (const std::string family : {"tag36h11, corner_squares: false", "tagStandard41h12, tag_spacing: 2"}) {
+    const std::unique_ptr<Target> target = MakeGrid(family, 3, 4, "");
+    Rng rng(31);
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    constexpr int kNumViews = 4;
+    size_t num_tags = 0;
+    for (int view = 0; view < kNumViews; ++view) {
+      options.seed = static_cast<uint64_t>(view);
+      const Rigid3d pose = RandomView(target->Draw(), 0.7, 0.6, 1, rng);
+      const Detection detection = target->Detect(Shadowed(RenderView(target->Draw(), ImageCamera(), pose, options)));
+      num_tags += TagsOf(detection).size();
+      EXPECT_LT(ErrorsOf(*target, ImageCamera(), pose, detection).max_px, 2) << family << ", view " << view;
+    }
+    EXPECT_GE(num_tags, kNumViews * 12 - 2) << family;
+  }
+}
+
 // A lens with f = 600 px bends the edges of a tag whose corner square is cut off by the side of the image, so the
 // corners of libapriltag are off by 5 to 32 px. The tags around it either predict its corners, from which it is
 // fitted, or show that it is not where it was detected.
