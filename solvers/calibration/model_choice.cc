@@ -420,7 +420,8 @@ std::optional<size_t> MostLikelyEffects(
 
 std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
                                                         const BundleOptions& options) {
-  constexpr RobotNoise kStart = {1e-4, 1e-3};  // Of an exact robot.
+  // The search starts from this noise if the solution has none.
+  constexpr RobotNoise kStart = {1e-4, 1e-3};
   const Problem inliers = WithoutRejected(problem, solution);
   const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
   const std::optional<std::vector<LinearisedView>> each =

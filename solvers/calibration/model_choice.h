@@ -109,9 +109,8 @@ std::optional<size_t> MostLikelyEffects(
 
 // Returns the smooth errors (heba/data/smooth_errors.h) whose lengths explain the problem best: those of the largest
 // restricted likelihood, linearised at `solution`, which has no effects, searched by factors of two. If it has no robot
-// noise either, they are compared with an exact robot.
-// The standard deviations of the groups are those that belong to the lengths. Returns nothing if a point cannot be
-// projected.
+// noise either, they are compared with an exact robot. The standard deviations of the groups are those that belong to
+// the lengths. Returns nothing if a point cannot be projected.
 std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
                                                         const BundleOptions& options);
 

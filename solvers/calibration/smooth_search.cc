@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include <glog/logging.h>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/units.h"

@@ -44,7 +44,7 @@ bool AreLikely(const FoundSmoothErrors& found);
 // Returns the probability of a gain at least as large if the robot has no smooth errors (an upper bound).
 double PValueWithout(const FoundSmoothErrors& found);
 
-// What the finding `smooth_errors` states.
+// The finding `smooth_errors` states these figures.
 struct SmoothErrorsFigures {
   RobotNoise smooth;  // Standard deviations of the smooth errors.
   SmoothLengths lengths;

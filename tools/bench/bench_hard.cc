@@ -137,7 +137,7 @@ struct Counts {
   int wrong = 0;
   int num_images = 0;
   int num_points = 0;
-  double sum_px2 = 0;  // Of the distances of the right points, both coordinates.
+  double sum_px2 = 0;  // The sum over the right points of their squared distances from the truth.
 };
 
 constexpr double kWrongPx = 3;

@@ -147,10 +147,10 @@ std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset*
   const BundleOptions& bundle = calibration->bundle;
   const bool is_free = bundle.robot == BundleOptions::Robot::kEstimatedNoise || options->choose.robot_noise;
   if (run.smooth == SmoothPoseErrors::kNone || !is_free || bundle.robot_noise_prior) return std::nullopt;
-  const Calibration before = *calibration;
   const std::optional<FoundSmoothErrors> found = MostLikelySmoothErrors(
       {calibration->camera, calibration->views, options->setup, options->shape}, *calibration->refined, bundle);
   if (!found || (run.smooth == SmoothPoseErrors::kAuto && !AreLikely(*found))) return std::nullopt;
+  const Calibration before = *calibration;
   const SmoothErrors& errors = found->errors;
   CalibrationOptions with_errors = *options;
   // The target's scale and the size of the arm are nearly one.
