@@ -1,7 +1,9 @@
 #include "solvers/calibration/smooth_search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "heba/base/distributions.h"
@@ -113,6 +115,89 @@ SmoothSearch Thinned(const SmoothSearch& search) {
   return thinned;
 }
 
+// The search for the lengths of the largest likelihood. Lengths are stated in octaves from the first ones.
+class LengthSearch {
+ public:
+  explicit LengthSearch(const SmoothSearch& search) : search_(search), best_(search.poses, {}) {
+    best_log_likelihood_ = LikelihoodWith(search_, &best_);
+    log_likelihoods_[octaves_] = best_log_likelihood_;
+  }
+
+  const SmoothErrors& best() const { return best_; }
+  double best_log_likelihood() const { return best_log_likelihood_; }
+
+  // Steps of an octave in one length at a time, as long as the likelihood grows.
+  void Descend() {
+    constexpr int kMostRounds = 4;
+    bool has_improved = true;
+    for (int round = 0; round < kMostRounds && has_improved; ++round) {
+      has_improved = false;
+      for (const size_t which : {kRotation, kTranslation}) {
+        has_improved |= TryStep(which, 1.0) || TryStep(which, -1.0);
+      }
+    }
+  }
+
+  // Goes to the top of the parabolas through the likelihoods beside the best lengths: lengths that change by an octave
+  // where a single capture is added would change the estimate by more than this capture can.
+  void Interpolate() {
+    const Octaves centre = octaves_;
+    Octaves top = centre;
+    for (const size_t which : {kRotation, kTranslation}) top[which] += OffsetOfTop(centre, which);
+    if (top != centre) Try(top);
+  }
+
+ private:
+  using Octaves = std::array<double, 2>;
+  static constexpr size_t kRotation = 0;
+  static constexpr size_t kTranslation = 1;
+
+  bool TryStep(size_t which, double step) {
+    Octaves octaves = octaves_;
+    octaves[which] += step;
+    return Try(octaves);
+  }
+
+  // Returns whether these lengths are more likely than the best ones, which they become.
+  bool Try(const Octaves& octaves) {
+    if (log_likelihoods_.count(octaves) > 0) return false;
+    SmoothLengths lengths;
+    lengths.rotation_rad *= std::exp2(octaves[kRotation]);
+    lengths.translation_m *= std::exp2(octaves[kTranslation]);
+    if (!IsWithinLimits(lengths)) return false;
+    SmoothErrors other(search_.poses, lengths);
+    const double log_likelihood = LikelihoodWith(search_, &other);
+    log_likelihoods_[octaves] = log_likelihood;
+    if (!(log_likelihood > best_log_likelihood_)) return false;
+    best_log_likelihood_ = log_likelihood;
+    best_ = std::move(other);
+    octaves_ = octaves;
+    return true;
+  }
+
+  // Returns where the parabola through three neighbouring likelihoods has its top, within half an octave; 0 if one of
+  // them is beyond the limits or has not been computed.
+  double OffsetOfTop(const Octaves& centre, size_t which) const {
+    std::array<double, 3> values{};
+    for (size_t k = 0; k < 3; ++k) {
+      Octaves octaves = centre;
+      octaves[which] += static_cast<double>(k) - 1;
+      const auto found = log_likelihoods_.find(octaves);
+      if (found == log_likelihoods_.end()) return 0;
+      values[k] = found->second;
+    }
+    const double curvature = values[0] - 2 * values[1] + values[2];
+    if (!(curvature < 0)) return 0;
+    return std::clamp((values[0] - values[2]) / (2 * curvature), -0.5, 0.5);
+  }
+
+  const SmoothSearch& search_;
+  Octaves octaves_{};
+  std::map<Octaves, double> log_likelihoods_;
+  SmoothErrors best_;
+  double best_log_likelihood_ = 0;
+};
+
 }  // namespace
 
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
@@ -124,29 +209,10 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.is_free = false;
   }
   const double log_likelihood_without = LikelihoodOf(search.views, search.unit_px, &without);
-  SmoothErrors best(search.poses, {});
-  double best_log_likelihood = LikelihoodWith(search, &best);
-  constexpr double kFactor = 2;
-  constexpr int kMostRounds = 4;
-  bool has_improved = true;
-  for (int round = 0; round < kMostRounds && has_improved; ++round) {
-    has_improved = false;
-    for (double SmoothLengths::*const length : {&SmoothLengths::rotation_rad, &SmoothLengths::translation_m}) {
-      for (const double factor : {kFactor, 1 / kFactor}) {
-        SmoothLengths lengths = best.lengths();
-        lengths.*length *= factor;
-        if (!IsWithinLimits(lengths)) continue;
-        SmoothErrors other(search.poses, lengths);
-        const double log_likelihood = LikelihoodWith(search, &other);
-        if (!(log_likelihood > best_log_likelihood)) continue;
-        best_log_likelihood = log_likelihood;
-        best = std::move(other);
-        has_improved = true;
-        break;
-      }
-    }
-  }
-  FoundSmoothErrors found{std::move(best), best_log_likelihood - log_likelihood_without};
+  LengthSearch lengths(search);
+  lengths.Descend();
+  lengths.Interpolate();
+  FoundSmoothErrors found{lengths.best(), lengths.best_log_likelihood() - log_likelihood_without};
   if (search.is_exact_without) return found;
   found.odds_of_white = std::exp(log_likelihood_without - LikelihoodOfHalf(search, without, found.errors));
   return found;

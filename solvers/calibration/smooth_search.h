@@ -32,7 +32,8 @@ struct FoundSmoothErrors {
 };
 
 // Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found
-// by descent over factors of two. If there are more than 250 poses, as many of them are used, and the gain is theirs.
+// by descent over factors of two and a parabola at the best of them. If there are more than 250 poses, as many of them
+// are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 // Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model
