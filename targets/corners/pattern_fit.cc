@@ -85,7 +85,7 @@ class Fitter {
     pattern_from_unit.topRightCorner<2, 1>() = centre_m_;
     const Eigen::Matrix3d image_from_unit = start * pattern_from_unit;
     map_ = StartMap(image_from_unit, FormOf(options.freedom), LensPx(grey));
-    sought_ = SoughtParams(map_.form);
+    sought_ = SoughtParams(map_.form, false);
     if (map_.form == MapForm::kQuadratic) ExpectSquares(options);
     is_usable_ = CollectPixels(grey, image_from_unit) && StartLevels();
   }
@@ -110,7 +110,7 @@ class Fitter {
   bool Solve() {
     constexpr SmallStep kRough = {0.02, 1};
     constexpr double kLeastSquares = std::numeric_limits<double>::infinity();
-    const std::optional<PatternSums> start = rows_.Sum(map_, params_, kLeastSquares, false);
+    const std::optional<PatternSums> start = rows_.Sum(map_, params_, kLeastSquares, {});
     if (!start) return false;
     noise_grey_ = std::sqrt(2 * start->cost / Dof());
     if (!Descend(EquationsOf(*start), kLeastSquares, kRough)) return false;
@@ -120,8 +120,7 @@ class Fitter {
     // unknown.
     noise_grey_ = std::max({kMinNoiseGrey, NoiseOf(result_.residuals), MeanNoiseOf(result_.at_edges)});
     const double huber_grey = kHuber * noise_grey_;
-    std::optional<Equations> here =
-        map_.form == MapForm::kLens ? LineariseOrAddPolynomial(huber_grey) : Linearise(huber_grey);
+    std::optional<Equations> here = FreeWhatIsRequired(huber_grey);
     constexpr SmallStep kFine = {2e-3, 0.1};
     return here && Descend(std::move(*here), huber_grey, kFine);
   }
@@ -219,32 +218,47 @@ class Fitter {
     equations->normal(blur, blur) = 1;
   }
 
-  // Replaces perspective and lens by squares and cubes, and linearises, if the grey values require them: if the cost
-  // would decrease by more than chance allows (2 sigma of the chi-square distribution of the added parameters).
-  std::optional<Equations> LineariseOrAddPolynomial(double huber_grey) {
-    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, true);
+  // Frees the stretch of the blur, and replaces perspective and lens by squares and cubes, and linearises. Each is done
+  // if the grey values require it: if the cost would decrease by more than chance allows (2 sigma of the chi-square
+  // distribution of the added parameters).
+  std::optional<Equations> FreeWhatIsRequired(double huber_grey) {
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, {is_stretch_free_, true});
     if (!sums) return std::nullopt;
     const Eigen::Index num_sought = NumSought();
+    const Eigen::Index num_columns = sums->products.cols();
     Equations narrow = EquationsOf(*sums);
-    // The columns without perspective and lens, but with the polynomial.
-    std::vector<Eigen::Index> wide;
-    for (Eigen::Index k = 0; k < sums->products.cols(); ++k) {
-      if (k != num_sought && !(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
+    std::vector<Eigen::Index> columns;
+    for (Eigen::Index k = 0; k < num_sought; ++k) columns.push_back(k);
+    double fall = MahalanobisSquare(narrow.gradient, narrow.normal);
+    // Returns whether other columns are required, which then become those of the next question.
+    const auto are_required = [&](const std::vector<Eigen::Index>& wide) {
+      const Eigen::MatrixXd normal = sums->products(wide, wide);
+      const double wide_fall = MahalanobisSquare(sums->products(wide, num_sought), normal);
+      const double variance = std::max(2 * narrow.cost - wide_fall, 0.0) / Dof();
+      const auto num_added = static_cast<double>(wide.size()) - static_cast<double>(columns.size());
+      if (!(wide_fall - fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added)))) return false;
+      fall = wide_fall;
+      columns = wide;
+      return true;
+    };
+    std::vector<Eigen::Index> wide = columns;
+    wide.insert(wide.end(), {num_columns - 2, num_columns - 1});
+    is_stretch_free_ = are_required(wide);
+    if (map_.form == MapForm::kLens) {
+      wide.clear();
+      for (const Eigen::Index k : columns) {
+        if (!(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
+      }
+      for (Eigen::Index k = 0; k < 2 * PatternMap::kNumPolynomial; ++k) wide.push_back(num_sought + 1 + k);
+      if (are_required(wide)) map_.form = MapForm::kPolynomial;
     }
-    const Eigen::MatrixXd normal = sums->products(wide, wide);
-    const Eigen::VectorXd gradient = sums->products(wide, num_sought);
-    const double narrow_fall = MahalanobisSquare(narrow.gradient, narrow.normal);
-    const double wide_fall = MahalanobisSquare(gradient, normal);
-    const double variance = std::max(2 * narrow.cost - wide_fall, 0.0) / Dof();
-    const auto num_added = static_cast<double>(normal.cols() - num_sought);
-    if (!(wide_fall - narrow_fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added)))) return narrow;
-    map_.form = MapForm::kPolynomial;
-    sought_ = SoughtParams(map_.form);
+    if (static_cast<Eigen::Index>(columns.size()) == num_sought) return narrow;
+    sought_ = SoughtParams(map_.form, is_stretch_free_);
     return Linearise(huber_grey);
   }
 
   std::optional<Equations> Linearise(double huber_grey) {
-    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, false);
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, {is_stretch_free_, false});
     if (!sums) return std::nullopt;
     return EquationsOf(*sums);
   }
@@ -254,8 +268,8 @@ class Fitter {
     Equations equations{
         params_,      sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals,
         sums.at_edges};
-    const auto expect = [&](Eigen::Index first, Eigen::Index end, double sigma_px) {
-      const double weight = std::pow(noise_grey_ / sigma_px, 2);
+    const auto expect = [&](Eigen::Index first, Eigen::Index end, double sigma) {
+      const double weight = std::pow(noise_grey_ / sigma, 2);
       for (Eigen::Index k = first; k < end; ++k) {
         const int param = sought_[static_cast<size_t>(k)];
         const double term = params_[param] - expected_[param];
@@ -277,6 +291,7 @@ class Fitter {
     if (map_.form == MapForm::kQuadratic) {
       expect(PatternMap::kNumAffine, PatternMap::kNumAffine + 2 * PatternMap::kNumSquares, squares_sigma_px_);
     }
+    if (is_stretch_free_) expect(n - 2, n, 1);
     return equations;
   }
 
@@ -399,7 +414,7 @@ class Fitter {
     }
     params_[kBlack] = 0;
     params_[kWhite] = 1;
-    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, std::numeric_limits<double>::infinity(), false);
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, std::numeric_limits<double>::infinity(), {});
     if (!sums) return false;
     const Eigen::Index residual = NumSought();
     const Eigen::Index black = std::find(sought_.begin(), sought_.end(), kBlack) - sought_.begin();
@@ -409,8 +424,10 @@ class Fitter {
   }
 
   bool IsPossible() const {
+    constexpr double kMostStretch = 0.97;
     return params_.allFinite() && params_[kBlur] < 20 && params_[kWhite] > params_[kBlack] &&
-           params_.tail<kNumPatternParams - kLight>().cwiseAbs().maxCoeff() < 1;
+           params_.segment<kStretch - kLight>(kLight).cwiseAbs().maxCoeff() < 1 &&
+           params_.segment<2>(kStretch).norm() < kMostStretch;
   }
 
   // Returns sigma as estimated from the mean absolute residual at edges.
@@ -440,6 +457,7 @@ class Fitter {
   Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
   Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
   std::vector<int> sought_;
+  bool is_stretch_free_ = false;
   PatternParams expected_ = PatternParams::Zero();  // Expected values of the terms that have an expectation.
   double squares_sigma_px_ = 0;
   PatternParams params_ = PatternParams::Zero();

@@ -22,18 +22,20 @@ constexpr double kSupportRadius = 4.0;
 constexpr double kMaxMovePx = 0.5;
 
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
-constexpr int kNumLight = kNumPatternParams - kLight;
+constexpr int kNumLight = kStretch - kLight;
 
 bool IsLightBent(MapForm form) { return form == MapForm::kLens || form == MapForm::kPolynomial; }
 
-// The blurred albedo of the pattern and its derivatives: by x and y in standard deviations, and by the logarithm of
-// the blur.
+// The blurred albedo of the pattern and its first and second derivatives by x and y in standard deviations. The second
+// ones are those by the blur's covariance: a Gaussian mean obeys the equation of heat.
 template <class V>
 struct BlurredLanes {
   V value;
   V by_a;
   V by_b;
-  V by_scale;
+  V by_aa;
+  V by_ab;
+  V by_bb;
 };
 
 // The lines along one axis within support_radius: their distances from the pixels in standard deviations, and the
@@ -51,12 +53,14 @@ struct NormalPair {
   V cdf;
   V by_a;
   V by_b;
+  V by_ab;
 };
 
 // Adds the contributions of all pairs of lines; `at_pair(j, i)` returns the NormalPair of lines j and i.
 template <class V, class AtPair>
 HEBA_INLINE void AddTwists(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
-                           const SeenLines<V>& y, const AtPair& at_pair, BlurredLanes<V>* result) {
+                           const SeenLines<V>& y, const V& correlation, const AtPair& at_pair,
+                           BlurredLanes<V>* result) {
   constexpr int kLanes = kLanesIn<V>;
   for (int j = 0; j < num_y; ++j) {
     for (int i = 0; i < num_x; ++i) {
@@ -68,7 +72,10 @@ HEBA_INLINE void AddTwists(const double* cross_differences, int num_x, int num_y
       result->value += cross_difference * pair.cdf;
       result->by_a += slope_a;
       result->by_b += slope_b;
-      result->by_scale -= slope_a * x.at[i] + slope_b * y.at[j];
+      const V twist = cross_difference * pair.by_ab;
+      result->by_aa -= slope_a * x.at[i] + correlation * twist;
+      result->by_ab += twist;
+      result->by_bb -= slope_b * y.at[j] + correlation * twist;
     }
   }
 }
@@ -90,10 +97,12 @@ HEBA_INLINE void AddTwistsBySeries(const double* cross_differences, int num_x, i
     V sum = AllLanes<V>(0);
     V sum_a = sum;
     V sum_b = sum;
+    V sum_ab = last_a;
     for (int k = 1; k <= kTerms; ++k) {
       sum += power * last_a * last_b;
       sum_a += power * here_a * last_b;
       sum_b += power * last_a * here_b;
+      sum_ab += power * here_a * here_b;
       const V next_a = a * here_a - static_cast<double>(k) * last_a;
       const V next_b = b * here_b - static_cast<double>(k) * last_b;
       last_a = here_a;
@@ -104,9 +113,9 @@ HEBA_INLINE void AddTwistsBySeries(const double* cross_differences, int num_x, i
     }
     const V densities = x.density[i] * y.density[j];
     return {x.cdf[i] * y.cdf[j] + densities * sum, x.density[i] * y.cdf[j] - densities * sum_a,
-            y.density[j] * x.cdf[i] - densities * sum_b};
+            y.density[j] * x.cdf[i] - densities * sum_b, densities * sum_ab};
   };
-  AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
+  AddTwists(cross_differences, num_x, num_y, x, y, correlation, at_pair, result);
 }
 
 // Adds the pairs of lines for any correlation: the product of the univariate distribution functions plus an integral
@@ -139,10 +148,12 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* cross_differences, int num_
     for (int n = 0; n < kNumNodes; ++n) {
       sum += kWeights[n] * ExpLanes<V>((squares - 2.0 * a * b * sines[n]) * scales[n]);
     }
-    return {x.cdf[i] * y.cdf[j] + sum * scale, x.density[i] * NormalOf<V>((b - correlation * a) * inverse_rest).cdf,
-            y.density[j] * NormalOf<V>((a - correlation * b) * inverse_rest).cdf};
+    const NormalLanes<V> of_b = NormalOf<V>((b - correlation * a) * inverse_rest);
+    return {x.cdf[i] * y.cdf[j] + sum * scale, x.density[i] * of_b.cdf,
+            y.density[j] * NormalOf<V>((a - correlation * b) * inverse_rest).cdf,
+            x.density[i] * of_b.density * inverse_rest};
   };
-  AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
+  AddTwists(cross_differences, num_x, num_y, x, y, correlation, at_pair, result);
 }
 
 // Computes the blurred albedo at a point. `numbers` were written by UnitCells::Write for each lane; `inverse_x` is 1
@@ -152,12 +163,12 @@ HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, co
                                  const V& inverse_x, const V& inverse_y, const V& correlation) {
   constexpr int kLanes = kLanesIn<V>;
   const V none = AllLanes<V>(0);
-  BlurredLanes<V> result{LoadLanes<V>(numbers), none, none, none};
+  BlurredLanes<V> result{LoadLanes<V>(numbers), none, none, none, none, none};
   // These are not initialised to 0, since this is called for every pixel.
   SeenLines<V> x_lines;
   SeenLines<V> y_lines;
   const double* next = numbers + 5 * kLanes;
-  const auto look = [&](int size, const V& at, const V& inverse_sigma, SeenLines<V>* lines, V* by_at)
+  const auto look = [&](int size, const V& at, const V& inverse_sigma, SeenLines<V>* lines, V* by_at, V* by_at_at)
       __attribute__((always_inline)) {
     for (int k = 0; k < size; ++k, next += 2 * kLanes) {
       const V a = (at - LoadLanes<V>(next)) * inverse_sigma;
@@ -169,11 +180,11 @@ HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, co
       const V slope = step * normal.density;
       result.value += step * normal.cdf;
       *by_at += slope;
-      result.by_scale -= slope * a;
+      *by_at_at -= slope * a;
     }
   };
-  look(num_x, x, inverse_x, &x_lines, &result.by_a);
-  look(num_y, y, inverse_y, &y_lines, &result.by_b);
+  look(num_x, x, inverse_x, &x_lines, &result.by_a, &result.by_aa);
+  look(num_y, y, inverse_y, &y_lines, &result.by_b, &result.by_bb);
   if (num_x == 0 || num_y == 0) return result;
   const double largest = LargestLane(AbsLanes(correlation));
   // The errors of the two series are at most 2e-7 and 4e-7.
@@ -213,35 +224,47 @@ HEBA_INLINE bool Invert(const PatternMap& map, const double* terms, const V& u, 
   return false;
 }
 
-// The blur along the pattern's axes at a point, and the derivatives that determine its correlation.
+// The pattern's unit coordinates by pixels at a point.
 template <class V>
-struct UnitBlur {
-  V x_by_u;  // Unit coordinates by pixels.
+struct UnitByPixel {
+  V x_by_u;
   V x_by_v;
   V y_by_u;
   V y_by_v;
-  V sigma_x;
-  V sigma_y;
 };
 template <class V>
-HEBA_INLINE UnitBlur<V> BlurThere(const MappedPoint<V>& point, double blur_px) {
+HEBA_INLINE UnitByPixel<V> InverseOf(const MappedPoint<V>& point) {
   const V inverse = 1.0 / Determinant(point);
-  UnitBlur<V> blur;
-  blur.x_by_u = point.v_by_y * inverse;
-  blur.x_by_v = -point.u_by_y * inverse;
-  blur.y_by_u = -point.v_by_x * inverse;
-  blur.y_by_v = point.u_by_x * inverse;
-  blur.sigma_x = blur_px * SqrtLanes<V>(blur.x_by_u * blur.x_by_u + blur.x_by_v * blur.x_by_v);
-  blur.sigma_y = blur_px * SqrtLanes<V>(blur.y_by_u * blur.y_by_u + blur.y_by_v * blur.y_by_v);
-  return blur;
+  return {point.v_by_y * inverse, -point.u_by_y * inverse, -point.v_by_x * inverse, point.u_by_x * inverse};
+}
+
+// The covariance in unit coordinates of a Gaussian that has the covariance (uu, uv; uv, vv) in pixels.
+template <class V>
+struct UnitCovariance {
+  V xx;
+  V xy;
+  V yy;
+};
+template <class V>
+HEBA_INLINE UnitCovariance<V> InUnits(const UnitByPixel<V>& by_px, double uu, double uv, double vv) {
+  const V x_along_u = uu * by_px.x_by_u + uv * by_px.x_by_v;
+  const V x_along_v = uv * by_px.x_by_u + vv * by_px.x_by_v;
+  return {x_along_u * by_px.x_by_u + x_along_v * by_px.x_by_v, x_along_u * by_px.y_by_u + x_along_v * by_px.y_by_v,
+          by_px.y_by_u * (uu * by_px.y_by_u + 2.0 * uv * by_px.y_by_v) + vv * by_px.y_by_v * by_px.y_by_v};
+}
+
+// Returns the largest standard deviation of the blur in any direction.
+double LargestBlurPx(const double* params) {
+  return params[kBlur] * std::sqrt(1 + std::hypot(params[kStretch], params[kStretch + 1]));
 }
 
 }  // namespace
 
-std::vector<int> SoughtParams(MapForm form) {
+std::vector<int> SoughtParams(MapForm form, bool is_stretch_free) {
   std::vector<int> params = SoughtTerms(form);
-  const int end = IsLightBent(form) ? kNumPatternParams : static_cast<int>(kLightBend);
+  const int end = IsLightBent(form) ? kStretch : kLightBend;
   for (int k = kBlack; k < end; ++k) params.push_back(k);
+  for (int k = kStretch; is_stretch_free && k < kNumPatternParams; ++k) params.push_back(k);
   return params;
 }
 
@@ -362,7 +385,7 @@ struct PatternTask {
   const PatternMap* map;
   const double* params;
   double huber_grey;
-  bool with_polynomial;
+  PatternColumns columns;
   const double* u;
   const double* v;
   const double* light_x;
@@ -383,7 +406,8 @@ namespace {
 template <int kLanes>
 HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* support_radius_x, double* support_radius_y) {
   using V = Lanes<kLanes>;
-  const double support_radius_px = kSupportRadius * task.params[kBlur] + kMaxMovePx;
+  const double support_radius_px = kSupportRadius * LargestBlurPx(task.params) + kMaxMovePx;
+  const double squared = support_radius_px * support_radius_px;
   for (size_t i = 0; i < size; i += kLanes) {
     V x = LoadLanes<V>(task.from_x + i);
     V y = LoadLanes<V>(task.from_y + i);
@@ -391,11 +415,11 @@ HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* support
     if (!Invert(*task.map, task.params, LoadLanes<V>(task.u + i), LoadLanes<V>(task.v + i), &x, &y, &point)) {
       return false;
     }
-    const UnitBlur<V> support_radius = BlurThere(point, support_radius_px);
+    const UnitCovariance<V> support = InUnits(InverseOf(point), squared, 0, squared);
     StoreLanes(x, task.x + i);
     StoreLanes(y, task.y + i);
-    StoreLanes(support_radius.sigma_x, support_radius_x + i);
-    StoreLanes(support_radius.sigma_y, support_radius_y + i);
+    StoreLanes(SqrtLanes<V>(support.xx), support_radius_x + i);
+    StoreLanes(SqrtLanes<V>(support.yy), support_radius_y + i);
   }
   return true;
 }
@@ -430,12 +454,15 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const MappedPoint<V> there = MapPoint(map, params, half_way(x, 1), half_way(y, 3));
   // The sum is not a number if the map is undefined there.
   if (!(SumOfLanes<V>(1.0 / AbsLanes(Determinant(there))) < 1e12)) return false;
-  const UnitBlur<V> blur = BlurThere(there, params[kBlur]);
-  const V inverse_x = 1.0 / blur.sigma_x;
-  const V inverse_y = 1.0 / blur.sigma_y;
+  const UnitByPixel<V> by_px = InverseOf(there);
+  const double variance_px2 = params[kBlur] * params[kBlur];
+  const double p = params[kStretch];
+  const double q = params[kStretch + 1];
+  const UnitCovariance<V> blur = InUnits(by_px, variance_px2 * (1 + p), variance_px2 * q, variance_px2 * (1 - p));
+  const V inverse_x = 1.0 / SqrtLanes<V>(blur.xx);
+  const V inverse_y = 1.0 / SqrtLanes<V>(blur.yy);
   const V most = AllLanes<V>(0.999);
-  V correlation =
-      (params[kBlur] * params[kBlur]) * (blur.x_by_u * blur.y_by_u + blur.x_by_v * blur.y_by_v) * inverse_x * inverse_y;
+  V correlation = blur.xy * inverse_x * inverse_y;
   correlation = correlation > most ? most : correlation;
   correlation = correlation < -most ? -most : correlation;
   const BlurredLanes<V> albedo = Blur(numbers, num_x, num_y, x, y, inverse_x, inverse_y, correlation);
@@ -462,8 +489,8 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const V by_y = albedo.by_b * inverse_y * scale * root;
   // The pattern moves with the map while the pixel stays: the derivatives have the opposite sign of the image's
   // gradient.
-  const V by_u = -(blur.x_by_u * by_x + blur.y_by_u * by_y);
-  const V by_v = -(blur.x_by_v * by_x + blur.y_by_v * by_y);
+  const V by_u = -(by_px.x_by_u * by_x + by_px.y_by_u * by_y);
+  const V by_v = -(by_px.x_by_v * by_x + by_px.y_by_v * by_y);
   const V edge_weight = by_u * by_u + by_v * by_v;
   const V size = root * AbsLanes(residual);
   at_edges->weights += SumOfLanes<V>(edge_weight);
@@ -482,15 +509,29 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const V root_lit = root * lit;
   add(root_lit * (1.0 - albedo.value));
   add(root_lit * albedo.value);
-  add(root * scale * albedo.by_scale * (1 / params[kBlur]));
+  add(root * scale * (albedo.by_aa + 2.0 * correlation * albedo.by_ab + albedo.by_bb) * (1 / params[kBlur]));
   const V root_level = root * level;
   const int num_light = IsLightBent(map.form) ? kNumLight : kLightBend - kLight;
   for (int k = 0; k < num_light; ++k) add(root_level * light[k]);
+  // Adds the derivative by a parameter of the blur by which its covariance changes like this.
+  const auto add_blur = [&](double uu, double uv, double vv) __attribute__((always_inline)) {
+    const UnitCovariance<V> change = InUnits(by_px, uu, uv, vv);
+    add(root * scale *
+        (0.5 * (albedo.by_aa * inverse_x * inverse_x * change.xx + albedo.by_bb * inverse_y * inverse_y * change.yy) +
+         albedo.by_ab * inverse_x * inverse_y * change.xy));
+  };
+  const auto add_stretch = [&]() __attribute__((always_inline)) {
+    add_blur(variance_px2, 0, -variance_px2);
+    add_blur(0, variance_px2, 0);
+  };
+  if (task.columns.stretch) add_stretch();
   add(root * residual);
-  if (task.with_polynomial) {
+  if (!task.columns.additional) return true;
+  if (map.form == MapForm::kLens) {
     ForEachPower(x, y, true, in_u);
     ForEachPower(x, y, true, in_v);
   }
+  if (!task.columns.stretch) add_stretch();
   return true;
 }
 
@@ -592,11 +633,11 @@ bool PatternRows::FindEdgesWithin(const PatternTask& task) {
 }
 
 std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const PatternParams& params, double huber_grey,
-                                            bool with_polynomial) {
+                                            PatternColumns columns) {
   const PatternTask task = {&map,
                             params.data(),
                             huber_grey,
-                            with_polynomial,
+                            columns,
                             pixels_.u_.data(),
                             pixels_.v_.data(),
                             pixels_.light_x_.data(),
@@ -610,14 +651,17 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
   // The edges found for a larger blur include those of a smaller one.
   constexpr double kMaxGrowth = 1.1;
   constexpr double kMaxShrink = 0.6;
+  const double blur_px = LargestBlurPx(params.data());
+  const double looked_px = looked_ ? LargestBlurPx(looked_->data()) : 0;
   if (!looked_ || !(FarthestPx(map, params, *looked_) <= kMaxMovePx) ||
-      !(params[kBlur] <= kMaxGrowth * (*looked_)[kBlur] && params[kBlur] >= kMaxShrink * (*looked_)[kBlur])) {
+      !(blur_px <= kMaxGrowth * looked_px && blur_px >= kMaxShrink * looked_px)) {
     looked_.reset();
     if (!FindEdgesWithin(task)) return std::nullopt;
     looked_ = params;
   }
-  const int num_columns =
-      static_cast<int>(SoughtParams(map.form).size()) + 1 + (with_polynomial ? 2 * PatternMap::kNumPolynomial : 0);
+  int num_columns = static_cast<int>(SoughtParams(map.form, columns.stretch).size()) + 1;
+  if (columns.additional && map.form == MapForm::kLens) num_columns += 2 * PatternMap::kNumPolynomial;
+  if (columns.additional && !columns.stretch) num_columns += 2;
   const size_t padded = pixels_.u_.size();
   PatternSums sums;
   sums.residuals.resize(padded);
@@ -656,7 +700,8 @@ BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m, c
   const BlurredLanes<double> blurred =
       Blur(numbers.data(), static_cast<int>(window.num_x), static_cast<int>(window.num_y), at_m.x(), at_m.y(),
            1 / sigma_x, 1 / sigma_y, correlation);
-  return {blurred.value, {blurred.by_a / sigma_x, blurred.by_b / sigma_y}, blurred.by_scale / blur_sigma_px};
+  const double by_scale = blurred.by_aa + 2 * correlation * blurred.by_ab + blurred.by_bb;
+  return {blurred.value, {blurred.by_a / sigma_x, blurred.by_b / sigma_y}, by_scale / blur_sigma_px};
 }
 
 }  // namespace heba

@@ -12,14 +12,30 @@
 
 namespace heba {
 
-// The unknowns: the terms of the map, then black, white, blur (px) and the gradient (2) and curvature (3) of the
-// illumination. The curvature is free with kLens and kPolynomial only.
-enum PatternParam { kBlack = PatternMap::kNumTerms, kWhite, kBlur, kLight, kLightBend = kLight + 2 };
-constexpr int kNumPatternParams = kLightBend + 3;
+// The unknowns: the terms of the map, then black, white, blur (px), the gradient (2) and curvature (3) of the
+// illumination, and the stretch (2) of the blur. The curvature is free with kLens and kPolynomial only. The covariance
+// of the blur's Gaussian is blur^2 (1 + p, q; q, 1 - p) for the stretch (p, q), whose length must be below 1: an image
+// that moved during the exposure is blurred more in one direction.
+enum PatternParam {
+  kBlack = PatternMap::kNumTerms,
+  kWhite,
+  kBlur,
+  kLight,
+  kLightBend = kLight + 2,
+  kStretch = kLightBend + 3
+};
+constexpr int kNumPatternParams = kStretch + 2;
 using PatternParams = Eigen::Matrix<double, kNumPatternParams, 1>;
 
 // Returns the free parameters by increasing index.
-std::vector<int> SoughtParams(MapForm form);
+std::vector<int> SoughtParams(MapForm form, bool is_stretch_free);
+
+// Selects the columns of PatternSums::products.
+struct PatternColumns {
+  bool stretch = false;  // Whether the stretch of the blur is free.
+  // Whether the derivatives by what may become free follow: by the polynomial terms (kLens only), then by the stretch.
+  bool additional = false;
+};
 
 // The lines of a pattern in unit coordinates, and the changes of albedo across them.
 class UnitCells {
@@ -103,7 +119,7 @@ struct EdgeResiduals {
 // The sums over all pixels of a linearisation.
 struct PatternSums {
   // Products of all pairs of columns: the derivatives of the residuals by the free parameters, the residuals and, if
-  // requested, the derivatives by the polynomial terms; all weighted.
+  // requested, the additional derivatives; all weighted.
   Eigen::MatrixXd products;
   double cost = 0;                // Half the sum of Huber's rho, squared grey values.
   std::vector<double> residuals;  // Predicted minus observed grey value of each pixel, not weighted.
@@ -131,7 +147,7 @@ class PatternRows {
   // Sums over all pixels. Returns nothing if the map cannot be inverted or the cost is not finite; the inversion
   // starts from the unit coordinates that were last kept. `huber_grey` is the Huber threshold in grey values.
   std::optional<PatternSums> Sum(const PatternMap& map, const PatternParams& params, double huber_grey,
-                                 bool with_polynomial);
+                                 PatternColumns columns);
   // Keeps the unit coordinates of the last map as the start for the next maps, which should be near it.
   void Keep();
 

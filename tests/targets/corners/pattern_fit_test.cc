@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/LU>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
@@ -118,8 +119,8 @@ struct FitTotals {
 };
 
 // Fits rendered views of the corner at the origin, which are tilted and rotated, from initial guesses with errors of
-// up to half a pixel.
-FitTotals FitViews(const RenderOptions& options_in, int num_views, double squares_sigma_px = 0) {
+// up to half a pixel. Each image moves by motion_px (odd) along its rows during the exposure.
+FitTotals FitViews(const RenderOptions& options_in, int num_views, double squares_sigma_px = 0, int motion_px = 1) {
   const Drawing drawing = TestDrawing();
   const Camera camera{"pinhole", 120, 100, {900, 900, 59.5, 49.5}};
   Rng rng(3);
@@ -131,7 +132,8 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
                        {rng.Uniform(-0.001, 0.001), rng.Uniform(-0.001, 0.001), 0.6});
     RenderOptions options = options_in;
     options.seed = static_cast<uint64_t>(i) + 1;
-    const cv::Mat image = RenderView(drawing, camera, pose, options);
+    cv::Mat image = RenderView(drawing, camera, pose, options);
+    cv::blur(image, image, {motion_px, 1});
     Eigen::Matrix3d intrinsics;
     intrinsics << 900, 0, 59.5, 0, 900, 49.5, 0, 0, 1;
     Eigen::Matrix3d plane;
@@ -190,6 +192,13 @@ TEST(FitPatternTest, IsAccurateToThousandthsWithoutNoise) {
   const FitTotals totals = FitViews({}, 40);
   EXPECT_EQ(totals.count, 40);
   EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.003);
+}
+
+// An isotropic blur would move the corner by 0.13 px.
+TEST(FitPatternTest, IsAccurateInImagesThatMoved) {
+  const FitTotals totals = FitViews({}, 40, 0, 7);
+  EXPECT_EQ(totals.count, 40);
+  EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.03);
 }
 
 // Apart from the noise the pixels are black or white; the steps along the edges are the larger error.
