@@ -72,8 +72,8 @@ size_t NumSeen(const RecognisedTarget& recognised, const cv::Mat& image) {
   return num_points < kFewestPoints ? 0 : num_points;
 }
 
-// Returns the proposal of one type of which the most points are found in the image that it comes from; of several with
-// as many, the smallest has the fewest that are not there.
+// Returns the proposal of one type of which the most points are found in the image that it comes from, which it counts;
+// of several with as many, the smallest has the fewest that are not there.
 std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv::Mat& image) {
   std::optional<RecognisedTarget> best;
   size_t most = 0;
@@ -88,7 +88,19 @@ std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv:
     most = num_points;
     best = std::move(proposal);
   }
+  if (most == 0) return std::nullopt;
+  best->num_points = most;
   return best;
+}
+
+// Returns whether one target explains images better than another one.
+bool IsBetter(const RecognisedTarget& a, const RecognisedTarget& b) {
+  // The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
+  constexpr double kOfCodes = 1.1;
+  const auto weight = [](const RecognisedTarget& proposal) {
+    return static_cast<double>(proposal.num_points) * (proposal.target->Codes().size() > 1 ? kOfCodes : 1);
+  };
+  return weight(a) != weight(b) ? weight(a) > weight(b) : a.target->points().size() < b.target->points().size();
 }
 
 }  // namespace
@@ -107,12 +119,20 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     const auto k = static_cast<size_t>(task);
     proposed[k] = BestProposal(kProposers[k % kNumTypes], proposing[k / kNumTypes]);
   });
+  // Only the best proposal of each image is tried in all images: the others are parts of it, or accidents.
   std::vector<RecognisedTarget> proposals;
-  for (std::optional<RecognisedTarget>& one : proposed) {
-    if (!one) continue;
-    const bool is_known = std::any_of(proposals.begin(), proposals.end(),
-                                      [&](const RecognisedTarget& other) { return other.settings == one->settings; });
-    if (!is_known) proposals.push_back(std::move(*one));
+  for (size_t i = 0; i < proposed.size(); i += kNumTypes) {
+    std::optional<RecognisedTarget>* best = nullptr;
+    for (size_t k = i; k < i + kNumTypes; ++k) {
+      if (proposed[k] && (best == nullptr || IsBetter(*proposed[k], **best))) best = &proposed[k];
+    }
+    if (best == nullptr) continue;
+    const bool is_known = std::any_of(proposals.begin(), proposals.end(), [&](const RecognisedTarget& other) {
+      return other.settings == (*best)->settings;
+    });
+    if (is_known) continue;
+    (*best)->num_points = 0;
+    proposals.push_back(std::move(**best));
   }
   std::vector<size_t> num_seen(proposals.size() * images.size());
   ParallelFor(static_cast<int>(num_seen.size()), num_threads, [&](int task) {
@@ -125,14 +145,7 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     proposal.num_images += num_seen[k] > 0 ? 1 : 0;
   }
   std::erase_if(proposals, [](const RecognisedTarget& proposal) { return proposal.num_images == 0; });
-  // The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
-  constexpr double kOfCodes = 1.1;
-  const auto weight = [](const RecognisedTarget& proposal) {
-    return static_cast<double>(proposal.num_points) * (proposal.target->Codes().size() > 1 ? kOfCodes : 1);
-  };
-  std::stable_sort(proposals.begin(), proposals.end(), [&](const RecognisedTarget& a, const RecognisedTarget& b) {
-    return weight(a) != weight(b) ? weight(a) > weight(b) : a.target->points().size() < b.target->points().size();
-  });
+  std::stable_sort(proposals.begin(), proposals.end(), &IsBetter);
   std::vector<RecognisedTarget> best;
   std::set<std::string_view> types;
   for (RecognisedTarget& proposal : proposals) {

@@ -469,6 +469,53 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
 // The largest dot, as a share of the spacing, whose ring leaves the next one quiet.
 constexpr double kLargestShare = 0.3;
 
+namespace {
+
+struct SeenRing {
+  uint32_t code = 0;
+  Ellipse dot;
+};
+
+std::vector<SeenRing> ReadRings(const cv::Mat& grey, const std::vector<FoundEllipse>& dots,
+                                const RingDecoder& decoder) {
+  std::vector<SeenRing> rings;
+  for (const FoundEllipse& dot : dots) {
+    const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
+    if (reading && reading->is_clear) rings.push_back({reading->code, dot.ellipse});
+  }
+  return rings;
+}
+
+// Returns the board whose points have these codes, in this order; nothing if the rings are not on a grid.
+std::optional<TargetSettings> BoardOf(const std::vector<SeenRing>& rings, const std::vector<uint32_t>& codes) {
+  std::vector<SeenNumber> seen;
+  std::vector<double> diameters_px;
+  int last = 0;
+  for (const SeenRing& ring : rings) {
+    const auto found = std::find(codes.begin(), codes.end(), ring.code);
+    if (found == codes.end()) continue;
+    const auto number = static_cast<int>(found - codes.begin());
+    seen.push_back({number, ring.dot.centre_px});
+    diameters_px.push_back(2 * ring.dot.RadiusPx());
+    last = std::max(last, number);
+  }
+  constexpr int kMostColumns = 40;
+  const std::optional<NumberedGrid> grid = FindNumberedGrid(
+      seen, kMostColumns, [](int index, int columns) { return Eigen::Vector2d(index % columns, index / columns); });
+  if (!grid) return std::nullopt;
+  TargetSettings board = RowsAndColumns((last - grid->first) / grid->columns + 1, grid->columns);
+  board.emplace_back("spacing", UnitLength(1, 1));
+  std::vector<double> diameters;  // The dots' diameters, as shares of the spacing.
+  for (size_t i = 0; i < seen.size(); ++i) {
+    diameters.push_back(diameters_px[i] / CellSizePx(grid->pixel_from_cell, seen[i].pixel));
+  }
+  board.emplace_back("dot_diameter", Fixed(std::min(Median(diameters), kLargestShare), 2) + " m");
+  if (grid->first > 0) board.emplace_back("first_id", std::to_string(grid->first));
+  return board;
+}
+
+}  // namespace
+
 std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
   for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
     EllipseFinderOptions finder_options;
@@ -476,37 +523,20 @@ std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
     finder_options.min_diameter_px = 3;
     const std::vector<FoundEllipse> dots = FindEllipses(grey, finder_options);
     for (const int bits : {8, 10, 12, 14}) {
+      // The codes of both orders are read at once.
+      std::vector<uint32_t> codes;
       for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
-        const std::vector<uint32_t> codes = RingCodes(bits, order);
-        const RingDecoder decoder(bits, polarity, codes);
-        std::vector<SeenNumber> seen;
-        std::vector<double> diameters_px;
-        int last = 0;
-        for (const FoundEllipse& dot : dots) {
-          const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
-          if (!reading || !reading->is_clear) continue;
-          const auto number = static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin());
-          seen.push_back({number, dot.ellipse.centre_px});
-          diameters_px.push_back(2 * dot.ellipse.RadiusPx());
-          last = std::max(last, number);
-        }
-        constexpr int kMostColumns = 40;
-        const std::optional<NumberedGrid> grid = FindNumberedGrid(seen, kMostColumns, [](int index, int columns) {
-          return Eigen::Vector2d(index % columns, index / columns);
-        });
-        if (!grid) continue;
-        TargetSettings board = RowsAndColumns((last - grid->first) / grid->columns + 1, grid->columns);
-        board.emplace_back("spacing", UnitLength(1, 1));
-        std::vector<double> diameters;  // The dots' diameters, as shares of the spacing.
-        for (size_t i = 0; i < seen.size(); ++i) {
-          diameters.push_back(diameters_px[i] / CellSizePx(grid->pixel_from_cell, seen[i].pixel));
-        }
-        board.emplace_back("dot_diameter", Fixed(std::min(Median(diameters), kLargestShare), 2) + " m");
-        board.emplace_back("bits", std::to_string(bits));
-        if (order == RingCodeOrder::kValue) board.emplace_back("code_order", "value");
-        if (grid->first > 0) board.emplace_back("first_id", std::to_string(grid->first));
-        if (polarity == DotPolarity::kLightOnDark) board.emplace_back("light_on_dark", "true");
-        return {board};
+        const std::vector<uint32_t> in_order = RingCodes(bits, order);
+        codes.insert(codes.end(), in_order.begin(), in_order.end());
+      }
+      const std::vector<SeenRing> rings = ReadRings(grey, dots, RingDecoder(bits, polarity, codes));
+      for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
+        std::optional<TargetSettings> board = BoardOf(rings, RingCodes(bits, order));
+        if (!board) continue;
+        board->emplace_back("bits", std::to_string(bits));
+        if (order == RingCodeOrder::kValue) board->emplace_back("code_order", "value");
+        if (polarity == DotPolarity::kLightOnDark) board->emplace_back("light_on_dark", "true");
+        return {std::move(*board)};
       }
     }
   }
