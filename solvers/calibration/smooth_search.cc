@@ -120,7 +120,7 @@ class LengthSearch {
  public:
   explicit LengthSearch(const SmoothSearch& search) : search_(search), best_(search.poses, {}) {
     best_log_likelihood_ = LikelihoodWith(search_, &best_);
-    log_likelihoods_[octaves_] = best_log_likelihood_;
+    log_probabilities_[octaves_] = best_log_likelihood_ + LogPriorAt(octaves_);
   }
 
   const SmoothErrors& best() const { return best_; }
@@ -138,13 +138,16 @@ class LengthSearch {
     }
   }
 
-  // Goes to the top of the parabolas through the likelihoods beside the best lengths: lengths that change by an octave
-  // where a single capture is added would change the estimate by more than this capture can.
-  void Interpolate() {
+  // Goes to the mean of the best lengths and of those beside them, weighed by their probabilities: where they are
+  // nearly as likely, the best ones alone would jump by an octave when a capture is added.
+  void GoToMean() {
     const Octaves centre = octaves_;
-    Octaves top = centre;
-    for (const size_t which : {kRotation, kTranslation}) top[which] += OffsetOfTop(centre, which);
-    if (top != centre) Try(top);
+    Octaves mean = centre;
+    for (const size_t which : {kRotation, kTranslation}) mean[which] += OffsetOfMean(centre, which);
+    if (mean == centre) return;
+    best_ = SmoothErrors(search_.poses, LengthsAt(mean));
+    best_log_likelihood_ = LikelihoodWith(search_, &best_);
+    octaves_ = mean;
   }
 
  private:
@@ -158,42 +161,56 @@ class LengthSearch {
     return Try(octaves);
   }
 
-  // Returns whether these lengths are more likely than the best ones, which they become.
-  bool Try(const Octaves& octaves) {
-    if (log_likelihoods_.count(octaves) > 0) return false;
+  static SmoothLengths LengthsAt(const Octaves& octaves) {
     SmoothLengths lengths;
     lengths.rotation_rad *= std::exp2(octaves[kRotation]);
     lengths.translation_m *= std::exp2(octaves[kTranslation]);
+    return lengths;
+  }
+
+  // Returns the logarithm of the prior probability, but for a constant. Lengths of arms scatter by a factor of two.
+  static double LogPriorAt(const Octaves& octaves) {
+    constexpr double kSigmaOctaves = 1;
+    double sum = 0;
+    for (const double octave : octaves) sum -= 0.5 * std::pow(octave / kSigmaOctaves, 2);
+    return sum;
+  }
+
+  // Returns whether these lengths are more probable than the best ones, which they become.
+  bool Try(const Octaves& octaves) {
+    if (log_probabilities_.count(octaves) > 0) return false;
+    const SmoothLengths lengths = LengthsAt(octaves);
     if (!IsWithinLimits(lengths)) return false;
     SmoothErrors other(search_.poses, lengths);
     const double log_likelihood = LikelihoodWith(search_, &other);
-    log_likelihoods_[octaves] = log_likelihood;
-    if (!(log_likelihood > best_log_likelihood_)) return false;
+    const double log_probability = log_likelihood + LogPriorAt(octaves);
+    log_probabilities_[octaves] = log_probability;
+    if (!(log_probability > log_probabilities_.at(octaves_))) return false;
     best_log_likelihood_ = log_likelihood;
     best_ = std::move(other);
     octaves_ = octaves;
     return true;
   }
 
-  // Returns where the parabola through three neighbouring likelihoods has its top, within half an octave; 0 if one of
-  // them is beyond the limits or has not been computed.
-  double OffsetOfTop(const Octaves& centre, size_t which) const {
-    std::array<double, 3> values{};
-    for (size_t k = 0; k < 3; ++k) {
+  // Returns the mean of -1, 0 and 1 octave by their probabilities.
+  double OffsetOfMean(const Octaves& centre, size_t which) const {
+    double sum = 0;
+    double weights = 0;
+    for (const double step : {-1.0, 0.0, 1.0}) {
       Octaves octaves = centre;
-      octaves[which] += static_cast<double>(k) - 1;
-      const auto found = log_likelihoods_.find(octaves);
-      if (found == log_likelihoods_.end()) return 0;
-      values[k] = found->second;
+      octaves[which] += step;
+      const auto found = log_probabilities_.find(octaves);
+      if (found == log_probabilities_.end()) continue;
+      const double weight = std::exp(found->second - log_probabilities_.at(centre));
+      sum += weight * step;
+      weights += weight;
     }
-    const double curvature = values[0] - 2 * values[1] + values[2];
-    if (!(curvature < 0)) return 0;
-    return std::clamp((values[0] - values[2]) / (2 * curvature), -0.5, 0.5);
+    return sum / weights;
   }
 
   const SmoothSearch& search_;
   Octaves octaves_{};
-  std::map<Octaves, double> log_likelihoods_;
+  std::map<Octaves, double> log_probabilities_;
   SmoothErrors best_;
   double best_log_likelihood_ = 0;
 };
@@ -211,7 +228,7 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
   const double log_likelihood_without = LikelihoodOf(search.views, search.unit_px, &without);
   LengthSearch lengths(search);
   lengths.Descend();
-  lengths.Interpolate();
+  lengths.GoToMean();
   FoundSmoothErrors found{lengths.best(), lengths.best_log_likelihood() - log_likelihood_without};
   if (search.is_exact_without) return found;
   found.odds_of_white = std::exp(log_likelihood_without - LikelihoodOfHalf(search, without, found.errors));

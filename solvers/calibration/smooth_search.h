@@ -31,9 +31,9 @@ struct FoundSmoothErrors {
   std::optional<double> odds_of_white = {};
 };
 
-// Returns the smooth errors whose lengths explain the captures best: those of the largest restricted likelihood, found
-// by descent over factors of two and a parabola at the best of them. If there are more than 250 poses, as many of them
-// are used, and the gain is theirs.
+// Returns the smooth errors whose lengths the captures make most probable: the restricted likelihood times a prior by
+// which the lengths of arms scatter by a factor of two, found by descent over factors of two, and then the mean over
+// the lengths beside them. If there are more than 250 poses, as many of them are used, and the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 // Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model

@@ -247,7 +247,8 @@ class Chessboard final : public Target {
         const auto place = static_cast<size_t>(point.id);
         std::optional<MeasuredCorner> corner = measured[place];
         found.num_measured += corner ? 1 : 0;
-        if (!corner) corner = Saddle((*corners)[place], PredictedByNeighbours(measured, point.id));
+        if (!corner)
+          corner = NearEdgeOfLight(grey, (*corners)[place], seen, point, PredictedByNeighbours(measured, point));
         if (corner) Append(point, *corner, &found.detection);
       }
       return found;
@@ -263,47 +264,60 @@ class Chessboard final : public Target {
 
   // The measured corners around a corner say that it is here.
   struct Prediction {
+    Eigen::Matrix3d image_from_board;
     Eigen::Vector2d pixel;
     double side_px;
+
+    // Returns whether a corner is where it may be: the lens bends the lattice by less within five corners.
+    bool IsMet(const Eigen::Vector2d& corner_px) const {
+      constexpr double kMostPx = 1;
+      constexpr double kMostShare = 0.02;
+      return (corner_px - pixel).norm() <= std::max(kMostPx, kMostShare * side_px);
+    }
   };
 
   // Predicts a corner by the homography of the measured ones up to two rows and columns away; nothing if they are few.
   std::optional<Prediction> PredictedByNeighbours(const std::vector<std::optional<MeasuredCorner>>& measured,
-                                                  int id) const {
-    constexpr int kReach = 2;
+                                                  const TargetPoint& point) const {
+    constexpr int kReach = 3;
     constexpr size_t kFewest = 6;
-    const int row = id / columns_;
-    const int column = id % columns_;
-    std::vector<Eigen::Vector2d> places;
+    const int row = point.id / columns_;
+    const int column = point.id % columns_;
+    std::vector<Eigen::Vector2d> places_m;
     std::vector<Eigen::Vector2d> pixels;
     for (int r = std::max(0, row - kReach); r <= std::min(rows_ - 1, row + kReach); ++r) {
       for (int c = std::max(0, column - kReach); c <= std::min(columns_ - 1, column + kReach); ++c) {
-        const std::optional<MeasuredCorner>& other = measured[static_cast<size_t>(r * columns_ + c)];
+        const std::optional<MeasuredCorner>& other = measured[Index(r, c)];
         if (!other) continue;
-        places.emplace_back(c - column, r - row);
+        places_m.emplace_back(points_[Index(r, c)].in_target.head<2>());
         pixels.push_back(other->pixel);
       }
     }
-    if (places.size() < kFewest) return std::nullopt;
-    const std::optional<Eigen::Matrix3d> map = FitHomography(places, pixels);
+    if (places_m.size() < kFewest) return std::nullopt;
+    const std::optional<Eigen::Matrix3d> map = FitHomography(places_m, pixels);
     if (!map) return std::nullopt;
-    const Eigen::Vector2d pixel = ApplyHomography(*map, Eigen::Vector2d::Zero());
-    return Prediction{pixel, (ApplyHomography(*map, Eigen::Vector2d(1, 0)) - pixel).norm()};
+    const Eigen::Vector2d at_m = point.in_target.head<2>();
+    const Eigen::Vector2d pixel = ApplyHomography(*map, at_m);
+    return Prediction{*map, pixel, (ApplyHomography(*map, at_m + Eigen::Vector2d(square_m_, 0)) - pixel).norm()};
   }
 
-  // Returns a corner that is refined as a saddle although the pattern fit fails there, with a sigma that gives it
-  // little weight. Returns nothing if the corners around it contradict it: the edge of a shadow, or a dot, was taken
-  // for it.
-  static std::optional<MeasuredCorner> Saddle(const Eigen::Vector2d& pixel,
-                                              const std::optional<Prediction>& predicted) {
-    constexpr double kSigmaPx = 0.15;
-    constexpr double kMostPx = 1;
-    constexpr double kMostShare = 0.02;  // The lens bends the lattice by less within five corners.
+  // Measures a corner at which the pattern fit fails: near the edge of a shadow, the grey values within a few pixels of
+  // where the corners around it predict it still look as drawn. Otherwise the refined saddle is the corner, with a
+  // sigma that gives it little weight. Returns nothing if the corners around it contradict both: the edge of the
+  // shadow, or a dot, was taken for a corner.
+  std::optional<MeasuredCorner> NearEdgeOfLight(const cv::Mat& grey, const Eigen::Vector2d& saddle_px,
+                                                const Drawing& drawing, const TargetPoint& point,
+                                                const std::optional<Prediction>& predicted) const {
     if (predicted) {
-      const double most_px = std::max(kMostPx, kMostShare * predicted->side_px);
-      if ((pixel - predicted->pixel).norm() > most_px) return std::nullopt;
+      constexpr double kHalfPx = 7;
+      const double half_m = std::min(0.5, kHalfPx / predicted->side_px) * square_m_;
+      const std::optional<MeasuredCorner> corner = MeasureCorner(grey, drawing, point.in_target.head<2>(), half_m,
+                                                                 predicted->image_from_board, predicted->pixel);
+      if (corner && predicted->IsMet(corner->pixel)) return corner;
     }
-    return MeasuredCorner{pixel, kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity()};
+    constexpr double kSigmaPx = 0.15;
+    if (predicted && !predicted->IsMet(saddle_px)) return std::nullopt;
+    return MeasuredCorner{saddle_px, kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity()};
   }
 
   // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then

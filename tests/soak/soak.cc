@@ -44,6 +44,7 @@ DEFINE_int32(subsets, 100, "Number of subsets over all sets");
 DEFINE_int32(seed, 1, "Seed of the subsets");
 DEFINE_bool(spoil, false, "Spoil each subset in one way");
 DEFINE_string(sets, "", "Names of the sets, separated by commas; all if empty");
+DEFINE_string(only, "", "Numbers of the subsets that are run, separated by commas; all if empty");
 DEFINE_bool(list, false, "Print a line for each subset");
 DEFINE_int32(jobs, 2, "Number of subsets at a time");
 DEFINE_int32(most_captures, 40, "The most captures of a subset");
@@ -279,6 +280,10 @@ std::vector<Answer> AnswersOf(const std::vector<std::pair<const Dataset*, RunOpt
   size_t next = 0;
   while (next < runs.size() || !children.empty()) {
     while (next < runs.size() && children.size() < static_cast<size_t>(FLAGS_jobs)) {
+      if (runs[next].first == nullptr) {  // A set of which no subset is run.
+        ++next;
+        continue;
+      }
       children.emplace(next, Start(*runs[next].first, runs[next].second));
       ++next;
     }
@@ -504,12 +509,26 @@ int Soak() {
   }
   for (const fs::path& config : configs) sets.push_back(ReadSet(config));
 
+  std::vector<size_t> chosen(static_cast<size_t>(FLAGS_subsets));
+  std::iota(chosen.begin(), chosen.end(), size_t{0});
+  if (!FLAGS_only.empty()) {
+    chosen.clear();
+    for (const std::string& number : Split(FLAGS_only, ',')) chosen.push_back(std::stoul(number));
+  }
+  // Subsets take turns among the sets.
+  std::vector<bool> is_needed(sets.size(), false);
+  for (const size_t i : chosen) is_needed[i % sets.size()] = true;
+
   // The whole sets. The lens that parts hold is the one that the whole set determines.
   std::vector<std::pair<const Dataset*, RunOptions>> whole_runs;
   std::vector<Dataset> held(sets.size());
   for (size_t s = 0; s < sets.size(); ++s) {
     held[s] = sets[s].data;
     if (!FLAGS_statistics) continue;
+    if (!is_needed[s]) {
+      whole_runs.resize(whole_runs.size() + kFixed.size());
+      continue;
+    }
     const Outcome<RunOutput> output = Run(sets[s].data, sets[s].options);
     if (output) {
       sets[s].data.camera.reset();
@@ -536,12 +555,13 @@ int Soak() {
     if (!held[subset.set].camera && kFixed[subset.fixed].lens) subset.fixed = kFixed[subset.fixed].shape ? 2 : 0;
   }
   std::vector<std::pair<const Dataset*, RunOptions>> runs;
-  for (const Subset& subset : subsets) {
-    runs.emplace_back(&subset.data, OptionsOf(sets[subset.set], kFixed[subset.fixed]));
+  for (const size_t i : chosen) {
+    runs.emplace_back(&subsets.at(i).data, OptionsOf(sets[subsets[i].set], kFixed[subsets[i].fixed]));
   }
   const Answer unknown;
   std::vector<Counts> of_set(sets.size());
-  AnswersOf(runs, [&](size_t i, const Answer& answer) {
+  AnswersOf(runs, [&](size_t k, const Answer& answer) {
+    const size_t i = chosen[k];
     const Subset& subset = subsets[i];
     const Answer& all = whole.empty() ? unknown : whole[subset.set * kFixed.size() + subset.fixed];
     Counts& counts = of_set[subset.set];
