@@ -120,7 +120,8 @@ class Fitter {
     // unknown.
     noise_grey_ = std::max({kMinNoiseGrey, NoiseOf(result_.residuals), MeanNoiseOf(result_.at_edges)});
     const double huber_grey = kHuber * noise_grey_;
-    std::optional<Equations> here = FreeWhatIsRequired(huber_grey);
+    std::optional<Equations> here =
+        map_.form == MapForm::kLens ? FreeWhatIsRequired(huber_grey) : Linearise(huber_grey);
     constexpr SmallStep kFine = {2e-3, 0.1};
     return here && Descend(std::move(*here), huber_grey, kFine);
   }
@@ -244,14 +245,12 @@ class Fitter {
     std::vector<Eigen::Index> wide = columns;
     wide.insert(wide.end(), {num_columns - 2, num_columns - 1});
     is_stretch_free_ = are_required(wide);
-    if (map_.form == MapForm::kLens) {
-      wide.clear();
-      for (const Eigen::Index k : columns) {
-        if (!(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
-      }
-      for (Eigen::Index k = 0; k < 2 * PatternMap::kNumPolynomial; ++k) wide.push_back(num_sought + 1 + k);
-      if (are_required(wide)) map_.form = MapForm::kPolynomial;
+    wide.clear();
+    for (const Eigen::Index k : columns) {
+      if (!(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
     }
+    for (Eigen::Index k = 0; k < 2 * PatternMap::kNumPolynomial; ++k) wide.push_back(num_sought + 1 + k);
+    if (are_required(wide)) map_.form = MapForm::kPolynomial;
     if (static_cast<Eigen::Index>(columns.size()) == num_sought) return narrow;
     sought_ = SoughtParams(map_.form, is_stretch_free_);
     return Linearise(huber_grey);

@@ -527,10 +527,8 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   if (task.columns.stretch) add_stretch();
   add(root * residual);
   if (!task.columns.additional) return true;
-  if (map.form == MapForm::kLens) {
-    ForEachPower(x, y, true, in_u);
-    ForEachPower(x, y, true, in_v);
-  }
+  ForEachPower(x, y, true, in_u);
+  ForEachPower(x, y, true, in_v);
   if (!task.columns.stretch) add_stretch();
   return true;
 }
@@ -659,8 +657,9 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
     if (!FindEdgesWithin(task)) return std::nullopt;
     looked_ = params;
   }
+  CHECK(!columns.additional || map.form == MapForm::kLens);
   int num_columns = static_cast<int>(SoughtParams(map.form, columns.stretch).size()) + 1;
-  if (columns.additional && map.form == MapForm::kLens) num_columns += 2 * PatternMap::kNumPolynomial;
+  if (columns.additional) num_columns += 2 * PatternMap::kNumPolynomial;
   if (columns.additional && !columns.stretch) num_columns += 2;
   const size_t padded = pixels_.u_.size();
   PatternSums sums;

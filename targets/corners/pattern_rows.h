@@ -33,7 +33,7 @@ std::vector<int> SoughtParams(MapForm form, bool is_stretch_free);
 // Selects the columns of PatternSums::products.
 struct PatternColumns {
   bool stretch = false;  // Whether the stretch of the blur is free.
-  // Whether the derivatives by what may become free follow: by the polynomial terms (kLens only), then by the stretch.
+  // Whether the derivatives by the polynomial terms and, if it is not free, by the stretch follow. For kLens only.
   bool additional = false;
 };
 

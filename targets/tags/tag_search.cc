@@ -449,24 +449,30 @@ class GridSearch {
     }
   }
 
-  // Adds the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps its detected corners
-  // unless the tags around it or its edges contradict them. Returns how many tags were left out.
+  // Adds the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps those of its detected
+  // corners that neither the tags around it nor its edges contradict. Returns how many tags were left out.
   int MeasureAll(const cv::Mat& grey, const Search& search, Detection* detection) const {
     const std::vector<SeenTag> fitted = Fitted(search);
     int num_dropped = 0;
     for (const SeenTag& tag : search.board.tags) {
       const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
-      const std::optional<double> sigma_px = fit ? 0.0 : UnfittedSigmaPx(grey, fitted, tag);
-      if (!sigma_px) {
-        ++num_dropped;
+      if (fit) {
+        for (size_t corner = 0; corner < 4; ++corner) {
+          detection->ids.push_back(geometry_.PointId(tag.index, corner));
+          detection->pixels.push_back(fit->pixels[corner]);
+        }
+        detection->covariances_px2.emplace_back(fit->covariance_px2);
         continue;
       }
+      const std::array<std::optional<double>, 4> sigmas_px = UnfittedSigmasPx(grey, fitted, tag);
       for (size_t corner = 0; corner < 4; ++corner) {
+        if (!sigmas_px[corner]) continue;
         detection->ids.push_back(geometry_.PointId(tag.index, corner));
-        detection->pixels.push_back(fit ? fit->pixels[corner] : tag.corners_px[corner]);
+        detection->pixels.push_back(tag.corners_px[corner]);
+        detection->covariances_px2.emplace_back(std::pow(*sigmas_px[corner], 2) * Eigen::Matrix2d::Identity());
       }
-      detection->covariances_px2.emplace_back(fit ? fit->covariance_px2
-                                                  : *sigma_px * *sigma_px * Eigen::MatrixXd::Identity(8, 8));
+      num_dropped +=
+          std::none_of(sigmas_px.begin(), sigmas_px.end(), [](const auto& sigma) { return sigma.has_value(); });
     }
     return num_dropped;
   }
@@ -534,26 +540,34 @@ class GridSearch {
                       {corners_m.begin(), corners_m.end()}, options);
   }
 
-  // Returns the sigma of the corners of a tag that could not be fitted; nothing if the tags around it or its own
-  // edges contradict the corners.
-  std::optional<double> UnfittedSigmaPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
-                                        const SeenTag& tag) const {
-    const std::optional<double> off_px = OffNeighboursPx(fitted, tag);
+  // Returns the sigmas of the corners of a tag that could not be fitted; nothing for those that the tags around it or
+  // the two edges that meet there contradict.
+  std::array<std::optional<double>, 4> UnfittedSigmasPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
+                                                        const SeenTag& tag) const {
+    double most_off_px = std::numeric_limits<double>::infinity();
+    const std::optional<std::array<double, 4>> off_px = OffNeighboursPx(fitted, tag);
     if (off_px) {
       // The fitted tags show the error that perspective and lens distortion cause in such predictions.
       constexpr size_t kNumJudged = 4;
       double usual_px = 0;
       for (const SeenTag& other : NearestTo(fitted, tag.index, kNumJudged)) {
-        usual_px = std::max(usual_px, OffNeighboursPx(fitted, other).value_or(0.05 * MeanSide(other.corners_px)));
+        const std::optional<std::array<double, 4>> others_px = OffNeighboursPx(fitted, other);
+        usual_px = std::max(usual_px, others_px ? *std::max_element(others_px->begin(), others_px->end())
+                                                : 0.05 * MeanSide(other.corners_px));
       }
-      if (*off_px > 2 * usual_px + 1) return std::nullopt;
+      most_off_px = 2 * usual_px + 1;
     }
-    // A wrong corner displaces two edges.
-    const double off_edges_px = OffEdgesPx(grey, tag.corners_px);
-    if (off_edges_px > std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width())) return std::nullopt;
+    const double most_off_edges_px = std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width());
     // libapriltag's edges scatter by 0.04 px under good conditions.
     constexpr double kMinSigmaPx = 0.1;
-    return std::max(kMinSigmaPx, 2 * off_edges_px);
+    const std::array<double, 4> off_edges_px = OffEdgesPx(grey, tag.corners_px);
+    std::array<std::optional<double>, 4> sigmas_px;
+    for (size_t k = 0; k < 4; ++k) {
+      const double off_here_px = std::max(off_edges_px[k], off_edges_px[(k + 3) % 4]);
+      if (off_here_px > most_off_edges_px || (off_px && (*off_px)[k] > most_off_px)) continue;
+      sigmas_px[k] = std::max(kMinSigmaPx, 2 * off_here_px);
+    }
+    return sigmas_px;
   }
 
   std::vector<SeenTag> NearestTo(std::vector<SeenTag> tags, int index, size_t count) const {
@@ -566,25 +580,35 @@ class GridSearch {
     return tags;
   }
 
-  // Returns the largest distance of a tag's corners from those that the other tags predict; nothing without others.
-  std::optional<double> OffNeighboursPx(std::vector<SeenTag> others, const SeenTag& tag) const {
+  // Returns the distances of a tag's corners from those that the other tags predict; nothing without others.
+  std::optional<std::array<double, 4>> OffNeighboursPx(std::vector<SeenTag> others, const SeenTag& tag) const {
     others.erase(
         std::remove_if(others.begin(), others.end(), [&](const SeenTag& other) { return other.index == tag.index; }),
         others.end());
     const std::optional<TagCorners> expected_px = Expected(others, tag.index);
     if (!expected_px) return std::nullopt;
-    double farthest_px = 0;
-    for (size_t k = 0; k < 4; ++k) {
-      farthest_px = std::max(farthest_px, (tag.corners_px[k] - (*expected_px)[k]).norm());
-    }
-    return farthest_px;
+    std::array<double, 4> off_px{};
+    for (size_t k = 0; k < 4; ++k) off_px[k] = (tag.corners_px[k] - (*expected_px)[k]).norm();
+    return off_px;
+  }
+
+  // The side of a tag that follows a corner.
+  struct Side {
+    Eigen::Vector2d from_px;
+    Eigen::Vector2d to_px;
+    Eigen::Vector2d outwards;  // A unit vector across it.
+  };
+  static Side SideOf(const TagCorners& corners_px, size_t corner) {
+    Side side{corners_px[corner], corners_px[(corner + 1) % 4], {}};
+    side.outwards = Eigen::Vector2d(side.from_px.y() - side.to_px.y(), side.to_px.x() - side.from_px.x()).normalized();
+    if (side.outwards.dot(side.from_px - CentreOf(corners_px)) < 0) side.outwards = -side.outwards;
+    return side;
   }
 
   // A position on a side of a tag, as a share of its length, where grey changes most across it.
   struct EdgePoint {
     double along = 0;
     double off_px = 0;  // The distance from the straight line between the corners, outwards.
-    double slope = 0;   // Grey values per px, outwards; 0 if the image ends there.
   };
 
   // Returns the points where grey changes most, in either direction, within 0.8 cells of the side that follows a
@@ -592,20 +616,19 @@ class GridSearch {
   std::vector<EdgePoint> EdgePoints(const cv::Mat& grey, const TagCorners& corners_px, size_t corner) const {
     constexpr double kStepPx = 0.25;
     const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
-    const Eigen::Vector2d& from_px = corners_px[corner];
-    const Eigen::Vector2d along_px = corners_px[(corner + 1) % 4] - from_px;
-    Eigen::Vector2d outwards = Eigen::Vector2d(-along_px.y(), along_px.x()).normalized();
-    if (outwards.dot(from_px - CentreOf(corners_px)) < 0) outwards = -outwards;
+    const Side side = SideOf(corners_px, corner);
     std::vector<EdgePoint> points;
     for (double share = 0.1; share < 0.95; share += 0.1) {
       EdgePoint point{share};
+      double steepest = 0;  // Grey values per px; it stays 0 if the image ends there.
       for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
-        const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * outwards;
-        const Eigen::Vector2d behind_px = before_px + outwards;
+        const Eigen::Vector2d before_px =
+            side.from_px + share * (side.to_px - side.from_px) + (at_px - 0.5) * side.outwards;
+        const Eigen::Vector2d behind_px = before_px + side.outwards;
         if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
-        const double slope = GreyAt(grey, behind_px) - GreyAt(grey, before_px);
-        if (std::abs(slope) <= std::abs(point.slope)) continue;
-        point.slope = slope;
+        const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
+        if (slope <= steepest) continue;
+        steepest = slope;
         point.off_px = at_px;
       }
       points.push_back(point);
@@ -613,16 +636,17 @@ class GridSearch {
     return points;
   }
 
-  // Returns the RMS distance from the straight lines between the corners to the steepest change of grey across them.
-  double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
-    double sum_px2 = 0;
-    size_t count = 0;
+  // Returns, for the side that follows each corner, the RMS distance from the straight line between the corners to the
+  // steepest change of grey across it.
+  std::array<double, 4> OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+    std::array<double, 4> off_px{};
     for (size_t k = 0; k < 4; ++k) {
       const std::vector<EdgePoint> points = EdgePoints(grey, corners_px, k);
+      double sum_px2 = 0;
       for (const EdgePoint& point : points) sum_px2 += point.off_px * point.off_px;
-      count += points.size();
+      off_px[k] = std::sqrt(sum_px2 / static_cast<double>(points.size()));
     }
-    return std::sqrt(sum_px2 / static_cast<double>(count));
+    return off_px;
   }
 
   // Moves the corners to where straight lines along the sides meet. Of each side, the half of the points that lie
@@ -653,11 +677,10 @@ class GridSearch {
       }
       constexpr double kMaxScatterPx = 0.75;
       if (least_px > kMaxScatterPx) return false;
-      const Eigen::Vector2d& from_px = tag->corners_px[k];
-      const Eigen::Vector2d& to_px = tag->corners_px[(k + 1) % 4];
-      Eigen::Vector2d outwards = Eigen::Vector2d(from_px.y() - to_px.y(), to_px.x() - from_px.x()).normalized();
-      if (outwards.dot(from_px - CentreOf(tag->corners_px)) < 0) outwards = -outwards;
-      lines[k] = (from_px + best[0] * outwards).homogeneous().cross((to_px + best[1] * outwards).homogeneous());
+      const Side side = SideOf(tag->corners_px, k);
+      lines[k] = (side.from_px + best[0] * side.outwards)
+                     .homogeneous()
+                     .cross((side.to_px + best[1] * side.outwards).homogeneous());
     }
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d corner = lines[(k + 3) % 4].cross(lines[k]);

@@ -230,6 +230,9 @@ class Chessboard final : public Target {
   }
 
  private:
+  // The largest share of deviating grey values of a visible corner: smaller shares are left to Huber's loss.
+  static constexpr double kMaxCovered = 0.05;
+
   struct Found {
     Detection detection;
     size_t num_measured = 0;  // The corners at which the pattern fit succeeds.
@@ -313,7 +316,7 @@ class Chessboard final : public Target {
       const double half_m = std::min(0.5, kHalfPx / predicted->side_px) * square_m_;
       const std::optional<MeasuredCorner> corner = MeasureCorner(grey, drawing, point.in_target.head<2>(), half_m,
                                                                  predicted->image_from_board, predicted->pixel);
-      if (corner && predicted->IsMet(corner->pixel)) return corner;
+      if (corner && corner->outlier_share <= kMaxCovered && predicted->IsMet(corner->pixel)) return corner;
     }
     constexpr double kSigmaPx = 0.15;
     if (predicted && !predicted->IsMet(saddle_px)) return std::nullopt;
@@ -468,8 +471,6 @@ class Chessboard final : public Target {
   }
 
   Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
-    // The largest share of deviating grey values of a visible corner: smaller shares are left to Huber's loss.
-    constexpr double kMaxCovered = 0.05;
     const bool inverted = ColourScore(grey, corners) < 0;
     Detection detection;
     for (const TargetPoint& point : points_) {
