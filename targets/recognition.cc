@@ -93,12 +93,15 @@ std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv:
   return best;
 }
 
+// Returns whether the points of a target have codes.
+bool IsCoded(const RecognisedTarget& recognised) { return recognised.target->Codes().size() > 1; }
+
 // Returns whether one target explains images better than another one.
 bool IsBetter(const RecognisedTarget& a, const RecognisedTarget& b) {
   // The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
   constexpr double kOfCodes = 1.1;
   const auto weight = [](const RecognisedTarget& proposal) {
-    return static_cast<double>(proposal.num_points) * (proposal.target->Codes().size() > 1 ? kOfCodes : 1);
+    return static_cast<double>(proposal.num_points) * (IsCoded(proposal) ? kOfCodes : 1);
   };
   return weight(a) != weight(b) ? weight(a) > weight(b) : a.target->points().size() < b.target->points().size();
 }
@@ -113,26 +116,26 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
   for (const size_t i : EvenIndices(images.size(), kMostProposing)) {
     proposing.push_back(Reduced(images[i], kProposingSidePx));
   }
-  constexpr size_t kNumTypes = std::size(kProposers);
-  std::vector<std::optional<RecognisedTarget>> proposed(proposing.size() * kNumTypes);
-  ParallelFor(static_cast<int>(proposed.size()), num_threads, [&](int task) {
-    const auto k = static_cast<size_t>(task);
-    proposed[k] = BestProposal(kProposers[k % kNumTypes], proposing[k / kNumTypes]);
-  });
+  // One type after the other, each in the images that no code explains wholly.
+  std::vector<std::optional<RecognisedTarget>> best_of(proposing.size());
+  for (const Proposer& proposer : kProposers) {
+    ParallelFor(static_cast<int>(proposing.size()), num_threads, [&](int task) {
+      const auto i = static_cast<size_t>(task);
+      std::optional<RecognisedTarget>& best = best_of[i];
+      if (best && IsCoded(*best) && best->num_points == best->target->points().size()) return;
+      std::optional<RecognisedTarget> proposal = BestProposal(proposer, proposing[i]);
+      if (proposal && (!best || IsBetter(*proposal, *best))) best = std::move(proposal);
+    });
+  }
   // Only the best proposal of each image is tried in all images: the others are parts of it, or accidents.
   std::vector<RecognisedTarget> proposals;
-  for (size_t i = 0; i < proposed.size(); i += kNumTypes) {
-    std::optional<RecognisedTarget>* best = nullptr;
-    for (size_t k = i; k < i + kNumTypes; ++k) {
-      if (proposed[k] && (best == nullptr || IsBetter(*proposed[k], **best))) best = &proposed[k];
-    }
-    if (best == nullptr) continue;
-    const bool is_known = std::any_of(proposals.begin(), proposals.end(), [&](const RecognisedTarget& other) {
-      return other.settings == (*best)->settings;
-    });
+  for (std::optional<RecognisedTarget>& best : best_of) {
+    if (!best) continue;
+    const bool is_known = std::any_of(proposals.begin(), proposals.end(),
+                                      [&](const RecognisedTarget& other) { return other.settings == best->settings; });
     if (is_known) continue;
-    (*best)->num_points = 0;
-    proposals.push_back(std::move(**best));
+    best->num_points = 0;
+    proposals.push_back(std::move(*best));
   }
   std::vector<size_t> num_seen(proposals.size() * images.size());
   ParallelFor(static_cast<int>(num_seen.size()), num_threads, [&](int task) {

@@ -146,27 +146,16 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& option
   return added;
 }
 
-// Leaves out the images of a camera before its motion, or those after it if these are fewer.
-void LeaveOutShorterPart(RigProblem* problem, MovedCamera* moved, std::vector<UnusedRigImage>* unused) {
-  const auto images_of = [&](bool is_after) {
-    std::vector<std::pair<size_t, size_t>> images;
-    for (size_t i = 0; i < problem->captures.size(); ++i) {
-      for (size_t k = 0; k < problem->captures[i].images.size(); ++k) {
-        const RigImage& image = problem->captures[i].images[k];
-        if (image.camera != moved->camera || image.observations.size() == 0) continue;
-        if ((i >= moved->first_capture) == is_after) images.emplace_back(i, k);
-      }
+// Leaves out the images of a camera on one side of its motion.
+void LeaveOutPart(const MovedCamera& moved, RigProblem* problem, std::vector<UnusedRigImage>* unused) {
+  const std::string reason = WhyLeftOut(*problem, moved);
+  for (const size_t i : moved.left_out) {
+    for (size_t k = 0; k < problem->captures[i].images.size(); ++k) {
+      RigImage& image = problem->captures[i].images[k];
+      if (image.camera != moved.camera || image.observations.size() == 0) continue;
+      image.observations = Observations();
+      unused->push_back({i, k, reason});
     }
-    return images;
-  };
-  const bool is_after = images_of(true).size() <= images_of(false).size();
-  for (const auto& [i, k] : images_of(is_after)) {
-    problem->captures[i].images[k].observations = Observations();
-    unused->push_back({i, k,
-                       std::string("the camera was moved ") + (is_after ? "before" : "afterwards") +
-                           ", between the captures " + problem->captures[moved->last_capture].name + " and " +
-                           problem->captures[moved->first_capture].name});
-    if (moved->left_out.empty() || moved->left_out.back() != i) moved->left_out.push_back(i);
   }
 }
 
@@ -257,9 +246,9 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   // Two motions of one camera, or those of several cameras, are found one after the other.
   constexpr int kMostMotions = 5;
   for (int motion = 0; judged && options.adjustment.loss != LossKind::kNone && motion < kMostMotions; ++motion) {
-    std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
+    const std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
     if (!moved) break;
-    LeaveOutShorterPart(&rig, &*moved, &calibration.unused);
+    LeaveOutPart(*moved, &rig, &calibration.unused);
     calibration.moved.push_back(*moved);
     judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
                                    options.adjustment);
@@ -338,20 +327,7 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
         DescribeSmoothErrors({smooth, of_arm.lengths, after, of_arm.noise_before, of_arm.p_value_without}));
     findings.back().names.emplace_back("of_arm", problem.robots[of_arm.robot]);
   }
-  for (const MovedCamera& moved : calibration.moved) {
-    Finding finding{Grade::kBad,
-                    FindingCode("camera_moved"),
-                    {{"moved_mm", 1000 * moved.before_from_after.translation.norm()},
-                     {"moved_deg", RadToDeg(RotationAngle(moved.before_from_after.rotation))},
-                     {"images_left_out", static_cast<double>(moved.left_out.size())}},
-                    {{"camera", problem.cameras[moved.camera].name},
-                     {"last_capture", problem.captures[moved.last_capture].name},
-                     {"first_capture", problem.captures[moved.first_capture].name},
-                     {"first_left_out", problem.captures[moved.left_out.front()].name},
-                     {"last_left_out", problem.captures[moved.left_out.back()].name}}};
-    finding.is_cause = true;
-    findings.push_back(std::move(finding));
-  }
+  for (const MovedCamera& moved : calibration.moved) findings.push_back(DescribeMotion(problem, moved));
   return findings;
 }
 

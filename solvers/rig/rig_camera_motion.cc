@@ -8,6 +8,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/median.h"
+#include "heba/base/units.h"
 #include "heba/data/target_shape.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
@@ -212,6 +213,20 @@ Jump Corrected(const RigProblem& problem, const ImageSet& left_out, Jump jump) {
   return jump;
 }
 
+// Returns the captures with images of the camera before the jump, or those from it on if these are not more.
+std::vector<size_t> ShorterPart(const RigProblem& problem, const Jump& jump) {
+  std::vector<size_t> before;
+  std::vector<size_t> after;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    const std::vector<RigImage>& images = problem.captures[i].images;
+    const bool is_seen = std::any_of(images.begin(), images.end(), [&](const RigImage& image) {
+      return image.camera == jump.camera && image.observations.size() > 0;
+    });
+    if (is_seen) (i < jump.first_capture ? before : after).push_back(i);
+  }
+  return after.size() <= before.size() ? after : before;
+}
+
 // Returns the motion if an adjustment with two cameras confirms the jump.
 std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig& judged, const Jump& found,
                                      const RigOptions& options) {
@@ -245,7 +260,8 @@ std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig&
   if (measured) {
     if (const std::optional<RelativePose> better = MotionOf(held, *measured, jump)) pose = better;
   }
-  return MovedCamera{jump.camera, jump.last_capture, jump.first_capture, pose->parent_from_child};
+  return MovedCamera{jump.camera, jump.last_capture, jump.first_capture, pose->parent_from_child,
+                     ShorterPart(problem, jump)};
 }
 
 }  // namespace
@@ -261,6 +277,27 @@ std::optional<MovedCamera> FindMovedCamera(const RigProblem& problem, const Judg
     if (std::optional<MovedCamera> moved = Confirmed(problem, judged, jump, options)) return moved;
   }
   return std::nullopt;
+}
+
+std::string WhyLeftOut(const RigProblem& problem, const MovedCamera& moved) {
+  const bool is_after = moved.left_out.front() >= moved.first_capture;
+  return std::string("the camera was moved ") + (is_after ? "before" : "afterwards") + ", between the captures " +
+         problem.captures[moved.last_capture].name + " and " + problem.captures[moved.first_capture].name;
+}
+
+Finding DescribeMotion(const RigProblem& problem, const MovedCamera& moved) {
+  Finding finding{Grade::kBad,
+                  FindingCode("camera_moved"),
+                  {{"moved_mm", 1000 * moved.before_from_after.translation.norm()},
+                   {"moved_deg", RadToDeg(RotationAngle(moved.before_from_after.rotation))},
+                   {"images_left_out", static_cast<double>(moved.left_out.size())}},
+                  {{"camera", problem.cameras[moved.camera].name},
+                   {"last_capture", problem.captures[moved.last_capture].name},
+                   {"first_capture", problem.captures[moved.first_capture].name},
+                   {"first_left_out", problem.captures[moved.left_out.front()].name},
+                   {"last_left_out", problem.captures[moved.left_out.back()].name}}};
+  finding.is_cause = true;
+  return finding;
 }
 
 }  // namespace heba

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
+#include "heba/evaluation/finding.h"
 #include "heba/rig_calibration.h"
 #include "solvers/rig/rig_rejection.h"
 
@@ -14,8 +16,15 @@ namespace heba {
 // before the jump and another one after it states poses that differ at 1e-6 and leaves out few of their images.
 //
 // `problem` has the points of all images, `judged` is its adjustment. Returns nothing if no camera was moved, and the
-// clearest motion if several were.
+// clearest motion if several were. The captures before the motion are left out, or those after it if these are not
+// more.
 std::optional<MovedCamera> FindMovedCamera(const RigProblem& problem, const JudgedRig& judged,
                                            const RigOptions& options);
+
+// Returns why the images of MovedCamera::left_out are not used.
+std::string WhyLeftOut(const RigProblem& problem, const MovedCamera& moved);
+
+// The finding `camera_moved`.
+Finding DescribeMotion(const RigProblem& problem, const MovedCamera& moved);
 
 }  // namespace heba

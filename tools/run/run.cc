@@ -1,6 +1,7 @@
 #include "heba/run.h"
 
 #include <algorithm>
+#include <set>
 
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
@@ -8,6 +9,8 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/rig/rig_camera_motion.h"
+#include "solvers/rig/rig_of_one.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
@@ -92,10 +95,113 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
          "; is it the target that the config names?";
 }
 
+// What the captures lead to before it is assessed.
+struct Calibrated {
+  Calibration calibration;
+  Dataset dataset;             // With the joints that were recovered.
+  CalibrationOptions options;  // Those of the final refinement.
+  std::optional<ArmSetup> arm;
+  std::optional<Finding> of_smooth_errors;
+};
+
+// Calibrates from the detections of the captures that are not in `left_out`; the target may be detected again.
+Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& options,
+                                      const std::set<size_t>& left_out, std::vector<CaptureDetection>* detections,
+                                      RunObserver* observer) {
+  const auto views_of = [&](const std::vector<CaptureDetection>& seen) {
+    std::vector<View> views = ViewsOf(dataset, seen);
+    std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
+    return views;
+  };
+  EndIfCancelled(observer);
+  Calibrated calibrated;
+  calibrated.dataset = dataset;
+  calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
+  Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
+  if (!calibration) return Failure{calibration.reason()};
+  if (calibration->refined) {
+    std::optional<std::vector<CaptureDetection>> again =
+        DetectAgain(dataset, *detections, *calibration, options.num_threads, observer);
+    if (again) {
+      EndIfCancelled(observer);
+      Outcome<Calibration> second = Calibrate(views_of(*again), calibrated.options);
+      if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
+        calibration = std::move(second);
+        *detections = std::move(*again);
+      }
+    }
+  }
+  const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
+  if (dataset.robot && needs_arm && calibration->refined) {
+    EndIfCancelled(observer);
+    calibrated.arm = SetUpArm(dataset);
+    CalibrateWithArm(options, &*calibrated.arm, &calibrated.dataset, &calibrated.options, &*calibration);
+  }
+  const bool has_arm = calibrated.arm && calibrated.arm->reason.empty();
+  if (!has_arm && calibration->refined) {
+    EndIfCancelled(observer);
+    calibrated.of_smooth_errors =
+        CalibrateWithSmoothErrors(options, &calibrated.dataset, &calibrated.options, &*calibration);
+  }
+  calibrated.calibration = std::move(*calibration);
+  return calibrated;
+}
+
+// The captures on one side of a motion of the camera.
+struct LeftOutByMotion {
+  std::vector<size_t> captures;
+  std::string reason;
+  Finding finding;
+};
+
+// Returns the captures that a motion of the camera makes useless; nothing if it was not moved.
+std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_threads) {
+  const RigOfOne rig = AsRig(calibrated.calibration, calibrated.options);
+  RigOptions options;
+  options.loss = calibrated.options.bundle.loss;
+  options.pixel_noise_px = calibrated.options.bundle.pixel_noise_px;
+  options.num_threads = num_threads;
+  const std::optional<MovedCamera> moved = FindMovedCamera(rig.problem, rig.judged, options);
+  if (!moved) return std::nullopt;
+  LeftOutByMotion left_out{{}, WhyLeftOut(rig.problem, *moved), DescribeMotion(rig.problem, *moved)};
+  for (const size_t i : moved->left_out) left_out.captures.push_back(rig.captures[i]);
+  return left_out;
+}
+
+// Calibrates from the captures, without those on the shorter side of each motion of the camera; `motions` are the
+// findings about them.
+Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOptions& options,
+                                            std::vector<CaptureDetection>* detections, std::vector<Finding>* motions,
+                                            RunObserver* observer) {
+  std::set<size_t> left_out;
+  std::vector<UnusedView> unused;
+  Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, detections, observer);
+  constexpr int kMostMotions = 5;
+  for (int motion = 0; motion < kMostMotions; ++motion) {
+    if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
+    EndIfCancelled(observer);
+    const std::optional<LeftOutByMotion> found = FindMotion(*calibrated, options.num_threads);
+    if (!found) break;
+    std::set<size_t> without = left_out;
+    without.insert(found->captures.begin(), found->captures.end());
+    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, detections, observer);
+    // A motion that leaves too few captures is not found out.
+    if (!rest || !rest->calibration.refined) break;
+    calibrated = std::move(rest);
+    left_out = std::move(without);
+    motions->push_back(found->finding);
+    for (const size_t i : found->captures) unused.push_back({dataset.captures[i].name, i, found->reason});
+  }
+  if (calibrated) {
+    std::vector<UnusedView>& all = calibrated->calibration.unused;
+    all.insert(all.end(), unused.begin(), unused.end());
+  }
+  return calibrated;
+}
+
 Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& options, RunObserver* observer) {
   RunOutput output;
-  Dataset& dataset = output.dataset;
-  dataset = dataset_in;
+  Dataset dataset = dataset_in;
   std::vector<CaptureDetection>& detections = output.detections;
 
   const Stopwatch detect_watch;
@@ -110,56 +216,33 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   Timing timing;
   timing.detect_s = detect_watch.Seconds();
   const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);
-  const std::vector<View> views = ViewsOf(dataset, detections);
+  const size_t num_seen = ViewsOf(dataset, detections).size();
   if (observer != nullptr) {
-    observer->OnDetected(left_out, static_cast<int>(views.size()), static_cast<int>(detections.size()));
+    observer->OnDetected(left_out, static_cast<int>(num_seen), static_cast<int>(detections.size()));
   }
   if (detections.empty()) return Failure{Join(left_out.notes, "; ")};
-  if (views.empty()) return Failure{NothingDetected(dataset, detections)};
+  if (num_seen == 0) return Failure{NothingDetected(dataset, detections)};
 
-  EndIfCancelled(observer);
   const Stopwatch solve_watch;
-  const CalibrationOptions calibration_options =
-      OptionsOf(dataset, options, detections.front().width_px, detections.front().height_px);
-  Outcome<Calibration> calibration = Calibrate(views, calibration_options);
-  if (!calibration) return Failure{calibration.reason()};
-  if (calibration->refined) {
-    std::optional<std::vector<CaptureDetection>> again =
-        DetectAgain(dataset, detections, *calibration, options.num_threads, observer);
-    if (again) {
-      EndIfCancelled(observer);
-      Outcome<Calibration> second = Calibrate(ViewsOf(dataset, *again), calibration_options);
-      if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
-        calibration = std::move(second);
-        detections = std::move(*again);
-      }
-    }
-  }
-  std::optional<ArmSetup> arm;
-  CalibrationOptions final_options = calibration_options;
-  const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
-  if (dataset.robot && needs_arm && calibration->refined) {
-    EndIfCancelled(observer);
-    arm = SetUpArm(dataset);
-    CalibrateWithArm(options, &*arm, &dataset, &final_options, &*calibration);
-  }
-  const bool has_arm = arm && arm->reason.empty();
-  std::optional<Finding> of_smooth_errors;
-  if (!has_arm && calibration->refined) {
-    EndIfCancelled(observer);
-    of_smooth_errors = CalibrateWithSmoothErrors(options, &dataset, &final_options, &*calibration);
-  }
-  if (observer != nullptr) observer->OnCalibrated(*calibration);
-  if (!calibration->refined) return Failure{calibration->refined.reason()};
-  timing.refine_s = calibration->refined->convergence.seconds;
+  std::vector<Finding> motions;
+  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(dataset, options, &detections, &motions, observer);
+  if (!calibrated) return Failure{calibrated.reason()};
+  Calibration& calibration = output.calibration;
+  calibration = std::move(calibrated->calibration);
+  output.dataset = std::move(calibrated->dataset);
+  if (observer != nullptr) observer->OnCalibrated(calibration);
+  if (!calibration.refined) return Failure{calibration.refined.reason()};
+  timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
-  output.calibration = std::move(*calibration);
-  output.result = Assess(dataset, options, detections, output.calibration, final_options, observer);
+  output.result = Assess(output.dataset, options, detections, calibration, calibrated->options, observer);
+  std::vector<Finding>& observations = output.result.observations;
+  for (Finding& motion : motions) observations.push_back(std::move(motion));
   if (dataset.robot) {
-    AddRobot(dataset, arm, SummariseArm(dataset, options.kinematics, arm, output.calibration), output.calibration,
+    AddRobot(output.dataset, calibrated->arm,
+             SummariseArm(output.dataset, options.kinematics, calibrated->arm, calibration), calibration,
              &output.result);
   }
-  if (of_smooth_errors) output.result.observations.push_back(std::move(*of_smooth_errors));
+  if (calibrated->of_smooth_errors) observations.push_back(std::move(*calibrated->of_smooth_errors));
   output.result.timing = timing;
   InsertLeftOut(left_out, &output.result.captures);
   return output;

@@ -410,10 +410,12 @@ FindingText TargetScale(const Finding& finding) {
 }
 
 FindingText CameraMoved(const Finding& finding) {
-  return {"camera " + Name(finding, "camera") + " was moved by " + Amount(finding, "moved_mm") + " mm and " +
-              Amount(finding, "moved_deg") + " deg between the captures " + Name(finding, "last_capture") + " and " +
-              Name(finding, "first_capture") + "; its " + Count(finding, "images_left_out") + " images from " +
-              Name(finding, "first_left_out") + " to " + Name(finding, "last_left_out") + " were left out",
+  const std::string camera = Name(finding, "camera");
+  return {(camera.empty() ? "the camera" : "camera " + camera) + " was moved by " + Amount(finding, "moved_mm") +
+              " mm and " + Amount(finding, "moved_deg") + " deg between the captures " + Name(finding, "last_capture") +
+              " and " + Name(finding, "first_capture") + "; its " + Count(finding, "images_left_out") +
+              " images from " + Name(finding, "first_left_out") + " to " + Name(finding, "last_left_out") +
+              " were left out",
           "fix the camera's mount and record all captures again, or calibrate from the captures after the motion only "
           "(captures.exclude)"};
 }

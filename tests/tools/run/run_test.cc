@@ -8,40 +8,50 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heba/base/units.h"
 #include "tests/support/datasets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 
 namespace heba {
 namespace {
+using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Matcher;
 using ::testing::Not;
 using ::testing::SizeIs;
+using ::testing::Truly;
 
 // A carried camera, with a noise of 0.1 px.
-TestScene SimulatedScene(const Target& target) {
+TestSceneOptions SimulatedOptions(const Target& target) {
   TestSceneOptions options;
   options.setup = Setup::kEyeInHand;
   options.camera = {"pinhole", 1280, 960, {1000, 1000, 640, 480}};
   options.num_captures = 14;
   options.noise_px = 0.1;
   options.points = AllPoints(target).points_in_target;
-  return MakeTestScene(5, options);
+  return options;
 }
+
+TestScene SimulatedScene(const Target& target) { return MakeTestScene(5, SimulatedOptions(target)); }
 
 std::shared_ptr<const Target> Chessboard() {
   return ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
 }
 
-// Returns the data set of the scene, with images named 0.png, 1.png, ... that have different digests.
-Dataset SimulatedDataset() {
-  const std::shared_ptr<const Target> target = Chessboard();
-  Dataset dataset = DatasetOf(SimulatedScene(*target), Setup::kEyeInHand, target);
+// Returns the data set of a scene, with images named 0.png, 1.png, ... that have different digests.
+Dataset NamedDatasetOf(const TestScene& scene, const std::shared_ptr<const Target>& target) {
+  Dataset dataset = DatasetOf(scene, Setup::kEyeInHand, target);
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
   }
   return dataset;
+}
+
+Dataset SimulatedDataset() {
+  const std::shared_ptr<const Target> target = Chessboard();
+  return NamedDatasetOf(SimulatedScene(*target), target);
 }
 
 HandEye TrueHandEye() { return SimulatedScene(*Chessboard()).hand_eye; }
@@ -76,6 +86,48 @@ class Recorder : public RunObserver {
   int num_steps = 0;
   int cancel_after = 1000;
 };
+
+// The camera is moved by 4 mm on the gripper after 12 of 20 captures.
+TEST(RunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
+  constexpr size_t kFirstAfter = 12;
+  const std::shared_ptr<const Target> target = Chessboard();
+  TestSceneOptions scene_options = SimulatedOptions(*target);
+  scene_options.num_captures = 20;
+  const TestScene scene = MakeTestScene(5, scene_options);
+  Dataset dataset = NamedDatasetOf(scene, target);
+  RunOptions options = FixedCamera();
+  options.folds = 0;
+  const Outcome<RunOutput> still = heba::Run(dataset, options);
+  ASSERT_TRUE(still.ok()) << still.reason();
+  EXPECT_THAT(still->result.verdict.findings,
+              Each(Truly([](const Finding& finding) { return finding.code != "camera_moved"; })));
+
+  // The images are the same if the gripper is where the motion is undone.
+  const Rigid3d motion(ExpRotation({0, 0.002, 0}), {0.004, 0, 0});
+  for (size_t i = kFirstAfter; i < dataset.captures.size(); ++i) {
+    dataset.captures[i].base_from_gripper = dataset.captures[i].base_from_gripper * Inverse(motion);
+  }
+  const Outcome<RunOutput> moved = heba::Run(dataset, options);
+  ASSERT_TRUE(moved.ok()) << moved.reason();
+  const RunResult& result = moved->result;
+  EXPECT_EQ(result.verdict.grade, Grade::kBad);
+  ASSERT_FALSE(result.verdict.findings.empty());
+  const Finding& finding = result.verdict.findings.front();
+  EXPECT_EQ(finding.code, "camera_moved");
+  EXPECT_EQ(finding.Name("last_capture"), "11.png");
+  EXPECT_EQ(finding.Name("first_capture"), "12.png");
+  EXPECT_NEAR(finding.Number("moved_mm").value_or(0), 4, 0.3);
+  EXPECT_NEAR(finding.Number("moved_deg").value_or(0), RadToDeg(0.002), 0.02);
+  EXPECT_LT((FindRefined(result)->hand_eye.camera_mount_from_camera.translation -
+             scene.hand_eye.camera_mount_from_camera.translation)
+                .norm(),
+            2e-4);
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    EXPECT_EQ(result.captures[i].used, i < kFirstAfter) << i;
+    const Matcher<std::string> expected = i < kFirstAfter ? Matcher<std::string>("") : HasSubstr("moved before");
+    EXPECT_THAT(result.captures[i].reason, expected);
+  }
+}
 
 TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
   Dataset dataset = SimulatedDataset();
