@@ -1,4 +1,5 @@
 #include "solvers/calibration/diagnostics.h"
+#include "solvers/calibration/choice_levels.h"
 
 #include <algorithm>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/units.h"
-#include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/choice_levels.h"
 
 namespace heba {
 namespace {

@@ -11,6 +11,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/initial/pose_selection.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "heba/base/distributions.h"
 #include "heba/base/text.h"
@@ -224,6 +225,29 @@ std::vector<PosePair> CorrectedPairs(Setup setup, std::vector<PosePair> pairs, c
   return pairs;
 }
 
+// Returns the probability that a method that predicts the target no better than another one does so much better in the
+// captures that both have held out, by Student's paired test of the logarithms of the distances; nothing if there are
+// fewer than three captures.
+std::optional<double> PValueOfBetter(const HoldOut& of_method, const HoldOut& of_other) {
+  const std::map<size_t, double> others_m(of_other.target_m_of_capture.begin(), of_other.target_m_of_capture.end());
+  std::vector<double> gains;
+  for (const auto& [capture, distance_m] : of_method.target_m_of_capture) {
+    const auto other = others_m.find(capture);
+    if (other == others_m.end() || distance_m <= 0 || other->second <= 0) continue;
+    gains.push_back(std::log(other->second / distance_m));
+  }
+  constexpr size_t kFewest = 3;
+  if (gains.size() < kFewest) return std::nullopt;
+  const auto count = static_cast<double>(gains.size());
+  double mean = 0;
+  double squares = 0;
+  for (const double gain : gains) mean += gain / count;
+  for (const double gain : gains) squares += (gain - mean) * (gain - mean);
+  if (squares <= 0) return std::nullopt;
+  const double of_either = 0.5 * FisherTail(mean * mean * count * (count - 1) / squares, 1, count - 1);
+  return mean > 0 ? of_either : 1 - of_either;
+}
+
 }  // namespace
 
 std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
@@ -255,6 +279,8 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
     refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
                                       PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
   }
+  const auto of_refined = std::find_if(hold_outs.begin(), hold_outs.end(),
+                                       [](const HoldOut& hold_out) { return hold_out.method == kBundleMethod; });
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
       if (hold_out.method != estimate.method) continue;
@@ -263,6 +289,7 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
       if (hold_out.target_rad) estimate.errors.holdout_target_deg = RadToDeg(*hold_out.target_rad);
       estimate.errors.holdout_chi2 = hold_out.chi2_per_dof;
       estimate.errors.holdout_sigmas = hold_out.sigmas;
+      if (of_refined != hold_outs.end()) estimate.errors.holdout_better_p = PValueOfBetter(hold_out, *of_refined);
     }
   }
   return estimates;

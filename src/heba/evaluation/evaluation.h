@@ -31,6 +31,9 @@ struct Errors {
   // Held-out residuals in sigmas of the refinement's noise (pixels and robot), root mean square. All methods are
   // compared on the same captures with the same sigmas.
   std::optional<double> holdout_sigmas;
+  // The probability that an estimate that is no better than the refined one predicts the target in the held-out
+  // captures so much better: Student's paired test of the logarithms of the distances. Not written to files.
+  std::optional<double> holdout_better_p;
   std::optional<double> axxb_mean_mm;
   std::optional<BoardScatter> board_scatter;
   std::optional<TruthErrors> truth;

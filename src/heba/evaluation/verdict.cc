@@ -166,7 +166,9 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
   const double ratio = *best->errors.holdout_sigmas / *refined.errors.holdout_sigmas;
-  return Finding{ratio < kClosedFormBetter ? Grade::kDoubtful : Grade::kGood,
+  constexpr double kUnlikely = 0.01;
+  const bool is_better = ratio < kClosedFormBetter && best->errors.holdout_better_p.value_or(0) < kUnlikely;
+  return Finding{is_better ? Grade::kDoubtful : Grade::kGood,
                  FindingCode("closed_form_better"),
                  {{"ratio", ratio}},
                  {{"method", best->method}, RobotNoiseName(*refined.solution)}};
