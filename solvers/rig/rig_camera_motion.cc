@@ -227,6 +227,21 @@ std::vector<size_t> ShorterPart(const RigProblem& problem, const Jump& jump) {
   return after.size() <= before.size() ? after : before;
 }
 
+// Returns whether a motion exceeds what the errors of the arms do to single captures, by far: a smaller one may be such
+// errors, of captures that were taken one after another in one region.
+bool IsBeyondArms(const Rigid3d& motion, const RigProblem& problem, const RigSolution& solution) {
+  RobotNoise noise;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const RobotNoise white = solution.robot_noise[r].value_or(RobotNoise{});
+    const RobotNoise smooth = SmoothNoiseOf(solution, r).value_or(RobotNoise{});
+    noise.translation_m = std::max(noise.translation_m, std::hypot(white.translation_m, smooth.translation_m));
+    noise.rotation_rad = std::max(noise.rotation_rad, std::hypot(white.rotation_rad, smooth.rotation_rad));
+  }
+  constexpr double kClear = 3;
+  return motion.translation.norm() > kClear * noise.translation_m ||
+         RotationAngle(motion.rotation) > kClear * noise.rotation_rad;
+}
+
 // Returns the motion if an adjustment with two cameras confirms the jump.
 std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig& judged, const Jump& found,
                                      const RigOptions& options) {
@@ -251,6 +266,7 @@ std::optional<MovedCamera> Confirmed(const RigProblem& problem, const JudgedRig&
   const double statistic = MahalanobisSquare(motion, pose->covariance) / kSize;
   constexpr double kLevel = 1e-6;
   if (FisherTail(statistic, kSize, two->solution.covariance_dof) > kLevel) return std::nullopt;
+  if (!IsBeyondArms(pose->parent_from_child, split, two->solution)) return std::nullopt;
   // Its size is measured with the lens of the longer part, because two lenses take up a part of the motion.
   const size_t after = split.cameras.size() - 1;
   const size_t longer = NumImagesOf(split, jump.camera) >= NumImagesOf(split, after) ? jump.camera : after;

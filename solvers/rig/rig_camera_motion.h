@@ -13,7 +13,8 @@ namespace heba {
 // Looks for the camera of which the images before a capture and those from it on show two poses that differ clearly:
 // the pose of the camera according to each image jumps (the two-sample statistic of Hotelling, "The generalization of
 // Student's ratio", 1931, over all captures), by three times its scatter or more, and an adjustment with one camera
-// before the jump and another one after it states poses that differ at 1e-6 and leaves out few of their images.
+// before the jump and another one after it states poses that differ at 1e-6, by three times the errors of the arms or
+// more, and leaves out few of their images.
 //
 // `problem` has the points of all images, `judged` is its adjustment. Returns nothing if no camera was moved, and the
 // clearest motion if several were. The captures before the motion are left out, or those after it if these are not
