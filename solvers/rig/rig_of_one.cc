@@ -1,6 +1,7 @@
 #include "solvers/rig/rig_of_one.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace heba {
 
@@ -17,7 +18,13 @@ RigOfOne AsRig(const Calibration& calibration, const CalibrationOptions& options
   problem.cameras[0].prior = bundle.camera_prior;
   problem.targets = {{"", is_in_hand ? base : gripper, options.shape, bundle.free_shape, options.symmetries}};
   problem.targets[0].scale_sigma = bundle.target_scale_sigma;
-  problem.effects = {bundle.effects};
+  // The effects that were estimated; those of a view are all of its model.
+  const SharedEffects* const shared = solution.shared_effects.get();
+  problem.effects = {solution.shared_effects};
+  std::vector<int> estimated;
+  for (size_t k = 0; shared != nullptr && k < shared->effects.size(); ++k) {
+    estimated.push_back(shared->effects[k].index);
+  }
 
   // Views of one capture, and whether they are used.
   std::vector<std::pair<const View*, bool>> views;
@@ -29,8 +36,10 @@ RigOfOne AsRig(const Calibration& calibration, const CalibrationOptions& options
     const Rigid3d& mounts = view->camera_mount_from_target_mount;
     if (!is_used) rig.judged.left_out.insert({problem.captures.size(), 0});
     rig.captures.push_back(view->capture);
+    std::shared_ptr<const PoseEffect> effect;
+    if (shared != nullptr && view->effect != nullptr) effect = SelectEffects(view->effect, shared->num_all, estimated);
     problem.captures.push_back(
-        {view->name, {is_in_hand ? Inverse(mounts) : mounts}, {{0, 0, view->observations}}, {view->effect}});
+        {view->name, {is_in_hand ? Inverse(mounts) : mounts}, {{0, 0, view->observations}}, {std::move(effect)}});
   }
 
   RigSolution& joint = rig.judged.solution;
