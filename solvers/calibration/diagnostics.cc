@@ -1,5 +1,4 @@
 #include "solvers/calibration/diagnostics.h"
-#include "solvers/calibration/choice_levels.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/robot_noise.h"

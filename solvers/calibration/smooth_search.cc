@@ -115,7 +115,7 @@ SmoothSearch Thinned(const SmoothSearch& search) {
   return thinned;
 }
 
-// The search for the lengths of the largest likelihood. Lengths are stated in octaves from the first ones.
+// The search for the most probable lengths. Lengths are stated in octaves from the first ones.
 class LengthSearch {
  public:
   explicit LengthSearch(const SmoothSearch& search) : search_(search), best_(search.poses, {}) {
@@ -126,7 +126,7 @@ class LengthSearch {
   const SmoothErrors& best() const { return best_; }
   double best_log_likelihood() const { return best_log_likelihood_; }
 
-  // Steps of an octave in one length at a time, as long as the likelihood grows.
+  // Steps of an octave in one length at a time, as long as the probability grows.
   void Descend() {
     constexpr int kMostRounds = 4;
     bool has_improved = true;

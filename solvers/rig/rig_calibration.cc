@@ -245,7 +245,6 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
   // Two motions of one camera, or those of several cameras, are found one after the other.
-  constexpr int kMostMotions = 5;
   for (int motion = 0; judged && options.adjustment.loss != LossKind::kNone && motion < kMostMotions; ++motion) {
     const std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
     if (!moved) break;

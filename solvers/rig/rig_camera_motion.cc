@@ -21,6 +21,8 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr double kSize = 6;  // Coordinates of a pose.
 // Fewer images of a part cannot tell a motion from wrong images.
 constexpr size_t kFewest = 4;
+// A motion is clear if it is so many times as large as what it is compared with.
+constexpr double kClear = 3;
 
 // The pose of a camera according to one of its images: the tangent (m, rad) from its pose in the solution.
 struct Displacement {
@@ -128,7 +130,6 @@ std::optional<Jump> ClearestJump(const RigProblem& problem, const RigSolution& s
     const Matrix6 scatter = (before.squares + after.squares) / (count - 2);
     const Tangent6 difference = after.value - before.value;
     const double distance2 = MahalanobisSquare(difference, scatter);
-    constexpr double kClear = 3;
     if (!(distance2 > kClear * kClear)) continue;
     const double t2 = before.count * after.count / count * distance2;
     const double dof = count - kSize - 1;
@@ -237,7 +238,6 @@ bool IsBeyondArms(const Rigid3d& motion, const RigProblem& problem, const RigSol
     noise.translation_m = std::max(noise.translation_m, std::hypot(white.translation_m, smooth.translation_m));
     noise.rotation_rad = std::max(noise.rotation_rad, std::hypot(white.rotation_rad, smooth.rotation_rad));
   }
-  constexpr double kClear = 3;
   return motion.translation.norm() > kClear * noise.translation_m ||
          RotationAngle(motion.rotation) > kClear * noise.rotation_rad;
 }

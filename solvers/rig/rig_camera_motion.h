@@ -10,6 +10,9 @@
 
 namespace heba {
 
+// The most motions that are searched for, one after the other.
+inline constexpr int kMostMotions = 5;
+
 // Looks for the camera of which the images before a capture and those from it on show two poses that differ clearly:
 // the pose of the camera according to each image jumps (the two-sample statistic of Hotelling, "The generalization of
 // Student's ratio", 1931, over all captures), by three times its scatter or more, and an adjustment with one camera

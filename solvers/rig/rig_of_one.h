@@ -11,7 +11,7 @@ struct RigOfOne {
   // because they contradict the others are among them; those without a pose of the target are not.
   RigProblem problem;
   std::vector<size_t> captures;  // View::capture of each.
-  // What the calibration found: poses, camera, shape and effects.
+  // The solution holds the poses, the camera, the shape and the effects that the calibration found.
   JudgedRig judged;
 };
 

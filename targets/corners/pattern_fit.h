@@ -48,11 +48,11 @@ struct PatternFit {
 // Estimates the maximum likelihood position of a pattern in an image (CV_8UC1). The model is the pattern's albedo,
 // mapped to the image and blurred by a Gaussian (exact if the map is linear within the blur: cells follow the
 // bivariate normal distribution), between a black and a white level, under illumination with a gradient (for
-// kStrongLens also with a curvature). The Gaussian is isotropic unless the
-// grey values of a large pattern (kStrongLens) require another one: an image that moved during the exposure. Huber's
-// loss downweights deviating pixels. `start_image_from_pattern` is a homography that must be correct to about a blur's
-// width. Returns nothing if the fit fails or exceeds the limits in `options`, if the pattern covers too few pixels or
-// is larger than 2000 px, or if at least a quarter as many of its pixels lie outside the image as are used.
+// kStrongLens also with a curvature). The Gaussian is isotropic unless the grey values of a large pattern (kStrongLens)
+// require another one: an image that moved during the exposure. Huber's loss downweights deviating pixels.
+// `start_image_from_pattern` is a homography that must be correct to about a blur's width. Returns nothing if the fit
+// fails or exceeds the limits in `options`, if the pattern covers too few pixels or is larger than 2000 px, or if at
+// least a quarter as many of its pixels lie outside the image as are used.
 std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
                                      const Eigen::Matrix3d& start_image_from_pattern,
                                      const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options);

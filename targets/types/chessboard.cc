@@ -250,8 +250,9 @@ class Chessboard final : public Target {
         const auto place = static_cast<size_t>(point.id);
         std::optional<MeasuredCorner> corner = measured[place];
         found.num_measured += corner ? 1 : 0;
-        if (!corner)
+        if (!corner) {
           corner = NearEdgeOfLight(grey, (*corners)[place], seen, point, PredictedByNeighbours(measured, point));
+        }
         if (corner) Append(point, *corner, &found.detection);
       }
       return found;
@@ -271,7 +272,7 @@ class Chessboard final : public Target {
     Eigen::Vector2d pixel;
     double side_px;
 
-    // Returns whether a corner is where it may be: the lens bends the lattice by less within five corners.
+    // Returns whether a corner is where it may be: the lens bends the lattice by less within seven corners.
     bool IsMet(const Eigen::Vector2d& corner_px) const {
       constexpr double kMostPx = 1;
       constexpr double kMostShare = 0.02;
@@ -279,7 +280,8 @@ class Chessboard final : public Target {
     }
   };
 
-  // Predicts a corner by the homography of the measured ones up to two rows and columns away; nothing if they are few.
+  // Predicts a corner by the homography of the measured ones up to three rows and columns away; nothing if they are
+  // few.
   std::optional<Prediction> PredictedByNeighbours(const std::vector<std::optional<MeasuredCorner>>& measured,
                                                   const TargetPoint& point) const {
     constexpr int kReach = 3;

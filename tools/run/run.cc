@@ -95,11 +95,11 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
          "; is it the target that the config names?";
 }
 
-// What the captures lead to before it is assessed.
+// A calibration that is not assessed yet, with the data and options that it ended with.
 struct Calibrated {
   Calibration calibration;
-  Dataset dataset;             // With the joints that were recovered.
-  CalibrationOptions options;  // Those of the final refinement.
+  Dataset dataset;             // The data set has the joints that were recovered.
+  CalibrationOptions options;  // The final refinement used these.
   std::optional<ArmSetup> arm;
   std::optional<Finding> of_smooth_errors;
 };
@@ -176,7 +176,6 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
   std::set<size_t> left_out;
   std::vector<UnusedView> unused;
   Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, detections, observer);
-  constexpr int kMostMotions = 5;
   for (int motion = 0; motion < kMostMotions; ++motion) {
     if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
     EndIfCancelled(observer);
