@@ -320,6 +320,9 @@ bool LeaveOutRejected(Calibration* calibration) {
     cleaned.views.pop_back();
     cleaned.refined->views.pop_back();
   }
+  for (size_t i = 0; i < solution.views.size(); ++i) {
+    if (!solution.views[i].rejected_ids.empty()) cleaned.with_rejected.push_back(calibration->views[i]);
+  }
   cleaned.pairs = PosePairsOf(cleaned.camera, solution.hand_eye, cleaned.views);
   *calibration = std::move(cleaned);
   return true;
@@ -506,6 +509,21 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   return Join(names, ", ");
 }
 
+// Gives the points back that the refinement rejected.
+void TakeBackRejected(Calibration* calibration) {
+  for (View& before : calibration->with_rejected) {
+    const auto used = std::find_if(calibration->views.begin(), calibration->views.end(),
+                                   [&](const View& view) { return view.capture == before.capture; });
+    if (used != calibration->views.end()) {
+      used->observations = std::move(before.observations);
+      continue;
+    }
+    std::erase_if(calibration->unused, [&](const UnusedView& unused) { return unused.capture == before.capture; });
+    calibration->views.push_back(std::move(before));
+  }
+  calibration->with_rejected.clear();
+}
+
 // Ends a calibration: names the captures that are left out, removes rejected points, and runs the methods on what is
 // used. `has_methods`: whether their results are there already, for these captures with this camera.
 void Finish(const CalibrationOptions& options, bool has_methods, Calibration* calibration) {
@@ -587,6 +605,7 @@ Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const Calib
   options.bundle.free_intrinsics = before.bundle.free_intrinsics;
   if (before.refined->robot_noise) options.bundle.robot_noise_start = *before.refined->robot_noise;
   Calibration calibration = before;
+  TakeBackRejected(&calibration);
   const auto give_effects = [&](View* view) {
     view->effect = effect_of_capture.empty() ? nullptr : effect_of_capture[view->capture];
     if (!joints_of_capture.empty()) view->gripper_by_joints = joints_of_capture[view->capture];
@@ -612,21 +631,33 @@ Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const Calib
   return calibration;
 }
 
-std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options) {
+void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance) {
+  for (const Eigen::VectorXd& change : changes) {
+    CHECK_EQ(change.size(), covariance->matrix.rows());
+    covariance->matrix += change * change.transpose();
+  }
+}
+
+Advice Advise(const Calibration& calibration, const CalibrationOptions& options) {
   const Solution& solution = *calibration.refined;
   const BundleOptions& bundle = calibration.bundle;
   const Problem solved = ProblemOf(calibration, options);
   const ErrorModel model{bundle.robot, bundle.free_shape, bundle.effects};
-  std::vector<Finding> findings;
+  Advice advice;
   const auto add = [&](std::optional<Finding> finding) {
-    if (finding) findings.push_back(std::move(*finding));
+    if (finding) advice.findings.push_back(std::move(*finding));
+  };
+  const auto add_part = [&](ContradictedPart part) {
+    advice.findings.push_back(std::move(part.finding));
+    advice.changes.push_back(std::move(part.change));
   };
   add(DiagnoseScale(solution, model));
   if (calibration.camera_was_given) {
-    add(DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose));
+    std::optional<ContradictedPart> held = DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose);
+    if (held) add_part(std::move(*held));
     add(DescribeCameraUse(calibration.camera, solution, bundle));
   }
-  for (Finding& finding : DiagnoseModel(solved, solution, bundle, options.choose)) add(std::move(finding));
+  for (ContradictedPart& part : DiagnoseModel(solved, solution, bundle, options.choose)) add_part(std::move(part));
   if (calibration.num_kept_against_test > 0) {
     const bool is_most = 2 * static_cast<size_t>(calibration.num_kept_against_test) > calibration.views.size();
     Finding finding{is_most ? Grade::kBad : Grade::kDoubtful,
@@ -656,7 +687,7 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
   }
   add(DiagnoseWeakDirections(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
   add(DescribeModel(model, calibration.alternatives, solution));
-  return findings;
+  return advice;
 }
 
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "heba/calibration.h"
 #include "heba/data/free_parameters.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
@@ -27,11 +28,12 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution);
 
-// Returns findings about the parts of the model that the options hold, from ChooseModel at the solution with all parts
-// free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel noise
-// explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to matter.
-std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
-                                   const AutoModel& chosen);
+// Returns the parts of the model that the options hold and that contradict the captures, from ChooseModel at the
+// solution with all parts free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors
+// exceed what the pixel noise explains; `target_shape_ignored` if the target was taken as designed, but is scaled or
+// bent by enough to matter. The change is that of all of them, and stands with the first.
+std::vector<ContradictedPart> DiagnoseModel(const Problem& problem, const Solution& solution,
+                                            const BundleOptions& options, const AutoModel& chosen);
 
 // Returns the finding `target_scale` if the estimated scale of the target differs from its design by more than printing
 // explains. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
@@ -43,8 +45,8 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
 // F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
-std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
-                                              const BundleOptions& options, const AutoModel& choose);
+std::optional<ContradictedPart> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
+                                                       const BundleOptions& options, const AutoModel& choose);
 // The poses of a camera and of a target, with held and with free intrinsics of the camera.
 struct FreedPoses {
   Rigid3d mount_from_held;

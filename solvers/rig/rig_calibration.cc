@@ -212,6 +212,38 @@ std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig&
   return unused;
 }
 
+// Returns the change from one solution of a problem to another, in the layout of the first one's covariance. What only
+// one of them has does not change.
+Eigen::VectorXd ChangeBetween(const RigProblem& problem, const RigSolution& from, const RigSolution& to) {
+  const UnknownLayout& layout = from.covariance.layout;
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(layout.size());
+  const auto set_pose = [&](const std::string& name, const Rigid3d& of_from, const Rigid3d& of_to) {
+    const UnknownBlock block = layout.Block(name);
+    if (block.size == 6) change.segment<6>(block.first) = LocalCoordinates(of_from, of_to);
+  };
+  const auto set_params = [&](const std::string& name, const auto& of_from, const auto& of_to) {
+    const UnknownBlock block = layout.Block(name);
+    for (Eigen::Index i = block.first; i < block.end(); ++i) {
+      const auto k = static_cast<size_t>(layout[i].index);
+      change[i] = of_to[k] - of_from[k];
+    }
+  };
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const RigCamera& camera = problem.cameras[c];
+    set_pose(CameraPoseBlock(camera), from.poses.mount_from_camera[c], to.poses.mount_from_camera[c]);
+    set_params(CameraBlock(camera), from.cameras[c].params, to.cameras[c].params);
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    const RigTarget& target = problem.targets[t];
+    set_pose(TargetPoseBlock(target), from.poses.mount_from_target[t], to.poses.mount_from_target[t]);
+    set_params(TargetShapeBlock(target), from.shapes[t].params, to.shapes[t].params);
+  }
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    set_pose(BaseBlock(problem.robots[r]), from.poses.world_from_base[r], to.poses.world_from_base[r]);
+  }
+  return change;
+}
+
 }  // namespace
 
 Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options) {
@@ -270,13 +302,13 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   return calibration;
 }
 
-std::vector<Finding> DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration,
-                                            const RigOptions& options) {
+std::vector<ContradictedPart> DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration,
+                                                     const RigOptions& options) {
   const RigSolution& solution = *calibration.refined;
   RigProblem at = calibration.problem;
   for (size_t c = 0; c < at.cameras.size(); ++c) at.cameras[c].camera = solution.cameras[c];
   for (size_t t = 0; t < at.targets.size(); ++t) at.targets[t].shape = solution.shapes[t];
-  std::vector<Finding> findings;
+  std::vector<ContradictedPart> parts;
   for (size_t c = 0; c < at.cameras.size(); ++c) {
     if (!at.cameras[c].free_intrinsics.empty() || !IsMoved(problem, c)) continue;
     RigProblem freed = at;
@@ -302,9 +334,9 @@ std::vector<Finding> DiagnoseHeldIntrinsics(const RigProblem& problem, const Rig
          WorkingDistance(TargetPosesOf(at, solution.poses, solution.effects, c))});
     if (!finding) continue;
     finding->names.emplace_back("of_camera", at.cameras[c].name);
-    findings.push_back(std::move(*finding));
+    parts.push_back({std::move(*finding), ChangeBetween(at, solution, *other)});
   }
-  return findings;
+  return parts;
 }
 
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration) {

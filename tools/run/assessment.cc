@@ -33,8 +33,10 @@ Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std
 }
 
 // Returns the working point: that of the capture with the median distance. Returns nothing if its points do not
-// determine the target's pose.
-std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup) {
+// determine the target's pose. What a wrong held part does to the camera and to what the camera sees cancels in part:
+// a located target moves by as much as the target of the calibration (`changes`, as of Advice).
+std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup,
+                                             const std::vector<Eigen::VectorXd>& changes) {
   const Solution& solution = *calibration.refined;
   std::vector<std::pair<double, const View*>> by_distance;
   const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
@@ -53,8 +55,16 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   if (!located) return std::nullopt;
   const Eigen::Matrix3d base_from_camera = Correct(solution, camera_mount).base_from_mount.RotationMatrix() *
                                            solution.hand_eye.camera_mount_from_camera.RotationMatrix();
-  return WorkingPoint{middle_of(view),
-                      base_from_camera.transpose() * located->covariance.by_calibration_m2 * base_from_camera};
+  WorkingPoint point{middle_of(view),
+                     base_from_camera.transpose() * located->covariance.by_calibration_m2 * base_from_camera};
+  const Eigen::Matrix3d camera_from_target =
+      CameraFromTarget(solution.hand_eye, CorrectedMount(setup, view, solution)).RotationMatrix();
+  const Eigen::Index first = solution.covariance.layout.Block(kBoardBlock).first;
+  for (const Eigen::VectorXd& change : changes) {
+    const Eigen::Vector3d in_camera = camera_from_target * change.segment<3>(first);
+    point.covariance_m2 += in_camera * in_camera.transpose();
+  }
+  return point;
 }
 
 ModelSummary SummariseModel(const Calibration& calibration) {
@@ -320,10 +330,10 @@ RunResult ResultOf(const Dataset& dataset) {
 }  // namespace
 
 RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, CalibrationOptions options, RunObserver* observer) {
+                 const Calibration& calibration, const Advice& advice, CalibrationOptions options,
+                 RunObserver* observer) {
   RunResult result = ResultOf(dataset);
-  result.observations = Advise(calibration, options);
-
+  result.observations = advice.findings;
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();
   for (const MethodResult& method : calibration.methods) {
@@ -338,9 +348,10 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   }
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
+  AddChanges(advice.changes, &result.estimates.back().solution->covariance);
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
-  result.working_point = FindWorkingPoint(calibration, dataset.setup);
+  result.working_point = FindWorkingPoint(calibration, dataset.setup, advice.changes);
   result.model = SummariseModel(calibration);
   if (std::optional<Finding> missing = FindMissingIds(dataset, calibration, detections)) {
     result.observations.push_back(std::move(*missing));

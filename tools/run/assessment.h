@@ -15,9 +15,11 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
 
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
-// (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used.
+// (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used. `advice` is
+// that of the calibration, whose covariance does not have its changes yet: those of the result have them.
 RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, CalibrationOptions options, RunObserver* observer);
+                 const Calibration& calibration, const Advice& advice, CalibrationOptions options,
+                 RunObserver* observer);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.

@@ -233,6 +233,13 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   if (!calibration) return Failure{calibration.reason()};
   if (!calibration->refined) return Failure{calibration->refined.reason()};
   output.calibration = std::move(*calibration);
+  std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
+  std::vector<Finding> of_held;
+  std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
+  for (ContradictedPart& part : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
+    of_held.push_back(std::move(part.finding));
+    AddChanges({part.change}, &output.calibration.refined->covariance);
+  }
   const RigSolution& solution = *output.calibration.refined;
   result.timing.refine_s = solution.convergence.seconds;
   result.timing.seed_s = std::max(0.0, solve_watch.Seconds() - result.timing.refine_s);
@@ -282,13 +289,11 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   }
   RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
-  result.observations = DiagnoseRig(seen, output.calibration);
+  result.observations = std::move(of_rig);
   NameKnownArms(result.arms, result.rig.robots, &result.observations);
   for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
-  for (Finding& finding : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
-    result.observations.push_back(std::move(finding));
-  }
-  for (Finding& finding : DiagnoseRigDirections(output.calibration)) result.observations.push_back(std::move(finding));
+  for (Finding& finding : of_held) result.observations.push_back(std::move(finding));
+  for (Finding& finding : directions) result.observations.push_back(std::move(finding));
   result.requirements = ReachedInRig(options.requirements, used, solution);
   result.verdict = JudgeRig(result);
   return output;

@@ -233,7 +233,9 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   if (!calibration.refined) return Failure{calibration.refined.reason()};
   timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
-  output.result = Assess(output.dataset, options, detections, calibration, calibrated->options, observer);
+  const Advice advice = Advise(calibration, calibrated->options);
+  output.result = Assess(output.dataset, options, detections, calibration, advice, calibrated->options, observer);
+  AddChanges(advice.changes, &calibration.refined->covariance);
   std::vector<Finding>& observations = output.result.observations;
   for (Finding& motion : motions) observations.push_back(std::move(motion));
   if (dataset.robot) {

@@ -385,7 +385,8 @@ FindingText NoBetterModel(const Finding& finding) {
 FindingText TargetShapeIgnored(const Finding& finding) {
   const bool may_be_focal_length = Is(finding, "focal_length", "held") && PartOf(finding, "shape_scale") != nullptr;
   return {"the captures indicate that the target differs from its design: " + ShapeText(finding) +
-              (may_be_focal_length ? " (a focal length that is held at a wrong value looks like a wrong scale)" : ""),
+              (may_be_focal_length ? " (a focal length that is held at a wrong value looks like a wrong scale)" : "") +
+              "; the stated sigmas include what such a shape would change",
           "measure the target, or use refine.target_shape: auto",
           {{"refine.target_shape", "auto"}}};
 }
@@ -424,7 +425,8 @@ FindingText HeldIntrinsics(const Finding& finding) {
   return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
               ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
               Significant(Number(finding, "move_mm"), 2) + " mm and " + Significant(Number(finding, "move_deg"), 2) +
-              " deg away, and the target " + Significant(Number(finding, "target_move_mm"), 2) + " mm",
+              " deg away, and the target " + Significant(Number(finding, "target_move_mm"), 2) +
+              " mm; the stated sigmas include this change",
           "free them (leave refine.intrinsics out), or recalibrate the camera"};
 }
 

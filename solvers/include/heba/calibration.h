@@ -128,6 +128,9 @@ struct Calibration {
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;
   std::vector<View> left_out;  // The views of `unused` that contradict the others.
+  // The views that the refinement took points from, as they were before, so that another model can judge the points
+  // again.
+  std::vector<View> with_rejected;
   std::vector<MethodResult> methods;
   Outcome<Solution> chain = Failure{"not run"};
   std::string seed;  // The start that led to the refined result: a method, or one of solvers/calibration/multi_start.h.
@@ -175,10 +178,26 @@ std::optional<size_t> MostLikelyPoseEffects(
     const std::shared_ptr<const SharedEffects>& effects,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs);
 
+// A part of the model that the options hold and that contradicts the captures.
+struct ContradictedPart {
+  Finding finding;
+  // By how much the estimate would change if the part were free, in the layout of its covariance.
+  Eigen::VectorXd change;
+};
+
+// Adds to a covariance what wrong held parts do to the estimate: the square of each change, as of an error whose sign
+// is not known. Captures share such an error, so that more of them do not reduce it.
+void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance);
+
+struct Advice {
+  std::vector<Finding> findings;
+  std::vector<Eigen::VectorXd> changes;  // Of the held parts that contradict the captures (AddChanges).
+};
+
 // Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen
 // model, how a given camera was used, the errors that its fixed parts hide, and which part of the result has the
 // largest uncertainty. Calibrate does not call it, because cross-validation folds and study trials need no findings.
-std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options);
+Advice Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // Returns the influence of each used view on a calibration whose refinement succeeded
 // (solvers/uncertainty/influence.h).

@@ -1,5 +1,7 @@
 #include "heba/calibration.h"
 
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -68,6 +70,35 @@ TEST(CalibrationTest, RejectsAViewOfFewPointsThatContradictsTheOthers) {
   ASSERT_EQ(calibration->unused.size(), 1U);
   EXPECT_EQ(calibration->unused[0].name, scene.views[4].name);
   EXPECT_THAT(calibration->unused[0].reason, testing::HasSubstr("not where the other captures predict them"));
+}
+
+// A later model judges the points again that the first one rejects.
+TEST(CalibrationTest, TakesRejectedPointsBackUnderAnotherModel) {
+  constexpr size_t kView = 2;
+  constexpr Eigen::Index kNumWrong = 5;
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.05;
+  const TestScene scene = MakeTestScene(4, scene_options);
+  std::vector<View> views = scene.views;
+  for (size_t i = 0; i < views.size(); ++i) views[i].capture = i;
+  const Eigen::Index num_points = views[kView].observations.size();
+  views[kView].observations.pixels.leftCols(kNumWrong).array() += 30;
+  const CalibrationOptions options = OptionsOf(scene);
+  Outcome<Calibration> first = Calibrate(views, options);
+  ASSERT_TRUE(first.ok() && first->refined.ok());
+  const auto num_used = [&](const Calibration& calibration) {
+    return std::find_if(calibration.views.begin(), calibration.views.end(),
+                        [&](const View& view) { return view.capture == kView; })
+        ->observations.size();
+  };
+  EXPECT_EQ(num_used(*first), num_points - kNumWrong);
+  ASSERT_EQ(first->with_rejected.size(), 1U);
+  // These points are right by another model.
+  first->with_rejected[0].observations.pixels = scene.views[kView].observations.pixels;
+  const Outcome<Calibration> second = CalibrateWithEffects(*first, options, {});
+  ASSERT_TRUE(second.ok()) << second.reason();
+  EXPECT_EQ(num_used(*second), num_points);
+  EXPECT_TRUE(second->with_rejected.empty());
 }
 
 }  // namespace

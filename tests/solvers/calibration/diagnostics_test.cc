@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "solvers/refine/bundle_model.h"
 #include "tests/support/scenes.h"
@@ -105,9 +106,9 @@ TEST_P(FixedModelTest, ReportsRobotNoiseAndTargetShapeThatTheModelIgnores) {
     const Solved solved = SolveWithHeldCamera(scene, options, scene.camera);
     bool names_robot = false;
     bool names_shape = false;
-    for (const Finding& finding : DiagnoseModel(solved.problem, solved.solution, solved.bundle, {})) {
-      names_robot = names_robot || finding.code == "robot_noise_ignored";
-      names_shape = names_shape || finding.code == "target_shape_ignored";
+    for (const ContradictedPart& part : DiagnoseModel(solved.problem, solved.solution, solved.bundle, {})) {
+      names_robot = names_robot || part.finding.code == "robot_noise_ignored";
+      names_shape = names_shape || part.finding.code == "target_shape_ignored";
     }
     num_wrong += names_robot != GetParam().is_noisy || names_shape == GetParam().is_made_well ? 1 : 0;
   }
@@ -119,6 +120,13 @@ INSTANTIATE_TEST_SUITE_P(HiddenErrors, FixedModelTest,
                                          HiddenErrors{"shape", false, false}, HiddenErrors{"both", true, false}),
                          [](const auto& test) { return test.param.name; });
 
+// Returns the squared distance of the hand-eye pose from the truth in sigmas.
+double SquaredSigmasOff(const Solution& solution, const HandEye& truth) {
+  const Tangent6 error = LocalCoordinates(solution.hand_eye.camera_mount_from_camera, truth.camera_mount_from_camera);
+  return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, kHandEyeBlock));
+}
+
+// What wrong intrinsics do to the result is not in the sigmas of the refinement, but in those with the change.
 TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -134,12 +142,17 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     const Problem problem{held, scene.views, options.setup, DesignedShape(options.points)};
     const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    const std::optional<Finding> finding = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
-    ASSERT_EQ(finding.has_value(), off_px > 0) << off_px;
-    if (!finding) continue;
-    EXPECT_EQ(finding->code, "held_intrinsics");
-    EXPECT_EQ(finding->Name("intrinsic"), "cx");
-    EXPECT_LT(finding->Number("cx_px"), 0);
+    const std::optional<ContradictedPart> part = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
+    ASSERT_EQ(part.has_value(), off_px > 0) << off_px;
+    if (!part) continue;
+    EXPECT_EQ(part->finding.code, "held_intrinsics");
+    EXPECT_EQ(part->finding.Name("intrinsic"), "cx");
+    EXPECT_LT(part->finding.Number("cx_px"), 0);
+    constexpr double kSixAt999 = 22.5;  // The 99.9 % quantile of chi-square with six degrees of freedom.
+    EXPECT_GT(SquaredSigmasOff(*solution, scene.hand_eye), kSixAt999);
+    Solution widened = *solution;
+    AddChanges({part->change}, &widened.covariance);
+    EXPECT_LT(SquaredSigmasOff(widened, scene.hand_eye), kSixAt999);
   }
 }
 

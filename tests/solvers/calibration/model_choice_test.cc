@@ -164,7 +164,7 @@ TEST(ModelChoiceTest, StepsDownFromALensThatIsNotDetermined) {
   EXPECT_NE(calibration->refined->camera.model, "rational8");
   EXPECT_FALSE(calibration->reduced_camera.empty());
   bool is_said = false;
-  for (const Finding& finding : Advise(*calibration, options)) {
+  for (const Finding& finding : Advise(*calibration, options).findings) {
     is_said = is_said || (finding.code == "camera_reduced" && finding.Name("wanted") == "rational8");
   }
   EXPECT_TRUE(is_said);
@@ -181,7 +181,7 @@ TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {
   EXPECT_GT(calibration->refined->robot_noise->translation_m, 1e-5);
   EXPECT_GT(calibration->refined->robot_noise->rotation_rad, 1e-5);
   bool is_said = false;
-  for (const Finding& finding : Advise(*calibration, options))
+  for (const Finding& finding : Advise(*calibration, options).findings)
     is_said = is_said || finding.code == "few_captures_prior";
   EXPECT_TRUE(is_said);
 }

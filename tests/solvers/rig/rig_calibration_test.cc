@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/base/factorisation.h"
 #include "tests/support/matchers.h"
 #include "tests/support/rig_scenes.h"
 
@@ -397,13 +398,22 @@ TEST(RigCalibration, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
   for (const size_t i : {0, 1}) scene.problem.cameras[1].camera.params[i] *= 1.02;
   const Outcome<RigCalibration> wrong = CalibrateRig(scene.problem, options);
   ASSERT_TRUE(wrong && wrong->refined) << wrong.reason();
-  const std::vector<Finding> findings = DiagnoseHeldIntrinsics(scene.problem, *wrong, options.adjustment);
-  ASSERT_FALSE(findings.empty());
-  const auto worst = std::min_element(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
-    return *a.Number("p") < *b.Number("p");
-  });
-  EXPECT_EQ(worst->code, "held_intrinsics");
-  EXPECT_EQ(worst->Name("of_camera"), "right");
+  const std::vector<ContradictedPart> parts = DiagnoseHeldIntrinsics(scene.problem, *wrong, options.adjustment);
+  ASSERT_FALSE(parts.empty());
+  const auto worst =
+      std::min_element(parts.begin(), parts.end(), [](const ContradictedPart& a, const ContradictedPart& b) {
+        return *a.finding.Number("p") < *b.finding.Number("p");
+      });
+  EXPECT_EQ(worst->finding.code, "held_intrinsics");
+  EXPECT_EQ(worst->finding.Name("of_camera"), "right");
+  // With the change, the sigmas cover what the wrong camera does to its pose, up to the noise of the freed estimate.
+  RigSolution widened = *wrong->refined;
+  AddChanges({worst->change}, &widened.covariance);
+  const auto squared_sigmas_off = [&](const RigSolution& solution) {
+    const Tangent6 error = LocalCoordinates(solution.poses.mount_from_camera[1], scene.truth.mount_from_camera[1]);
+    return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, CameraPoseBlock(scene.problem.cameras[1])));
+  };
+  EXPECT_LT(squared_sigmas_off(widened), 0.1 * squared_sigmas_off(*wrong->refined));
 }
 
 TEST(RigCalibration, NamesWhatNoImageJoins) {

@@ -87,7 +87,7 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
            {{"cx_px", -5}, {"cx_sigmas", -9.1}, {"move_mm", 2}, {"move_deg", 0.1}, {"target_move_mm", 0.3}, {"p", 0}},
            {{"intrinsic", "cx"}}),
        "the intrinsics were held, but the captures indicate cx -5.0 px (9.1 sigma) (p < 1e-15); with free intrinsics "
-       "the camera would be 2.0 mm and 0.10 deg away, and the target 0.30 mm",
+       "the camera would be 2.0 mm and 0.10 deg away, and the target 0.30 mm; the stated sigmas include this change",
        "free them (leave refine.intrinsics out), or recalibrate the camera"},
       {FindingOf("target_scale", {{"scale_x", 1.1}, {"scale_y", 1.1}}, {{"focal_length", "held"}}),
        "compared with the robot's poses, the target is 10 % larger than the config says (a focal length that is held "
@@ -97,7 +97,7 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
       {FindingOf("target_shape_ignored", {}, {{"focal_length", "held"}},
                  {FindingOf("shape_bend", {{"bend_x_mm", 0.5}, {"bend_y_mm", 0}})}),
        "the captures indicate that the target differs from its design: its centre is 0.50 mm (along x) and 0.00 mm "
-       "(along y) above its edges",
+       "(along y) above its edges; the stated sigmas include what such a shape would change",
        "measure the target, or use refine.target_shape: auto"},
       {FindingOf("few_captures_prior", {{"fewer_than", 8},
                                         {"least_robot_mm", 0.05},
