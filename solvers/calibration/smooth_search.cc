@@ -74,18 +74,32 @@ VarianceGroup& GroupOfColumn(Eigen::Index column, std::vector<VarianceGroup>* gr
   return *found;
 }
 
-// Returns the log-likelihood of smooth errors with at least half of the variances that the robot's noise, in the groups
-// `white`, has without them.
-double LikelihoodOfHalf(const SmoothSearch& search, std::vector<VarianceGroup> white, const SmoothErrors& errors) {
+// The least variances that smooth errors of a robot's positions (m^2) and rotations (rad^2) are taken to have.
+using LeastVariances = std::array<double, 2>;
+
+// Returns half of the variances that the robot's noise has in the groups `white`.
+LeastVariances HalfOfWhite(const SmoothSearch& search, std::vector<VarianceGroup> white) {
+  return {0.5 * GroupOfColumn(search.first_column, &white).variance,
+          0.5 * GroupOfColumn(search.first_column + 3, &white).variance};
+}
+
+// Returns the variances of the smooth errors of the most accurate robots.
+LeastVariances OfAccurateRobot() {
+  constexpr double kTranslationM = 1e-5;
+  const double rotation_rad = DegToRad(0.002);
+  return {kTranslationM * kTranslationM, rotation_rad * rotation_rad};
+}
+
+// Returns the log-likelihood of smooth errors with at least these variances.
+double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least, const SmoothErrors& errors) {
   const std::vector<LinearisedView> views = WithUnknowns(search, errors);
   std::vector<VarianceGroup> groups = WithGroups(search, errors.effects());
   const double log_likelihood = LikelihoodOf(views, search.unit_px, &groups);
   bool is_less = false;
   for (size_t k = 0; k < 2; ++k) {
     VarianceGroup& smooth = groups[search.groups.size() + k];
-    const double least = 0.5 * GroupOfColumn(search.first_column + 3 * static_cast<Eigen::Index>(k), &white).variance;
-    if (smooth.variance >= least) continue;
-    smooth.variance = least;
+    if (smooth.variance >= least[k]) continue;
+    smooth.variance = least[k];
     smooth.is_free = false;
     is_less = true;
   }
@@ -230,19 +244,20 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
   lengths.Descend();
   lengths.GoToMean();
   FoundSmoothErrors found{lengths.best(), lengths.best_log_likelihood() - log_likelihood_without};
-  if (search.is_exact_without) return found;
-  found.odds_of_white = std::exp(log_likelihood_without - LikelihoodOfHalf(search, without, found.errors));
+  found.is_exact_without = search.is_exact_without;
+  const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);
+  found.odds_without = std::exp(log_likelihood_without - LikelihoodOfLeast(search, least, found.errors));
   return found;
 }
 
 double PValueWithout(const FoundSmoothErrors& found) {
   // Two standard deviations and two lengths; beside an exact robot, two of white noise.
-  const double num_figures = found.odds_of_white ? 4 : 6;
+  const double num_figures = found.is_exact_without ? 6 : 4;
   return ChiSquareTail(2 * found.log_likelihood_gain, num_figures);
 }
 
 bool AreLikely(const FoundSmoothErrors& found) {
-  return PValueWithout(found) < kRandomErrorsRejected || (found.odds_of_white && *found.odds_of_white < kLeastOdds);
+  return PValueWithout(found) < kRandomErrorsRejected || found.odds_without < kLeastOdds;
 }
 
 Finding DescribeSmoothErrors(const SmoothErrorsFigures& figures) {

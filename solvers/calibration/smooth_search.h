@@ -2,7 +2,6 @@
 // estimate without them.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "heba/data/smooth_errors.h"
@@ -26,9 +25,10 @@ struct SmoothSearch {
 struct FoundSmoothErrors {
   SmoothErrors errors;             // With the most likely standard deviations.
   double log_likelihood_gain = 0;  // The log-likelihood ratio (restricted) to a model without smooth errors.
-  // How many times as likely white noise alone is as smooth errors of at least half of its variances. Not set beside an
-  // exact robot.
-  std::optional<double> odds_of_white = {};
+  bool is_exact_without = false;   // SmoothSearch::is_exact_without.
+  // How many times as likely the model without smooth errors is as that with at least half of the variances of its
+  // white noise, or, beside an exact robot, with at least those of the most accurate robots (0.01 mm, 0.002 deg).
+  double odds_without = 1;
 };
 
 // Returns the smooth errors whose lengths the captures make most probable: the restricted likelihood times a prior by
@@ -37,9 +37,9 @@ struct FoundSmoothErrors {
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 // Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model
-// without them (kRandomErrorsRejected), and, beside white noise, if the captures show that less than half of it is
-// smooth (kLeastOdds): errors of robots are smooth as a rule, and those that are left out because a few captures cannot
-// show them make sigmas too small.
+// without them (kRandomErrorsRejected), and if the captures show that they are small (kLeastOdds): less than half of
+// the white noise, or less than the most accurate robots have. Errors of robots are smooth as a rule, and those that
+// are left out because a few captures cannot show them make sigmas too small.
 bool AreLikely(const FoundSmoothErrors& found);
 
 // Returns the probability of a gain at least as large if the robot has no smooth errors (an upper bound).

@@ -316,6 +316,20 @@ const char* SmallestDictionary(const DictionaryName& whole, int last) {
   return whole.name;
 }
 
+// Returns the markers up to their edges: the outlines of MarkersOf run through the centres of their outermost pixels.
+std::vector<SeenTag> UpToEdges(std::vector<SeenTag> markers) {
+  constexpr double kInsidePx = 0.5;
+  for (SeenTag& marker : markers) {
+    const auto outline = marker.corners_px;
+    for (size_t k = 0; k < 4; ++k) {
+      for (const size_t neighbour : {(k + 1) % 4, (k + 3) % 4}) {
+        marker.corners_px[k] += kInsidePx * (outline[k] - outline[neighbour]).normalized();
+      }
+    }
+  }
+  return markers;
+}
+
 // Returns the boards whose markers of one dictionary are seen.
 std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& whole) {
   const std::vector<SeenTag> markers = MarkersOf(grey, cv::aruco::getPredefinedDictionary(whole.id));
@@ -334,7 +348,7 @@ std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& 
     int rows = static_cast<int>(SquareOfMarker(last - grid->first, grid->columns, is_first_black).y()) + 1;
     // The top-left square of a legacy pattern is white only if the number of rows is even.
     if (!is_first_black) rows += rows % 2;
-    const double ratio = MedianSideInCells(markers, grid->pixel_from_cell);
+    const double ratio = MedianSideInCells(UpToEdges(markers), grid->pixel_from_cell);
     if (!(ratio > 0.2 && ratio < 0.98)) continue;
     TargetSettings board = RowsAndColumns(std::max(rows, 2), grid->columns);
     board.emplace_back("square", UnitLength(1, 1));

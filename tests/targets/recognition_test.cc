@@ -54,13 +54,13 @@ INSTANTIATE_TEST_SUITE_P(
               "\\{type: chessboard, rows: 6, columns: 9, square: 20 mm\\}", 0.02},
         Shown{"Charuco",
               "{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_5X5_1000}",
-              "\\{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: (29|30)[.0-9]* mm, dictionary: "
+              "\\{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
               "DICT_5X5_50\\}",
               0.04},
         Shown{"LegacyCharuco",
               "{type: charuco, rows: 6, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_4X4_50, "
               "legacy_pattern: true}",
-              "\\{type: charuco, rows: 6, columns: 8, square: 40 mm, marker: (29|30)[.0-9]* mm, dictionary: "
+              "\\{type: charuco, rows: 6, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
               "DICT_4X4_50, legacy_pattern: true\\}",
               0.04},
         Shown{"AprilTags",

@@ -134,7 +134,7 @@ void AddModelsBefore(const FoundSmoothErrors& found, const Calibration& before, 
   const auto chosen = entry_of(&alternatives, without, before.refined->robot_noise);
   const double shift = log_likelihood_with - found.log_likelihood_gain - chosen->log_likelihood;
   chosen->p = PValueWithout(found);
-  chosen->odds = found.odds_of_white;
+  chosen->odds = found.odds_without;
   for (ModelAlternative& alternative : alternatives) alternative.log_likelihood += shift;
   alternatives.insert(alternatives.end(), calibration->alternatives.begin(), calibration->alternatives.end());
   calibration->alternatives = std::move(alternatives);
