@@ -96,10 +96,17 @@ std::optional<RecognisedTarget> BestProposal(const Proposer& proposer, const cv:
 // Returns whether the points of a target have codes.
 bool IsCoded(const RecognisedTarget& recognised) { return recognised.target->Codes().size() > 1; }
 
+// The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
+constexpr double kOfCodes = 1.1;
+
+// Returns whether codes explain an image so well that no other target of as many points does better.
+bool IsExplained(const RecognisedTarget& best) {
+  return IsCoded(best) &&
+         kOfCodes * static_cast<double>(best.num_points) >= static_cast<double>(best.target->points().size());
+}
+
 // Returns whether one target explains images better than another one.
 bool IsBetter(const RecognisedTarget& a, const RecognisedTarget& b) {
-  // The corners of a ChArUco board are those of a chessboard too: codes decide unless they leave out many points.
-  constexpr double kOfCodes = 1.1;
   const auto weight = [](const RecognisedTarget& proposal) {
     return static_cast<double>(proposal.num_points) * (IsCoded(proposal) ? kOfCodes : 1);
   };
@@ -116,13 +123,13 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
   for (const size_t i : EvenIndices(images.size(), kMostProposing)) {
     proposing.push_back(Reduced(images[i], kProposingSidePx));
   }
-  // One type after the other, each in the images that no code explains wholly.
+  // One type after the other, each in the images that no code explains.
   std::vector<std::optional<RecognisedTarget>> best_of(proposing.size());
   for (const Proposer& proposer : kProposers) {
     ParallelFor(static_cast<int>(proposing.size()), num_threads, [&](int task) {
       const auto i = static_cast<size_t>(task);
       std::optional<RecognisedTarget>& best = best_of[i];
-      if (best && IsCoded(*best) && best->num_points == best->target->points().size()) return;
+      if (best && IsExplained(*best)) return;
       std::optional<RecognisedTarget> proposal = BestProposal(proposer, proposing[i]);
       if (proposal && (!best || IsBetter(*proposal, *best))) best = std::move(proposal);
     });

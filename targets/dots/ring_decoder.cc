@@ -503,29 +503,37 @@ bool RingDecoder::IsAlone(const cv::Mat& grey, const Ellipse& dot) const {
 }
 
 std::optional<RingReading> RingDecoder::Read(const cv::Mat& grey, const Ellipse& candidate) const {
+  if (!MayRead(grey, candidate)) return std::nullopt;
+  const std::optional<RefinedEllipse> dot = FitDot(grey, candidate);
+  return dot ? ReadAround(grey, *dot) : std::nullopt;
+}
+
+bool RingDecoder::MayRead(const cv::Mat& grey, const Ellipse& candidate) const {
   CHECK_EQ(grey.type(), CV_8UC1);
-  if (!IsAlone(grey, candidate)) return std::nullopt;
+  if (!IsAlone(grey, candidate)) return false;
   // Most dots are not worth a fit, since something else clearly surrounds them.
   const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
   const double least_margin = *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_);
   const double clear_margin = candidate.SemiAxesPx().y() > 5 ? 0.2 : 0.3;
-  if (guess.score < 0 || (rotations_[guess.word] < 0 && least_margin > clear_margin)) return std::nullopt;
+  return guess.score >= 0 && (rotations_[guess.word] >= 0 || least_margin <= clear_margin);
+}
+
+std::optional<RefinedEllipse> RingDecoder::FitDot(const cv::Mat& grey, const Ellipse& candidate) const {
   RefineEllipseOptions options;
   options.max_margin_px = 0.8 * candidate.SemiAxesPx().x();
   options.next_outline_ratio = kRingInner;
-  const std::optional<RefinedEllipse> dot = RefineEllipse(grey, candidate, options);
+  std::optional<RefinedEllipse> dot = RefineEllipse(grey, candidate, options);
   if (!dot || dot->visible_ratio < 0.7 || dot->residual_ratio > 0.25) return std::nullopt;
   if (polarity_ == DotPolarity::kDarkOnLight ? dot->contrast_grey > -6 : dot->contrast_grey < 6) return std::nullopt;
   if (std::abs(std::log(dot->ellipse.RadiusPx() / candidate.RadiusPx())) > 0.3 + 0.5 / candidate.RadiusPx()) {
     return std::nullopt;
   }
-  return ReadWord(grey, *dot);
+  return dot;
 }
 
 bool RingDecoder::IsLikely(const cv::Mat& grey, const Ellipse& candidate) const {
   CHECK_EQ(grey.type(), CV_8UC1);
-  constexpr double kMinRadiusPx = 4;
-  if (candidate.SemiAxesPx().y() < kMinRadiusPx || !IsAlone(grey, candidate)) return false;
+  if (candidate.SemiAxesPx().y() < kLeastLikelyRadiusPx || !IsAlone(grey, candidate)) return false;
   const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
   // The maximum is 0.5; true rings have more than 0.4 unless their sectors are blurred into each other.
   constexpr double kMinMargin = 0.25;
@@ -533,7 +541,7 @@ bool RingDecoder::IsLikely(const cv::Mat& grey, const Ellipse& candidate) const 
          *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_) > kMinMargin;
 }
 
-std::optional<RingReading> RingDecoder::ReadWord(const cv::Mat& grey, const RefinedEllipse& dot) const {
+std::optional<RingReading> RingDecoder::ReadAround(const cv::Mat& grey, const RefinedEllipse& dot) const {
   const Eigen::Vector2d axes_px = dot.ellipse.SemiAxesPx();
   const double max_boost = MaxBoost(grey, dot.ellipse);
   const Guess guess = BestGuess(grey, dot.ellipse, max_boost, bits_);

@@ -38,13 +38,20 @@ class RingDecoder {
   // list. `grey` is CV_8UC1.
   std::optional<RingReading> Read(const cv::Mat& grey, const Ellipse& candidate) const;
 
+  // The two steps of Read, for rings of several sizes around one dot: MayRead rules out most dots without a fit, and
+  // ReadAround reads the ring around the dot as FitDot has fitted it, which is the same for all sizes of rings.
+  bool MayRead(const cv::Mat& grey, const Ellipse& candidate) const;
+  std::optional<RefinedEllipse> FitDot(const cv::Mat& grey, const Ellipse& candidate) const;
+  std::optional<RingReading> ReadAround(const cv::Mat& grey, const RefinedEllipse& dot) const;
+
+  // The least radius, along the shorter axis, of a dot about which IsLikely can tell.
+  static constexpr double kLeastLikelyRadiusPx = 4;
   // Returns whether Read is likely to find one of the codes: true for large rings with clear sectors, judged without
   // a fit.
   bool IsLikely(const cv::Mat& grey, const Ellipse& candidate) const;
 
  private:
   bool IsAlone(const cv::Mat& grey, const Ellipse& dot) const;
-  std::optional<RingReading> ReadWord(const cv::Mat& grey, const RefinedEllipse& dot) const;
   std::optional<RingReading> ReadAs(const cv::Mat& grey, const RefinedEllipse& dot, const Guess& guess,
                                     double max_boost, bool is_small) const;
 

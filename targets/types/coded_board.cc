@@ -476,15 +476,32 @@ struct SeenRing {
   Ellipse dot;
 };
 
-std::vector<SeenRing> ReadRings(const cv::Mat& grey, const std::vector<FoundEllipse>& dots,
-                                const RingDecoder& decoder) {
-  std::vector<SeenRing> rings;
-  for (const FoundEllipse& dot : dots) {
-    const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
-    if (reading && reading->is_clear) rings.push_back({reading->code, dot.ellipse});
+// The dots of an image, each of which is fitted at most once.
+class Dots {
+ public:
+  Dots(const cv::Mat& grey, const std::vector<FoundEllipse>& found)
+      : grey_(grey), found_(found), fitted_(found.size()) {}
+
+  std::vector<SeenRing> RingsOf(const RingDecoder& decoder) {
+    std::vector<SeenRing> rings;
+    for (size_t i = 0; i < found_.size(); ++i) {
+      const Ellipse& dot = found_[i].ellipse;
+      // Most dots of other targets are told from rings without a fit.
+      const bool is_large = dot.SemiAxesPx().y() >= RingDecoder::kLeastLikelyRadiusPx;
+      if (is_large ? !decoder.IsLikely(grey_, dot) : !decoder.MayRead(grey_, dot)) continue;
+      if (!fitted_[i]) fitted_[i] = decoder.FitDot(grey_, dot);
+      if (!*fitted_[i]) continue;
+      const std::optional<RingReading> reading = decoder.ReadAround(grey_, **fitted_[i]);
+      if (reading && reading->is_clear) rings.push_back({reading->code, dot});
+    }
+    return rings;
   }
-  return rings;
-}
+
+ private:
+  const cv::Mat& grey_;
+  const std::vector<FoundEllipse>& found_;
+  std::vector<std::optional<std::optional<RefinedEllipse>>> fitted_;
+};
 
 // Returns the board whose points have these codes, in this order; nothing if the rings are not on a grid.
 std::optional<TargetSettings> BoardOf(const std::vector<SeenRing>& rings, const std::vector<uint32_t>& codes) {
@@ -521,7 +538,8 @@ std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
     EllipseFinderOptions finder_options;
     finder_options.polarity = polarity;
     finder_options.min_diameter_px = 3;
-    const std::vector<FoundEllipse> dots = FindEllipses(grey, finder_options);
+    const std::vector<FoundEllipse> found = FindEllipses(grey, finder_options);
+    Dots dots(grey, found);
     for (const int bits : {8, 10, 12, 14}) {
       // The codes of both orders are read at once.
       std::vector<uint32_t> codes;
@@ -529,7 +547,7 @@ std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
         const std::vector<uint32_t> in_order = RingCodes(bits, order);
         codes.insert(codes.end(), in_order.begin(), in_order.end());
       }
-      const std::vector<SeenRing> rings = ReadRings(grey, dots, RingDecoder(bits, polarity, codes));
+      const std::vector<SeenRing> rings = dots.RingsOf(RingDecoder(bits, polarity, codes));
       for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
         std::optional<TargetSettings> board = BoardOf(rings, RingCodes(bits, order));
         if (!board) continue;
