@@ -5,6 +5,7 @@
 #include <iterator>
 #include <optional>
 #include <set>
+#include <string_view>
 
 #include <opencv2/imgproc.hpp>
 
@@ -30,6 +31,18 @@ constexpr Proposer kProposers[] = {
 #include "targets/targets.def"
 #undef HEBA_TARGET
 };
+
+// A ChArUco board has the corners of a chessboard: types without codes are searched for last.
+constexpr std::string_view kWithoutCodes[] = {"chessboard", "circle_grid"};
+
+// Returns the proposers in the order in which they are asked.
+std::vector<Proposer> OrderedProposers() {
+  std::vector<Proposer> ordered(std::begin(kProposers), std::end(kProposers));
+  std::stable_partition(ordered.begin(), ordered.end(), [](const Proposer& proposer) {
+    return std::find(std::begin(kWithoutCodes), std::end(kWithoutCodes), proposer.type) == std::end(kWithoutCodes);
+  });
+  return ordered;
+}
 
 // The fewest points that determine a pose.
 constexpr size_t kFewestPoints = 4;
@@ -125,7 +138,7 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
   }
   // One type after the other, each in the images that no code explains.
   std::vector<std::optional<RecognisedTarget>> best_of(proposing.size());
-  for (const Proposer& proposer : kProposers) {
+  for (const Proposer& proposer : OrderedProposers()) {
     ParallelFor(static_cast<int>(proposing.size()), num_threads, [&](int task) {
       const auto i = static_cast<size_t>(task);
       std::optional<RecognisedTarget>& best = best_of[i];
