@@ -647,17 +647,16 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
   const auto add = [&](std::optional<Finding> finding) {
     if (finding) advice.findings.push_back(std::move(*finding));
   };
-  const auto add_part = [&](ContradictedPart part) {
-    advice.findings.push_back(std::move(part.finding));
-    advice.changes.push_back(std::move(part.change));
+  const auto append = [&](const Advice& of_held) {
+    advice.findings.insert(advice.findings.end(), of_held.findings.begin(), of_held.findings.end());
+    advice.changes.insert(advice.changes.end(), of_held.changes.begin(), of_held.changes.end());
   };
   add(DiagnoseScale(solution, model));
   if (calibration.camera_was_given) {
-    std::optional<ContradictedPart> held = DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose);
-    if (held) add_part(std::move(*held));
+    append(DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose));
     add(DescribeCameraUse(calibration.camera, solution, bundle));
   }
-  for (ContradictedPart& part : DiagnoseModel(solved, solution, bundle, options.choose)) add_part(std::move(part));
+  append(DiagnoseModel(solved, solution, bundle, options.choose));
   if (calibration.num_kept_against_test > 0) {
     const bool is_most = 2 * static_cast<size_t>(calibration.num_kept_against_test) > calibration.views.size();
     Finding finding{is_most ? Grade::kBad : Grade::kDoubtful,

@@ -13,6 +13,7 @@
 #include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/robot_noise.h"
+#include "solvers/uncertainty/unknown_change.h"
 #include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
@@ -130,27 +131,14 @@ void AddLargestMove(const Camera& given, const Camera& camera, const Covariance&
   finding->numbers.emplace_back(largest + "_sigmas", sigmas);
 }
 
-// Returns the change from one solution to another, in the layout of the first one's covariance. What only one of them
-// has does not change.
+// Returns the change from one solution to another, in the layout of the first one's covariance.
 Eigen::VectorXd ChangeBetween(const Solution& from, const Solution& to) {
-  const UnknownLayout& layout = from.covariance.layout;
-  Eigen::VectorXd change = Eigen::VectorXd::Zero(layout.size());
-  const auto set_pose = [&](std::string_view name, const Rigid3d& of_from, const Rigid3d& of_to) {
-    change.segment<6>(layout.Block(name).first) = LocalCoordinates(of_from, of_to);
-  };
-  set_pose(kHandEyeBlock, from.hand_eye.camera_mount_from_camera, to.hand_eye.camera_mount_from_camera);
-  set_pose(kBoardBlock, from.hand_eye.target_mount_from_target, to.hand_eye.target_mount_from_target);
-  const UnknownBlock camera = layout.Block(kCameraBlock);
-  for (Eigen::Index i = camera.first; i < camera.end() && from.camera.model == to.camera.model; ++i) {
-    const auto k = static_cast<size_t>(layout[i].index);
-    change[i] = to.camera.params[k] - from.camera.params[k];
-  }
-  const UnknownBlock target = layout.Block(kTargetBlock);
-  for (Eigen::Index i = target.first; i < target.end(); ++i) {
-    const auto k = static_cast<size_t>(layout[i].index);
-    change[i] = to.shape.params[k] - from.shape.params[k];
-  }
-  return change;
+  UnknownChange change(from.covariance.layout);
+  change.SetPose(kHandEyeBlock, from.hand_eye.camera_mount_from_camera, to.hand_eye.camera_mount_from_camera);
+  change.SetPose(kBoardBlock, from.hand_eye.target_mount_from_target, to.hand_eye.target_mount_from_target);
+  change.SetParams(kCameraBlock, from.camera.params, to.camera.params);
+  change.SetParams(kTargetBlock, from.shape.params, to.shape.params);
+  return change.vector();
 }
 
 }  // namespace
@@ -222,8 +210,8 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   return finding;
 }
 
-std::vector<ContradictedPart> DiagnoseModel(const Problem& problem, const Solution& solution,
-                                            const BundleOptions& options, const AutoModel& chosen) {
+Advice DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                     const AutoModel& chosen) {
   const bool asks_robot = !chosen.robot_noise && options.robot == BundleOptions::Robot::kExact;
   const bool asks_shape = !chosen.target_shape && options.free_shape.empty();
   constexpr size_t kMinCaptures = 6;
@@ -235,11 +223,7 @@ std::vector<ContradictedPart> DiagnoseModel(const Problem& problem, const Soluti
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
   if (!choice || choice->alternatives.empty()) return {};
   const ErrorModel& model = choice->alternatives[choice->chosen].model;
-  std::vector<ContradictedPart> parts;
-  const auto add = [&](Finding finding) {
-    const Eigen::VectorXd none = Eigen::VectorXd::Zero(solution.covariance.layout.size());
-    parts.push_back({std::move(finding), parts.empty() ? ChangeBetween(solution, choice->solution) : none});
-  };
+  Advice advice;
   if (asks_shape && !model.shape.empty()) {
     constexpr double kScaleMatters = 3e-4;
     constexpr double kBendMattersM = 1e-4;
@@ -249,23 +233,24 @@ std::vector<ContradictedPart> DiagnoseModel(const Problem& problem, const Soluti
     if (scale > kScaleMatters || bend_m > kBendMattersM) {
       const bool is_held = std::find(options.free_intrinsics.begin(), options.free_intrinsics.end(),
                                      ParameterGroup::kFocal) == options.free_intrinsics.end();
-      Finding ignored{Grade::kDoubtful, FindingCode("target_shape_ignored")};
+      Finding& ignored = advice.findings.emplace_back(Finding{Grade::kDoubtful, FindingCode("target_shape_ignored")});
       ignored.numbers = {{"scale_x", shape.params[0]},
                          {"scale_y", shape.params[1]},
                          {"bend_x_mm", 1000 * shape.params[2]},
                          {"bend_y_mm", 1000 * shape.params[3]}};
       ignored.names = {{"focal_length", is_held ? "held" : "free"}};
       ignored.parts = ShapeParts(shape, model.shape);
-      add(std::move(ignored));
     }
   }
   if (asks_robot && choice->solution.robot_noise && model.robot != BundleOptions::Robot::kExact) {
     const RobotNoise& noise = *choice->solution.robot_noise;
-    add({Grade::kDoubtful,
+    advice.findings.push_back(
+        {Grade::kDoubtful,
          FindingCode("robot_noise_ignored"),
          {{"robot_mm", 1000 * noise.translation_m}, {"robot_deg", RadToDeg(noise.rotation_rad)}}});
   }
-  return parts;
+  if (!advice.findings.empty()) advice.changes = {ChangeBetween(solution, choice->solution)};
+  return advice;
 }
 
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model) {
@@ -296,9 +281,9 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
   return finding;
 }
 
-std::optional<ContradictedPart> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
-                                                       const BundleOptions& options_in, const AutoModel& choose) {
-  if (!options_in.free_intrinsics.empty()) return std::nullopt;
+Advice DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution, const BundleOptions& options_in,
+                              const AutoModel& choose) {
+  if (!options_in.free_intrinsics.empty()) return {};
   BundleOptions options = options_in;
   options.free_intrinsics = BundleOptions().free_intrinsics;
   options.loss = InlierLoss(options).kind;
@@ -307,15 +292,15 @@ std::optional<ContradictedPart> DiagnoseHeldIntrinsics(const Problem& problem, c
   at.shape = solution.shape;
   // The best error model may be another one with free intrinsics.
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
-  if (!choice) return std::nullopt;
+  if (!choice) return {};
   const Solution& freed = choice->solution;
   std::optional<Finding> finding = JudgeHeldIntrinsics(
       solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
       {solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera,
        DistanceM(solution.hand_eye.target_mount_from_target, freed.hand_eye.target_mount_from_target),
        DistanceOf(problem, solution)});
-  if (!finding) return std::nullopt;
-  return ContradictedPart{std::move(*finding), ChangeBetween(solution, freed)};
+  if (!finding) return {};
+  return {{std::move(*finding)}, {ChangeBetween(solution, freed)}};
 }
 
 std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& freed, const Covariance& all,

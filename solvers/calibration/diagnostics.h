@@ -28,12 +28,12 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution);
 
-// Returns the parts of the model that the options hold and that contradict the captures, from ChooseModel at the
-// solution with all parts free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors
-// exceed what the pixel noise explains; `target_shape_ignored` if the target was taken as designed, but is scaled or
-// bent by enough to matter. The change is that of all of them, and stands with the first.
-std::vector<ContradictedPart> DiagnoseModel(const Problem& problem, const Solution& solution,
-                                            const BundleOptions& options, const AutoModel& chosen);
+// Returns findings about the parts of the model that the options hold, from ChooseModel at the solution with all parts
+// free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel noise
+// explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to matter. If
+// there are any, the advice has the change to the solution of the model that was chosen.
+Advice DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                     const AutoModel& chosen);
 
 // Returns the finding `target_scale` if the estimated scale of the target differs from its design by more than printing
 // explains. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
@@ -44,9 +44,10 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
                                   bool is_focal_held);
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
-// F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
-std::optional<ContradictedPart> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
-                                                       const BundleOptions& options, const AutoModel& choose);
+// F-test of the changes in a refinement that frees them, and the change of the estimate. The advice is empty if they
+// agree, or if they cannot be freed.
+Advice DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                              const AutoModel& choose);
 // The poses of a camera and of a target, with held and with free intrinsics of the camera.
 struct FreedPoses {
   Rigid3d mount_from_held;

@@ -23,6 +23,7 @@
 #include "solvers/rig/rig_rejection.h"
 #include "solvers/rig/rig_smooth_errors.h"
 #include "solvers/rig/rig_start.h"
+#include "solvers/uncertainty/unknown_change.h"
 
 namespace heba {
 namespace {
@@ -212,36 +213,23 @@ std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig&
   return unused;
 }
 
-// Returns the change from one solution of a problem to another, in the layout of the first one's covariance. What only
-// one of them has does not change.
+// Returns the change from one solution of a problem to another, in the layout of the first one's covariance.
 Eigen::VectorXd ChangeBetween(const RigProblem& problem, const RigSolution& from, const RigSolution& to) {
-  const UnknownLayout& layout = from.covariance.layout;
-  Eigen::VectorXd change = Eigen::VectorXd::Zero(layout.size());
-  const auto set_pose = [&](const std::string& name, const Rigid3d& of_from, const Rigid3d& of_to) {
-    const UnknownBlock block = layout.Block(name);
-    if (block.size == 6) change.segment<6>(block.first) = LocalCoordinates(of_from, of_to);
-  };
-  const auto set_params = [&](const std::string& name, const auto& of_from, const auto& of_to) {
-    const UnknownBlock block = layout.Block(name);
-    for (Eigen::Index i = block.first; i < block.end(); ++i) {
-      const auto k = static_cast<size_t>(layout[i].index);
-      change[i] = of_to[k] - of_from[k];
-    }
-  };
+  UnknownChange change(from.covariance.layout);
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const RigCamera& camera = problem.cameras[c];
-    set_pose(CameraPoseBlock(camera), from.poses.mount_from_camera[c], to.poses.mount_from_camera[c]);
-    set_params(CameraBlock(camera), from.cameras[c].params, to.cameras[c].params);
+    change.SetPose(CameraPoseBlock(camera), from.poses.mount_from_camera[c], to.poses.mount_from_camera[c]);
+    change.SetParams(CameraBlock(camera), from.cameras[c].params, to.cameras[c].params);
   }
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     const RigTarget& target = problem.targets[t];
-    set_pose(TargetPoseBlock(target), from.poses.mount_from_target[t], to.poses.mount_from_target[t]);
-    set_params(TargetShapeBlock(target), from.shapes[t].params, to.shapes[t].params);
+    change.SetPose(TargetPoseBlock(target), from.poses.mount_from_target[t], to.poses.mount_from_target[t]);
+    change.SetParams(TargetShapeBlock(target), from.shapes[t].params, to.shapes[t].params);
   }
   for (size_t r = 0; r < problem.robots.size(); ++r) {
-    set_pose(BaseBlock(problem.robots[r]), from.poses.world_from_base[r], to.poses.world_from_base[r]);
+    change.SetPose(BaseBlock(problem.robots[r]), from.poses.world_from_base[r], to.poses.world_from_base[r]);
   }
-  return change;
+  return change.vector();
 }
 
 }  // namespace
@@ -302,13 +290,12 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   return calibration;
 }
 
-std::vector<ContradictedPart> DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration,
-                                                     const RigOptions& options) {
+Advice DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration, const RigOptions& options) {
   const RigSolution& solution = *calibration.refined;
   RigProblem at = calibration.problem;
   for (size_t c = 0; c < at.cameras.size(); ++c) at.cameras[c].camera = solution.cameras[c];
   for (size_t t = 0; t < at.targets.size(); ++t) at.targets[t].shape = solution.shapes[t];
-  std::vector<ContradictedPart> parts;
+  Advice advice;
   for (size_t c = 0; c < at.cameras.size(); ++c) {
     if (!at.cameras[c].free_intrinsics.empty() || !IsMoved(problem, c)) continue;
     RigProblem freed = at;
@@ -334,9 +321,10 @@ std::vector<ContradictedPart> DiagnoseHeldIntrinsics(const RigProblem& problem, 
          WorkingDistance(TargetPosesOf(at, solution.poses, solution.effects, c))});
     if (!finding) continue;
     finding->names.emplace_back("of_camera", at.cameras[c].name);
-    parts.push_back({std::move(*finding), ChangeBetween(at, solution, *other)});
+    advice.findings.push_back(std::move(*finding));
+    advice.changes.push_back(ChangeBetween(at, solution, *other));
   }
-  return parts;
+  return advice;
 }
 
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration) {

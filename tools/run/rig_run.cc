@@ -234,12 +234,9 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   if (!calibration->refined) return Failure{calibration->refined.reason()};
   output.calibration = std::move(*calibration);
   std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
-  std::vector<Finding> of_held;
   std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
-  for (ContradictedPart& part : DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment)) {
-    of_held.push_back(std::move(part.finding));
-    AddChanges({part.change}, &output.calibration.refined->covariance);
-  }
+  Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
+  AddChanges(of_held.changes, &output.calibration.refined->covariance);
   const RigSolution& solution = *output.calibration.refined;
   result.timing.refine_s = solution.convergence.seconds;
   result.timing.seed_s = std::max(0.0, solve_watch.Seconds() - result.timing.refine_s);
@@ -292,7 +289,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.observations = std::move(of_rig);
   NameKnownArms(result.arms, result.rig.robots, &result.observations);
   for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
-  for (Finding& finding : of_held) result.observations.push_back(std::move(finding));
+  for (Finding& finding : of_held.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : directions) result.observations.push_back(std::move(finding));
   result.requirements = ReachedInRig(options.requirements, used, solution);
   result.verdict = JudgeRig(result);

@@ -178,20 +178,15 @@ std::optional<size_t> MostLikelyPoseEffects(
     const std::shared_ptr<const SharedEffects>& effects,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs);
 
-// A part of the model that the options hold and that contradicts the captures.
-struct ContradictedPart {
-  Finding finding;
-  // By how much the estimate would change if the part were free, in the layout of its covariance.
-  Eigen::VectorXd change;
-};
-
 // Adds to a covariance what wrong held parts do to the estimate: the square of each change, as of an error whose sign
 // is not known. Captures share such an error, so that more of them do not reduce it.
 void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance);
 
 struct Advice {
   std::vector<Finding> findings;
-  std::vector<Eigen::VectorXd> changes;  // Of the held parts that contradict the captures (AddChanges).
+  // Each change is that of the estimate, in the layout of its covariance, if held parts that contradict the captures
+  // were free (AddChanges).
+  std::vector<Eigen::VectorXd> changes;
 };
 
 // Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen

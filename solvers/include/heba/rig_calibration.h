@@ -111,12 +111,11 @@ struct RigCalibration {
 // RigCalibration::refined.
 Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options);
 
-// Returns an entry, with the finding `held_intrinsics`, for each camera whose intrinsics were held and contradict the
-// images and the poses of the arms, by a joint F-test of their changes in an adjustment that frees them, with all
-// images of the camera: wrong intrinsics make images outliers. Cameras that no arm moves against a target, and those
-// whose intrinsics cannot be freed, have none. `problem` is the one that was calibrated.
-std::vector<ContradictedPart> DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration,
-                                                     const RigOptions& options);
+// Returns a finding `held_intrinsics`, and the change of the estimate, for each camera whose intrinsics were held and
+// contradict the images and the poses of the arms, by a joint F-test of their changes in an adjustment that frees them,
+// with all images of the camera: wrong intrinsics make images outliers. Cameras that no arm moves against a target, and
+// those whose intrinsics cannot be freed, have none. `problem` is the one that was calibrated.
+Advice DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration, const RigOptions& options);
 
 // Returns the findings about a calibration whose adjustment succeeded: targets whose size differs from the design,
 // cameras that were moved during the captures, and arms whose poses have smooth errors. `problem` is the one that was

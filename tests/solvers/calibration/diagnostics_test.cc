@@ -106,9 +106,9 @@ TEST_P(FixedModelTest, ReportsRobotNoiseAndTargetShapeThatTheModelIgnores) {
     const Solved solved = SolveWithHeldCamera(scene, options, scene.camera);
     bool names_robot = false;
     bool names_shape = false;
-    for (const ContradictedPart& part : DiagnoseModel(solved.problem, solved.solution, solved.bundle, {})) {
-      names_robot = names_robot || part.finding.code == "robot_noise_ignored";
-      names_shape = names_shape || part.finding.code == "target_shape_ignored";
+    for (const Finding& finding : DiagnoseModel(solved.problem, solved.solution, solved.bundle, {}).findings) {
+      names_robot = names_robot || finding.code == "robot_noise_ignored";
+      names_shape = names_shape || finding.code == "target_shape_ignored";
     }
     num_wrong += names_robot != GetParam().is_noisy || names_shape == GetParam().is_made_well ? 1 : 0;
   }
@@ -126,7 +126,7 @@ double SquaredSigmasOff(const Solution& solution, const HandEye& truth) {
   return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, kHandEyeBlock));
 }
 
-// What wrong intrinsics do to the result is not in the sigmas of the refinement, but in those with the change.
+// The sigmas of the refinement do not contain what wrong intrinsics do to the result; those with the change do.
 TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -142,16 +142,17 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     const Problem problem{held, scene.views, options.setup, DesignedShape(options.points)};
     const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    const std::optional<ContradictedPart> part = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
-    ASSERT_EQ(part.has_value(), off_px > 0) << off_px;
-    if (!part) continue;
-    EXPECT_EQ(part->finding.code, "held_intrinsics");
-    EXPECT_EQ(part->finding.Name("intrinsic"), "cx");
-    EXPECT_LT(part->finding.Number("cx_px"), 0);
+    const Advice advice = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
+    ASSERT_EQ(advice.findings.size(), off_px > 0 ? 1U : 0U) << off_px;
+    if (advice.findings.empty()) continue;
+    const Finding& finding = advice.findings.front();
+    EXPECT_EQ(finding.code, "held_intrinsics");
+    EXPECT_EQ(finding.Name("intrinsic"), "cx");
+    EXPECT_LT(finding.Number("cx_px"), 0);
     constexpr double kSixAt999 = 22.5;  // The 99.9 % quantile of chi-square with six degrees of freedom.
     EXPECT_GT(SquaredSigmasOff(*solution, scene.hand_eye), kSixAt999);
     Solution widened = *solution;
-    AddChanges({part->change}, &widened.covariance);
+    AddChanges(advice.changes, &widened.covariance);
     EXPECT_LT(SquaredSigmasOff(widened, scene.hand_eye), kSixAt999);
   }
 }

@@ -394,21 +394,22 @@ TEST(RigCalibration, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
   const RigCalibrationOptions options = GivenCameras(scene);
   const Outcome<RigCalibration> good = CalibrateRig(scene.problem, options);
   ASSERT_TRUE(good && good->refined) << good.reason();
-  EXPECT_TRUE(DiagnoseHeldIntrinsics(scene.problem, *good, options.adjustment).empty());
+  EXPECT_TRUE(DiagnoseHeldIntrinsics(scene.problem, *good, options.adjustment).findings.empty());
   for (const size_t i : {0, 1}) scene.problem.cameras[1].camera.params[i] *= 1.02;
   const Outcome<RigCalibration> wrong = CalibrateRig(scene.problem, options);
   ASSERT_TRUE(wrong && wrong->refined) << wrong.reason();
-  const std::vector<ContradictedPart> parts = DiagnoseHeldIntrinsics(scene.problem, *wrong, options.adjustment);
-  ASSERT_FALSE(parts.empty());
-  const auto worst =
-      std::min_element(parts.begin(), parts.end(), [](const ContradictedPart& a, const ContradictedPart& b) {
-        return *a.finding.Number("p") < *b.finding.Number("p");
-      });
-  EXPECT_EQ(worst->finding.code, "held_intrinsics");
-  EXPECT_EQ(worst->finding.Name("of_camera"), "right");
+  const Advice advice = DiagnoseHeldIntrinsics(scene.problem, *wrong, options.adjustment);
+  const std::vector<Finding>& findings = advice.findings;
+  ASSERT_FALSE(findings.empty());
+  ASSERT_EQ(advice.changes.size(), findings.size());
+  const auto worst = std::min_element(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
+    return *a.Number("p") < *b.Number("p");
+  });
+  EXPECT_EQ(worst->code, "held_intrinsics");
+  EXPECT_EQ(worst->Name("of_camera"), "right");
   // With the change, the sigmas cover what the wrong camera does to its pose, up to the noise of the freed estimate.
   RigSolution widened = *wrong->refined;
-  AddChanges({worst->change}, &widened.covariance);
+  AddChanges({advice.changes[static_cast<size_t>(worst - findings.begin())]}, &widened.covariance);
   const auto squared_sigmas_off = [&](const RigSolution& solution) {
     const Tangent6 error = LocalCoordinates(solution.poses.mount_from_camera[1], scene.truth.mount_from_camera[1]);
     return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, CameraPoseBlock(scene.problem.cameras[1])));
