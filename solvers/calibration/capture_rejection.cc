@@ -9,7 +9,7 @@
 #include "solvers/initial/pose_selection.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

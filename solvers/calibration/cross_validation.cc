@@ -10,7 +10,7 @@
 #include "solvers/initial/pose_selection.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

@@ -11,9 +11,10 @@
 #include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -166,26 +167,11 @@ BundleOptions WithNoiseOf(const Solution& solution, BundleOptions options) {
   return options;
 }
 
-// Returns minus the log-likelihood of the captures at each robot pose, with the noise of `options`. Returns nothing if
-// a point cannot be projected.
-std::optional<std::vector<double>> CaptureCosts(const Problem& problem, const Solution& solution,
-                                                const BundleOptions& options) {
-  const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.effects, CorrectionsOf(solution)};
-  const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
-  const std::optional<ViewDistances> distances = DistancesAt(problem, free, state, options.num_threads);
-  if (!distances) return std::nullopt;
-  const double per_px2 = 1 / (*options.pixel_noise_px * *options.pixel_noise_px);
-  std::vector<double> costs;
-  for (const std::vector<size_t>& group : GroupByRobotPose(problem.setup, problem.views)) {
-    double& cost = costs.emplace_back(0);
-    for (const size_t i : group) {
-      for (const double square : *(*distances)[i]) cost += 0.5 * InlierLoss(options).rho(square * per_px2);
-    }
-    if (state.corrections.empty()) continue;
-    const Matrix6 prior = CorrectionPrior(options.robot_noise, problem.views[group.front()].gripper_by_joints);
-    cost += 0.5 * (prior * LocalCoordinates(Rigid3d(), state.corrections[group.front()])).squaredNorm();
-  }
-  return costs;
+// Returns minus the log-likelihood of the captures at each robot pose.
+std::vector<double> CaptureCosts(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  const RigProblem whole = HandEyeProblem(problem, options);
+  const RigSolution of_whole = ProblemSolution(solution);
+  return GroupCosts(whole, GroupByRobotPoses(whole), StateOf(of_whole), NoiseOf(of_whole), InlierLoss(options));
 }
 
 // A lens that was fitted with the noise of the largest one.
@@ -230,11 +216,10 @@ Outcome<LensChoice> ChooseLens(const Problem& problem, const HandEye& start, con
       with_lens.shape = own->shape;
     }
     const Outcome<Solution> solution = RefineHandEye(with_lens, from, given);
-    const std::optional<std::vector<double>> costs = solution ? CaptureCosts(problem, *solution, given) : std::nullopt;
-    if (costs) {
-      fitted.push_back({*solution, *costs, i});
+    if (solution) {
+      fitted.push_back({*solution, CaptureCosts(problem, *solution, given), i});
     } else {
-      choice.alternatives[i].reason = solution ? HiddenPoint().reason : solution.reason();
+      choice.alternatives[i].reason = solution.reason();
     }
   }
   if (fitted.empty()) return Failure{reason};
@@ -420,29 +405,12 @@ std::optional<size_t> MostLikelyEffects(
 
 std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
                                                         const BundleOptions& options) {
-  // The search starts from this noise if the solution has none.
-  constexpr RobotNoise kStart = {1e-4, 1e-3};
-  const Problem inliers = WithoutRejected(problem, solution);
-  const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
-  const std::optional<std::vector<LinearisedView>> each =
-      LineariseViewsAt(inliers, solution, CorrectionsOf(solution), free, LossOf(LossKind::kNone));
-  if (!each) return std::nullopt;
-  const PoseGroups groups = GroupByRobotPose(inliers.setup, inliers.views);
-  SmoothSearch search{
-      StackGroups(*each, groups),
-      {},
-      solution.pixel_sigma_px,
-      CorrectionGroups(1, solution.robot_noise.value_or(kStart), true, true, nullptr, NumNoisyJoints(inliers.views)),
-      0,
-      !solution.robot_noise.has_value()};
-  for (const std::vector<size_t>& group : groups) {
-    search.poses.push_back(BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
-  }
-  for (LinearisedView& view :
-       PriorViews(options, free, solution.camera, solution.shape, 1, search.views.front().by_effects.cols())) {
-    search.views.push_back(std::move(view));
-  }
-  return FindSmoothErrors(search);
+  Problem inliers = WithoutRejected(problem, solution);
+  inliers.camera = solution.camera;
+  std::vector<SmoothErrorsOfArm> found =
+      FindSmoothErrorsOfArms(HandEyeProblem(inliers, options), ProblemSolution(solution));
+  if (found.empty()) return std::nullopt;
+  return std::move(found.front().found);
 }
 
 Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start_in, const BundleOptions& options_in,

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "heba/cross_validation.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 
 namespace heba {
 namespace {

@@ -10,14 +10,15 @@
 #include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/choice_levels.h"
+#include "solvers/refine/fit.h"
 
 namespace heba {
 namespace {
 
 // Estimates the variances of the groups, and returns the restricted log-likelihood at them.
-double LikelihoodOf(const std::vector<LinearisedView>& views, double unit_px, std::vector<VarianceGroup>* groups) {
+double LikelihoodOf(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {
   FitVariances(views, groups);
-  return RestrictedLogLikelihood(views, unit_px, *groups, views.front().by_unknowns.cols());
+  return RestrictedLogLikelihood(views, 1, *groups, views.front().by_unknowns.cols());
 }
 
 // Returns the views with the smooth errors as further unknowns.
@@ -53,7 +54,7 @@ std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEf
 // Returns the log-likelihood of smooth errors, whose standard deviations become the most likely ones.
 double LikelihoodWith(const SmoothSearch& search, SmoothErrors* errors) {
   std::vector<VarianceGroup> groups = WithGroups(search, errors->effects());
-  const double log_likelihood = LikelihoodOf(WithUnknowns(search, *errors), search.unit_px, &groups);
+  const double log_likelihood = LikelihoodOf(WithUnknowns(search, *errors), &groups);
   std::vector<double> sigmas;
   for (size_t g = search.groups.size(); g < groups.size(); ++g) {
     constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
@@ -94,7 +95,7 @@ LeastVariances OfAccurateRobot() {
 double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least, const SmoothErrors& errors) {
   const std::vector<LinearisedView> views = WithUnknowns(search, errors);
   std::vector<VarianceGroup> groups = WithGroups(search, errors.effects());
-  const double log_likelihood = LikelihoodOf(views, search.unit_px, &groups);
+  const double log_likelihood = LikelihoodOf(views, &groups);
   bool is_less = false;
   for (size_t k = 0; k < 2; ++k) {
     VarianceGroup& smooth = groups[search.groups.size() + k];
@@ -103,7 +104,7 @@ double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least
     smooth.is_free = false;
     is_less = true;
   }
-  return is_less ? LikelihoodOf(views, search.unit_px, &groups) : log_likelihood;
+  return is_less ? LikelihoodOf(views, &groups) : log_likelihood;
 }
 
 // Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
@@ -118,7 +119,7 @@ SmoothSearch Thinned(const SmoothSearch& search) {
   constexpr size_t kMost = 250;
   const size_t num_poses = search.poses.size();
   if (num_poses <= kMost) return search;
-  SmoothSearch thinned{{}, {}, search.unit_px, search.groups, search.first_column, search.is_exact_without};
+  SmoothSearch thinned{{}, {}, search.groups, search.first_column, search.is_exact_without};
   for (size_t k = 0; k < kMost; ++k) {
     const size_t i = k * num_poses / kMost;
     thinned.views.push_back(search.views[i]);
@@ -239,7 +240,7 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.variance = 0;
     group.is_free = false;
   }
-  const double log_likelihood_without = LikelihoodOf(search.views, search.unit_px, &without);
+  const double log_likelihood_without = LikelihoodOf(search.views, &without);
   LengthSearch lengths(search);
   lengths.Descend();
   lengths.GoToMean();
@@ -258,6 +259,30 @@ double PValueWithout(const FoundSmoothErrors& found) {
 
 bool AreLikely(const FoundSmoothErrors& found) {
   return PValueWithout(found) < kRandomErrorsRejected || found.odds_without < kLeastOdds;
+}
+
+std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem, const RigSolution& solution) {
+  const RigProblem weighted = WeightedAs(solution, problem);
+  const CaptureGroups groups = GroupByRobotPoses(weighted);
+  const std::vector<size_t> moving = MovingRobots(weighted);
+  FitNoise noise = NoiseOf(solution);
+  std::vector<SmoothErrorsOfArm> errors;
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseFit(weighted, groups, StateOf(solution), noise, LossOf(LossKind::kNone), 1);
+  if (!views) return errors;
+  const bool are_exact = noise.robots.empty();
+  // The search starts from this noise if the solution has none.
+  constexpr RobotNoise kStart = {1e-4, 1e-3};
+  if (are_exact) noise.robots.assign(moving.size(), kStart);
+  for (size_t k = 0; k < moving.size(); ++k) {
+    if (EffectsOf(weighted, moving[k]) != nullptr) continue;
+    SmoothSearch search{*views, {}, VarianceGroupsOf(weighted, noise, {}), 6 * static_cast<Eigen::Index>(k), are_exact};
+    for (const std::vector<size_t>& group : groups) {
+      search.poses.push_back(weighted.captures[group.front()].base_from_gripper[moving[k]]);
+    }
+    errors.push_back({moving[k], FindSmoothErrors(search)});
+  }
+  return errors;
 }
 
 Finding DescribeSmoothErrors(const SmoothErrorsFigures& figures) {

@@ -4,6 +4,8 @@
 
 #include <vector>
 
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 #include "heba/data/smooth_errors.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
@@ -15,7 +17,6 @@ namespace heba {
 struct SmoothSearch {
   std::vector<LinearisedView> views;  // One per robot pose, and then the priors of other unknowns.
   std::vector<Rigid3d> poses;         // base_from_gripper of each, as the robot reports it.
-  double unit_px = 1;                 // RestrictedLogLikelihood.
   std::vector<VarianceGroup> groups;  // The groups without those of smooth errors.
   // Column of LinearisedView::by_effects of the correction of the robot's pose, the first of six.
   Eigen::Index first_column = 0;
@@ -44,6 +45,17 @@ bool AreLikely(const FoundSmoothErrors& found);
 
 // Returns the probability of a gain at least as large if the robot has no smooth errors (an upper bound).
 double PValueWithout(const FoundSmoothErrors& found);
+
+// The smooth errors that explain the captures of an arm best.
+struct SmoothErrorsOfArm {
+  size_t robot = 0;
+  FoundSmoothErrors found;
+};
+
+// Returns those of each arm that moves a target against a camera and of which no errors are estimated, linearised at a
+// solution of the problem. They are compared with exact arms if the solution has no noise of the arms. Returns an empty
+// list if a point cannot be projected.
+std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem, const RigSolution& solution);
 
 // The finding `smooth_errors` states these figures.
 struct SmoothErrorsFigures {

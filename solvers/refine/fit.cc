@@ -1,13 +1,16 @@
 #include "solvers/refine/fit.h"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 #include <utility>
 
-#include <ceres/solver.h>
-
+#include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/data/free_parameters.h"
+#include "heba/geometry/pose_block.h"
 #include "solvers/refine/reprojection_problem.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/block_prior.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -15,76 +18,21 @@
 namespace heba {
 namespace {
 
-// Returns what is known about the camera and about the target's scales. The prior of the scales is there even if no
-// scale is free, so that models are compared by the same measurements.
-std::vector<BlockPrior> PriorsOfCameraAndTarget(const BundleOptions& options, const FreeUnknowns& free) {
+// Returns what is known about the cameras and about the scales of the targets.
+std::vector<BlockPrior> PriorsOfCamerasAndTargets(const RigProblem& problem) {
   std::vector<BlockPrior> priors;
-  if (options.camera_prior) priors.push_back(PriorOfCamera(*options.camera_prior, free.params, 0));
-  if (options.target_scale_sigma) priors.push_back(PriorOfScales(*options.target_scale_sigma, 0));
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const RigCamera& camera = problem.cameras[c];
+    if (!camera.prior || camera.free_intrinsics.empty()) continue;
+    priors.push_back(PriorOfCamera(*camera.prior, FreeOf(camera.camera.Model(), camera.free_intrinsics), c));
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    if (problem.targets[t].scale_sigma) priors.push_back(PriorOfScales(*problem.targets[t].scale_sigma, t));
+  }
   return priors;
 }
 
-// Returns the loops of the problem's captures, with corrections of the robot poses if there are any.
-LoopProblem LoopsOf(const Problem& problem, const PoseGroups& groups, const FreeUnknowns& free, const FitState& state,
-                    const std::optional<RobotNoise>& correction_noise) {
-  if (!correction_noise) return HandEyeLoops(problem, free);
-  return HandEyeLoops(problem, free, groups, state.corrections, *correction_noise);
-}
-
-LoopValues ValuesOf(const FitState& state) {
-  return HandEyeValues(state.hand_eye, state.camera, state.shape, state.effects);
-}
-
-// Returns the parameter blocks of a state, joined.
-std::vector<double> ParametersOf(const FitState& state, const FreeUnknowns& free) {
-  return JoinedBlocks(ParameterBlocksOf(HandEyeUnknowns(state.camera.Model(), free)), ValuesOf(state));
-}
-
-// Returns whether the cached normal equations are those of this fit with corrections, and have lost so few digits in
-// their elimination that they give its covariance.
-bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& free) {
-  constexpr double kMostLoss = 1e6;     // The numbers have a precision of 1e-16.
-  constexpr double kQuadrature = 1e-6;  // Precision of the factors of a loss.
-  if (!fit.known || !fit.known->noise.robot || std::abs(loss.covariance_factor() - 1) > kQuadrature) return false;
-  const KnownProducts& known = *fit.known;
-  return known.problem == fit.problem && known.loss == &loss && known.noise.pixel_px == fit.noise.pixel_px &&
-         known.noise.robot->translation_m == fit.noise.robot->translation_m &&
-         known.noise.robot->rotation_rad == fit.noise.robot->rotation_rad &&
-         known.noise.robot->joint_rad == fit.noise.robot->joint_rad && known.products.elimination_loss < kMostLoss &&
-         known.products.parameters == ParametersOf(fit.state, free);
-}
-
-// Adds the information of the effects' standard deviations.
-void AddEffectPriors(const FreeUnknowns& free, const FitNoise& noise, Information* information) {
-  if (free.effects != nullptr) AddPrior(PriorOfEffects(EffectWeights(free, noise), 0), information);
-}
-
-// Adds the information of all priors: of camera, target and effects.
-void AddPriors(const BundleOptions& options, const FreeUnknowns& free, const FitNoise& noise,
-               Information* information) {
-  for (const BlockPrior& prior : PriorsOfCameraAndTarget(options, free)) AddPrior(prior, information);
-  AddEffectPriors(free, noise, information);
-}
-
-// Returns the cached normal equations if they belong to this problem, loss and pixel sigma; otherwise nothing.
-std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
-                                          const Loss& loss, double pixel_px) {
-  if (!known || known->problem != problem || known->loss != &loss || known->noise.robot) return std::nullopt;
-  if (known->noise.pixel_px == pixel_px) return known->products;
-  if (loss.kind != LossKind::kNone) return std::nullopt;
-  // Without a robust loss the pixel sigma is only a scale factor.
-  NormalEquations products = known->products;
-  products.matrix *= std::pow(known->noise.pixel_px / pixel_px, 2);
-  return products;
-}
-
-}  // namespace
-
-Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise) {
-  if (free.effects == nullptr) return {};
-  return EffectWeights(*free.effects, noise.effect_sigmas);
-}
-
+// Returns the inverse standard deviations of an arm's effects.
 Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas) {
   Eigen::VectorXd weights(effects.size());
   for (Eigen::Index i = 0; i < weights.size(); ++i) {
@@ -93,186 +41,292 @@ Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<do
   return weights;
 }
 
-Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view) {
-  Rigid3d correction = state.corrections.empty() ? Rigid3d() : state.corrections[view];
-  const std::shared_ptr<const PoseEffect>& effect = problem.views[view].effect;
-  if (free.effects != nullptr && effect != nullptr) {
-    correction = effect->Evaluate(AllEffects(*free.effects, state.effects), nullptr) * correction;
+// Returns the priors of the arms' effects.
+std::vector<BlockPrior> PriorsOfArms(const RigProblem& problem, const FitNoise& noise) {
+  std::vector<BlockPrior> priors;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    const size_t index = priors.size();
+    priors.push_back(PriorOfEffects(EffectWeights(*effects, noise.effect_sigmas[r]), index));
   }
-  return CameraFromTarget(problem.setup, state.hand_eye, problem.views[view].camera_mount_from_target_mount,
-                          correction);
+  return priors;
 }
 
-ViewDistances SquaredDistances(const Problem& problem, const FreeUnknowns& free, const FitState& state,
-                               int num_threads) {
-  ViewDistances distances(problem.views.size());
-  const CameraModel& model = state.camera.Model();
-  const TargetShape* const shape = state.shape.params == TargetShape().params ? nullptr : &state.shape;
+bool IsZero(const Rigid3d& correction) {
+  return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
+}
+
+}  // namespace
+
+FitState StateOf(const RigSolution& solution) {
+  FitState state{solution.poses, solution.cameras, solution.shapes, {}, solution.effects};
+  for (const RigCaptureOutcome& capture : solution.captures) {
+    if (!capture.corrections.empty()) state.corrections.push_back(capture.corrections);
+  }
+  return state;
+}
+
+FitNoise NoiseOf(const RigSolution& solution) {
+  FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
+  for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
+    if (robot) noise.robots.push_back(*robot);
+  }
+  return noise;
+}
+
+void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise) {
+  if (problem.effects.empty()) return;
+  state->effects.resize(problem.robots.size());
+  noise->effect_sigmas.resize(problem.robots.size());
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr || state->effects[r].size() > 0) continue;
+    state->effects[r].setZero(effects->size());
+    for (const EffectGroup& group : effects->groups) noise->effect_sigmas[r].push_back(group.sigma);
+  }
+}
+
+RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px) {
+  std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
+  for (RigCapture& capture : problem.captures) {
+    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
+  }
+  for (size_t c = 0; c < of_cameras.size(); ++c) {
+    if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], of_cameras[c]);
+  }
+  return problem;
+}
+
+RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
+  return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
+}
+
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+      Observations& observations = problem.captures[i].images[k].observations;
+      observations = WithoutPoints(observations, solution.captures[i].rejected_ids[k]);
+    }
+  }
+  return problem;
+}
+
+std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
+  std::vector<std::vector<const Observations*>> all(problem.cameras.size());
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) all[image.camera].push_back(&image.observations);
+  }
+  return all;
+}
+
+ImageDistances DistancesAt(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                           int num_threads) {
+  const std::vector<ImageIndex> images = ImagesOf(problem, groups);
   int num_points = 0;
-  for (const View& view : problem.views) num_points += view.observations.size();
-  ParallelFor(static_cast<int>(problem.views.size()), ThreadsFor(num_points, num_threads), [&](int index) {
-    const auto i = static_cast<size_t>(index);
-    distances[i] = WhitenedSquares(model, state.camera.params.data(), PredictedPose(problem, free, state, i),
-                                   problem.views[i].observations, shape);
+  const auto image_of = [&](const ImageIndex& index) -> const RigImage& {
+    return problem.captures[index.capture].images[index.image];
+  };
+  for (const ImageIndex& index : images) num_points += image_of(index).observations.size();
+  ImageDistances distances(images.size());
+  ParallelFor(static_cast<int>(images.size()), ThreadsFor(num_points, num_threads), [&](int index) {
+    const auto v = static_cast<size_t>(index);
+    const RigImage& image = image_of(images[v]);
+    const Camera& camera = state.cameras[image.camera];
+    const TargetShape& shape = state.shapes[image.target];
+    distances[v] = WhitenedSquares(camera.Model(), camera.params.data(), PredictedPose(problem, state, images[v]),
+                                   image.observations, shape.params == TargetShape().params ? nullptr : &shape);
   });
   return distances;
 }
 
-std::vector<double> JoinDistances(const ViewDistances& distances) {
-  std::vector<double> joined;
-  for (const std::optional<std::vector<double>>& view : distances) {
-    if (view) joined.insert(joined.end(), view->begin(), view->end());
+std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, const CaptureGroups& groups,
+                                                    const ImageDistances& distances) {
+  std::vector<std::vector<double>> of_cameras(problem.cameras.size());
+  const std::vector<ImageIndex> images = ImagesOf(problem, groups);
+  for (size_t v = 0; v < images.size(); ++v) {
+    if (!distances[v]) continue;
+    std::vector<double>& of_camera = of_cameras[problem.captures[images[v].capture].images[images[v].image].camera];
+    of_camera.insert(of_camera.end(), distances[v]->begin(), distances[v]->end());
   }
-  return joined;
-}
-
-std::optional<ViewDistances> DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state,
-                                         int num_threads) {
-  ViewDistances distances = SquaredDistances(problem, free, state, num_threads);
-  const bool are_visible =
-      std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); });
-  return are_visible ? std::optional<ViewDistances>(std::move(distances)) : std::nullopt;
+  return of_cameras;
 }
 
 Failure HiddenPoint() { return {"the refined estimate leaves a point of the target without an image"}; }
 
-double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,
-               const PoseGroups& groups, const FreeUnknowns& free, const FitNoise& noise, const Loss& loss) {
-  const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
-  double sum = EffectWeights(free, noise).cwiseProduct(state.effects).squaredNorm();
-  for (const std::optional<std::vector<double>>& view : squared_distances) {
-    for (size_t i = 0; view && i < view->size(); ++i) sum += loss.rho((*view)[i] * per_px2);
+std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                               const FitNoise& noise, const Loss& loss) {
+  std::vector<ViewReducer> reducers;  // One for each camera.
+  for (size_t c = 0; c < state.cameras.size(); ++c) {
+    const CameraModel& model = state.cameras[c].Model();
+    reducers.emplace_back(model, FreeParameters(static_cast<size_t>(NumParams(model)), false), noise.pixel_px[c], loss);
   }
+  const std::vector<size_t> moving = MovingRobots(problem);
+  std::vector<double> costs;
+  ViewNormalEquations products;
   for (const std::vector<size_t>& group : groups) {
-    if (state.corrections.empty()) break;
-    const Matrix6 prior = CorrectionPrior(*noise.robot, problem.views[group.front()].gripper_by_joints);
-    sum += (prior * LocalCoordinates(Rigid3d(), state.corrections[group.front()])).squaredNorm();
+    double& cost = costs.emplace_back(0);
+    for (const size_t i : group) {
+      for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+        const RigImage& image = problem.captures[i].images[k];
+        if (image.observations.size() == 0) continue;
+        if (!reducers[image.camera].Multiply(
+                state.cameras[image.camera].params.data(), PredictedPose(problem, state, {i, k}),
+                ApplyShape(image.observations, state.shapes[image.target]), nullptr, &products)) {
+          cost = std::numeric_limits<double>::infinity();
+          continue;
+        }
+        WeighPosePart(PoseVarianceRatio(noise, image), &products.matrix);
+        cost += 0.5 * (products.matrix(6, 6) + products.loss_remainder);
+      }
+    }
+    if (state.corrections.empty()) continue;
+    const RigCapture& first = problem.captures[group.front()];
+    for (size_t k = 0; k < moving.size(); ++k) {
+      const Matrix6 prior = CorrectionPrior(
+          noise.robots[k], first.postures.empty() ? Matrix6X(6, 0) : first.postures[moving[k]].gripper_by_joints);
+      cost += 0.5 * (prior * LocalCoordinates(Rigid3d(), state.corrections[group.front()][moving[k]])).squaredNorm();
+    }
   }
-  return 0.5 * sum;
+  return costs;
 }
 
-std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeUnknowns& free, const Camera& camera,
-                                       const TargetShape& shape, double row_variance, Eigen::Index num_effects) {
-  const UnknownLayout layout = HandEyeUnknowns(camera.Model(), free);
-  LoopValues values;
-  values.cameras = {camera.params};
-  values.targets = {shape};
+double FitCost(const RigProblem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
+               const Loss& loss) {
+  double sum = 0;
+  for (const double cost : GroupCosts(problem, groups, state, noise, loss)) sum += cost;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    sum += 0.5 * EffectWeights(*effects, noise.effect_sigmas[r]).cwiseProduct(state.effects[r]).squaredNorm();
+  }
+  return sum;
+}
+
+std::vector<LinearisedView> PriorViews(const RigProblem& problem, const FitState& state, double row_variance,
+                                       Eigen::Index num_effects) {
+  const UnknownLayout layout = RigUnknowns(problem);
+  const LoopValues values = ValuesOf(state);
   std::vector<LinearisedView> views;
-  for (const BlockPrior& prior : PriorsOfCameraAndTarget(options, free)) {
+  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(problem)) {
     views.push_back(PriorView(prior, layout, values, row_variance, num_effects));
   }
   return views;
 }
 
-std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
-                                                        const PoseGroups& groups, const FreeUnknowns& free,
-                                                        const FitNoise& noise, const Loss& loss,
-                                                        double prior_row_variance, const BundleOptions& options) {
+std::optional<std::vector<LinearisedView>> LineariseFit(const RigProblem& problem, const CaptureGroups& groups,
+                                                        const FitState& state, const FitNoise& noise, const Loss& loss,
+                                                        double prior_row_variance) {
   // Without corrections the columns of the effects are still needed: their variance may be zero.
-  const std::vector<Rigid3d> none(problem.views.size());
-  std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
-      HandEyeLoops(problem, free, groups, state.corrections.empty() ? none : state.corrections, {1, 1}),
-      ValuesOf(state), noise.pixel_px, loss);
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseCaptures(CaptureLoops(problem, groups, state, noise, true), ValuesOf(state), 1, loss);
   if (!views) return views;
-  for (LinearisedView& view :
-       PriorViews(options, free, state.camera, state.shape, prior_row_variance, views->front().by_effects.cols())) {
+  for (LinearisedView& view : PriorViews(problem, state, prior_row_variance, views->front().by_effects.cols())) {
     views->push_back(std::move(view));
   }
   return views;
 }
 
-ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
-                                    const BundleOptions& bundle_options, Fit* fit) {
-  const FitNoise& noise = fit->noise;
-  FitState* const state = &fit->state;
+Eigen::VectorXd CorrectionVariances(const FitNoise& noise, const std::vector<Eigen::Index>& num_joints) {
+  const auto num_moving = static_cast<Eigen::Index>(num_joints.size());
+  Eigen::Index size = 6 * num_moving;
+  for (const Eigen::Index num : num_joints) size += num;
+  Eigen::VectorXd variances = Eigen::VectorXd::Zero(size);
+  Eigen::Index first_joint = 6 * num_moving;
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    const Eigen::VectorXd of_arm = CorrectionVariances(noise.robots[k], 6 + num_joints[k]);
+    variances.segment<6>(6 * static_cast<Eigen::Index>(k)) = of_arm.head<6>();
+    variances.segment(first_joint, num_joints[k]) = of_arm.tail(num_joints[k]);
+    first_joint += num_joints[k];
+  }
+  return variances;
+}
+
+std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const FitNoise& noise,
+                                            const VarianceSetting& setting) {
+  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
+  std::vector<VarianceGroup> groups = {
+      {VarianceGroup::Kind::kPixels, {}, setting.pixel_variance, setting.pixel_is_free}};
+  Eigen::Index first_joint = 6 * static_cast<Eigen::Index>(num_joints.size());
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    const std::vector<VarianceGroup> of_arm =
+        CorrectionGroups(1, noise.robots[k], false, setting.robots_are_free,
+                         setting.robot_prior ? &*setting.robot_prior : nullptr, num_joints[k]);
+    for (size_t g = kTranslationGroup; g < of_arm.size(); ++g) {
+      const Eigen::Index shift = g == kJointGroup ? first_joint - 6 : 6 * static_cast<Eigen::Index>(k);
+      groups.push_back(of_arm[g]);
+      for (Eigen::Index& column : groups.back().columns) column += shift;
+    }
+    first_joint += num_joints[k];
+  }
+  const UnknownLayout layout = RigUnknowns(problem);
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    groups = WithEffectGroups(std::move(groups), layout.Block(ErrorsBlock(problem.robots[r])), effects,
+                              noise.effect_sigmas[r], setting.robots_are_free, setting.effects_avoid_zero);
+  }
+  return groups;
+}
+
+ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const RigOptions& fit_options, Fit* fit) {
   CapturesCostOptions options;
-  options.pixel_sigma_px = noise.pixel_px;
   options.loss = &loss;
-  options.num_threads = bundle_options.num_threads;
-  const bool has_corrections = !state->corrections.empty();
-  if (!has_corrections) options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
+  options.num_threads = fit_options.num_threads;
   // All corrections are zero before the first solve.
   options.eliminated_poses_are_rough =
-      std::all_of(state->corrections.begin(), state->corrections.end(), [](const Rigid3d& correction) {
-        return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
-      });
-  LoopProblem loops = LoopsOf(*fit->problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt);
-  LoopUnknowns unknowns(loops.layout, ValuesOf(*state));
+      std::all_of(fit->state.corrections.begin(), fit->state.corrections.end(),
+                  [&](const auto& of_capture) { return std::all_of(of_capture.begin(), of_capture.end(), IsZero); });
+  LoopProblem loops = CaptureLoops(*fit->problem, fit->groups, fit->state, fit->noise, !fit->state.corrections.empty());
+  LoopUnknowns unknowns(loops.layout, ValuesOf(fit->state));
   CapturesCost cost(std::move(loops), options);
-  ceres::Solver::Options solver_options = ReprojectionSolverOptions(bundle_options.max_iterations);
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(fit_options.max_iterations);
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
-  std::vector<BlockPrior> priors;
-  for (BlockPrior& prior : PriorsOfCameraAndTarget(bundle_options, free)) {
+  std::vector<BlockPrior> priors = PriorsOfArms(*fit->problem, fit->noise);
+  for (BlockPrior& prior : PriorsOfCamerasAndTargets(*fit->problem)) {
     // Ceres has no block of a shape that is known.
-    const bool has_block = prior.owner == UnknownOwner::kCamera || HasShape(free.params, state->camera.Model());
-    if (has_block) priors.push_back(std::move(prior));
-  }
-  if (free.effects != nullptr) {
-    priors.push_back(PriorOfEffects(EffectWeights(free, noise), 0));
+    const bool is_known = prior.owner == UnknownOwner::kTarget && fit->problem->targets[prior.index].free_shape.empty();
+    if (!is_known) priors.push_back(std::move(prior));
   }
   ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors);
-  const LoopValues values = unknowns.Values();
-  state->hand_eye = {values.poses[0], values.poses[1]};
-  state->camera.params = values.cameras.front();
-  state->shape = values.targets.front();
-  if (free.effects != nullptr) state->effects = values.effects.front();
+  fit->state = WithValues(std::move(fit->state), unknowns.Values());
+  const std::vector<size_t> moving = MovingRobots(*fit->problem);
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();
   for (size_t g = 0; g < corrections.size(); ++g) {
-    for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g].front();
-  }
-  // After a step that does not improve the cost, the Jacobians that were evaluated last are not those of the solution.
-  if (summary.termination_type == ceres::CONVERGENCE && cost.Accepted().parameters == unknowns.all()) {
-    fit->known = KnownProducts{
-        fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt, {}}, cost.Accepted()};
-    // Identical up to the normalisation of the poses.
-    fit->known->products.parameters = ParametersOf(*state, free);
+    for (size_t k = 0; k < corrections[g].size(); ++k) {
+      for (const size_t i : fit->groups[g]) fit->state.corrections[i][moving[k]] = corrections[g][k];
+    }
   }
   return summary;
 }
 
-std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& loss,
-                                          const BundleOptions& bundle_options, Fit* fit) {
-  const Problem& problem = *fit->problem;
-  const FitState& state = fit->state;
-  const FitNoise& noise = fit->noise;
+std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int num_threads) {
   // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
   const double factor = loss.covariance_factor();
-  if (noise.robot && HasMarginalProducts(*fit, loss, free)) {
-    Information information{HandEyeUnknowns(state.camera.Model(), free), {}};
+  Information information{RigUnknowns(*fit.problem), {}};
+  if (fit.noise.robots.empty()) {
+    CapturesCostOptions options;
+    options.loss = &loss;
+    options.num_threads = num_threads;
+    const LoopUnknowns unknowns(information.layout, ValuesOf(fit.state));
+    const std::optional<NormalEquations> products =
+        CapturesCost(CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, false), options)
+            .NormalEquationsAt(unknowns.blocks().data());
+    if (!products) return std::nullopt;
     const Eigen::Index size = information.layout.size();
-    information.matrix = fit->known->products.matrix.topLeftCorner(size, size);
-    AddPriors(bundle_options, free, noise, &information);
-    return information;
-  }
-  if (noise.robot) {
-    // Marginalised over the corrections. The Schur complement of the normal equations is equivalent, but cancellation
-    // leaves no significant digits if the images are far more exact than the robot.
-    const std::optional<std::vector<LinearisedView>> views =
-        LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options);
+    information.matrix = products->matrix.topLeftCorner(size, size) / factor;
+  } else {
+    // The Schur complement of the normal equations is equivalent, but cancellation leaves no significant digits if the
+    // images are far more exact than the arms.
+    const std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
+        CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, true), ValuesOf(fit.state), 1, loss);
     if (!views) return std::nullopt;
-    Information information{
-        HandEyeUnknowns(state.camera.Model(), free),
-        MarginalInformation(*views, CorrectionVariances(*noise.robot, views->front().by_effects.cols()), factor)};
-    // The views contain the priors of camera and target already.
-    AddEffectPriors(free, noise, &information);
-    return information;
+    const std::vector<Eigen::Index> num_joints = NoisyJointsOf(*fit.problem, MovingRobots(*fit.problem));
+    information.matrix = MarginalInformation(*views, CorrectionVariances(fit.noise, num_joints), factor);
   }
-  CapturesCostOptions options;
-  options.pixel_sigma_px = noise.pixel_px;
-  options.loss = &loss;
-  options.num_threads = bundle_options.num_threads;
-  options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
-  LoopProblem loops = LoopsOf(problem, *fit->groups, free, state, std::nullopt);
-  Information information{loops.layout, {}};
-  const LoopUnknowns unknowns(loops.layout, ValuesOf(state));
-  std::optional<NormalEquations> products =
-      CapturesCost(std::move(loops), options).NormalEquationsAt(unknowns.blocks().data());
-  if (!products) return std::nullopt;
-  const Eigen::Index num_unknowns = information.layout.size();
-  information.matrix = products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor;
-  fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt, {}}, std::move(*products)};
-  AddPriors(bundle_options, free, noise, &information);
+  for (const BlockPrior& prior : PriorsOfArms(*fit.problem, fit.noise)) AddPrior(prior, &information);
+  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(*fit.problem)) AddPrior(prior, &information);
   return information;
 }
 

@@ -9,108 +9,111 @@
 
 #include <ceres/solver.h>
 
-#include "heba/bundle_adjustment.h"
-#include "heba/data/solution.h"
-#include "solvers/refine/captures_cost.h"
+#include "heba/rig_adjustment.h"
+#include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/linearisation.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
 
-// An estimate of all unknowns.
-struct FitState {
-  HandEye hand_eye;
-  Camera camera;
-  TargetShape shape;
-  Eigen::VectorXd effects;  // The free effects; empty if there are none.
-  // The correction of each view's robot pose, identical for views at one pose; empty if the robot is exact.
-  std::vector<Rigid3d> corrections;
-};
-
-// The noise that residuals are whitened with.
-struct FitNoise {
-  double pixel_px = 0;
-  std::optional<RobotNoise> robot;
-  std::vector<double> effect_sigmas;  // Standard deviation of each group of effects.
-};
-
 // Problems are large: they are shared, and copied only to be modified.
-using SharedProblem = std::shared_ptr<const Problem>;
+using SharedProblem = std::shared_ptr<const RigProblem>;
 
 // Wraps a problem that the caller owns.
-inline SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
-
-// Cached normal equations of the captures, with the problem, loss and noise for which they were computed.
-struct KnownProducts {
-  SharedProblem problem;
-  const Loss* loss;
-  FitNoise noise;
-  NormalEquations products;
-};
+inline SharedProblem Borrowed(const RigProblem& problem) { return {SharedProblem(), &problem}; }
 
 // An estimate in progress.
 struct Fit {
-  SharedProblem problem;                     // The points in use, with their weights.
-  std::shared_ptr<const PoseGroups> groups;  // The problem's views, grouped by robot pose.
+  SharedProblem problem;  // The points in use, with their weights.
+  CaptureGroups groups;
   FitState state;
   FitNoise noise;
-  RobotNoise robot_stddev;
+  std::vector<RobotNoise> robot_stddev;                  // One per moving arm.
   double dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
-  // The part of the points' sigma that is not in the detectors' covariances. It is equal for all points and estimated
-  // from the residuals. Nothing: all points are weighted equally.
-  std::optional<double> unmodelled_sigma_px;
+  // For each camera, the part of its points' sigma that is not in the detector's covariances. It is equal for all
+  // points of the camera and estimated from the residuals. Nothing: its points are weighted equally.
+  std::vector<std::optional<double>> unmodelled_sigma_px;
   Convergence convergence;
-  std::optional<KnownProducts> known;
 };
 
 // Selects how sigma is estimated: from the RMS of the fit, or from the median, which is robust to 50 % outliers. The
 // median is used while inliers are searched for; that fit need not converge to the last digits.
 enum class NoiseScale { kOfFit, kMedian };
 
-// The squared whitened distances of each view's points; nothing if any of its points cannot be projected.
-using ViewDistances = std::vector<std::optional<std::vector<double>>>;
-ViewDistances SquaredDistances(const Problem& problem, const FreeUnknowns& free, const FitState& state,
-                               int num_threads);
-// Returns the distances of all points in the order of the views, skipping views that have none.
-std::vector<double> JoinDistances(const ViewDistances& distances);
-// Returns the distances at a state, such as that of a refinement; nothing if a point cannot be projected there.
-std::optional<ViewDistances> DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state,
-                                         int num_threads);
+// Returns the state and the noise of a solution, in which no image is weighted yet.
+FitState StateOf(const RigSolution& solution);
+FitNoise NoiseOf(const RigSolution& solution);
+// Adds the effects of the problem that the state lacks: zero, with the standard deviations that their groups start
+// with.
+void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise);
+
+// Returns the problem with points that are weighted by the detectors' covariances and the unmodelled sigma of their
+// camera; those of a camera without one keep their weights.
+RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
+// Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
+RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
+// Returns the problem without the points that the solution rejected.
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
+
+// The points of each camera.
+std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem);
+
+// The squared whitened distances of each image's points; nothing if any of its points cannot be projected.
+using ImageDistances = std::vector<std::optional<std::vector<double>>>;
+// Returns the distances of the images in the order of ImagesOf.
+ImageDistances DistancesAt(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                           int num_threads);
+// Returns the joined distances of each camera's points; images that have none are skipped.
+std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, const CaptureGroups& groups,
+                                                    const ImageDistances& distances);
 // The Failure of an estimate at which a point cannot be projected.
 Failure HiddenPoint();
 
-// Returns half the sum of rho over all points and of the squared whitened corrections and effects.
-double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,
-               const PoseGroups& groups, const FreeUnknowns& free, const FitNoise& noise, const Loss& loss);
+// Returns, for each group, half the sum of rho over its points and of the squared whitened corrections; infinity if a
+// point cannot be projected. The cameras are those of the state, which may have other models than those of the problem.
+std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                               const FitNoise& noise, const Loss& loss);
+// Returns the sum of the groups' costs, and half that of the squared whitened effects.
+double FitCost(const RigProblem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
+               const Loss& loss);
 
-// Returns the inverse standard deviations of the free effects.
-Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise);
-// Likewise for effects whose groups have these standard deviations.
-Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<double>& sigmas);
+// Returns the prior knowledge about cameras and about the scales of targets (RigCamera::prior, RigTarget::scale_sigma)
+// as rows of views that do not depend on effects, scaled to noise of variance `row_variance`; none if there is no such
+// knowledge. `num_effects` is the number of columns of LinearisedView::by_effects. The prior of the scales is there
+// even if no scale is free, so that models are compared by the same measurements.
+std::vector<LinearisedView> PriorViews(const RigProblem& problem, const FitState& state, double row_variance,
+                                       Eigen::Index num_effects);
 
-// Returns camera_from_target of a view: its robot pose with its effect and its correction.
-Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);
+// Linearises the captures, with one view per group, and the priors of cameras and targets, whose rows have the noise
+// variance `prior_row_variance`. Returns nothing if a point cannot be projected.
+std::optional<std::vector<LinearisedView>> LineariseFit(const RigProblem& problem, const CaptureGroups& groups,
+                                                        const FitState& state, const FitNoise& noise, const Loss& loss,
+                                                        double prior_row_variance);
 
-// Returns the priors of camera and target as rows of views that do not depend on effects (PriorView); the
-// list is empty if there are no priors.
-std::vector<LinearisedView> PriorViews(const BundleOptions& options, const FreeUnknowns& free, const Camera& camera,
-                                       const TargetShape& shape, double row_variance, Eigen::Index num_effects);
+// Returns the variances of the columns of LinearisedView::by_effects: those of the moving arms' corrections, and those
+// of their joints.
+Eigen::VectorXd CorrectionVariances(const FitNoise& noise, const std::vector<Eigen::Index>& num_joints);
 
-// Linearises all observations: the captures, with one view per robot pose, and the priors of camera and target if there
-// are any, whose rows have the noise variance `prior_row_variance`.
-std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
-                                                        const PoseGroups& groups, const FreeUnknowns& free,
-                                                        const FitNoise& noise, const Loss& loss,
-                                                        double prior_row_variance, const BundleOptions& options);
+// How the variances of a fit are estimated.
+struct VarianceSetting {
+  double pixel_variance = 1;  // See VarianceGroup.
+  bool pixel_is_free = true;
+  bool robots_are_free = true;
+  std::optional<RobotNoisePrior> robot_prior = {};
+  bool effects_avoid_zero = true;  // VarianceGroup::avoids_zero.
+};
+// Returns the groups of the variances: the pixels; translation, rotation and, if they are noisy, joints of each moving
+// arm; and the groups of the arms' effects.
+std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const FitNoise& noise,
+                                            const VarianceSetting& setting);
 
 // Runs Ceres once with the noise held constant.
-ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
-                                    const BundleOptions& bundle_options, Fit* fit);
+ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const RigOptions& options, Fit* fit);
 
-// Returns the unknowns' normal matrix at the noise of the fit, or nothing if a point cannot be projected.
-std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& loss,
-                                          const BundleOptions& bundle_options, Fit* fit);
+// Returns the unknowns' normal matrix at the noise of the fit, marginalised over the corrections, or nothing if a point
+// cannot be projected.
+std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int num_threads);
 
 }  // namespace heba

@@ -16,8 +16,7 @@ RobotNoise AtLeastExact(const RobotNoise& noise);
 double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px);
 
 // The estimate and the noise that it is whitened with depend on each other: alternates between both until they
-// converge.
-Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
-                                const BundleOptions& options);
+// converge. `scale` is that of the pixel noise.
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, const RigOptions& options);
 
 }  // namespace heba

@@ -1,73 +1,95 @@
 #include "solvers/refine/point_rejection.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
 
+bool IsWhole(const std::vector<bool>& image) { return std::find(image.begin(), image.end(), false) == image.end(); }
+
 // Returns flags for the points that pass their test at the estimate.
-PointFlags FindInlierPoints(const Problem& problem, const FreeUnknowns& free, const Fit& fit) {
-  std::vector<View> views = problem.views;
-  if (fit.unmodelled_sigma_px) WeightByCovariance(*fit.unmodelled_sigma_px, &views);
-  PointFlags flags;
-  for (size_t i = 0; i < views.size(); ++i) {
-    flags.push_back(FindInliers(fit.state.camera, PredictedPose(problem, free, fit.state, i),
-                                ApplyShape(views[i].observations, fit.state.shape), fit.noise.pixel_px));
+PointFlags FindInlierPoints(const RigProblem& problem, const Fit& fit) {
+  const RigProblem weighted = WeightPoints(problem, fit.unmodelled_sigma_px);
+  PointFlags flags = AllFlags(problem, false);
+  for (size_t i = 0; i < weighted.captures.size(); ++i) {
+    for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
+      const RigImage& image = weighted.captures[i].images[k];
+      if (image.observations.size() == 0) continue;
+      flags[i][k] = FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
+                                ApplyShape(image.observations, fit.state.shapes[image.target]),
+                                std::hypot(fit.noise.pixel_px[image.camera], fit.noise.image_px[image.camera]));
+    }
   }
   return flags;
 }
 
 }  // namespace
 
-SharedProblem KeepFlaggedPoints(const Problem& problem, const PointFlags& keep) {
-  const auto is_whole = [](const std::vector<bool>& view) {
-    return std::find(view.begin(), view.end(), false) == view.end();
-  };
-  if (std::all_of(keep.begin(), keep.end(), is_whole)) return Borrowed(problem);
-  auto kept = std::make_shared<Problem>(problem);
-  for (size_t i = 0; i < kept->views.size(); ++i) {
-    if (!is_whole(keep[i])) kept->views[i].observations = KeepPoints(problem.views[i].observations, keep[i]);
+PointFlags AllFlags(const RigProblem& problem, bool value) {
+  PointFlags flags;
+  for (const RigCapture& capture : problem.captures) {
+    std::vector<std::vector<bool>>& of_capture = flags.emplace_back();
+    for (const RigImage& image : capture.images) {
+      of_capture.emplace_back(static_cast<size_t>(image.observations.size()), value);
+    }
   }
-  return kept;
+  return flags;
 }
 
-int CountFlags(const PointFlags& flags) {
-  int count = 0;
-  for (const std::vector<bool>& view : flags) count += static_cast<int>(std::count(view.begin(), view.end(), true));
-  return count;
+void UsePoints(const RigProblem& problem, const PointFlags& keep, Fit* fit) {
+  const bool has_all = std::all_of(keep.begin(), keep.end(), [](const std::vector<std::vector<bool>>& capture) {
+    return std::all_of(capture.begin(), capture.end(), IsWhole);
+  });
+  fit->problem = Borrowed(problem);
+  if (!has_all) {
+    auto kept = std::make_shared<RigProblem>(problem);
+    for (size_t i = 0; i < kept->captures.size(); ++i) {
+      for (size_t k = 0; k < kept->captures[i].images.size(); ++k) {
+        Observations& observations = kept->captures[i].images[k].observations;
+        if (!IsWhole(keep[i][k])) observations = KeepPoints(observations, keep[i][k]);
+      }
+    }
+    fit->problem = std::move(kept);
+  }
+  fit->groups = GroupByRobotPoses(*fit->problem);
 }
 
-std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unknowns) {
+std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlags& keep) {
+  int num_points = 0;
+  for (const std::vector<std::vector<bool>>& capture : keep) {
+    for (const std::vector<bool>& image : capture) {
+      num_points += static_cast<int>(std::count(image.begin(), image.end(), true));
+    }
+  }
   // If there were as many unknowns as measurements, no noise would be averaged.
-  const auto num_unknowns = static_cast<int>(unknowns.size());
+  const auto num_unknowns = static_cast<int>(RigUnknowns(problem).size());
   if (2 * num_points > num_unknowns) return std::nullopt;
   return Failure{std::to_string(2 * num_points) + " measured coordinates for " + std::to_string(num_unknowns) +
                  " unknowns are too few; take more captures or hold the intrinsics"};
 }
 
-Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeUnknowns& free,
-                                 const BundleOptions& options, PointFlags* keep) {
-  Outcome<Fit> settled =
-      IterateNoiseAndFit(std::move(fit), free, LossOf(LossKind::kCauchy), NoiseScale::kMedian, options);
-  if (!settled) return settled;
+Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOptions& options, PointFlags* keep) {
+  Outcome<Fit> settled = IterateNoiseAndFit(std::move(fit), LossOf(LossKind::kCauchy), NoiseScale::kMedian, options);
   constexpr int kMaxRounds = 20;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    PointFlags inliers = FindInlierPoints(problem, free, *settled);
+  for (int round = 0; settled && round < kMaxRounds; ++round) {
+    PointFlags inliers = FindInlierPoints(problem, *settled);
     if (round > 0 && inliers == *keep) break;
     *keep = std::move(inliers);
-    const int num_kept = CountFlags(*keep);
-    if (const std::optional<Failure> failure = CheckNumPoints(num_kept, HandEyeUnknowns(problem.camera.Model(), free)))
-      return *failure;
+    if (const std::optional<Failure> failure = CheckNumPoints(problem, *keep)) return *failure;
     Fit next = *settled;
-    next.problem = KeepFlaggedPoints(problem, *keep);
-    settled = IterateNoiseAndFit(std::move(next), free, LossOf(LossKind::kNone), NoiseScale::kOfFit, options);
-    if (!settled) return settled;
+    const std::vector<size_t> moving = MovingRobots(*next.problem);
+    UsePoints(problem, *keep, &next);
+    if (MovingRobots(*next.problem) != moving) {
+      return Failure{"nearly all points contradict the estimate; check that images and poses belong together"};
+    }
+    settled = IterateNoiseAndFit(std::move(next), LossOf(LossKind::kNone), NoiseScale::kOfFit, options);
   }
   return settled;
 }

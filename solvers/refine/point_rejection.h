@@ -1,4 +1,4 @@
-// Least squares over the points that pass a test at the estimate that they give (the loss `truncated`).
+// Rejection of points that contradict the estimate (the loss `truncated`).
 #pragma once
 
 #include <optional>
@@ -9,19 +9,21 @@
 
 namespace heba {
 
-using PointFlags = std::vector<std::vector<bool>>;  // Indexed by view and point.
+// Flags of the points in use: for each capture, for each image, one per point.
+using PointFlags = std::vector<std::vector<std::vector<bool>>>;
 
-// Returns the problem with the flagged points only, without a copy if these are all.
-SharedProblem KeepFlaggedPoints(const Problem& problem, const PointFlags& keep);
-// Returns the number of flags that are set.
-int CountFlags(const PointFlags& flags);
+// Returns one flag of this value for each point.
+PointFlags AllFlags(const RigProblem& problem, bool value);
 
-// Returns a Failure unless there are more measured coordinates than unknowns.
-std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unknowns);
+// Sets the problem of a fit to the flagged points of `problem`, and the groups to those of the captures that have any.
+// Captures and images keep their indices. `problem` must outlive the fit.
+void UsePoints(const RigProblem& problem, const PointFlags& keep, Fit* fit);
 
-// Least squares over the points that pass their test at the resulting estimate. The initial estimate uses the Cauchy
-// loss, whose scale shrinks with the residuals, so outliers have little influence on it.
-Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeUnknowns& free,
-                                 const BundleOptions& options, PointFlags* keep);
+// Returns a Failure if the flagged points are too few for the unknowns of the problem.
+std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlags& keep);
+
+// Fits robustly, and then to the points that pass their test (FindInliers), until the same points pass. `keep` becomes
+// their flags.
+Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOptions& options, PointFlags* keep);
 
 }  // namespace heba

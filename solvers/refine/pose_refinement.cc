@@ -10,8 +10,8 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/reprojection_problem.h"
 #include "solvers/residuals/loop_problem.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/information.h"
-#include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

@@ -10,7 +10,7 @@
 
 #include "heba/base/text.h"
 #include "solvers/calibration/model_choice.h"
-#include "solvers/rig/rig_fit.h"
+#include "solvers/refine/fit.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -63,21 +63,20 @@ struct LinearisedRig {
 // projected.
 std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSolution& solution, size_t first_robot) {
   const RigProblem weighted = WeightedAs(solution, problem);
-  RigState state = StateOf(solution);
-  RigNoise noise = NoiseOf(solution);
+  FitState state = StateOf(solution);
+  FitNoise noise = NoiseOf(solution);
   AddEffects(problem, &state, &noise);
-  const std::optional<LinearisedImages> images =
-      LineariseImages(weighted, GroupByRobotPoses(weighted), state, noise, LossOf(LossKind::kNone));
-  if (!images) return std::nullopt;
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseFit(weighted, GroupByRobotPoses(weighted), state, noise, LossOf(LossKind::kNone), 1);
+  if (!views) return std::nullopt;
   LinearisedRig rig;
-  rig.views = StackGroups(images->views, images->groups);
-  for (LinearisedView& view : PriorViews(weighted, state, 1, rig.views.front().by_effects.cols())) {
-    rig.views.push_back(std::move(view));
-  }
-  const std::vector<VarianceGroup> groups = RigVarianceGroups(weighted, noise, 1, true, true, std::nullopt);
+  rig.views = std::move(*views);
+  VarianceSetting setting;
+  setting.effects_avoid_zero = false;  // The models whose variances are zero are part of the comparison.
+  const std::vector<VarianceGroup> groups = VarianceGroupsOf(weighted, noise, setting);
   const size_t first_effect = FirstEffectGroup(groups);
   rig.groups.assign(groups.begin(), groups.begin() + static_cast<std::ptrdiff_t>(first_effect));
-  // The places of each arm's groups, which RigVarianceGroups has in the order of the arms.
+  // The places of each arm's groups, which VarianceGroupsOf has in the order of the arms.
   std::map<size_t, size_t> place_of;
   size_t place = first_effect;
   std::vector<size_t> order = {first_robot};
@@ -89,11 +88,7 @@ std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSol
   }
   for (const size_t r : order) {
     rig.first_group_of[r] = rig.groups.size();
-    for (size_t g = 0; g < noise.effect_sigmas[r].size(); ++g) {
-      rig.groups.push_back(groups[place_of[r] + g]);
-      // The models whose variances are zero are part of the comparison.
-      rig.groups.back().avoids_zero = false;
-    }
+    for (size_t g = 0; g < noise.effect_sigmas[r].size(); ++g) rig.groups.push_back(groups[place_of[r] + g]);
   }
   return rig;
 }

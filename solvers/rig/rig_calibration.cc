@@ -14,6 +14,7 @@
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/smooth_search.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_arms.h"
@@ -21,7 +22,6 @@
 #include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_rejection.h"
-#include "solvers/rig/rig_smooth_errors.h"
 #include "solvers/rig/rig_start.h"
 #include "solvers/uncertainty/unknown_change.h"
 

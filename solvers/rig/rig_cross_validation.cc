@@ -13,7 +13,8 @@
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
-#include "solvers/rig/rig_fit.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_rejection.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -121,18 +122,19 @@ void AddImage(const RigProblem& problem, const RigSolution& solution, const RigI
 // Adds the chi-square of the held-out images at an estimate that has not seen them.
 void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors* errors) {
   const RigProblem weighted = WeightedAs(solution, held_out);
-  RigState state = StateOf(solution);
+  FitState state = StateOf(solution);
   state.corrections.clear();
   const CaptureGroups groups = GroupByRobotPoses(weighted);
   const std::vector<size_t> moving = MovingRobots(weighted);
-  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
+  FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
   for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
-  const std::optional<LinearisedImages> images =
-      LineariseImages(weighted, groups, state, noise, LossOf(LossKind::kNone));
-  if (!images) return;
-  const Eigen::VectorXd variances = CorrectionVariances(noise, moving.size());
-  for (const LinearisedView& view : StackGroups(images->views, images->groups)) {
-    const Eigen::VectorXd residual = ResidualOf(weighted, state, view, Eigen::VectorXd::Zero(variances.size()));
+  const std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
+      CaptureLoops(weighted, groups, state, noise, true), ValuesOf(state), 1, LossOf(LossKind::kNone));
+  if (!views) return;
+  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(weighted, moving));
+  const Eigen::VectorXd no_corrections = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving.size()));
+  for (const LinearisedView& view : *views) {
+    const Eigen::VectorXd residual = ResidualOf(weighted, state, view, no_corrections);
     const Eigen::Index rows = residual.size();
     const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(rows, rows) +
                                        view.by_effects * variances.asDiagonal() * view.by_effects.transpose() +

@@ -11,8 +11,8 @@
 #include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/view_reduction.h"
-#include "solvers/rig/rig_loops.h"
 #include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
@@ -253,7 +253,7 @@ class FrameLocation {
   std::optional<std::vector<ViewEquations>> ViewsAt(const FrameState& state) const {
     const UnknownLayout& layout = solution_.covariance.layout;
     std::vector<ViewEquations> views;
-    const RigNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
+    const FitNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
     const std::vector<PoseByUnknowns> grippers = GrippersAt(state);
     for (const CameraObservations& view : seen_) {
       const size_t camera = view.camera;

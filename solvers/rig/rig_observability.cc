@@ -12,8 +12,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/rig/rig_fit.h"
 #include "solvers/rig/rig_outliers.h"
 
 namespace heba {
@@ -170,16 +170,16 @@ class Imagination {
 std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSolution& solution,
                                             const RigCapture& capture, const std::vector<size_t>& moving) {
   const RigProblem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
-  RigState state = StateOf(solution);
+  FitState state = StateOf(solution);
   state.corrections.clear();
-  const RigNoise noise = NoiseOf(solution);
+  const FitNoise noise = NoiseOf(solution);
   const std::optional<std::vector<LinearisedView>> views =
-      LineariseCaptures(RigImageLoops(one, {{0}}, state, noise, moving), RigValues(state), 1, LossOf(LossKind::kNone));
+      LineariseCaptures(ImageLoops(one, {{0}}, state, noise, moving), ValuesOf(state), 1, LossOf(LossKind::kNone));
   if (!views || views->empty()) return std::nullopt;
   std::vector<size_t> all(views->size());
   for (size_t v = 0; v < all.size(); ++v) all[v] = v;
   const LinearisedView view = std::move(StackGroups(*views, {all}).front());
-  const Eigen::VectorXd variances = CorrectionVariances(noise, moving.size());
+  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(used, moving));
   const Eigen::Index rows = view.offset.size();
   const Eigen::MatrixXd covariance =
       Eigen::MatrixXd::Identity(rows, rows) + view.by_effects * variances.asDiagonal() * view.by_effects.transpose();

@@ -6,9 +6,8 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
-#include "solvers/residuals/inliers.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/rig/rig_fit.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/uncertainty/capture_outliers.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -25,7 +24,7 @@ class ImageTest {
       : solution_(solution),
         state_(StateOf(solution)),
         moving_(MovingRobots(used)),
-        variances_(CorrectionVariances(NoiseOf(solution), moving_.size())) {}
+        variances_(CorrectionVariances(NoiseOf(solution), NoisyJointsOf(used, moving_))) {}
 
   Eigen::VectorXd CorrectionsOf(size_t capture) const { return CorrectionTangents(state_, capture, moving_); }
 
@@ -84,46 +83,16 @@ class ImageTest {
   }
 
   const std::vector<size_t>& moving() const { return moving_; }
-  const RigState& state() const { return state_; }
+  const FitState& state() const { return state_; }
 
  private:
   const RigSolution& solution_;
-  RigState state_;
+  FitState state_;
   std::vector<size_t> moving_;
   Eigen::VectorXd variances_;
 };
 
 }  // namespace
-
-RigState StateOf(const RigSolution& solution) {
-  RigState state{solution.poses, solution.cameras, solution.shapes, {}, solution.effects};
-  for (const RigCaptureOutcome& capture : solution.captures) {
-    if (!capture.corrections.empty()) state.corrections.push_back(capture.corrections);
-  }
-  return state;
-}
-
-RigNoise NoiseOf(const RigSolution& solution) {
-  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
-  for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
-    if (robot) noise.robots.push_back(*robot);
-  }
-  return noise;
-}
-
-RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
-  return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
-}
-
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
-  for (size_t i = 0; i < problem.captures.size(); ++i) {
-    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
-      Observations& observations = problem.captures[i].images[k].observations;
-      observations = WithoutPoints(observations, solution.captures[i].rejected_ids[k]);
-    }
-  }
-  return problem;
-}
 
 std::vector<RigVerdict> TestUsedImages(const RigProblem& problem_in, const RigSolution& solution) {
   const RigProblem problem = WeightedAs(solution, problem_in);
@@ -165,11 +134,11 @@ std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem_in, const Ri
       if (!is_used && image.observations.size() > 0 && test.KnowsArmsOf(problem, image)) left_out.push_back({i, k});
     }
     if (left_out.empty()) continue;
-    RigState state = test.state();
+    FitState state = test.state();
     if (!state.corrections.empty()) state.corrections = {state.corrections[i]};
     const auto linearise = [&](const RigCapture& capture) {
       const RigProblem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
-      return LineariseCaptures(RigImageLoops(one, {{0}}, state, NoiseOf(solution), test.moving()), RigValues(state), 1,
+      return LineariseCaptures(ImageLoops(one, {{0}}, state, NoiseOf(solution), test.moving()), ValuesOf(state), 1,
                                LossOf(LossKind::kNone));
     };
     const std::optional<std::vector<LinearisedView>> of_used = linearise(used.captures[i]);

@@ -4,8 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "heba/rig_adjustment.h"
-#include "solvers/rig/rig_loops.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+#include "solvers/residuals/capture_loops.h"
 
 namespace heba {
 
@@ -26,13 +27,5 @@ std::vector<RigVerdict> TestUsedImages(const RigProblem& problem, const RigSolut
 // Tests images that were not used. `problem` holds their points too; `used` tells which images were.
 std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem, const RigProblem& used,
                                           const RigSolution& solution);
-
-// Returns the state and the noise of a solution, in which no image is weighted yet.
-RigState StateOf(const RigSolution& solution);
-RigNoise NoiseOf(const RigSolution& solution);
-// Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
-RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
-// Returns the problem without the points that the solution rejected.
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
 
 }  // namespace heba

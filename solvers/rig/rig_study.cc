@@ -12,9 +12,9 @@
 #include "heba/base/factorisation.h"
 #include "heba/base/rng.h"
 #include "heba/kernels/small_matrix.h"
+#include "solvers/refine/fit.h"
 #include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/loss.h"
-#include "solvers/rig/rig_fit.h"
 #include "solvers/uncertainty/information.h"
 
 namespace heba {
@@ -269,7 +269,7 @@ std::vector<std::vector<TrialEstimate>> RunRigTrial(const RigStudyCell& cell, ui
 Outcome<std::vector<Matrix6>> RigErrorBound(const RigStudyCell& cell) {
   Rng rng(0);
   auto problem = std::make_shared<RigProblem>(Simulated(cell, 0, RobotNoise(), &rng));
-  RigFit fit;
+  Fit fit;
   fit.groups = GroupByRobotPoses(*problem);
   if (fit.groups.empty()) return Failure{"no camera sees a target"};
   fit.state.poses = cell.poses;
@@ -279,7 +279,7 @@ Outcome<std::vector<Matrix6>> RigErrorBound(const RigStudyCell& cell) {
   fit.noise.image_px.assign(problem->cameras.size(), 0);
   fit.noise.robots.assign(MovingRobots(*problem).size(), cell.simulation.robot_noise);
   fit.problem = std::move(problem);
-  const std::optional<Information> information = RigInformation(fit, LossOf(LossKind::kNone));
+  const std::optional<Information> information = FitInformation(fit, LossOf(LossKind::kNone), 1);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   RigSolution bound;

@@ -13,7 +13,7 @@
 #include "heba/kernels/small_matrix.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

@@ -24,9 +24,10 @@ struct RigOptions {
   std::optional<double> pixel_noise_px;
   // As BundleOptions::robot, for all arms. The noise of each arm is estimated by itself.
   BundleOptions::Robot robot = BundleOptions::Robot::kEstimatedNoise;
-  RobotNoise robot_noise;                            // Used with kGivenNoise, for all arms.
-  std::optional<RobotNoisePrior> robot_noise_prior;  // See BundleOptions.
-  RobotNoise robot_noise_start = {1e-3, 2e-3};       // Used with kEstimatedNoise.
+  RobotNoise robot_noise;                             // Used with kGivenNoise, for all arms.
+  std::optional<RobotNoisePrior> robot_noise_prior;   // See BundleOptions.
+  RobotNoise robot_noise_start = {1e-3, 2e-3, 1e-3};  // Used with kEstimatedNoise.
+  bool effects_avoid_zero = true;                     // See BundleOptions.
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 
@@ -37,9 +38,10 @@ struct RigOptions {
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and the
 // cameras and shapes of the problem; sigma is that of the point's camera. With noisy arms, the corrections of their
 // poses are unknowns, six for each arm and each of its poses, with the arm's noise as their prior. The noise of the
-// arms is estimated by restricted maximum likelihood (equation 11 of docs/estimation.md), that of each camera from its
-// residuals and their redundancy (Helmert's variance components; Foerstner, "Ein Verfahren zur Schaetzung von Varianz-
-// und Kovarianzkomponenten", 1979).
+// arms is estimated by restricted maximum likelihood (equation 11 of docs/estimation.md), and that of the camera with
+// it, if there is one. The noise of each of several cameras is estimated from its residuals and their redundancy
+// (Helmert's variance components; Foerstner, "Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten",
+// 1979). Errors of images as a whole are estimated if a capture has several images.
 //
 // Returns a Failure, in words, if a direction is unobservable, if an image has a point without a projection at the
 // start (with the loss `truncated`: in more than half of the images), if the refinement does not converge, or if the

@@ -64,6 +64,16 @@ struct RigImage {
   Observations observations;
 };
 
+// What is known about the joints of an arm at a capture.
+struct ArmPosture {
+  // The derivative of the gripper's pose (Tangent6, in its own frame) by the positions of the joints, if the noise of
+  // the joints is part of the arm's noise; otherwise empty.
+  Matrix6X gripper_by_joints = Matrix6X(6, 0);
+  // The recorded positions of the joints, rad or m; empty if they are not known. An arm that reaches one pose in
+  // several postures has another error in each.
+  std::vector<double> joints = {};
+};
+
 // The images that were taken at one pose of every arm. A camera that saw nothing has no entry.
 struct RigCapture {
   std::string name;
@@ -72,8 +82,12 @@ struct RigCapture {
   // One for each arm: its error as a function of the effects that are estimated, null if there are none. An empty list:
   // no arm has any.
   std::vector<std::shared_ptr<const PoseEffect>> effects = {};
+  // One for each arm. An empty list: nothing is known about any joint.
+  std::vector<ArmPosture> postures = {};
 };
 
+// One camera, one target and one arm may have empty names: their blocks of unknowns are then called as those of a
+// hand-eye calibration (heba/data/unknowns.h).
 struct RigProblem {
   std::vector<std::string> robots;  // The names of the arms.
   std::vector<RigCamera> cameras;

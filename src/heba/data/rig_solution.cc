@@ -84,26 +84,43 @@ std::vector<RelativePose> RelativePoses(const std::vector<Placed>& placed, const
   return relative;
 }
 
+// Returns the name of a block in files: `alone` for the only object of its kind, which has no name.
+std::string BlockName(std::string_view alone, const std::string& before, const std::string& name,
+                      const std::string& after) {
+  return name.empty() ? std::string(alone) : before + name + after;
+}
+
+// Returns what messages call the owner of a block.
+std::string PlainName(const std::string& alone, const std::string& kind, const std::string& name) {
+  return name.empty() ? alone : kind + " " + name + "'s";
+}
+
 }  // namespace
 
 std::optional<RobotNoise> SmoothNoiseOf(const RigSolution& solution, size_t robot) {
   return robot < solution.smooth_noise.size() ? solution.smooth_noise[robot] : std::nullopt;
 }
 
-std::string CameraPoseBlock(const RigCamera& camera) { return "cameras." + camera.name + ".pose"; }
-std::string CameraBlock(const RigCamera& camera) { return "cameras." + camera.name + ".camera"; }
-std::string TargetPoseBlock(const RigTarget& target) { return "targets." + target.name + ".pose"; }
-std::string TargetShapeBlock(const RigTarget& target) { return "targets." + target.name + ".shape"; }
+std::string CameraPoseBlock(const RigCamera& camera) {
+  return BlockName(kHandEyeBlock, "cameras.", camera.name, ".pose");
+}
+std::string CameraBlock(const RigCamera& camera) { return BlockName(kCameraBlock, "cameras.", camera.name, ".camera"); }
+std::string TargetPoseBlock(const RigTarget& target) {
+  return BlockName(kBoardBlock, "targets.", target.name, ".pose");
+}
+std::string TargetShapeBlock(const RigTarget& target) {
+  return BlockName(kTargetBlock, "targets.", target.name, ".shape");
+}
 std::string BaseBlock(const std::string& robot) { return "robots." + robot + ".world_from_base"; }
-std::string ErrorsBlock(const std::string& robot) { return "robots." + robot + ".errors"; }
+std::string ErrorsBlock(const std::string& robot) { return BlockName(kRobotBlock, "robots.", robot, ".errors"); }
 
 UnknownLayout RigUnknowns(const RigProblem& problem) {
   UnknownLayout layout;
   for (const RigCamera& camera : problem.cameras) {
-    layout.AddPose(CameraPoseBlock(camera), "camera " + camera.name + "'s", "the camera's");
+    layout.AddPose(CameraPoseBlock(camera), PlainName("the hand-eye", "camera", camera.name), "the camera's");
   }
   for (const RigTarget& target : problem.targets) {
-    layout.AddPose(TargetPoseBlock(target), "target " + target.name + "'s", "the target's");
+    layout.AddPose(TargetPoseBlock(target), PlainName("the board's", "target", target.name), "the target's");
   }
   for (size_t r = 1; r < problem.robots.size(); ++r) {
     layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
@@ -111,19 +128,21 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
     if (effects != nullptr) {
-      layout.AddEffects(ErrorsBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", effects->Names());
+      layout.AddEffects(ErrorsBlock(problem.robots[r]), PlainName("the arm's", "arm", problem.robots[r]),
+                        effects->Names());
     }
   }
   for (const RigCamera& camera : problem.cameras) {
     const CameraModel& model = camera.camera.Model();
-    layout.AddCamera(CameraBlock(camera), "camera " + camera.name + "'s", model, FreeOf(model, camera.free_intrinsics));
+    layout.AddCamera(CameraBlock(camera), PlainName("the camera's", "camera", camera.name), model,
+                     FreeOf(model, camera.free_intrinsics));
   }
   for (const RigTarget& target : problem.targets) {
     std::vector<bool> free;
     for (int i = 0; i < TargetShape::kNumParams && !target.free_shape.empty(); ++i) {
       free.push_back(std::count(target.free_shape.begin(), target.free_shape.end(), ShapeGroupOf(i)) > 0);
     }
-    layout.AddTarget(TargetShapeBlock(target), "target " + target.name + "'s", free);
+    layout.AddTarget(TargetShapeBlock(target), PlainName("the target's", "target", target.name), free);
   }
   return layout;
 }

@@ -54,7 +54,7 @@ struct RigSolution {
 // Returns the smooth noise of an arm; nothing if it has none.
 std::optional<RobotNoise> SmoothNoiseOf(const RigSolution& solution, size_t robot);
 
-// The names of a rig's blocks of unknowns.
+// The names of a rig's blocks of unknowns, which are those of a hand-eye calibration for what has no name.
 std::string CameraPoseBlock(const RigCamera& camera);
 std::string CameraBlock(const RigCamera& camera);
 std::string TargetPoseBlock(const RigTarget& target);

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "solvers/rig/rig_fit.h"
+#include "solvers/refine/fit.h"
 #include "solvers/rig/rig_outliers.h"
 #include "tests/support/rig_scenes.h"
 
@@ -36,7 +36,7 @@ const Finding* PartOf(const Finding& finding, const std::string& code) {
 
 // The covariance of the captures in use together with more captures, from all their linearised images.
 Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& solution, const RigCandidate& candidate) {
-  RigFit fit;
+  Fit fit;
   RigProblem problem = WeightedAs(solution, used);
   fit.state = StateOf(solution);
   for (const RigCapture& capture : candidate.captures) {
@@ -46,7 +46,7 @@ Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& soluti
   fit.groups = GroupByRobotPoses(problem);
   fit.noise = NoiseOf(solution);
   fit.problem = std::make_shared<const RigProblem>(std::move(problem));
-  return InvertInformation(*RigInformation(fit, LossOf(LossKind::kNone)), 1.0).matrix;
+  return InvertInformation(*FitInformation(fit, LossOf(LossKind::kNone), 1), 1.0).matrix;
 }
 
 TEST(RigObservability, NamesTheWeakDirectionsOfEachCamera) {

@@ -13,7 +13,7 @@
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

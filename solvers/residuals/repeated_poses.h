@@ -15,8 +15,20 @@ inline constexpr double kSamePoseRad = 1e-4;
 // Likewise for joints, rad or m.
 inline constexpr double kSameJoint = 1e-3;
 
-// Groups views by robot pose, and by posture if the joints are known. Each view is in exactly one group, the groups are
-// in the order of their first views, and a view belongs to the first group whose first view has the same pose.
+// The pose of an arm, and the joints by which it was reached; none if they are not known.
+struct ReachedPose {
+  Rigid3d base_from_gripper;
+  std::vector<double> joints;
+};
+// The poses of all arms at one capture.
+using ReachedPoses = std::vector<ReachedPose>;
+
+// Groups captures by the poses of all arms, and by posture if the joints are known. Each capture is in exactly one
+// group, the groups are in the order of their first captures, and a capture belongs to the first group whose first
+// capture has the same poses.
+PoseGroups GroupPoses(const std::vector<ReachedPoses>& captures);
+
+// Likewise for the views, or the pairs, of one arm.
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<PosePair>& pairs);
 

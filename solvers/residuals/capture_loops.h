@@ -1,4 +1,4 @@
-// The adjustment of a rig as an adjustment of kinematic loops (solvers/residuals/loop_problem.h).
+// The adjustment of a problem's captures as an adjustment of kinematic loops (solvers/residuals/loop_problem.h).
 #pragma once
 
 #include <vector>
@@ -10,8 +10,8 @@
 
 namespace heba {
 
-// The values of a rig's unknowns.
-struct RigState {
+// The values of a problem's unknowns.
+struct FitState {
   RigPoses poses;
   std::vector<Camera> cameras;
   std::vector<TargetShape> shapes;
@@ -21,7 +21,7 @@ struct RigState {
 };
 
 // The noise that the residuals are whitened with.
-struct RigNoise {
+struct FitNoise {
   std::vector<double> pixel_px;  // One per camera.
   // One per camera: the sigma of an error of each image as a whole, which acts like another pose of the target; it
   // moves each point by as much (RMS).
@@ -34,40 +34,44 @@ struct RigNoise {
 // be seen.
 std::vector<size_t> MovingRobots(const RigProblem& problem);
 
-// The captures with points, as indices: those of one group were taken at one pose of every moving arm, and share their
-// corrections.
+// Returns, for each of these arms, the number of joints whose noise is part of the arm's noise.
+std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::vector<size_t>& moving);
+
+// The captures with points, as indices: those of one group were taken at one pose of every moving arm, and in one
+// posture if the joints are known, and share their corrections.
 using CaptureGroups = std::vector<std::vector<size_t>>;
 CaptureGroups GroupByRobotPoses(const RigProblem& problem);
 
-// An image of a rig: the index of its capture, and its index in RigCapture::images.
+// An image: the index of its capture, and its index in RigCapture::images.
 struct ImageIndex {
   size_t capture = 0;
   size_t image = 0;
   bool operator==(const ImageIndex& other) const = default;
 };
-// Returns the images with points, in the order of the views of RigLoops.
+// Returns the images with points, in the order of the views of CaptureLoops.
 std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups& groups);
 
 // Returns the variance, in whitened units, of each direction of an image's rows that another pose of the target would
 // explain, for an error of the image as a whole that moves each coordinate of its points by `sigma_px` (RMS).
 double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points);
 // Returns LoopView::pose_variance_ratio of an image, which must have points.
-double PoseVarianceRatio(const RigNoise& noise, const RigImage& image);
+double PoseVarianceRatio(const FitNoise& noise, const RigImage& image);
 
-// Returns the loops of the groups. With corrections, the own poses of a capture are those of the moving arms; their
-// priors are the robot noise. The problem must outlive the result.
-LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                     const RigNoise& noise);
+// Returns the loops of the groups. With `has_corrections`, the own poses of a capture are the corrections of the moving
+// arms, zero if the arms of the state are exact, and their priors are the noise of the arms if there is any. The
+// problem must outlive the result.
+LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                         const FitNoise& noise, bool has_corrections);
 // Likewise, with one capture for each image, in the order of ImagesOf. Its own poses are zero if the arms are exact.
 // `moving` are the arms that have corrections.
-LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                          const RigNoise& noise, const std::vector<size_t>& moving);
+LoopProblem ImageLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                       const FitNoise& noise, const std::vector<size_t>& moving);
 
 // Returns the values of the loops' unknowns, and the state with other values and the same corrections.
-LoopValues RigValues(const RigState& state);
-RigState WithValues(RigState state, const LoopValues& values);
+LoopValues ValuesOf(const FitState& state);
+FitState WithValues(FitState state, const LoopValues& values);
 
 // Returns camera_from_target of an image, with the errors and the corrections of its capture.
-Rigid3d PredictedPose(const RigProblem& problem, const RigState& state, const ImageIndex& index);
+Rigid3d PredictedPose(const RigProblem& problem, const FitState& state, const ImageIndex& index);
 
 }  // namespace heba

@@ -1,11 +1,13 @@
-#include "solvers/rig/rig_loops.h"
+#include "solvers/residuals/capture_loops.h"
 
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <tuple>
 #include <utility>
 
 #include "heba/base/error.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/residuals/repeated_poses.h"
 
 namespace heba {
 namespace {
@@ -18,20 +20,20 @@ int BasePose(const RigProblem& problem, size_t robot) {
 }
 
 // Makes the loop of every camera and target for the captures' poses of the arms.
-class RigLoopMaker {
+class LoopMaker {
  public:
-  RigLoopMaker(const RigProblem& problem, std::vector<size_t> moving, bool has_corrections)
+  LoopMaker(const RigProblem& problem, std::vector<size_t> moving, bool has_corrections)
       : problem_(problem), moving_(std::move(moving)), has_corrections_(has_corrections) {}
 
   KinematicLoop LoopOf(const RigCapture& capture, const RigImage& image) {
-    const auto key = std::make_pair(image.camera, image.target);
+    const auto key = std::make_tuple(image.camera, image.target, EffectsOn(capture, image));
     auto found = patterns_.find(key);
-    if (found == patterns_.end()) found = patterns_.emplace(key, PatternOf(image)).first;
+    if (found == patterns_.end()) found = patterns_.emplace(key, PatternOf(capture, image)).first;
     std::vector<Rigid3d> known;
     std::vector<std::shared_ptr<const PoseEffect>> effects;
     for (const size_t robot : found->second.known) {
       known.push_back(capture.base_from_gripper[robot]);
-      if (EffectsOf(problem_, robot) != nullptr) effects.push_back(capture.effects[robot]);
+      if (HasEffect(capture, robot)) effects.push_back(capture.effects[robot]);
     }
     return found->second.loop.With(std::move(known), std::move(effects));
   }
@@ -42,14 +44,25 @@ class RigLoopMaker {
     std::vector<size_t> known;  // The arms whose poses are the known factors.
   };
 
+  bool HasEffect(const RigCapture& capture, size_t robot) const {
+    return EffectsOf(problem_, robot) != nullptr && capture.effects[robot] != nullptr;
+  }
+
+  // Returns which of the two arms that carry camera and target have an effect.
+  std::pair<bool, bool> EffectsOn(const RigCapture& capture, const RigImage& image) const {
+    return {HasEffect(capture, problem_.cameras[image.camera].mount.robot),
+            HasEffect(capture, problem_.targets[image.target].mount.robot)};
+  }
+
   // Appends world_from_mount or, for two mounts on the bases of one arm, nothing.
-  void Append(const Mount& mount, bool has_base, std::vector<LoopFactor>* factors, std::vector<size_t>* known) const {
+  void Append(const RigCapture& capture, const Mount& mount, bool has_base, std::vector<LoopFactor>* factors,
+              std::vector<size_t>* known) const {
     if (has_base && mount.robot > 0) factors->push_back(SharedFactor(BasePose(problem_, mount.robot)));
     if (mount.part == Mount::Part::kBase) return;
     factors->push_back(KnownFactor(Rigid3d()));
     known->push_back(mount.robot);
-    if (EffectsOf(problem_, mount.robot) != nullptr) {
-      factors->push_back(EffectFactor(EffectsIndex(mount.robot), problem_.captures.front().effects[mount.robot]));
+    if (HasEffect(capture, mount.robot)) {
+      factors->push_back(EffectFactor(EffectsIndex(mount.robot), capture.effects[mount.robot]));
     }
     if (!has_corrections_) return;
     const auto place = std::find(moving_.begin(), moving_.end(), mount.robot);
@@ -64,7 +77,7 @@ class RigLoopMaker {
     return index;
   }
 
-  Pattern PatternOf(const RigImage& image) const {
+  Pattern PatternOf(const RigCapture& capture, const RigImage& image) const {
     const Mount& camera_mount = problem_.cameras[image.camera].mount;
     const Mount& target_mount = problem_.targets[image.target].mount;
     std::vector<LoopFactor> factors = {Inverse(SharedFactor(CameraPose(image.camera)))};
@@ -72,10 +85,10 @@ class RigLoopMaker {
     if (!(camera_mount == target_mount)) {
       const bool has_base = camera_mount.robot != target_mount.robot;
       std::vector<LoopFactor> to_camera;
-      Append(camera_mount, has_base, &to_camera, &known);
+      Append(capture, camera_mount, has_base, &to_camera, &known);
       std::reverse(to_camera.begin(), to_camera.end());
       for (LoopFactor& factor : to_camera) factors.push_back(Inverse(std::move(factor)));
-      Append(target_mount, has_base, &factors, &known);
+      Append(capture, target_mount, has_base, &factors, &known);
     }
     factors.push_back(SharedFactor(TargetPose(problem_, image.target)));
     return {KinematicLoop(std::move(factors)), std::move(known)};
@@ -84,34 +97,68 @@ class RigLoopMaker {
   const RigProblem& problem_;
   std::vector<size_t> moving_;
   bool has_corrections_;
-  std::map<std::pair<size_t, size_t>, Pattern> patterns_;
+  std::map<std::tuple<size_t, size_t, std::pair<bool, bool>>, Pattern> patterns_;
 };
 
-LoopProblem WithoutCaptures(const RigProblem& problem, const RigNoise& noise) {
+LoopProblem WithoutCaptures(const RigProblem& problem, const FitNoise& noise) {
   LoopProblem loops;
   loops.layout = RigUnknowns(problem);
   for (const RigCamera& camera : problem.cameras) loops.cameras.push_back(&camera.camera.Model());
   for (const RigTarget& target : problem.targets) loops.targets.push_back(target.shape);
   loops.pixel_sigma_ratios = noise.pixel_px;
-  for (const RobotNoise& robot : noise.robots) loops.priors.push_back(CorrectionPrior(robot));
   return loops;
 }
 
-// Returns the own poses of a capture: the corrections of the moving arms.
-std::vector<OwnPose> OwnPosesOf(const std::vector<size_t>& moving, const RigState& state, size_t capture,
-                                bool has_priors) {
-  std::vector<OwnPose> own;
-  for (size_t k = 0; k < moving.size(); ++k) {
-    OwnPose& pose = own.emplace_back();
-    if (!state.corrections.empty()) pose.pose = state.corrections[capture][moving[k]];
-    if (has_priors) pose.prior = k;
+// Returns the directions in which the joints of an arm act on its pose at a capture; the joints of a capture without
+// them are not noisy.
+Matrix6X DirectionsOf(const RigCapture& capture, size_t robot, Eigen::Index num_joints) {
+  if (capture.postures.empty() || capture.postures[robot].gripper_by_joints.cols() == 0) {
+    return Matrix6X::Zero(6, num_joints);
   }
-  return own;
+  return capture.postures[robot].gripper_by_joints;
 }
 
-bool IsSamePose(const Rigid3d& a, const Rigid3d& b) {
-  return DistanceM(a, b) < kSamePoseM && AngleRad(a, b) < kSamePoseRad;
-}
+// Makes the own poses of captures: the corrections of the moving arms.
+class OwnPoseMaker {
+ public:
+  OwnPoseMaker(const RigProblem& problem, const FitState& state, std::vector<size_t> moving)
+      : problem_(problem), state_(state), moving_(std::move(moving)), num_joints_(NoisyJointsOf(problem, moving_)) {}
+
+  // Returns the own poses of a capture without priors.
+  std::vector<OwnPose> PosesOf(size_t capture) const {
+    std::vector<OwnPose> own;
+    for (size_t k = 0; k < moving_.size(); ++k) {
+      OwnPose& pose = own.emplace_back();
+      if (!state_.corrections.empty()) pose.pose = state_.corrections[capture][moving_[k]];
+      if (num_joints_[k] > 0) pose.directions = DirectionsOf(problem_.captures[capture], moving_[k], num_joints_[k]);
+    }
+    return own;
+  }
+
+  // Likewise with the noise of the moving arms as their priors, which are appended to `priors`. Arms whose joints are
+  // not noisy have one prior for all captures.
+  std::vector<OwnPose> PosesOf(size_t capture, const std::vector<RobotNoise>& noise, std::vector<Matrix6>* priors) {
+    std::vector<OwnPose> own = PosesOf(capture);
+    common_.resize(own.size());
+    for (size_t k = 0; k < own.size(); ++k) {
+      std::optional<size_t>& common = common_[k];
+      const bool is_common = num_joints_[k] == 0;
+      if (!is_common || !common) {
+        common = priors->size();
+        priors->push_back(CorrectionPrior(noise[k], own[k].directions));
+      }
+      own[k].prior = common;
+    }
+    return own;
+  }
+
+ private:
+  const RigProblem& problem_;
+  const FitState& state_;
+  std::vector<size_t> moving_;
+  std::vector<Eigen::Index> num_joints_;
+  std::vector<std::optional<size_t>> common_;  // The last prior of each arm.
+};
 
 bool HasPoints(const RigCapture& capture) {
   return std::any_of(capture.images.begin(), capture.images.end(),
@@ -135,23 +182,34 @@ std::vector<size_t> MovingRobots(const RigProblem& problem) {
   return moving;
 }
 
+std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::vector<size_t>& moving) {
+  std::vector<Eigen::Index> num_joints(moving.size(), 0);
+  for (const RigCapture& capture : problem.captures) {
+    for (size_t k = 0; k < moving.size() && !capture.postures.empty(); ++k) {
+      num_joints[k] = std::max(num_joints[k], capture.postures[moving[k]].gripper_by_joints.cols());
+    }
+  }
+  return num_joints;
+}
+
 CaptureGroups GroupByRobotPoses(const RigProblem& problem) {
   const std::vector<size_t> moving = MovingRobots(problem);
-  CaptureGroups groups;
+  std::vector<size_t> captures;
+  std::vector<ReachedPoses> reached;
   for (size_t i = 0; i < problem.captures.size(); ++i) {
     const RigCapture& capture = problem.captures[i];
     if (!HasPoints(capture)) continue;
-    const auto same = std::find_if(groups.begin(), groups.end(), [&](const std::vector<size_t>& group) {
-      const RigCapture& first = problem.captures[group.front()];
-      return std::all_of(moving.begin(), moving.end(), [&](size_t r) {
-        return IsSamePose(first.base_from_gripper[r], capture.base_from_gripper[r]);
-      });
-    });
-    if (same == groups.end()) {
-      groups.push_back({i});
-    } else {
-      same->push_back(i);
+    captures.push_back(i);
+    ReachedPoses& of_capture = reached.emplace_back();
+    for (const size_t r : moving) {
+      const bool has_joints = !capture.postures.empty();
+      of_capture.push_back(
+          {capture.base_from_gripper[r], has_joints ? capture.postures[r].joints : std::vector<double>()});
     }
+  }
+  CaptureGroups groups = GroupPoses(reached);
+  for (std::vector<size_t>& group : groups) {
+    for (size_t& i : group) i = captures[i];
   }
   return groups;
 }
@@ -176,19 +234,23 @@ double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points)
   return ratio * ratio * 2 * num_points / num_directions;
 }
 
-double PoseVarianceRatio(const RigNoise& noise, const RigImage& image) {
+double PoseVarianceRatio(const FitNoise& noise, const RigImage& image) {
   return 1 + PoseErrorVariance(noise.image_px[image.camera], noise.pixel_px[image.camera], image.observations.size());
 }
 
-LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                     const RigNoise& noise) {
+LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                         const FitNoise& noise, bool has_corrections) {
   LoopProblem loops = WithoutCaptures(problem, noise);
   const std::vector<size_t> moving = MovingRobots(problem);
-  const bool has_corrections = !state.corrections.empty();
-  RigLoopMaker maker(problem, moving, has_corrections);
+  LoopMaker maker(problem, moving, has_corrections);
+  OwnPoseMaker own_poses(problem, state, moving);
+  loops.captures.reserve(groups.size());
   for (const std::vector<size_t>& group : groups) {
     LoopCapture& capture = loops.captures.emplace_back();
-    if (has_corrections) capture.own_poses = OwnPosesOf(moving, state, group.front(), true);
+    if (has_corrections) {
+      capture.own_poses = noise.robots.empty() ? own_poses.PosesOf(group.front())
+                                               : own_poses.PosesOf(group.front(), noise.robots, &loops.priors);
+    }
     for (const size_t i : group) {
       for (const RigImage& image : problem.captures[i].images) {
         if (image.observations.size() == 0) continue;
@@ -201,22 +263,23 @@ LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, con
   return loops;
 }
 
-LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                          const RigNoise& noise, const std::vector<size_t>& moving) {
+LoopProblem ImageLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+                       const FitNoise& noise, const std::vector<size_t>& moving) {
   LoopProblem loops = WithoutCaptures(problem, noise);
-  RigLoopMaker maker(problem, moving, true);
+  LoopMaker maker(problem, moving, true);
+  const OwnPoseMaker own_poses(problem, state, moving);
   for (const ImageIndex& index : ImagesOf(problem, groups)) {
-    const RigCapture& of_rig = problem.captures[index.capture];
-    const RigImage& image = of_rig.images[index.image];
+    const RigCapture& of_problem = problem.captures[index.capture];
+    const RigImage& image = of_problem.images[index.image];
     LoopCapture& capture = loops.captures.emplace_back();
-    capture.own_poses = OwnPosesOf(moving, state, index.capture, false);
-    capture.views.push_back({&image.observations, maker.LoopOf(of_rig, image), static_cast<int>(image.camera),
+    capture.own_poses = own_poses.PosesOf(index.capture);
+    capture.views.push_back({&image.observations, maker.LoopOf(of_problem, image), static_cast<int>(image.camera),
                              static_cast<int>(image.target), PoseVarianceRatio(noise, image)});
   }
   return loops;
 }
 
-LoopValues RigValues(const RigState& state) {
+LoopValues ValuesOf(const FitState& state) {
   LoopValues values;
   values.poses = state.poses.mount_from_camera;
   values.poses.insert(values.poses.end(), state.poses.mount_from_target.begin(), state.poses.mount_from_target.end());
@@ -229,7 +292,7 @@ LoopValues RigValues(const RigState& state) {
   return values;
 }
 
-RigState WithValues(RigState state, const LoopValues& values) {
+FitState WithValues(FitState state, const LoopValues& values) {
   auto pose = values.poses.begin();
   for (Rigid3d& camera : state.poses.mount_from_camera) camera = *pose++;
   for (Rigid3d& target : state.poses.mount_from_target) target = *pose++;
@@ -243,7 +306,7 @@ RigState WithValues(RigState state, const LoopValues& values) {
   return state;
 }
 
-Rigid3d PredictedPose(const RigProblem& problem, const RigState& state, const ImageIndex& index) {
+Rigid3d PredictedPose(const RigProblem& problem, const FitState& state, const ImageIndex& index) {
   const RigCapture& capture = problem.captures[index.capture];
   const RigImage& image = capture.images[index.image];
   const std::vector<Rigid3d> none;

@@ -1,0 +1,117 @@
+#include "solvers/refine/hand_eye_problem.h"
+
+#include <memory>
+#include <utility>
+
+namespace heba {
+
+RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) {
+  const bool is_in_hand = problem.setup == Setup::kEyeInHand;
+  const Mount base{0, Mount::Part::kBase};
+  const Mount gripper{0, Mount::Part::kGripper};
+  RigProblem whole;
+  whole.robots = {""};
+  RigCamera& camera = whole.cameras.emplace_back();
+  camera.mount = is_in_hand ? gripper : base;
+  camera.camera = problem.camera;
+  camera.free_intrinsics = options.free_intrinsics;
+  camera.prior = options.camera_prior;
+  RigTarget& target = whole.targets.emplace_back();
+  target.mount = is_in_hand ? base : gripper;
+  target.shape = problem.shape;
+  target.free_shape = options.free_shape;
+  target.scale_sigma = options.target_scale_sigma;
+  const SharedEffects* const shared = options.effects.get();
+  std::vector<int> estimated;
+  if (shared != nullptr) {
+    whole.effects = {options.effects};
+    for (const SharedEffect& effect : shared->effects) estimated.push_back(effect.index);
+  }
+  whole.captures.reserve(problem.views.size());
+  for (const View& view : problem.views) {
+    RigCapture& capture = whole.captures.emplace_back();
+    capture.name = view.name;
+    capture.base_from_gripper = {BaseFromGripper(problem.setup, view.camera_mount_from_target_mount)};
+    capture.images.push_back({0, 0, view.observations});
+    if (view.gripper_by_joints.cols() > 0 || !view.joints.empty()) {
+      capture.postures = {{view.gripper_by_joints, view.joints}};
+    }
+    if (shared == nullptr) continue;
+    // The effect of a view is a function of all effects of its model.
+    capture.effects.push_back(view.effect == nullptr ? nullptr
+                                                     : SelectEffects(view.effect, shared->num_all, estimated));
+  }
+  return whole;
+}
+
+RigPoses HandEyePosesOf(const HandEye& hand_eye) {
+  return {{hand_eye.camera_mount_from_camera}, {hand_eye.target_mount_from_target}, {Rigid3d()}};
+}
+
+RigOptions AdjustmentOptionsOf(const BundleOptions& options) {
+  RigOptions adjustment;
+  adjustment.loss = options.loss;
+  adjustment.pixel_noise_px = options.pixel_noise_px;
+  adjustment.robot = options.robot;
+  adjustment.robot_noise = options.robot_noise;
+  adjustment.robot_noise_prior = options.robot_noise_prior;
+  adjustment.robot_noise_start = options.robot_noise_start;
+  adjustment.effects_avoid_zero = options.effects_avoid_zero;
+  adjustment.max_iterations = options.max_iterations;
+  adjustment.num_threads = options.num_threads;
+  return adjustment;
+}
+
+Solution HandEyeSolution(const RigSolution& whole, const BundleOptions& options) {
+  Solution solution;
+  solution.hand_eye = {whole.poses.mount_from_camera[0], whole.poses.mount_from_target[0]};
+  solution.camera = whole.cameras[0];
+  solution.shape = whole.shapes[0];
+  solution.shared_effects = options.effects;
+  if (options.effects != nullptr) {
+    solution.effects = whole.effects[0];
+    solution.effect_sigmas = whole.effect_sigmas[0];
+  }
+  solution.smooth_noise = SmoothNoiseOf(whole, 0);
+  solution.pixel_sigma_px = whole.pixel_sigmas_px[0];
+  solution.unmodelled_sigma_px = whole.unmodelled_sigma_px[0];
+  solution.robot_noise = whole.robot_noise[0];
+  solution.robot_noise_stddev = whole.robot_noise_stddev[0];
+  for (const RigCaptureOutcome& capture : whole.captures) {
+    ViewOutcome& view = solution.views.emplace_back();
+    if (!capture.corrections.empty()) view.correction = capture.corrections[0];
+    view.rejected_ids = capture.rejected_ids[0];
+  }
+  solution.covariance = whole.covariance;
+  solution.covariance_dof = whole.covariance_dof;
+  solution.convergence = whole.convergence;
+  return solution;
+}
+
+RigSolution ProblemSolution(const Solution& solution) {
+  RigSolution whole;
+  whole.poses = HandEyePosesOf(solution.hand_eye);
+  whole.cameras = {solution.camera};
+  whole.shapes = {solution.shape};
+  whole.pixel_sigmas_px = {solution.pixel_sigma_px};
+  whole.image_sigmas_px = {0};
+  whole.unmodelled_sigma_px = {solution.unmodelled_sigma_px};
+  whole.robot_noise = {solution.robot_noise};
+  whole.robot_noise_stddev = {solution.robot_noise_stddev};
+  if (solution.shared_effects != nullptr) {
+    whole.effects = {solution.effects};
+    whole.effect_sigmas = {solution.effect_sigmas};
+  }
+  whole.smooth_noise = {solution.smooth_noise};
+  for (const ViewOutcome& view : solution.views) {
+    RigCaptureOutcome& capture = whole.captures.emplace_back();
+    if (view.correction) capture.corrections = {*view.correction};
+    capture.rejected_ids = {view.rejected_ids};
+  }
+  whole.covariance = solution.covariance;
+  whole.covariance_dof = solution.covariance_dof;
+  whole.convergence = solution.convergence;
+  return whole;
+}
+
+}  // namespace heba

@@ -1,0 +1,86 @@
+#include "solvers/refine/linearised_images.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/base/factorisation.h"
+
+namespace heba {
+
+std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
+                                                const FitState& state, const FitNoise& noise, const Loss& loss) {
+  LinearisedImages result;
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseCaptures(ImageLoops(problem, groups, state, noise, MovingRobots(problem)), ValuesOf(state), 1, loss);
+  if (!views) return std::nullopt;
+  result.views = std::move(*views);
+  result.images = ImagesOf(problem, groups);
+  size_t next = 0;
+  for (const std::vector<size_t>& group : groups) {
+    std::vector<size_t>& of_group = result.groups.emplace_back();
+    while (next < result.images.size() &&
+           std::find(group.begin(), group.end(), result.images[next].capture) != group.end()) {
+      of_group.push_back(next++);
+    }
+  }
+  return result;
+}
+
+Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view) {
+  // Another pose of the camera is another pose of the target.
+  const UnknownBlock pose = RigUnknowns(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));
+  return HouseholderFactor(view.by_unknowns.middleCols(pose.first, pose.size)).Basis();
+}
+
+Eigen::VectorXd CorrectionTangents(const FitState& state, size_t capture, const std::vector<size_t>& moving) {
+  Eigen::VectorXd tangents = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving.size()));
+  for (size_t k = 0; k < moving.size() && !state.corrections.empty(); ++k) {
+    tangents.segment<6>(6 * static_cast<Eigen::Index>(k)) =
+        LocalCoordinates(Rigid3d(), state.corrections[capture][moving[k]]);
+  }
+  return tangents;
+}
+
+Eigen::VectorXd ResidualOf(const RigProblem& problem, const FitState& state, const LinearisedView& view,
+                           const Eigen::VectorXd& corrections) {
+  // The columns of noisy joints, which come last, are combinations of those of the corrections.
+  Eigen::VectorXd residual = view.offset - view.by_effects.leftCols(corrections.size()) * corrections;
+  if (state.effects.empty()) return residual;
+  const UnknownLayout layout = RigUnknowns(problem);
+  for (size_t r = 0; r < state.effects.size(); ++r) {
+    if (EffectsOf(problem, r) == nullptr) continue;
+    const UnknownBlock block = layout.Block(ErrorsBlock(problem.robots[r]));
+    residual -= view.by_unknowns.middleCols(block.first, block.size) * state.effects[r];
+  }
+  return residual;
+}
+
+CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views, const Eigen::VectorXd& variances,
+                                Eigen::Index num_unknowns) {
+  const Eigen::Index size = variances.size();
+  // In units of the prior's sigmas, because a variance may be zero.
+  const Eigen::VectorXd sigmas = variances.cwiseSqrt();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(size, size);
+  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(size, num_unknowns);
+  for (const LinearisedView* const view : views) {
+    const Eigen::MatrixXd by_sigmas = view->by_effects * sigmas.asDiagonal();
+    normal += by_sigmas.transpose() * by_sigmas;
+    mixed += by_sigmas.transpose() * view->by_unknowns;
+  }
+  const auto factor = Cholesky(normal);  // At least the identity.
+  CHECK(factor.has_value());
+  CorrectionPosterior posterior;
+  posterior.inverse_normal = sigmas.asDiagonal() * factor->Inverse() * sigmas.asDiagonal();
+  posterior.by_unknowns = sigmas.asDiagonal() * factor->Solve(mixed);
+  return posterior;
+}
+
+Eigen::MatrixXd PredictionCovariance(const LinearisedView& view, const CorrectionPosterior& posterior,
+                                     const Eigen::MatrixXd& covariance) {
+  const Eigen::MatrixXd by_unknowns = view.by_unknowns - view.by_effects * posterior.by_unknowns;
+  return by_unknowns * covariance * by_unknowns.transpose() +
+         view.by_effects * posterior.inverse_normal * view.by_effects.transpose();
+}
+
+}  // namespace heba
