@@ -9,7 +9,6 @@
 #include "heba/data/free_parameters.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/refine/reprojection_problem.h"
-#include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/block_prior.h"
@@ -100,16 +99,6 @@ RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<doub
 
 RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
   return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
-}
-
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
-  for (size_t i = 0; i < problem.captures.size(); ++i) {
-    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
-      Observations& observations = problem.captures[i].images[k].observations;
-      observations = WithoutPoints(observations, solution.captures[i].rejected_ids[k]);
-    }
-  }
-  return problem;
 }
 
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {

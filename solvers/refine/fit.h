@@ -54,8 +54,6 @@ void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise);
 RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
 // Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
 RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
-// Returns the problem without the points that the solution rejected.
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
 
 // The points of each camera.
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem);

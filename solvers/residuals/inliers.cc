@@ -79,4 +79,14 @@ Problem WithoutRejected(const Problem& problem, const Solution& solution) {
   return kept;
 }
 
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+      Observations& observations = problem.captures[i].images[k].observations;
+      observations = WithoutPoints(observations, solution.captures[i].rejected_ids[k]);
+    }
+  }
+  return problem;
+}
+
 }  // namespace heba

@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 #include "heba/data/solution.h"
 
 namespace heba {
@@ -21,7 +23,8 @@ Observations KeepPoints(const Observations& observations, const std::vector<bool
 // Returns the observations without the points with these ids.
 Observations WithoutPoints(const Observations& observations, const std::vector<int>& ids);
 
-// Returns the problem without the points that `solution`, which must have an entry for every view, rejected.
+// Return the problem without the points that `solution`, which must have an entry for every view, rejected.
 Problem WithoutRejected(const Problem& problem, const Solution& solution);
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
 
 }  // namespace heba

@@ -15,6 +15,7 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/linearised_images.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_rejection.h"
 #include "solvers/uncertainty/robot_noise.h"

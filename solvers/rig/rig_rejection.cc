@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <map>
 
+#include "solvers/refine/fit.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/uncertainty/capture_outliers.h"
 

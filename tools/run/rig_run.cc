@@ -14,7 +14,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/rig_cross_validation.h"
-#include "solvers/rig/rig_outliers.h"
+#include "solvers/residuals/inliers.h"
 #include "targets/images/image.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"

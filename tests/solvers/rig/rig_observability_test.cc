@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "solvers/refine/fit.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
 #include "tests/support/rig_scenes.h"
 
