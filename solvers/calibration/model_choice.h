@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "heba/calibration.h"
+#include "heba/rig_calibration.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/smooth_search.h"
 
@@ -44,6 +45,76 @@ int NumVariances(const ErrorModel& model);
 // Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
 
+// The parts of a problem that are to be chosen; the others are as the problem has them.
+struct ModelSpace {
+  bool robot_noise = false;  // Whether the arms may be exact; otherwise they are as the options of the adjustment say.
+  std::vector<bool> shapes;  // One per target: whether the unknown parts of its shape are chosen.
+  // One per arm: the errors among which is chosen, none first, with their effects on the captures, of which there is
+  // one choice (RigArmErrors::effects_of_captures). An arm without models keeps the effects of the problem.
+  std::vector<RigArmErrors> arms;
+  // One per camera: the cameras among which is chosen, of which each is an initial guess with another model, the
+  // smallest first. With fewer than two the model of the problem's camera holds.
+  std::vector<std::vector<Camera>> lenses;
+};
+
+// The chosen parts: the error model of a problem.
+struct ProblemModel {
+  BundleOptions::Robot robot = BundleOptions::Robot::kExact;  // Of all arms.
+  std::vector<std::vector<TargetShapeGroup>> shapes;          // One per target.
+  // One per arm; null if its errors are not modelled, or not chosen.
+  std::vector<std::shared_ptr<const SharedEffects>> effects;
+};
+// Returns the error model of one arm and one target.
+ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
+// Returns the problem with a model, whose chosen parts are those of `space`.
+RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
+
+// One of the models that were compared; see ModelAlternative.
+struct ProblemAlternative {
+  ProblemModel model;
+  double log_likelihood = 0;
+  std::vector<std::optional<RobotNoise>> robot_noise;  // One per arm.
+  std::optional<double> p;
+  std::optional<double> odds;
+};
+
+struct ProblemChoice {
+  RigProblem problem;  // The given problem with the chosen model and lenses.
+  RigOptions options;  // The given options with the chosen noise of the arms.
+  ProblemModel model;
+  RigSolution solution;                          // The solution of the chosen model.
+  std::vector<ProblemAlternative> alternatives;  // The simplest first; empty if there was only one.
+  size_t chosen = 0;                             // Index of the chosen alternative.
+  // One list per camera: the camera models that were compared; empty if none were.
+  std::vector<std::vector<CameraAlternative>> lenses;
+};
+
+// Fits the combinations of {exact arms, noise of the arms}, the errors of each arm and {as designed, scale, bend, scale
+// and bend} of each target that are to be chosen from and that the captures determine. Chooses the one with the fewest
+// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely. If there are many
+// combinations (kMostCombinations), the parts are chosen one after the other, as many at a time as have fewer, each
+// beside the largest model of those that come after it.
+//
+// The lenses are chosen with them: under the largest error model that can be fitted, all lenses of a camera are fitted
+// with the noise of the largest one, and the smallest that no larger one rejects (LensComparison) is taken; a lens that
+// cannot be fitted, because the captures do not determine it, has lost. The error models are then compared with that
+// lens, and the lenses once more under the error model that was chosen, until both stand.
+//
+// Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
+// that model's solution. Models that differ in shapes alone are compared by an F-test (restricted likelihood ratio,
+// with the degrees of freedom of the largest model). Models that differ in the arms' errors are compared by the
+// mixture of chi-squares for variances at their bound (Self and Liang 1987; its upper bound is used). All models use
+// the same points with the same weights; with the loss `truncated`, the inliers of the largest model.
+//
+// If exact arms are among the models and there are fewer poses of the arms than kMinPosesForVariances, every model has
+// noise of the arms, with IndustrialArmPrior as its prior, and none has systematic errors. If there is only one model,
+// it is fitted as RefineRig does, and `alternatives` is empty. Returns a Failure if no model could be fitted.
+Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
+                                   const ModelSpace& space);
+
+// The most combinations of the parts of a model that are fitted to be compared.
+inline constexpr size_t kMostCombinations = 16;
+
 struct ModelChoice {
   BundleOptions options;                       // The given options with the chosen model.
   Solution solution;                           // The solution of the chosen model.
@@ -51,25 +122,7 @@ struct ModelChoice {
   size_t chosen = 0;                           // Index of the chosen alternative.
   std::vector<CameraAlternative> lenses = {};  // The camera models that were compared; empty if none were.
 };
-
-// Fits every combination of {exact robot, robot noise, robot noise and systematic errors} and {as designed, scale,
-// bend, scale and bend} that is to be chosen from and that the captures determine. Chooses the one with the fewest
-// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely.
-//
-// The lens is chosen with them: under the largest error model that can be fitted, all lenses of `choose` are fitted
-// with the noise of the largest one, and the smallest that no larger one rejects (LensComparison) is taken; a lens that
-// cannot be fitted, because the captures do not determine it, has lost. The error models are then compared with that
-// lens, and the lenses once more under the error model that was chosen, until both stand.
-//
-// Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
-// that model's solution. Models that differ in the shape alone are compared by an F-test (restricted likelihood ratio,
-// with the degrees of freedom of the largest model). Models that differ in the robot's errors are compared by the
-// mixture of chi-squares for variances at their bound (Self and Liang 1987; its upper bound is used). All models use
-// the same points with the same weights; with the loss `truncated`, the inliers of the largest model.
-//
-// With fewer robot poses than kMinPosesForVariances, every model has robot noise, with IndustrialArmPrior as its prior,
-// and none has systematic errors. If there is only one model, it is fitted as RefineHandEye does, and `alternatives` is
-// empty. Returns a Failure if no model could be fitted.
+// Likewise for one camera, one target and one arm.
 Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
 

@@ -1,7 +1,6 @@
 #include "heba/bundle_adjustment.h"
 
 #include <algorithm>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -9,9 +8,7 @@
 
 #include "solvers/closed_form/motion_analysis.h"
 #include "solvers/refine/bundle_model.h"
-#include "solvers/refine/fit.h"
 #include "solvers/refine/hand_eye_problem.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 
@@ -34,52 +31,6 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
       RefineRig(HandEyeProblem(problem, options), HandEyePosesOf(start), AdjustmentOptionsOf(options));
   if (!solution) return Failure{solution.reason()};
   return HandEyeSolution(*solution, options);
-}
-
-namespace {
-
-// The rows and the variances of a solution, by which its restricted likelihood is computed.
-struct SolutionRows {
-  std::vector<LinearisedView> views;
-  std::vector<VarianceGroup> groups;
-  Eigen::Index num_common;
-
-  double LogLikelihood(double pixel_sigma_px) const {
-    return RestrictedLogLikelihood(views, pixel_sigma_px, groups, num_common);
-  }
-};
-
-// Returns nothing if a point cannot be projected.
-std::optional<SolutionRows> RowsOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
-  const Loss& loss = InlierLoss(options);
-  RigProblem whole = HandEyeProblem(problem, options);
-  whole.cameras[0].camera = solution.camera;
-  const RigSolution of_whole = ProblemSolution(solution);
-  const FitNoise noise = NoiseOf(of_whole);
-  std::optional<std::vector<LinearisedView>> views =
-      LineariseFit(whole, GroupByRobotPoses(whole), StateOf(of_whole), noise, loss, loss.consistency);
-  if (!views) return std::nullopt;
-  VarianceSetting setting;
-  setting.pixel_variance = loss.consistency;
-  setting.robot_prior = options.robot_noise_prior;
-  setting.effects_avoid_zero = false;  // Models are compared without that.
-  return SolutionRows{std::move(*views), VarianceGroupsOf(whole, noise, setting),
-                      RigUnknowns(whole).Block(kTargetBlock).first};
-}
-
-}  // namespace
-
-double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
-  const std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
-  return rows ? rows->LogLikelihood(solution.pixel_sigma_px) : -std::numeric_limits<double>::infinity();
-}
-
-std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
-                                           const BundleOptions& options, const SharedEffects& smaller) {
-  if (options.effects == nullptr) return std::nullopt;
-  std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
-  if (!rows || !RaiseToLeast(rows->views, *options.effects, smaller, &rows->groups)) return std::nullopt;
-  return rows->LogLikelihood(solution.pixel_sigma_px);
 }
 
 }  // namespace heba

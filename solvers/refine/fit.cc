@@ -101,6 +101,14 @@ RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
   return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
 }
 
+RigProblem WithFixedWeights(RigProblem problem, const RigSolution& solution) {
+  RigProblem fixed = WeightedAs(solution, std::move(problem));
+  for (RigCapture& capture : fixed.captures) {
+    for (RigImage& image : capture.images) image.observations.covariances_px2.clear();
+  }
+  return fixed;
+}
+
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
   std::vector<std::vector<const Observations*>> all(problem.cameras.size());
   for (const RigCapture& capture : problem.captures) {

@@ -55,6 +55,9 @@ RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<doub
 // Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
 RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
 
+// Returns the problem with these weights, which stay the same in all fits that follow.
+RigProblem WithFixedWeights(RigProblem problem, const RigSolution& solution);
+
 // The points of each camera.
 std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem);
 

@@ -155,7 +155,10 @@ std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<P
                                                 const Solution& solution, const SharedEffects& smaller) {
   if (solution.shared_effects == nullptr) return std::nullopt;
   ChainRows rows(setup, pairs, solution);
-  if (!RaiseToLeast(rows.views, *solution.shared_effects, smaller, &rows.groups)) return std::nullopt;
+  if (!RaiseToLeast(*solution.shared_effects, smaller, FirstEffectGroup(rows.groups), &rows.groups)) {
+    return std::nullopt;
+  }
+  FitVariances(rows.views, &rows.groups);
   return rows.LogLikelihood();
 }
 

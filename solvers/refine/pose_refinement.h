@@ -31,7 +31,7 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the pairs at a solution of
 // RefineChainWithNoise, up to a constant that all such solutions of these pairs share.
 double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution);
-// Likewise, as LogLikelihoodAtLeast (heba/bundle_adjustment.h).
+// Likewise, as LogLikelihoodAtLeast (heba/rig_adjustment.h).
 std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
                                                 const Solution& solution, const SharedEffects& smaller);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,66 +43,20 @@ RigProblem WithArmErrors(RigProblem problem, const std::vector<ArmPart>& parts) 
   return problem;
 }
 
-// The captures of a rig, linearised at an estimate, and the variances of their errors.
-struct LinearisedRig {
-  std::vector<LinearisedView> views;
-  std::vector<VarianceGroup> groups;
-  std::map<size_t, size_t> first_group_of;  // By arm: the place of the first group of its effects.
-
-  // Estimates the variances that are free, and returns the restricted log-likelihood at them.
-  double Maximise() {
-    FitVariances(views, &groups);
-    return LogLikelihood();
-  }
-  double LogLikelihood() const { return RestrictedLogLikelihood(views, 1, groups, views.front().by_unknowns.cols()); }
-};
-
-// Linearises at the state of a solution, with the effects of the problem, of which those without an estimate are zero.
-// The groups of the effects of `first_robot` come before those of the others. Returns nothing if a point cannot be
-// projected.
-std::optional<LinearisedRig> LineariseAt(const RigProblem& problem, const RigSolution& solution, size_t first_robot) {
-  const RigProblem weighted = WeightedAs(solution, problem);
-  FitState state = StateOf(solution);
-  FitNoise noise = NoiseOf(solution);
-  AddEffects(problem, &state, &noise);
-  std::optional<std::vector<LinearisedView>> views =
-      LineariseFit(weighted, GroupByRobotPoses(weighted), state, noise, LossOf(LossKind::kNone), 1);
-  if (!views) return std::nullopt;
-  LinearisedRig rig;
-  rig.views = std::move(*views);
-  VarianceSetting setting;
-  setting.effects_avoid_zero = false;  // The models whose variances are zero are part of the comparison.
-  const std::vector<VarianceGroup> groups = VarianceGroupsOf(weighted, noise, setting);
-  const size_t first_effect = FirstEffectGroup(groups);
-  rig.groups.assign(groups.begin(), groups.begin() + static_cast<std::ptrdiff_t>(first_effect));
-  // The places of each arm's groups, which VarianceGroupsOf has in the order of the arms.
-  std::map<size_t, size_t> place_of;
-  size_t place = first_effect;
-  std::vector<size_t> order = {first_robot};
-  for (size_t r = 0; r < problem.robots.size(); ++r) {
-    if (EffectsOf(problem, r) == nullptr) continue;
-    place_of[r] = place;
-    place += noise.effect_sigmas[r].size();
-    if (r != first_robot) order.push_back(r);
-  }
-  for (const size_t r : order) {
-    rig.first_group_of[r] = rig.groups.size();
-    for (size_t g = 0; g < noise.effect_sigmas[r].size(); ++g) rig.groups.push_back(groups[place_of[r] + g]);
-  }
-  return rig;
-}
-
-// Returns the index of the possible effects of an arm's captures that explain them best; nothing if a point cannot be
-// projected.
+// Returns the index of the possible effects of an arm's captures that explain them best: that of the largest restricted
+// likelihood, with the largest model. Nothing if none can be fitted.
 std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, const RigProblem& used,
-                                       const RigSolution& solution) {
+                                       const RigSolution& solution, RigOptions options) {
+  options.loss = options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss;
+  options.effects_avoid_zero = false;
+  const RigProblem fixed = WithFixedWeights(used, solution);
   std::optional<size_t> best;
   double best_log_likelihood = 0;
   for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
-    const RigProblem with_errors = WithArmErrors(used, {{robot, arm.models.back(), &arm.effects_of_captures[k]}});
-    std::optional<LinearisedRig> rig = LineariseAt(with_errors, solution, robot);
-    if (!rig) return std::nullopt;
-    const double log_likelihood = rig->Maximise();
+    const RigProblem with_errors = WithArmErrors(fixed, {{robot, arm.models.back(), &arm.effects_of_captures[k]}});
+    const Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
+    if (!refined) continue;
+    const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
     if (!std::isfinite(log_likelihood) || (best && log_likelihood <= best_log_likelihood)) continue;
     best = k;
     best_log_likelihood = log_likelihood;
@@ -111,58 +64,32 @@ std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, co
   return best;
 }
 
-// Returns the restricted log-likelihood of a model of an arm's errors: the largest one with the variances of the groups
-// that `smaller` lacks at zero. `smaller` may be null.
-double LogLikelihoodOf(LinearisedRig rig, size_t robot, const SharedEffects& largest, const SharedEffects* smaller) {
-  const size_t first = rig.first_group_of.at(robot);
-  for (size_t g = smaller == nullptr ? 0 : smaller->groups.size(); g < largest.groups.size(); ++g) {
-    rig.groups[first + g].variance = 0;
-    rig.groups[first + g].is_free = false;
-  }
-  return rig.Maximise();
-}
-
 std::string NameOf(const SharedEffects* model) { return model == nullptr ? "noise of the poses" : model->name; }
 
-// Chooses the simplest model of an arm's errors that is acceptable beside the largest one. `rig` is linearised at the
-// adjustment with the largest.
-void ChooseModelOf(const RigArmErrors& arm, const LinearisedRig& rig, double dof, RigArmChoice* choice) {
-  const ErrorModel largest{BundleOptions::Robot::kEstimatedNoise, {}, arm.models.back()};
-  const double largest_log_likelihood =
-      LogLikelihoodOf(rig, choice->robot, *arm.models.back(), arm.models.back().get());
-  std::vector<Model> models = {nullptr};
-  models.insert(models.end(), arm.models.begin(), arm.models.end());
-  bool is_chosen = false;
-  for (const Model& model : models) {
-    ModelAlternative alternative{
-        {BundleOptions::Robot::kEstimatedNoise, {}, model}, largest_log_likelihood, std::nullopt, 0, std::nullopt};
-    alternative.dof = NumVariances(alternative.model);
-    if (model != arm.models.back()) {
-      alternative.log_likelihood = LogLikelihoodOf(rig, choice->robot, *arm.models.back(), model.get());
-      alternative.p = ChanceOfRatio(alternative.log_likelihood, largest_log_likelihood,
-                                    {0, NumVariances(largest) - alternative.dof}, dof);
-      alternative.odds = OddsAgainst(largest, alternative, [&](const SharedEffects& smaller) -> std::optional<double> {
-        LinearisedRig raised = rig;
-        if (!RaiseToLeast(raised.views, *arm.models.back(), smaller, &raised.groups)) return std::nullopt;
-        return raised.LogLikelihood();
-      });
-    }
-    if (!is_chosen && IsAcceptable(alternative, largest)) {
-      choice->model = model;
-      is_chosen = true;
-    }
-    choice->alternatives.push_back(std::move(alternative));
-  }
-  CHECK(is_chosen) << "the largest model cannot be rejected";
-  if (choice->model != nullptr) return;
+// Returns why no model of an arm's errors was taken, given the models that were compared.
+std::string WhyNone(const std::vector<ModelAlternative>& alternatives) {
   const auto best = std::max_element(
-      choice->alternatives.begin() + 1, choice->alternatives.end(),
+      alternatives.begin() + 1, alternatives.end(),
       [](const ModelAlternative& a, const ModelAlternative& b) { return a.log_likelihood < b.log_likelihood; });
-  const ModelAlternative& none = choice->alternatives.front();
-  choice->reason = "'" + NameOf(best->model.effects.get()) + "' is not significantly better than '" + NameOf(nullptr) +
-                   "' alone (log-likelihood higher by " +
-                   Significant(std::max(0.0, best->log_likelihood - none.log_likelihood), 2) + " with " +
-                   std::to_string(best->dof - none.dof) + " more parameters)";
+  const ModelAlternative& none = alternatives.front();
+  return "'" + NameOf(best->model.effects.get()) + "' is not significantly better than '" + NameOf(nullptr) +
+         "' alone (log-likelihood higher by " +
+         Significant(std::max(0.0, best->log_likelihood - none.log_likelihood), 2) + " with " +
+         std::to_string(best->dof - none.dof) + " more parameters)";
+}
+
+// Returns the models of one arm that were compared beside the chosen ones of the other arms.
+std::vector<ModelAlternative> AlternativesOf(const ProblemChoice& chosen, size_t robot) {
+  std::vector<ModelAlternative> alternatives;
+  for (const ProblemAlternative& one : chosen.alternatives) {
+    ProblemModel others = one.model;
+    others.effects[robot] = chosen.model.effects[robot];
+    if (others.effects != chosen.model.effects) continue;
+    ErrorModel model = ModelOf(one.model, robot, 0);
+    model.shape.clear();
+    alternatives.push_back({model, one.log_likelihood, one.robot_noise[robot], NumVariances(model), one.p, one.odds});
+  }
+  return alternatives;
 }
 
 // Returns why the errors of an arm cannot be estimated; empty if they can.
@@ -208,7 +135,7 @@ std::vector<RigArmChoice> AddArmErrors(const RigCalibrationOptions& options, Rig
     choice.reason = WhyNotEstimable(options, used, r);
     if (!choice.reason.empty()) continue;
     const std::optional<size_t> branch =
-        arm.effects_of_captures.size() == 1 ? 0 : MostLikelyBranch(arm, r, used, judged->solution);
+        arm.effects_of_captures.size() == 1 ? 0 : MostLikelyBranch(arm, r, used, judged->solution, options.adjustment);
     if (!branch) {
       choice.reason = "the errors of the arm could be fitted in none of its configurations";
       continue;
@@ -230,13 +157,25 @@ std::vector<RigArmChoice> AddArmErrors(const RigCalibrationOptions& options, Rig
   Outcome<JudgedRig> refined =
       RefineWithoutOutliers(with_errors, judged->solution.poses, judged->left_out, options.adjustment);
   if (!refined) return decline_all("the refinement with the arm's errors failed: " + refined.reason());
-  const RigProblem used_with_errors = UsedPoints(with_errors, *refined);
-  for (RigArmChoice& choice : choices) {
+  ModelSpace space;
+  space.arms.resize(problem->robots.size());
+  bool is_any_chosen = false;
+  for (const RigArmChoice& choice : choices) {
     const RigArmErrors& arm = options.arms[choice.robot];
     if (choice.model == nullptr || !arm.is_chosen) continue;
-    const std::optional<LinearisedRig> rig = LineariseAt(used_with_errors, refined->solution, choice.robot);
-    if (!rig) return decline_all("the refinement with the arm's errors hides a point of a target");
-    ChooseModelOf(arm, *rig, refined->solution.covariance_dof, &choice);
+    space.arms[choice.robot] = {arm.models, true, {arm.effects_of_captures[choice.branch]}};
+    is_any_chosen = true;
+  }
+  if (is_any_chosen) {
+    const Outcome<ProblemChoice> models =
+        ChooseModel(UsedPoints(with_errors, *refined), refined->solution.poses, options.adjustment, space);
+    if (!models) return decline_all("the refinement with the arm's errors failed: " + models.reason());
+    for (RigArmChoice& choice : choices) {
+      if (space.arms[choice.robot].models.empty()) continue;
+      choice.model = models->model.effects[choice.robot];
+      choice.alternatives = AlternativesOf(*models, choice.robot);
+      if (choice.model == nullptr) choice.reason = WhyNone(choice.alternatives);
+    }
   }
   const std::vector<ArmPart> chosen = PartsOf(options.arms, choices);
   if (chosen.empty()) return choices;

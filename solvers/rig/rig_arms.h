@@ -12,9 +12,8 @@ namespace heba {
 // Makes the errors of the arms part of a problem, and adjusts again, if the captures require them or if they are wanted
 // without a choice (RigArmErrors). `judged` is the adjustment without them. Both are kept if no errors are estimated.
 //
-// The configuration of an arm is that of the largest restricted likelihood, linearised at `judged`, with the largest
-// model. The models of all arms are compared at the adjustment with the largest of each, by the tests for a single
-// camera (solvers/calibration/model_choice.h): each model of one arm beside the largest ones of the others.
+// The configuration of an arm is that of the largest restricted likelihood with the largest model. The models of all
+// arms are then chosen together (ChooseModel, solvers/calibration/model_choice.h).
 //
 // Returns one entry for each arm that has models to choose from.
 std::vector<RigArmChoice> AddArmErrors(const RigCalibrationOptions& options, RigProblem* problem, JudgedRig* judged);

@@ -6,8 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "heba/base/distributions.h"
-#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
@@ -83,38 +81,20 @@ bool CloseShape(RigProblem* problem) {
   return true;
 }
 
-// Returns the problem with the parts of the targets' shapes free that deviate from the design at 1 %, given a solution
-// with all of them free.
-RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
-  constexpr double kLevel = 0.01;
-  const UnknownLayout& layout = open.covariance.layout;
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    RigTarget& target = problem.targets[t];
-    const std::vector<TargetShapeGroup> candidates = target.free_shape;
-    target.free_shape.clear();
-    const UnknownBlock block = layout.Block(TargetShapeBlock(target));
-    for (const TargetShapeGroup group : candidates) {
-      std::vector<Eigen::Index> places;
-      for (Eigen::Index i = block.first; i < block.end(); ++i) {
-        if (ShapeGroupOf(layout[i].index) == group) places.push_back(i);
-      }
-      const auto size = static_cast<Eigen::Index>(places.size());
-      Eigen::VectorXd deviation(size);
-      Eigen::MatrixXd covariance(size, size);
-      for (Eigen::Index a = 0; a < size; ++a) {
-        const auto param = static_cast<size_t>(layout[places[static_cast<size_t>(a)]].index);
-        deviation[a] = open.shapes[t].params[param] - TargetShape().params[param];
-        for (Eigen::Index b = 0; b < size; ++b) {
-          covariance(a, b) = open.covariance.matrix(places[static_cast<size_t>(a)], places[static_cast<size_t>(b)]);
-        }
-      }
-      const double statistic = MahalanobisSquare(deviation, covariance) / static_cast<double>(size);
-      if (FisherTail(statistic, static_cast<double>(size), open.covariance_dof) < kLevel) {
-        target.free_shape.push_back(group);
-      }
-    }
-  }
-  return problem;
+// Chooses the unknown parts of the targets' shapes, of those that arms move against cameras, and adjusts with them.
+// Returns the Failure if that fails.
+std::optional<Failure> ChooseShapes(const RigOptions& options, RigProblem* problem, JudgedRig* judged) {
+  ModelSpace space;
+  for (size_t t = 0; t < problem->targets.size(); ++t) space.shapes.push_back(NumMovedImages(*problem, t) > 0);
+  RigProblem used = UsedPoints(*problem, *judged);
+  for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = judged->solution.cameras[c];
+  const Outcome<ProblemChoice> choice = ChooseModel(used, judged->solution.poses, options, space);
+  if (!choice) return Failure{choice.reason()};
+  *problem = WithModel(std::move(*problem), choice->model, space);
+  Outcome<JudgedRig> refined = RefineWithoutOutliers(*problem, judged->solution.poses, judged->left_out, options);
+  if (!refined) return Failure{refined.reason()};
+  *judged = std::move(*refined);
+  return std::nullopt;
 }
 
 // Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
@@ -275,12 +255,10 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   }
   if (judged) calibration.arms = AddArmErrors(options, &rig, &*judged);
   if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
-  if (judged && options.choose_target_shape) {
-    rig = WithChosenShapes(std::move(rig), judged->solution);
-    judged = RefineWithoutOutliers(rig, judged->solution.poses, judged->left_out, options.adjustment);
-  }
-  if (!judged) {
-    calibration.refined = Failure{judged.reason()};
+  std::optional<Failure> failure;
+  if (judged && options.choose_target_shape) failure = ChooseShapes(options.adjustment, &rig, &*judged);
+  if (!judged || failure) {
+    calibration.refined = failure ? *failure : Failure{judged.reason()};
     return calibration;
   }
   for (UnusedRigImage& unused : Describe(rig, *judged)) calibration.unused.push_back(std::move(unused));

@@ -95,9 +95,8 @@ size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups) {
   return static_cast<size_t>(first - groups.begin());
 }
 
-bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects& smaller,
+bool RaiseToLeast(const SharedEffects& effects, const SharedEffects& smaller, size_t first,
                   std::vector<VarianceGroup>* groups) {
-  const size_t first = FirstEffectGroup(*groups);
   bool has_raised = false;
   for (size_t g = smaller.groups.size(); g < effects.groups.size(); ++g) {
     const double least = effects.groups[g].least_sigma;
@@ -107,9 +106,7 @@ bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects&
     group.is_free = false;
     has_raised = true;
   }
-  if (!has_raised) return false;
-  FitVariances(views, groups);
-  return true;
+  return has_raised;
 }
 
 RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances) {

@@ -52,9 +52,9 @@ std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, c
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
                                             bool are_free, bool avoid_zero);
 // Raises the variances of those groups of effects that `smaller` lacks to their least ones
-// (EffectGroup::least_sigma), holds these, and estimates the others. Returns false, and changes nothing, if there is no
-// such group.
-bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects& smaller,
+// (EffectGroup::least_sigma), and holds these. `first` is the place of the first group of the effects. Returns false,
+// and changes nothing, if there is no such group.
+bool RaiseToLeast(const SharedEffects& effects, const SharedEffects& smaller, size_t first,
                   std::vector<VarianceGroup>* groups);
 // Returns the robot's sigmas among the variances of these groups.
 RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances);

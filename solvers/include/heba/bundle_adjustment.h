@@ -78,14 +78,4 @@ struct BundleOptions {
 // their priors.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
-// Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a
-// solution. All parameters except the target's shape are taken as common to the models that are compared. Comparable
-// between solutions of one problem whose points have the same weights. Returns minus infinity if a point cannot be
-// projected.
-double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options);
-// Likewise if the groups of effects that `smaller` lacks have at least the standard deviations that
-// robots have (EffectGroup::least_sigma). Returns nothing if none is known.
-std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
-                                           const BundleOptions& options, const SharedEffects& smaller);
-
 }  // namespace heba

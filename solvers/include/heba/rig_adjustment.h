@@ -8,8 +8,10 @@
 //   }
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heba/base/error.h"
 #include "heba/bundle_adjustment.h"
@@ -47,5 +49,17 @@ struct RigOptions {
 // start (with the loss `truncated`: in more than half of the images), if the refinement does not converge, or if the
 // sigma of a result is too large for it to be useful.
 Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start, const RigOptions& options);
+
+// Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a
+// solution. All parameters except the targets' shapes are taken as common to the models that are compared. Comparable
+// between solutions of one problem whose points have the same weights. Returns minus infinity if a point cannot be
+// projected.
+double LogLikelihoodOf(const RigProblem& problem, const RigSolution& solution, const RigOptions& options);
+// Likewise if the groups of the arms' effects that `smaller` lacks have at least the standard deviations that
+// robots have (EffectGroup::least_sigma); it has one entry per arm, null for an arm whose groups stay as they are.
+// Returns nothing if no such deviation is known.
+std::optional<double> LogLikelihoodAtLeast(const RigProblem& problem, const RigSolution& solution,
+                                           const RigOptions& options,
+                                           const std::vector<std::shared_ptr<const SharedEffects>>& smaller);
 
 }  // namespace heba

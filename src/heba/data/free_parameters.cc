@@ -2,15 +2,27 @@
 
 namespace heba {
 
+namespace {
+
+template <class Group>
+bool Contains(const std::vector<Group>& groups, Group group) {
+  return std::find(groups.begin(), groups.end(), group) != groups.end();
+}
+
+}  // namespace
+
+std::array<bool, TargetShape::kNumParams> FreeShapeOf(const std::vector<TargetShapeGroup>& free_shape) {
+  std::array<bool, TargetShape::kNumParams> free{};
+  for (size_t i = 0; i < free.size(); ++i) free[i] = Contains(free_shape, ShapeGroupOf(static_cast<int>(i)));
+  return free;
+}
+
 FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
                       const std::vector<TargetShapeGroup>& free_shape) {
-  const auto contains = [](const auto& groups, auto group) {
-    return std::find(groups.begin(), groups.end(), group) != groups.end();
-  };
   FreeParameters free;
-  for (int i = 0; i < NumParams(model); ++i) free.push_back(contains(free_intrinsics, GroupOf(i)));
+  for (int i = 0; i < NumParams(model); ++i) free.push_back(Contains(free_intrinsics, GroupOf(i)));
   if (free_shape.empty()) return free;
-  for (int i = 0; i < TargetShape::kNumParams; ++i) free.push_back(contains(free_shape, ShapeGroupOf(i)));
+  for (const bool is_free : FreeShapeOf(free_shape)) free.push_back(is_free);
   return free;
 }
 

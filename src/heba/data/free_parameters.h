@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "heba/camera/camera_model.h"
@@ -14,6 +15,8 @@ namespace heba {
 using FreeParameters = std::vector<bool>;
 FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
                       const std::vector<TargetShapeGroup>& free_shape = {});
+// Returns one flag per parameter of a target's shape.
+std::array<bool, TargetShape::kNumParams> FreeShapeOf(const std::vector<TargetShapeGroup>& free_shape);
 inline bool HasShape(const FreeParameters& free, const CameraModel& model) {
   return free.size() > static_cast<size_t>(NumParams(model));
 }

@@ -139,8 +139,9 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
   }
   for (const RigTarget& target : problem.targets) {
     std::vector<bool> free;
-    for (int i = 0; i < TargetShape::kNumParams && !target.free_shape.empty(); ++i) {
-      free.push_back(std::count(target.free_shape.begin(), target.free_shape.end(), ShapeGroupOf(i)) > 0);
+    if (!target.free_shape.empty()) {
+      const auto of_shape = FreeShapeOf(target.free_shape);
+      free.assign(of_shape.begin(), of_shape.end());
     }
     layout.AddTarget(TargetShapeBlock(target), PlainName("the target's", "target", target.name), free);
   }

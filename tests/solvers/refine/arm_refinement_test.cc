@@ -7,6 +7,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/arm_scenes.h"
 
 namespace heba {
@@ -115,7 +116,10 @@ TEST(JointNoiseTest, NoiseOfTheJointsIsToldFromThatOfThePoses) {
     sum_joint_rad += with_joints->robot_noise->joint_rad;
     sum_rotation_rad += with_joints->robot_noise->rotation_rad;
     EXPECT_EQ(without->robot_noise->joint_rad, 0);
-    sum_gain += LogLikelihoodOf(problem, *with_joints, refine) - LogLikelihoodOf(white, *without, refine);
+    const auto log_likelihood_of = [&](const Problem& of_views, const Solution& solution) {
+      return LogLikelihoodOf(HandEyeProblem(of_views, refine), ProblemSolution(solution), AdjustmentOptionsOf(refine));
+    };
+    sum_gain += log_likelihood_of(problem, *with_joints) - log_likelihood_of(white, *without);
   }
   // 40 captures of six numbers determine the sigma to 5 % each.
   EXPECT_NEAR(RadToDeg(sum_joint_rad / kTrials), 0.02, 0.002);
