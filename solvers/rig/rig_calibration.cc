@@ -9,13 +9,10 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/diagnostics.h"
-#include "solvers/calibration/model_choice.h"
-#include "solvers/calibration/smooth_search.h"
+#include "solvers/calibration/model_search.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
-#include "solvers/rig/rig_arms.h"
 #include "solvers/rig/rig_camera_motion.h"
 #include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
@@ -65,6 +62,13 @@ void OpenShapes(RigProblem* problem) {
   }
 }
 
+// Returns the choice among the shapes of these targets.
+ModelSpace MovedShapes(const RigProblem& problem) {
+  ModelSpace space;
+  for (size_t t = 0; t < problem.targets.size(); ++t) space.shapes.push_back(NumMovedImages(problem, t) > 0);
+  return space;
+}
+
 // Holds the shape of the target about which the images tell least. Returns false if all are held.
 bool CloseShape(RigProblem* problem) {
   RigTarget* least = nullptr;
@@ -79,53 +83,6 @@ bool CloseShape(RigProblem* problem) {
   if (least == nullptr) return false;
   least->free_shape.clear();
   return true;
-}
-
-// Chooses the unknown parts of the targets' shapes, of those that arms move against cameras, and adjusts with them.
-// Returns the Failure if that fails.
-std::optional<Failure> ChooseShapes(const RigOptions& options, RigProblem* problem, JudgedRig* judged) {
-  ModelSpace space;
-  for (size_t t = 0; t < problem->targets.size(); ++t) space.shapes.push_back(NumMovedImages(*problem, t) > 0);
-  RigProblem used = UsedPoints(*problem, *judged);
-  for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = judged->solution.cameras[c];
-  const Outcome<ProblemChoice> choice = ChooseModel(used, judged->solution.poses, options, space);
-  if (!choice) return Failure{choice.reason()};
-  *problem = WithModel(std::move(*problem), choice->model, space);
-  Outcome<JudgedRig> refined = RefineWithoutOutliers(*problem, judged->solution.poses, judged->left_out, options);
-  if (!refined) return Failure{refined.reason()};
-  *judged = std::move(*refined);
-  return std::nullopt;
-}
-
-// Makes errors that vary smoothly with the poses of the arms part of a problem, and adjusts again, if the options ask
-// for them or if the captures require them (kRandomErrorsRejected). Returns those that were added.
-std::vector<RigSmoothErrors> AddSmoothErrors(const RigCalibrationOptions& options, RigProblem* problem,
-                                             JudgedRig* judged) {
-  const bool has_noise =
-      options.adjustment.robot == BundleOptions::Robot::kEstimatedNoise && !options.adjustment.robot_noise_prior;
-  std::vector<RigSmoothErrors> added;
-  if (options.smooth == SmoothPoseErrors::kNone || !has_noise) return added;
-  RigProblem with_errors = *problem;
-  with_errors.effects.resize(problem->robots.size());
-  for (RigCapture& capture : with_errors.captures) capture.effects.resize(problem->robots.size());
-  const RigProblem used = UsedPoints(*problem, *judged);
-  for (const SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(used, judged->solution)) {
-    const bool is_required = PValueWithout(arm.found) < kRandomErrorsRejected;
-    if (options.smooth == SmoothPoseErrors::kAuto && !is_required) continue;
-    added.push_back(
-        {arm.robot, arm.found.errors.lengths(), *judged->solution.robot_noise[arm.robot], PValueWithout(arm.found)});
-    with_errors.effects[arm.robot] = std::make_shared<const SharedEffects>(arm.found.errors.effects());
-    for (RigCapture& capture : with_errors.captures) {
-      capture.effects[arm.robot] = arm.found.errors.EffectAt(capture.base_from_gripper[arm.robot]);
-    }
-  }
-  if (added.empty()) return added;
-  Outcome<JudgedRig> other =
-      RefineWithoutOutliers(with_errors, judged->solution.poses, judged->left_out, options.adjustment);
-  if (!other) return {};
-  *problem = std::move(with_errors);
-  *judged = std::move(*other);
-  return added;
 }
 
 // Leaves out the images of a camera on one side of its motion.
@@ -253,18 +210,24 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
                                    options.adjustment);
   }
-  if (judged) calibration.arms = AddArmErrors(options, &rig, &*judged);
-  if (judged) calibration.smooth_errors = AddSmoothErrors(options, &rig, &*judged);
-  std::optional<Failure> failure;
-  if (judged && options.choose_target_shape) failure = ChooseShapes(options.adjustment, &rig, &*judged);
-  if (!judged || failure) {
-    calibration.refined = failure ? *failure : Failure{judged.reason()};
+  if (!judged) {
+    calibration.refined = Failure{judged.reason()};
     return calibration;
   }
-  for (UnusedRigImage& unused : Describe(rig, *judged)) calibration.unused.push_back(std::move(unused));
-  rig = Without(std::move(rig), judged->left_out);
+  SearchedModel model{std::move(rig), options.adjustment, std::move(*judged), {}, {}};
+  calibration.arms = AddArmErrors(options.arms, RefineWithoutOutliers, &model);
+  calibration.smooth_errors = AddSmoothErrors(options.smooth, RefineWithoutOutliers, &model);
+  std::optional<Failure> failure;
+  if (options.choose_target_shape) failure = ChooseParts(MovedShapes(model.problem), RefineWithoutOutliers, &model);
+  rig = std::move(model.problem);
+  if (failure) {
+    calibration.refined = *failure;
+    return calibration;
+  }
+  for (UnusedRigImage& unused : Describe(rig, model.judged)) calibration.unused.push_back(std::move(unused));
+  rig = Without(std::move(rig), model.judged.left_out);
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
-  calibration.refined = std::move(judged->solution);
+  calibration.refined = std::move(model.judged.solution);
   return calibration;
 }
 

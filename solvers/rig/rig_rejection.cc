@@ -9,11 +9,6 @@
 #include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
-RigProblem Without(RigProblem problem, const ImageSet& images) {
-  for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
-  return problem;
-}
-
 ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera) {
   ImageSet of_others;
   for (const auto& [i, k] : images) {
@@ -34,15 +29,11 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
   return moved;
 }
 
-RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged) {
-  return WithoutRejected(Without(problem, judged.left_out), judged.solution);
-}
-
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
                                          const RigOptions& options) {
   Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
   if (!solution) return Failure{solution.reason()};
-  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
+  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out, 0};
   const double least_chance =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const RigImage&) { return true; }));
   constexpr int kMaxRounds = 30;
@@ -76,7 +67,7 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
     solution = std::move(other);
     left_out = std::move(next);
   }
-  return JudgedRig{*solution, left_out};
+  return JudgedRig{*solution, left_out, 0};
 }
 
 }  // namespace heba

@@ -2,18 +2,12 @@
 #pragma once
 
 #include <cstddef>
-#include <set>
-#include <utility>
 #include <vector>
 
 #include "heba/rig_adjustment.h"
+#include "solvers/refine/judged_problem.h"
 
 namespace heba {
-
-using ImageSet = std::set<std::pair<size_t, size_t>>;  // Capture, and index in RigCapture::images.
-
-// Returns the problem without the points of these images.
-RigProblem Without(RigProblem problem, const ImageSet& images);
 
 // Returns the number of images with points for which `is_counted`, a predicate of a RigImage, holds.
 template <typename Predicate>
@@ -32,15 +26,6 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
 
 // Returns those of the images that are not of this camera.
 ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera);
-
-// A solution, and the images that it was found without.
-struct JudgedRig {
-  RigSolution solution;
-  ImageSet left_out;
-};
-
-// Returns the problem with the points that a solution used.
-RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged);
 
 // Adjusts without the images that contradict the others, and tests all images again, those that were left out included,
 // until nothing changes. `left_out` are the images to begin without. With the loss `none`, no image is tested.
