@@ -163,6 +163,20 @@ ProblemModel LargestModel(const RigProblem& problem, const std::vector<PartOptio
   return model;
 }
 
+}  // namespace
+
+bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model) {
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    if (problem.targets[t].free_shape != model.shapes[t]) return false;
+  }
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    if (EffectsOf(problem, r) != model.effects[r].get()) return false;
+  }
+  return options.robot == model.robot;
+}
+
+namespace {
+
 // Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
 RigProblem From(RigProblem problem, const RigSolution& solution) {
   for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
@@ -376,21 +390,16 @@ std::optional<double> OddsBeside(const Comparison& comparison, const FittedModel
   return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
 }
 
-// Chooses among error models with the same lenses. Returns nothing if none can be fitted.
-std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
-                                                 const std::vector<ProblemModel>& candidates) {
+// Compares models that were fitted, the simplest first: each with the largest that contains it.
+ErrorModelChoice Compare(const Comparison& comparison, std::vector<FittedModel> fitted) {
   ErrorModelChoice choice;
-  for (const ProblemModel& model : candidates) {
-    std::optional<FittedModel> fit = FitModel(comparison, model, choice.fitted);
-    if (fit && std::isfinite(fit->log_likelihood)) choice.fitted.push_back(std::move(*fit));
-  }
-  const FittedModel* best = nullptr;
-  for (const FittedModel& smaller : choice.fitted) {
+  std::optional<size_t> best;
+  for (size_t k = 0; k < fitted.size(); ++k) {
+    const FittedModel& smaller = fitted[k];
     ProblemAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise, std::nullopt,
                                    std::nullopt};
-    // The largest of the models that contain `smaller`.
     const FittedModel* largest = nullptr;
-    for (const FittedModel& other : choice.fitted) {
+    for (const FittedModel& other : fitted) {
       if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
       if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
     }
@@ -398,18 +407,51 @@ std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
       alternative.p = ChanceAgainst(*largest, smaller);
       alternative.odds = OddsBeside(comparison, *largest, alternative);
     }
-    choice.alternatives.push_back(alternative);
     const bool is_acceptable =
         largest == nullptr ||
         IsAcceptable(alternative.p, alternative.odds, LacksSystematic(smaller.model.effects, largest->model.effects));
+    choice.alternatives.push_back(std::move(alternative));
     if (!is_acceptable) continue;
-    const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&
-                                               smaller.log_likelihood > best->log_likelihood);
-    if (!is_better) continue;
-    best = &smaller;
-    choice.chosen = choice.alternatives.size() - 1;
+    const bool is_better = !best || (DofOf(smaller.model) == DofOf(fitted[*best].model) &&
+                                     smaller.log_likelihood > fitted[*best].log_likelihood);
+    if (is_better) best = k;
   }
-  if (best == nullptr) return std::nullopt;
+  choice.chosen = *best;  // The largest is acceptable.
+  choice.fitted = std::move(fitted);
+  return choice;
+}
+
+// Chooses among error models with the same lenses, the simplest of which comes first. Returns nothing if none can be
+// fitted.
+std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
+                                                 const std::vector<ProblemModel>& candidates) {
+  const auto fit = [&](const ProblemModel& model, const std::vector<FittedModel>& fitted) {
+    std::optional<FittedModel> found = FitModel(comparison, model, fitted);
+    if (found && !std::isfinite(found->log_likelihood)) found.reset();
+    return found;
+  };
+  std::optional<FittedModel> largest;
+  size_t num_smaller = candidates.size();
+  while (!largest && num_smaller > 0) largest = fit(candidates[--num_smaller], {});
+  if (!largest) return std::nullopt;
+  std::vector<FittedModel> smaller;
+  const auto compare = [&] {
+    std::vector<FittedModel> fitted = smaller;
+    fitted.push_back(*largest);
+    return Compare(comparison, std::move(fitted));
+  };
+  ErrorModelChoice choice = compare();
+  for (size_t k = 0; k < num_smaller; ++k) {
+    // Models with more parameters than the chosen one cannot be chosen.
+    if (DofOf(candidates[k]) > DofOf(choice.fitted[choice.chosen].model)) break;
+    std::optional<FittedModel> found = fit(candidates[k], smaller);
+    if (!found) continue;
+    smaller.push_back(std::move(*found));
+    if (Contains(largest->model, smaller.back().model) && smaller.back().log_likelihood > largest->log_likelihood) {
+      if (std::optional<FittedModel> again = fit(largest->model, smaller)) largest = std::move(again);
+    }
+    choice = compare();
+  }
   return choice;
 }
 
@@ -588,7 +630,7 @@ RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelS
 }
 
 Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options_in,
-                                   const ModelSpace& space) {
+                                   const ModelSpace& space, const RigSolution* at_largest) {
   RigOptions options = options_in;
   const bool has_few_poses = GroupByRobotPoses(problem).size() < kMinPosesForVariances;
   if (space.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
@@ -611,6 +653,10 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
     for (auto one = combinations.rbegin(); one != combinations.rend(); ++one) to_try.push_back(*one);
   }
   if (!groups.empty()) to_try.erase(to_try.begin());
+  if (at_largest != nullptr && !groups.empty() && HasModel(problem, options, largest_of_all)) {
+    largest = *at_largest;
+    largest_model = largest_of_all;
+  }
   for (const RigProblem& with_lens : WithLenses(problem, space)) {
     for (size_t k = 0; !largest && k < to_try.size(); ++k) {
       RigOptions of_model = options;
@@ -628,7 +674,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
     }
   }
   if (!largest) return Failure{reason};
-  Comparison comparison{WithFixedWeights(WithoutRejected(problem, *largest), *largest), start, options, space};
+  Comparison comparison{WithFixedWeights(WithoutRejected(problem, *largest), *largest), largest->poses, options, space};
   for (size_t c = 0; c < problem.cameras.size(); ++c) comparison.problem.cameras[c].camera = largest->cameras[c];
   if (options.loss == LossKind::kTruncated) comparison.options.loss = LossKind::kNone;
   comparison.options.effects_avoid_zero = false;  // The models with variances of zero are part of the comparison.

@@ -66,6 +66,8 @@ struct ProblemModel {
 };
 // Returns the error model of one arm and one target.
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
+// Returns whether a problem that is adjusted with these options has a model.
+bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model);
 // Returns the problem with a model, whose chosen parts are those of `space`.
 RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
 
@@ -91,7 +93,8 @@ struct ProblemChoice {
 
 // Fits the combinations of {exact arms, noise of the arms}, the errors of each arm and {as designed, scale, bend, scale
 // and bend} of each target that are to be chosen from and that the captures determine. Chooses the one with the fewest
-// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely. If there are many
+// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely. Beside the largest
+// model, those with more parameters than the chosen one are not fitted. If there are many
 // combinations (kMostCombinations), the parts are chosen one after the other, as many at a time as have fewer, each
 // beside the largest model of those that come after it.
 //
@@ -109,8 +112,10 @@ struct ProblemChoice {
 // If exact arms are among the models and there are fewer poses of the arms than kMinPosesForVariances, every model has
 // noise of the arms, with IndustrialArmPrior as its prior, and none has systematic errors. If there is only one model,
 // it is fitted as RefineRig does, and `alternatives` is empty. Returns a Failure if no model could be fitted.
+//
+// `at_largest` may be a solution of the problem as it is; if that has the largest model, it is not fitted again.
 Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
-                                   const ModelSpace& space);
+                                   const ModelSpace& space, const RigSolution* at_largest = nullptr);
 
 // The most combinations of the parts of a model that are fitted to be compared.
 inline constexpr size_t kMostCombinations = 16;

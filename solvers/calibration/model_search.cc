@@ -115,12 +115,16 @@ std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, 
   SearchedModel chosen = *model;
   RigProblem used = Without(model->problem, model->judged.left_out);
   for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = model->judged.solution.cameras[c];
-  Outcome<ProblemChoice> choice = ChooseModel(used, model->judged.solution.poses, model->options, space);
+  const RigSolution& solution = model->judged.solution;
+  Outcome<ProblemChoice> choice = ChooseModel(used, solution.poses, model->options, space, &solution);
   if (!choice) return Failure{choice.reason()};
   chosen.problem = WithModel(std::move(chosen.problem), choice->model, space);
   chosen.model = choice->model;
   chosen.alternatives = std::move(choice->alternatives);
-  if (std::optional<Failure> failure = JudgeAgain(judge, &chosen)) return failure;
+  // The images have been judged under the model that the problem had.
+  if (!HasModel(model->problem, model->options, choice->model)) {
+    if (std::optional<Failure> failure = JudgeAgain(judge, &chosen)) return failure;
+  }
   *model = std::move(chosen);
   return std::nullopt;
 }

@@ -52,6 +52,12 @@ std::vector<BlockPrior> PriorsOfArms(const RigProblem& problem, const FitNoise& 
   return priors;
 }
 
+// Adds the information of all priors.
+void AddPriors(const Fit& fit, Information* information) {
+  for (const BlockPrior& prior : PriorsOfArms(*fit.problem, fit.noise)) AddPrior(prior, information);
+  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(*fit.problem)) AddPrior(prior, information);
+}
+
 bool IsZero(const Rigid3d& correction) {
   return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
 }
@@ -299,31 +305,36 @@ ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const Ri
 }
 
 std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int num_threads) {
-  // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
-  const double factor = loss.covariance_factor();
-  Information information{RigUnknowns(*fit.problem), {}};
-  if (fit.noise.robots.empty()) {
-    CapturesCostOptions options;
-    options.loss = &loss;
-    options.num_threads = num_threads;
-    const LoopUnknowns unknowns(information.layout, ValuesOf(fit.state));
-    const std::optional<NormalEquations> products =
-        CapturesCost(CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, false), options)
-            .NormalEquationsAt(unknowns.blocks().data());
-    if (!products) return std::nullopt;
-    const Eigen::Index size = information.layout.size();
-    information.matrix = products->matrix.topLeftCorner(size, size) / factor;
-  } else {
+  if (!fit.noise.robots.empty()) {
     // The Schur complement of the normal equations is equivalent, but cancellation leaves no significant digits if the
     // images are far more exact than the arms.
-    const std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
+    const std::optional<std::vector<LinearisedView>> captures = LineariseCaptures(
         CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, true), ValuesOf(fit.state), 1, loss);
-    if (!views) return std::nullopt;
-    const std::vector<Eigen::Index> num_joints = NoisyJointsOf(*fit.problem, MovingRobots(*fit.problem));
-    information.matrix = MarginalInformation(*views, CorrectionVariances(fit.noise, num_joints), factor);
+    if (!captures) return std::nullopt;
+    return InformationOf(fit, *captures, loss);
   }
-  for (const BlockPrior& prior : PriorsOfArms(*fit.problem, fit.noise)) AddPrior(prior, &information);
-  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(*fit.problem)) AddPrior(prior, &information);
+  Information information{RigUnknowns(*fit.problem), {}};
+  CapturesCostOptions options;
+  options.loss = &loss;
+  options.num_threads = num_threads;
+  const LoopUnknowns unknowns(information.layout, ValuesOf(fit.state));
+  const std::optional<NormalEquations> products =
+      CapturesCost(CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, false), options)
+          .NormalEquationsAt(unknowns.blocks().data());
+  if (!products) return std::nullopt;
+  const Eigen::Index size = information.layout.size();
+  information.matrix = products->matrix.topLeftCorner(size, size) / loss.covariance_factor();
+  AddPriors(fit, &information);
+  return information;
+}
+
+Information InformationOf(const Fit& fit, const std::vector<LinearisedView>& captures, const Loss& loss) {
+  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(*fit.problem, MovingRobots(*fit.problem));
+  // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
+  Information information{
+      RigUnknowns(*fit.problem),
+      MarginalInformation(captures, CorrectionVariances(fit.noise, num_joints), loss.covariance_factor())};
+  AddPriors(fit, &information);
   return information;
 }
 

@@ -116,5 +116,7 @@ ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const Ri
 // Returns the unknowns' normal matrix at the noise of the fit, marginalised over the corrections, or nothing if a point
 // cannot be projected.
 std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int num_threads);
+// Likewise from the linearised captures, one view per group, without the priors.
+Information InformationOf(const Fit& fit, const std::vector<LinearisedView>& captures, const Loss& loss);
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -20,7 +21,7 @@ constexpr double kExactRad = 1e-8;
 struct EstimatedNoise {
   FitNoise noise;
   std::vector<RobotNoise> robot_stddev;
-  double dof = std::numeric_limits<double>::infinity();  // Degrees of freedom of the unknowns' covariance.
+  std::function<double()> dof;  // Returns the degrees of freedom of the unknowns' covariance.
 };
 
 // Returns whether errors of images as a whole can be told from those of the arms: by captures with several images.
@@ -36,12 +37,8 @@ bool HasOnePixelVariance(const RigProblem& problem) { return problem.cameras.siz
 
 // Estimates the two sigmas of each camera from its residuals and their redundancy: that of the points from the part
 // that no other pose of the target explains, that of the images, if they have errors, from the part that one does.
-// Returns false if a point cannot be projected.
-bool EstimateCameraNoise(const Fit& fit, const Loss& loss, int num_threads, FitNoise* noise) {
-  const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
-  const std::optional<Information> information = FitInformation(fit, loss, num_threads);
-  if (!images || !information) return false;
-  const Eigen::MatrixXd covariance = InvertInformation(*information, 1.0).matrix;
+void EstimateCameraNoise(const Fit& fit, const LinearisedImages& images, const Eigen::MatrixXd& covariance,
+                         FitNoise* noise) {
   const std::vector<size_t> moving = MovingRobots(*fit.problem);
   const Eigen::VectorXd variances = CorrectionVariances(fit.noise, NoisyJointsOf(*fit.problem, moving));
   const bool has_image_errors = HasImageErrors(*fit.problem);
@@ -54,14 +51,14 @@ bool EstimateCameraNoise(const Fit& fit, const Loss& loss, int num_threads, FitN
     double pose_dof_points = 0;
   };
   std::vector<Sums> of_cameras(noise->pixel_px.size());
-  for (const std::vector<size_t>& group : images->groups) {
+  for (const std::vector<size_t>& group : images.groups) {
     std::vector<const LinearisedView*> views;
-    for (const size_t v : group) views.push_back(&images->views[v]);
+    for (const size_t v : group) views.push_back(&images.views[v]);
     const CorrectionPosterior posterior = PosteriorOf(views, variances, covariance.rows());
-    const Eigen::VectorXd corrections = CorrectionTangents(fit.state, images->images[group.front()].capture, moving);
+    const Eigen::VectorXd corrections = CorrectionTangents(fit.state, images.images[group.front()].capture, moving);
     for (const size_t v : group) {
-      const LinearisedView& view = images->views[v];
-      const ImageIndex& index = images->images[v];
+      const LinearisedView& view = images.views[v];
+      const ImageIndex& index = images.images[v];
       const RigImage& image = fit.problem->captures[index.capture].images[index.image];
       if (view.offset.size() <= 6) continue;
       const Eigen::MatrixXd basis = PosePartOf(*fit.problem, image, view);
@@ -91,7 +88,6 @@ bool EstimateCameraNoise(const Fit& fit, const Loss& loss, int num_threads, FitN
     const double image_px2 = 3 * (old_px2 * sums.pose - pixel_px2 * sums.pose_dof) / sums.pose_dof_points;
     noise->image_px[c] = std::sqrt(std::max(0.0, image_px2));
   }
-  return true;
 }
 
 // Returns the pixel sigma of each camera by the median of its points.
@@ -112,10 +108,11 @@ std::optional<EstimatedNoise> EstimatePixelNoise(const Fit& fit, const Loss& los
     return std::nullopt;
   const std::vector<double> distances = DistancesOfCameras(*fit.problem, fit.groups, at).front();
   const auto num_unknowns = static_cast<int>(RigUnknowns(*fit.problem).size());
-  EstimatedNoise result{fit.noise, {}};
+  EstimatedNoise result{fit.noise, {}, {}};
+  const double dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
+  result.dof = [dof] { return dof; };
   // The median is robust to 50 % outliers and is used while outliers are searched for.
   const double median_px = SigmaFromMedian(distances);
-  result.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
   result.noise.pixel_px[0] =
       scale == NoiseScale::kMedian ? median_px : SigmaOfFit(distances, num_unknowns, loss, median_px);
   return result;
@@ -146,19 +143,26 @@ std::optional<EstimatedNoise> EstimateNoise(const Fit& fit, const Loss& loss, No
                                             const RigOptions& options) {
   const bool has_one_variance = HasOnePixelVariance(*fit.problem);
   if (has_one_variance && fit.noise.robots.empty()) return EstimatePixelNoise(fit, loss, scale, options);
-  EstimatedNoise result{fit.noise, {}};
-  if (!options.pixel_noise_px && !has_one_variance) {
-    if (scale == NoiseScale::kMedian) {
-      result.noise.pixel_px = MedianSigmas(fit, options.num_threads);
-    } else if (!EstimateCameraNoise(fit, loss, options.num_threads, &result.noise)) {
-      return std::nullopt;
-    }
+  EstimatedNoise result{fit.noise, {}, {}};
+  std::vector<LinearisedView> views;
+  if (has_one_variance || options.pixel_noise_px || scale == NoiseScale::kMedian) {
+    std::optional<std::vector<LinearisedView>> captures = LineariseCaptures(
+        CaptureLoops(*fit.problem, fit.groups, fit.state, fit.noise, true), ValuesOf(fit.state), 1, loss);
+    if (!captures) return std::nullopt;
+    views = std::move(*captures);
+    if (!has_one_variance && !options.pixel_noise_px) result.noise.pixel_px = MedianSigmas(fit, options.num_threads);
+  } else {
+    const std::optional<LinearisedImages> images =
+        LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
+    if (!images) return std::nullopt;
+    views = StackGroups(images->views, images->groups);
+    EstimateCameraNoise(fit, *images, InvertInformation(InformationOf(fit, views, loss), 1.0).matrix, &result.noise);
   }
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseFit(*fit.problem, fit.groups, fit.state, fit.noise, loss, loss.consistency);
-  if (!views) return std::nullopt;
+  for (LinearisedView& view : PriorViews(*fit.problem, fit.state, loss.consistency, views.front().by_effects.cols())) {
+    views.push_back(std::move(view));
+  }
   const std::vector<VarianceGroup> groups = GroupsOf(fit, loss, options);
-  const VarianceComponents found = EstimateVariances(*views, groups);
+  const VarianceComponents found = EstimateVariances(views, groups);
   if (!options.pixel_noise_px && has_one_variance) {
     const double ratio = std::sqrt(found.variances[kPixelGroup] / loss.consistency);
     result.noise.pixel_px[0] = std::max(kMinSigmaPx, ratio * fit.noise.pixel_px[0]);
@@ -182,7 +186,7 @@ std::optional<EstimatedNoise> EstimateNoise(const Fit& fit, const Loss& loss, No
   for (std::vector<double>& sigmas : result.noise.effect_sigmas) {
     for (double& sigma : sigmas) sigma = std::max(kExactEffect, sigma_of(next++));
   }
-  result.dof = DegreesOfFreedom(*views, groups, found);
+  result.dof = [views = std::move(views), groups, found] { return DegreesOfFreedom(views, groups, found); };
   return result;
 }
 
@@ -284,9 +288,11 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, con
     bool has_settled = NoiseConverged(fit.noise, next->noise, scale) || is_least_squares;
     fit.noise = std::move(next->noise);
     fit.robot_stddev = std::move(next->robot_stddev);
-    fit.dof = next->dof;
     if (!options.pixel_noise_px && UpdateWeights(&fit)) has_settled = false;
-    if (has_settled) break;
+    if (has_settled || round + 1 == kMaxRounds) {
+      fit.dof = next->dof();
+      break;
+    }
   }
   return fit;
 }
