@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/closed_form_results.h"
@@ -187,31 +187,6 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   calibration->pairs = std::move(pairs);
 }
 
-// Chooses the error model and refines with it, judging all points again.
-Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const Solution& start,
-                                        Calibration* calibration) {
-  Problem problem = ProblemOf(*calibration, options);
-  problem.camera = start.camera;
-  const Outcome<ModelChoice> choice = ChooseModel(problem, start.hand_eye, options.bundle, options.choose);
-  if (!choice) return Failure{choice.reason()};
-  calibration->bundle = choice->options;
-  calibration->alternatives = choice->alternatives;
-  const std::string& lens = choice->solution.camera.model;
-  if (!choice->lenses.empty()) calibration->camera_alternatives = choice->lenses;
-  for (const Camera& candidate : options.choose.lenses) {
-    if (candidate.model == lens) calibration->camera = candidate;
-  }
-  // A single model has been fitted to its own inliers already.
-  if (choice->alternatives.empty()) return choice->solution;
-  if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
-  Problem all = ProblemOf(*calibration, options);
-  all.camera = choice->solution.camera;
-  all.shape = choice->solution.shape;
-  Outcome<Solution> of_all = RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
-  // The points of the choice are a sound selection, too.
-  return of_all ? of_all : choice->solution;
-}
-
 // Tests the rejected captures against the estimate from the others.
 std::vector<CaptureVerdict> TestLeftOut(const CalibrationOptions& options, const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -219,58 +194,14 @@ std::vector<CaptureVerdict> TestLeftOut(const CalibrationOptions& options, const
                              FreeOf(solution.camera.Model(), calibration.bundle), calibration.left_out);
 }
 
-// Tests all captures under the chosen model, takes back those that it explains and leaves out those that contradict it,
-// until the captures stand, and then chooses the model again.
-void SettleCaptures(const CalibrationOptions& options, Calibration* calibration) {
-  constexpr int kMaxRounds = 6;
-  bool has_other_captures = false;
-  // The captures that the others do not contradict at an estimate without them are not tested again.
-  std::set<size_t> returned;
-  for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
-    const Problem problem = ProblemOf(*calibration, options);
-    const Solution& solution = *calibration->refined;
-    const FreeUnknowns free = FreeOf(solution.camera.Model(), calibration->bundle);
-    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, solution, free);
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      if (returned.contains(problem.views[i].capture)) verdicts[i].is_wrong = false;
-    }
-    const auto num_wrong =
-        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& verdict) { return verdict.is_wrong; });
-    // So many are not wrong by themselves: the model is incomplete.
-    const bool is_model = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(verdicts.size());
-    calibration->num_kept_against_test = is_model ? static_cast<int>(num_wrong) : 0;
-    if (is_model) verdicts.assign(verdicts.size(), CaptureVerdict());
-    Calibration next = *calibration;
-    next.views.clear();
-    next.pairs.clear();
-    next.left_out.clear();
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      (verdicts[i].is_wrong ? next.left_out : next.views).push_back(calibration->views[i]);
-      const bool has_pair = i < calibration->pairs.size();
-      if (has_pair && !verdicts[i].is_wrong) next.pairs.push_back(calibration->pairs[i]);
-    }
-    bool has_changed = !next.left_out.empty();
-    const std::vector<CaptureVerdict> of_left_out = TestLeftOut(options, *calibration);
-    for (size_t k = 0; k < of_left_out.size(); ++k) {
-      const View& view = calibration->left_out[k];
-      const bool returns = !of_left_out[k].is_wrong;
-      if (returns) returned.insert(view.capture);
-      (returns ? next.views : next.left_out).push_back(view);
-      has_changed = has_changed || returns;
-    }
-    if (!has_changed) break;
-    Problem of_next = ProblemOf(next, options);
-    of_next.camera = solution.camera;
-    of_next.shape = solution.shape;
-    next.refined = RefineHandEye(of_next, solution.hand_eye, calibration->bundle);
-    if (!next.refined) break;
-    *calibration = std::move(next);
-    has_other_captures = true;
-  }
-  if (!has_other_captures) return;
-  Calibration chosen = *calibration;
-  chosen.refined = RefineWithChosenModel(options, *calibration->refined, &chosen);
-  if (chosen.refined) *calibration = std::move(chosen);
+// Tests the captures again under the chosen model if there is a doubt about any.
+JudgedRig SettleDoubts(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+  // A calibration that most captures contradict cannot tell the wrong ones.
+  const size_t num_used = problem.captures.size() - at.left_out.size();
+  const bool can_judge = 2 * static_cast<size_t>(at.num_kept_against_test) <= num_used;
+  // Captures that all passed with the noise that was estimated for the test pass with that of the model, too.
+  const bool has_doubt = !at.left_out.empty() || at.num_kept_against_test > 0;
+  return can_judge && has_doubt ? SettleCaptures(problem, std::move(at), options) : at;
 }
 
 // Lists the captures that stay rejected, each with the reason under the final estimate.
@@ -509,6 +440,32 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   return Join(names, ", ");
 }
 
+// Lists the models without smooth errors that were compared before, the chosen one of which was then compared with the
+// one with smooth errors.
+void AddModelsBefore(const RigSmoothErrors& found, const Calibration& before, Calibration* calibration) {
+  const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
+  const ErrorModel with{calibration->bundle.robot, before.bundle.free_shape, calibration->bundle.effects};
+  const auto entry_of = [](std::vector<ModelAlternative>* alternatives, const ErrorModel& model,
+                           const std::optional<RobotNoise>& robot_noise) {
+    const auto entry = std::find_if(alternatives->begin(), alternatives->end(), [&](const ModelAlternative& other) {
+      return other.model.robot == model.robot && other.model.shape == model.shape &&
+             other.model.effects == model.effects;
+    });
+    if (entry != alternatives->end()) return entry;
+    return alternatives->insert(alternatives->end(), {model, 0, robot_noise, DofOf(model), std::nullopt});
+  };
+  std::vector<ModelAlternative> alternatives = before.alternatives;
+  const double log_likelihood_with =
+      entry_of(&calibration->alternatives, with, calibration->refined->robot_noise)->log_likelihood;
+  const auto chosen = entry_of(&alternatives, without, before.refined->robot_noise);
+  const double shift = log_likelihood_with - found.log_likelihood_gain - chosen->log_likelihood;
+  chosen->p = found.p_value_without;
+  chosen->odds = found.odds_without;
+  for (ModelAlternative& alternative : alternatives) alternative.log_likelihood += shift;
+  alternatives.insert(alternatives.end(), calibration->alternatives.begin(), calibration->alternatives.end());
+  calibration->alternatives = std::move(alternatives);
+}
+
 // Gives the points back that the refinement rejected.
 void TakeBackRejected(Calibration* calibration) {
   for (View& before : calibration->with_rejected) {
@@ -520,6 +477,8 @@ void TakeBackRejected(Calibration* calibration) {
     }
     std::erase_if(calibration->unused, [&](const UnusedView& unused) { return unused.capture == before.capture; });
     calibration->views.push_back(std::move(before));
+    ViewOutcome& outcome = calibration->refined->views.emplace_back();
+    if (calibration->refined->robot_noise) outcome.correction = Rigid3d();
   }
   calibration->with_rejected.clear();
 }
@@ -583,12 +542,13 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     LeaveOutWrongCaptures(open, options, with_shape, &calibration);
   }
   const std::string start_model = calibration.camera.model;
-  calibration.refined = RefineWithChosenModel(options, *calibration.refined, &calibration);
-  // A calibration that most captures contradict cannot tell the wrong ones.
-  const bool can_judge = 2 * static_cast<size_t>(calibration.num_kept_against_test) <= calibration.views.size();
-  // Captures that all passed with the noise that was estimated for the test pass with that of the model, too.
-  const bool has_doubt = !calibration.left_out.empty() || calibration.num_kept_against_test > 0;
-  if (options.bundle.loss != LossKind::kNone && can_judge && has_doubt) SettleCaptures(options, &calibration);
+  CalibrationProblem problem = AsProblem(calibration, options);
+  problem.model.is_fitted = false;  // With an exact robot, and maybe another shape.
+  if (const std::optional<Failure> failure = ChooseParts(SpaceOf(options, problem), SettleDoubts, &problem.model)) {
+    calibration.refined = *failure;
+  } else {
+    TakeModel(problem, options.choose.effects.empty() ? options.bundle.effects : nullptr, &calibration);
+  }
   if (calibration.refined) NoteReduction(refused, options_in, &calibration);
   const bool has_methods = calibration.pairs.size() == started.num_posed && calibration.left_out.empty() &&
                            calibration.camera.model == start_model;
@@ -597,38 +557,62 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   return calibration;
 }
 
-Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const CalibrationOptions& options_in,
-                                          const std::vector<std::shared_ptr<const PoseEffect>>& effect_of_capture,
-                                          const std::vector<Matrix6X>& joints_of_capture) {
+RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const CalibrationOptions& options,
+                                      const RobotErrors& errors) {
   CHECK(before.refined.ok());
-  CalibrationOptions options = options_in;
-  options.bundle.free_intrinsics = before.bundle.free_intrinsics;
-  if (before.refined->robot_noise) options.bundle.robot_noise_start = *before.refined->robot_noise;
+  RobotErrorsFound found{before, options, std::nullopt, std::nullopt};
   Calibration calibration = before;
   TakeBackRejected(&calibration);
-  const auto give_effects = [&](View* view) {
-    view->effect = effect_of_capture.empty() ? nullptr : effect_of_capture[view->capture];
-    if (!joints_of_capture.empty()) view->gripper_by_joints = joints_of_capture[view->capture];
+  CalibrationProblem problem = AsProblem(calibration, options);
+  ErrorSpace space;
+  space.parts = SpaceOf(options, problem);
+  space.smooth = errors.smooth;
+  RigArmErrors& arm = space.arms.emplace_back(errors.arm);
+  const auto of_views = [&](const auto& of_captures) {
+    auto entries = of_captures;
+    entries.clear();
+    for (const View& view : problem.views) entries.push_back(of_captures[view.capture]);
+    return entries;
   };
-  for (View& view : calibration.views) give_effects(&view);
-  for (View& view : calibration.left_out) give_effects(&view);
-  // Captures in a region where the errors of an arm are large are no outliers of a model that has these errors. Such
-  // captures come in clusters, which the model has to see before it can be asked.
-  const SharedEffects* const largest =
-      options.choose.effects.empty() ? options.bundle.effects.get() : options.choose.effects.back().get();
-  if (largest != nullptr && largest->kind == SharedEffectsKind::kArm) {
-    for (View& view : calibration.left_out) calibration.views.push_back(std::move(view));
-    calibration.left_out.clear();
+  for (auto& effects : arm.effects_of_captures) effects = of_views(effects);
+  for (auto& joints : arm.joints_of_captures) joints = of_views(joints);
+  FoundErrors of_model = AddErrors(space, SettleCaptures, &problem.model);
+  if (!of_model.arms.empty()) found.arm = std::move(of_model.arms.front());
+  if (!of_model.smooth.empty()) found.smooth = std::move(of_model.smooth.front());
+  const bool has_arm = found.arm && found.arm->reason.empty();
+  if (!has_arm && !found.smooth) return found;
+
+  CalibrationOptions& with_errors = found.options;
+  with_errors.bundle.free_intrinsics = before.bundle.free_intrinsics;
+  with_errors.bundle.target_scale_sigma = problem.model.problem.targets[0].scale_sigma;
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    View& view = problem.views[i];
+    if (has_arm && found.arm->model != nullptr) view.effect = arm.effects_of_captures[found.arm->branch][i];
+    if (has_arm && !arm.joints_of_captures.empty()) {
+      view.gripper_by_joints = arm.joints_of_captures[found.arm->branch][i];
+    }
+    if (found.smooth) {
+      view.effect = found.smooth->errors->EffectAt(BaseFromGripper(options.setup, view.camera_mount_from_target_mount));
+    }
   }
+  std::shared_ptr<const SharedEffects> fixed;
+  if (has_arm && arm.is_chosen) with_errors.choose.effects = arm.models;
+  if (has_arm && !arm.is_chosen && !arm.models.empty()) fixed = arm.models.back();
+  if (found.smooth) {
+    fixed = problem.model.problem.effects[0];
+    with_errors.choose.robot_noise = false;
+    with_errors.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  }
+  with_errors.bundle.effects = fixed;
   std::erase_if(calibration.unused, [&](const UnusedView& unused) {
     return std::any_of(before.left_out.begin(), before.left_out.end(),
                        [&](const View& view) { return view.capture == unused.capture; });
   });
-  calibration.refined = RefineWithChosenModel(options, *before.refined, &calibration);
-  if (options.bundle.loss != LossKind::kNone) SettleCaptures(options, &calibration);
-  if (!calibration.refined) return Failure{calibration.refined.reason()};
-  Finish(options, false, &calibration);
-  return calibration;
+  TakeModel(problem, fixed, &calibration);
+  Finish(with_errors, false, &calibration);
+  if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found.smooth, before, &calibration);
+  found.calibration = std::move(calibration);
+  return found;
 }
 
 void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance) {

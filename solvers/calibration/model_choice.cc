@@ -175,10 +175,7 @@ bool HasModel(const RigProblem& problem, const RigOptions& options, const Proble
   return options.robot == model.robot;
 }
 
-namespace {
-
-// Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
-RigProblem From(RigProblem problem, const RigSolution& solution) {
+RigProblem StartingFrom(RigProblem problem, const RigSolution& solution) {
   for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     RigTarget& target = problem.targets[t];
@@ -189,6 +186,8 @@ RigProblem From(RigProblem problem, const RigSolution& solution) {
   }
   return problem;
 }
+
+namespace {
 
 // The problem in which models are compared: its points have fixed weights.
 struct Comparison {
@@ -231,7 +230,7 @@ std::optional<FittedModel> FitModel(const Comparison& comparison, const ProblemM
   if (nearest != nullptr && nearest->model.effects == model.effects) start_from_noise(nearest->solution, &options);
   const RigProblem with_model = WithModel(comparison.problem, model, comparison.space);
   const auto fit_from = [&](const FittedModel& from, const RigOptions& of_fit) {
-    return Fit(From(with_model, from.solution), from.solution.poses, model, of_fit);
+    return Fit(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);
   };
   std::optional<FittedModel> found =
       nearest != nullptr ? fit_from(*nearest, options) : Fit(with_model, comparison.start, model, options);
@@ -335,7 +334,7 @@ Outcome<LensChoice> ChooseLens(const Comparison& comparison, size_t camera, cons
       dof = own->covariance_dof;
       options = WithNoiseOf(*own, options, &problem);
       from = own->poses;
-      with_lens = From(problem, *own);
+      with_lens = StartingFrom(problem, *own);
     }
     const Outcome<RigSolution> solution = RefineRig(with_lens, from, options);
     if (solution) {
@@ -570,19 +569,6 @@ std::vector<std::optional<EffectsFit>> FitEffects(
     }
   }
   return fits;
-}
-
-std::optional<size_t> MostLikelyEffects(
-    const Problem& problem, const Solution& start, const BundleOptions& options,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
-    const std::vector<std::vector<Matrix6X>>& joints_of_captures) {
-  const std::vector<std::optional<EffectsFit>> fits =
-      FitEffects(problem, start, options, effects_of_captures, joints_of_captures);
-  std::optional<size_t> best;
-  for (size_t k = 0; k < fits.size(); ++k) {
-    if (fits[k] && (!best || fits[k]->log_likelihood > fits[*best]->log_likelihood)) best = k;
-  }
-  return best;
 }
 
 std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,

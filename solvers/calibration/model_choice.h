@@ -68,6 +68,8 @@ struct ProblemModel {
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
 // Returns whether a problem that is adjusted with these options has a model.
 bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model);
+// Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
+RigProblem StartingFrom(RigProblem problem, const RigSolution& solution);
 // Returns the problem with a model, whose chosen parts are those of `space`.
 RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
 
@@ -144,12 +146,6 @@ struct EffectsFit {
 // `joints_of_captures`, if it is given, holds View::gripper_by_joints in the same order: the noise of the joints is
 // then part of each model.
 std::vector<std::optional<EffectsFit>> FitEffects(
-    const Problem& problem, const Solution& start, const BundleOptions& options,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
-    const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
-
-// Returns the index of the effects with the largest restricted likelihood (FitEffects); nothing if none can be fitted.
-std::optional<size_t> MostLikelyEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
     const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});

@@ -1,12 +1,12 @@
 // The search for the model of a problem: its lenses, the shapes of its targets, and the errors of its arms. A model is
 // fitted, or it fails and has lost; the simplest that the captures do not reject is taken (model_choice.h), and the
-// images that contradict the others are found under it.
+// images that contradict the others are judged under it, until both stand.
 #pragma once
 
 #include <optional>
 #include <vector>
 
-#include "heba/rig_calibration.h"
+#include "heba/robot_errors.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/refine/judged_problem.h"
 
@@ -14,27 +14,40 @@ namespace heba {
 
 // A problem with the parts of its model that were chosen so far, and its adjustment.
 struct SearchedModel {
-  RigProblem problem;
+  RigProblem problem;  // Its cameras have their initial intrinsics.
   RigOptions options;
   JudgedRig judged;
-  ProblemModel model;                            // The last choice; empty before the first.
-  std::vector<ProblemAlternative> alternatives;  // The models that were compared in it.
+  bool is_fitted = true;  // Whether the adjustment is that of the problem with these options; otherwise it is a start.
+  ProblemModel model = {};                                  // The last choice; empty before the first.
+  std::vector<ProblemAlternative> alternatives = {};        // The models that were compared in it.
+  std::vector<std::vector<CameraAlternative>> lenses = {};  // ProblemChoice::lenses of it.
 };
 
-// Chooses the parts of `space`, and adjusts with them. Returns the Failure if that fails, which changes nothing.
+// Chooses the parts of `space`, adjusts with them and judges the images, and chooses again if that leaves out others.
+// Returns the Failure if no model can be fitted, which changes nothing.
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model);
 
+// What is searched for after the parts were chosen: errors of the arms.
+struct ErrorSpace {
+  ModelSpace parts;                // The parts that are chosen again with them; it names no errors of arms.
+  std::vector<RigArmErrors> arms;  // One for each arm, or an empty list.
+  SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
+  // Whether smooth errors are left out unless the captures reject the model without them (kRandomErrorsRejected);
+  // otherwise they are part of the model unless the captures speak against them (AreLikely).
+  bool must_be_shown = false;
+};
+
+struct FoundErrors {
+  std::vector<RigArmChoice> arms;  // One entry for each arm that has models to choose from.
+  std::vector<RigSmoothErrors> smooth;
+};
+
 // Makes the errors of the arms part of a model if the captures require them or if they are wanted without a choice
-// (RigArmErrors); otherwise the model stays as it is.
+// (RigArmErrors), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
+// stays as it is if there are none.
 //
 // The configuration of an arm is that of the largest restricted likelihood with the largest model. The models of all
-// arms are then chosen together.
-//
-// Returns one entry for each arm that has models to choose from.
-std::vector<RigArmChoice> AddArmErrors(const std::vector<RigArmErrors>& arms, const Judge& judge, SearchedModel* model);
-
-// Makes errors that vary smoothly with the poses of the arms part of a model if they are asked for or if the captures
-// require them (kRandomErrorsRejected), for arms of which no errors are estimated. Returns those that were added.
-std::vector<RigSmoothErrors> AddSmoothErrors(SmoothPoseErrors smooth, const Judge& judge, SearchedModel* model);
+// arms are then chosen together, and with them the other parts.
+FoundErrors AddErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model);
 
 }  // namespace heba

@@ -27,9 +27,8 @@ struct JudgedRig {
 // Returns the problem with the points that a solution used.
 RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged);
 
-// Adjusts without the images that contradict the others. `left_out` are the images to begin without; they are tested
-// again, too.
-using Judge = std::function<Outcome<JudgedRig>(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
-                                               const RigOptions& options)>;
+// Leaves out the images that contradict the others, and takes those back that do not, until nothing changes. `at` is an
+// adjustment of the problem with these options. Returns the last adjustment that succeeded.
+using Judge = std::function<JudgedRig(const RigProblem& problem, JudgedRig at, const RigOptions& options)>;
 
 }  // namespace heba

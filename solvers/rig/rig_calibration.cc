@@ -214,11 +214,16 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     calibration.refined = Failure{judged.reason()};
     return calibration;
   }
-  SearchedModel model{std::move(rig), options.adjustment, std::move(*judged), {}, {}};
-  calibration.arms = AddArmErrors(options.arms, RefineWithoutOutliers, &model);
-  calibration.smooth_errors = AddSmoothErrors(options.smooth, RefineWithoutOutliers, &model);
+  SearchedModel model{std::move(rig), options.adjustment, std::move(*judged)};
+  ErrorSpace space;
+  space.arms = options.arms;
+  space.smooth = options.smooth;
+  space.must_be_shown = true;
+  FoundErrors found = AddErrors(space, LeaveOutOutliers, &model);
+  calibration.arms = std::move(found.arms);
+  calibration.smooth_errors = std::move(found.smooth);
   std::optional<Failure> failure;
-  if (options.choose_target_shape) failure = ChooseParts(MovedShapes(model.problem), RefineWithoutOutliers, &model);
+  if (options.choose_target_shape) failure = ChooseParts(MovedShapes(model.problem), LeaveOutOutliers, &model);
   rig = std::move(model.problem);
   if (failure) {
     calibration.refined = *failure;
@@ -285,7 +290,7 @@ std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration
     const RobotNoise smooth = SmoothNoiseOf(solution, of_arm.robot).value_or(RobotNoise{});
     const RobotNoise after = solution.robot_noise[of_arm.robot].value_or(RobotNoise{});
     findings.push_back(
-        DescribeSmoothErrors({smooth, of_arm.lengths, after, of_arm.noise_before, of_arm.p_value_without}));
+        DescribeSmoothErrors({smooth, of_arm.errors->lengths(), after, of_arm.noise_before, of_arm.p_value_without}));
     findings.back().names.emplace_back("of_arm", problem.robots[of_arm.robot]);
   }
   for (const MovedCamera& moved : calibration.moved) findings.push_back(DescribeMotion(problem, moved));

@@ -29,25 +29,22 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
   return moved;
 }
 
-Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
-                                         const RigOptions& options) {
-  Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
-  if (!solution) return Failure{solution.reason()};
-  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out, 0};
+JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+  if (options.loss == LossKind::kNone) return at;
   const double least_chance =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const RigImage&) { return true; }));
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);
-    ImageSet next = left_out;
-    for (const RigVerdict& verdict : TestLeftOutImages(problem, used, *solution)) {
+    const RigProblem used = UsedPoints(problem, at);
+    ImageSet next = at.left_out;
+    for (const RigVerdict& verdict : TestLeftOutImages(problem, used, at.solution)) {
       const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
       if (verdict.p_value >= least_chance) next.erase(image);
       if (verdict.p_value < least_chance) next.insert(image);
     }
     // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
     std::map<std::pair<bool, size_t>, RigVerdict> worst;
-    for (const RigVerdict& verdict : TestUsedImages(used, *solution)) {
+    for (const RigVerdict& verdict : TestUsedImages(used, at.solution)) {
       if (verdict.p_value >= least_chance) continue;
       const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
       const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
@@ -61,13 +58,19 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
         next.insert({verdict.image.capture, k});
       }
     }
-    if (next == left_out) break;
-    Outcome<RigSolution> other = RefineRig(Without(problem, next), solution->poses, options);
+    if (next == at.left_out) break;
+    Outcome<RigSolution> other = RefineRig(Without(problem, next), at.solution.poses, options);
     if (!other) break;
-    solution = std::move(other);
-    left_out = std::move(next);
+    at = {std::move(*other), std::move(next)};
   }
-  return JudgedRig{*solution, left_out, 0};
+  return at;
+}
+
+Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
+                                         const RigOptions& options) {
+  Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
+  if (!solution) return Failure{solution.reason()};
+  return LeaveOutOutliers(problem, {std::move(*solution), std::move(left_out)}, options);
 }
 
 }  // namespace heba

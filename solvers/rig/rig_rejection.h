@@ -27,8 +27,10 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
 // Returns those of the images that are not of this camera.
 ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera);
 
-// Adjusts without the images that contradict the others, and tests all images again, those that were left out included,
-// until nothing changes. `left_out` are the images to begin without. With the loss `none`, no image is tested.
+// Tests all images (Judge), those that were left out included. With the loss `none`, no image is tested.
+JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOptions& options);
+
+// Adjusts without the images that contradict the others. `left_out` are the images to begin without.
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
                                          const RigOptions& options);
 

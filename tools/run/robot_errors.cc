@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "heba/robot/arm_errors.h"
-#include "solvers/calibration/model_choice.h"
 #include "solvers/calibration/smooth_search.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/captures.h"
@@ -45,129 +44,52 @@ std::vector<std::vector<Matrix6X>> JointDerivativesOfBranches(const Dataset& dat
 
 constexpr const char* kNoBranch = "the errors of the arm could be fitted in none of its configurations";
 
-// Calibrates again with other options, which may choose among effects. If that fails, or if no effects are chosen,
-// returns the reason and keeps the calibration and its options.
-std::optional<std::string> Recalibrate(const Dataset& dataset, CalibrationOptions with_effects,
-                                       CalibrationOptions* options, Calibration* calibration) {
-  std::vector<std::shared_ptr<const PoseEffect>> effects;
-  std::vector<Matrix6X> by_joints;
-  for (const Capture& capture : dataset.captures) {
-    effects.push_back(capture.effect);
-    by_joints.push_back(capture.gripper_by_joints);
-  }
-  Outcome<Calibration> again = CalibrateWithEffects(*calibration, with_effects, effects, by_joints);
-  if (!again) return "the refinement with the robot's errors failed: " + again.reason();
-  if (!with_effects.choose.effects.empty() && again->bundle.effects == nullptr) return WhyDeclined(*again);
-  *calibration = std::move(*again);
-  *options = std::move(with_effects);
-  return std::nullopt;
+// Returns the errors of an arm that may be part of the model.
+RigArmErrors ErrorsOf(const RunOptions& run, const ArmSetup& setup, const Dataset& dataset, size_t num_captures) {
+  const Arm& nominal = dataset.robot->arm;
+  RigArmErrors errors;
+  errors.models = CandidateArmErrors(nominal, run.kinematics, num_captures);
+  errors.is_chosen = run.kinematics == Kinematics::kAuto;
+  errors.effects_of_captures = EffectsOfBranches(dataset, setup);
+  // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
+  errors.joints_of_captures = JointDerivativesOfBranches(dataset, setup);
+  errors.of_branches = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
+  return errors;
 }
 
 }  // namespace
 
-void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, CalibrationOptions* options,
-                      Calibration* calibration) {
-  const Arm& nominal = dataset->robot->arm;
-  if (arm->reason.empty()) arm->reason = WhyNotEstimable(nominal, run.kinematics);
-  if (!arm->reason.empty()) return;
-  const std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects = EffectsOfBranches(*dataset, *arm);
-  const std::vector<std::vector<Matrix6X>> by_joints = JointDerivativesOfBranches(*dataset, *arm);
-  size_t branch = 0;
-  if (effects.size() > 1) {
-    BundleOptions bundle = calibration->bundle;
-    bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
-    bundle.target_scale_sigma = kPrintScaleSigma;
-    if (options->choose.target_shape) bundle.free_shape = TargetShapeCombinations().back();
-    const std::optional<size_t> found =
-        MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
-                          *calibration->refined, bundle, effects, by_joints);
-    if (!found) {
-      arm->reason = kNoBranch;
-      return;
+std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
+                                                CalibrationOptions* options, Calibration* calibration) {
+  RobotErrors errors;
+  errors.smooth = run.smooth;
+  if (arm != nullptr && arm->reason.empty()) arm->reason = WhyNotEstimable(dataset->robot->arm, run.kinematics);
+  const bool has_arm = arm != nullptr && arm->reason.empty();
+  if (has_arm) errors.arm = ErrorsOf(run, *arm, *dataset, calibration->views.size());
+  const std::optional<RobotNoise> noise_before = calibration->refined->robot_noise;
+  RobotErrorsFound found = CalibrateRobotErrors(*calibration, *options, errors);
+  if (has_arm && found.arm) {
+    const size_t branch = found.arm->branch;
+    arm->reason = found.arm->reason;
+    if (arm->reason != kNoBranch) arm->branches = {arm->branches[branch]};
+    if (!arm->reason.empty() && !arm->is_recorded) {
+      arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
     }
-    branch = *found;
+    for (size_t i = 0; i < dataset->captures.size() && arm->reason.empty(); ++i) {
+      Capture& capture = dataset->captures[i];
+      if (found.arm->model != nullptr) capture.effect = errors.arm.effects_of_captures[branch][i];
+      capture.gripper_by_joints = errors.arm.joints_of_captures[branch][i];
+    }
   }
-  arm->branches = {arm->branches[branch]};
-  CalibrationOptions with_arm = *options;
-  const std::vector<std::shared_ptr<const SharedEffects>> candidates =
-      CandidateArmErrors(nominal, run.kinematics, calibration->views.size());
-  if (!candidates.empty()) with_arm.bundle.target_scale_sigma = kPrintScaleSigma;
-  if (run.kinematics == Kinematics::kAuto) {
-    with_arm.choose.effects = candidates;
-  } else if (!candidates.empty()) {
-    with_arm.bundle.effects = candidates.front();
-  }
-  for (size_t i = 0; i < dataset->captures.size(); ++i) {
-    Capture& capture = dataset->captures[i];
-    if (!candidates.empty()) capture.effect = effects[branch][i];
-    // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
-    capture.gripper_by_joints = by_joints[branch][i];
-  }
-  const std::optional<std::string> why_not = Recalibrate(*dataset, with_arm, options, calibration);
-  if (!why_not) return;
-  arm->reason = *why_not;
-  if (!arm->is_recorded)
-    arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
+  *calibration = std::move(found.calibration);
+  *options = std::move(found.options);
+  if (!found.smooth) return std::nullopt;
   for (Capture& capture : dataset->captures) {
-    capture.effect = nullptr;
-    capture.gripper_by_joints.resize(6, 0);
+    capture.effect = found.smooth->errors->EffectAt(capture.base_from_gripper);
   }
-}
-
-// Lists the models without smooth errors that were compared before, the chosen one of which was then compared with the
-// one with smooth errors.
-void AddModelsBefore(const FoundSmoothErrors& found, const Calibration& before, Calibration* calibration) {
-  const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
-  const ErrorModel with{calibration->bundle.robot, before.bundle.free_shape, calibration->bundle.effects};
-  const auto entry_of = [](std::vector<ModelAlternative>* alternatives, const ErrorModel& model,
-                           const std::optional<RobotNoise>& robot_noise) {
-    const auto entry = std::find_if(alternatives->begin(), alternatives->end(), [&](const ModelAlternative& other) {
-      return other.model.robot == model.robot && other.model.shape == model.shape &&
-             other.model.effects == model.effects;
-    });
-    if (entry != alternatives->end()) return entry;
-    return alternatives->insert(alternatives->end(), {model, 0, robot_noise, DofOf(model), std::nullopt});
-  };
-  std::vector<ModelAlternative> alternatives = before.alternatives;
-  const double log_likelihood_with =
-      entry_of(&calibration->alternatives, with, calibration->refined->robot_noise)->log_likelihood;
-  const auto chosen = entry_of(&alternatives, without, before.refined->robot_noise);
-  const double shift = log_likelihood_with - found.log_likelihood_gain - chosen->log_likelihood;
-  chosen->p = PValueWithout(found);
-  chosen->odds = found.odds_without;
-  for (ModelAlternative& alternative : alternatives) alternative.log_likelihood += shift;
-  alternatives.insert(alternatives.end(), calibration->alternatives.begin(), calibration->alternatives.end());
-  calibration->alternatives = std::move(alternatives);
-}
-
-// Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
-// nothing if the robot is exact or its noise white. Returns a finding if such errors are part of the calibration.
-std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset* dataset, CalibrationOptions* options,
-                                                 Calibration* calibration) {
-  const BundleOptions& bundle = calibration->bundle;
-  const bool is_free = bundle.robot == BundleOptions::Robot::kEstimatedNoise || options->choose.robot_noise;
-  if (run.smooth == SmoothPoseErrors::kNone || !is_free || bundle.robot_noise_prior) return std::nullopt;
-  const std::optional<FoundSmoothErrors> found = MostLikelySmoothErrors(
-      {calibration->camera, calibration->views, options->setup, options->shape}, *calibration->refined, bundle);
-  if (!found || (run.smooth == SmoothPoseErrors::kAuto && !AreLikely(*found))) return std::nullopt;
-  const Calibration before = *calibration;
-  const SmoothErrors& errors = found->errors;
-  CalibrationOptions with_errors = *options;
-  // The target's scale and the size of the arm are nearly one.
-  if (!with_errors.bundle.target_scale_sigma) with_errors.bundle.target_scale_sigma = kPrintScaleSigma;
-  with_errors.choose.robot_noise = false;
-  with_errors.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-  with_errors.bundle.effects = std::make_shared<const SharedEffects>(errors.effects());
-  for (Capture& capture : dataset->captures) capture.effect = errors.EffectAt(capture.base_from_gripper);
-  const std::optional<std::string> why_not = Recalibrate(*dataset, with_errors, options, calibration);
-  const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
-  if (!why_not && smooth) {
-    if (run.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found, before, calibration);
-    return DescribeSmoothErrors({*smooth, errors.lengths(), *calibration->refined->robot_noise,
-                                 before.refined->robot_noise.value_or(RobotNoise{}), PValueWithout(*found)});
-  }
-  for (Capture& capture : dataset->captures) capture.effect = nullptr;
-  return std::nullopt;
+  return DescribeSmoothErrors({*calibration->refined->smooth_noise, found.smooth->errors->lengths(),
+                               *calibration->refined->robot_noise, noise_before.value_or(RobotNoise{}),
+                               found.smooth->p_value_without});
 }
 
 void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,

@@ -10,17 +10,13 @@
 
 namespace heba {
 
-// Calibrates again, with the errors of the arm and the noise of its joints among what is estimated. `calibration` is
-// that without them, and is kept if they cannot be estimated or if the captures do not require them; `arm` then states
-// the reason. `options` become those of the calibration that is kept, and the captures get their effects.
-void CalibrateWithArm(const RunOptions& run, ArmSetup* arm, Dataset* dataset, CalibrationOptions* options,
-                      Calibration* calibration);
-
-// Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
-// nothing if the robot is exact or its noise white (AreLikely). Returns a finding if such errors are part of the
-// calibration.
-std::optional<Finding> CalibrateWithSmoothErrors(const RunOptions& run, Dataset* dataset, CalibrationOptions* options,
-                                                 Calibration* calibration);
+// Calibrates again, with the errors of the arm and the noise of its joints, or errors that vary smoothly with the pose,
+// among what is estimated (CalibrateRobotErrors). `calibration` is that without them, and is kept if they cannot be
+// estimated or if the captures do not require them; `arm` then states the reason. It is null if no arm is known.
+// `options` become those of the calibration that is kept, and the captures get their effects. Returns a finding if
+// smooth errors are part of the calibration.
+std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
+                                                CalibrationOptions* options, Calibration* calibration);
 
 // Sets the effects of the arm's errors on the pairs of a calibration from poses, and the errors among which is chosen.
 void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,

@@ -8,9 +8,9 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/robot/arm_errors.h"
+#include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/rig/rig_camera_motion.h"
-#include "solvers/rig/rig_of_one.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
@@ -132,16 +132,11 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
     }
   }
   const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
-  if (dataset.robot && needs_arm && calibration->refined) {
+  if (calibration->refined) {
     EndIfCancelled(observer);
-    calibrated.arm = SetUpArm(dataset);
-    CalibrateWithArm(options, &*calibrated.arm, &calibrated.dataset, &calibrated.options, &*calibration);
-  }
-  const bool has_arm = calibrated.arm && calibrated.arm->reason.empty();
-  if (!has_arm && calibration->refined) {
-    EndIfCancelled(observer);
-    calibrated.of_smooth_errors =
-        CalibrateWithSmoothErrors(options, &calibrated.dataset, &calibrated.options, &*calibration);
+    if (dataset.robot && needs_arm) calibrated.arm = SetUpArm(dataset);
+    calibrated.of_smooth_errors = CalibrateWithRobotErrors(options, calibrated.arm ? &*calibrated.arm : nullptr,
+                                                           &calibrated.dataset, &calibrated.options, &*calibration);
   }
   calibrated.calibration = std::move(*calibration);
   return calibrated;
@@ -156,15 +151,18 @@ struct LeftOutByMotion {
 
 // Returns the captures that a motion of the camera makes useless; nothing if it was not moved.
 std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_threads) {
-  const RigOfOne rig = AsRig(calibrated.calibration, calibrated.options);
+  CalibrationProblem of_captures = InOrder(AsProblem(calibrated.calibration, calibrated.options));
+  RigProblem& problem = of_captures.model.problem;
+  // The tests of single images do not know noisy joints.
+  for (RigCapture& capture : problem.captures) capture.postures.clear();
   RigOptions options;
   options.loss = calibrated.options.bundle.loss;
   options.pixel_noise_px = calibrated.options.bundle.pixel_noise_px;
   options.num_threads = num_threads;
-  const std::optional<MovedCamera> moved = FindMovedCamera(rig.problem, rig.judged, options);
+  const std::optional<MovedCamera> moved = FindMovedCamera(problem, of_captures.model.judged, options);
   if (!moved) return std::nullopt;
-  LeftOutByMotion left_out{{}, WhyLeftOut(rig.problem, *moved), DescribeMotion(rig.problem, *moved)};
-  for (const size_t i : moved->left_out) left_out.captures.push_back(rig.captures[i]);
+  LeftOutByMotion left_out{{}, WhyLeftOut(problem, *moved), DescribeMotion(problem, *moved)};
+  for (const size_t i : moved->left_out) left_out.captures.push_back(of_captures.views[i].capture);
   return left_out;
 }
 

@@ -20,40 +20,9 @@
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/robot_errors.h"
 
 namespace heba {
-
-// The sources of error that are modelled besides the pixel noise.
-struct ErrorModel {
-  BundleOptions::Robot robot = BundleOptions::Robot::kExact;
-  std::vector<TargetShapeGroup> shape;  // Ordered as TargetShapeGroup.
-  // The systematic errors of the robot; null if none are modelled.
-  std::shared_ptr<const SharedEffects> effects = {};
-};
-
-// Returns the name of a model, such as "exact robot, target as designed" or "robot noise and joint offsets, target
-// scaled and bent".
-std::string NameOf(const ErrorModel& model);
-
-// One of the error models that were compared (solvers/calibration/model_choice.h).
-struct ModelAlternative {
-  ErrorModel model;
-  // LogLikelihoodOf at the model's own optimum, up to a constant common to all alternatives.
-  double log_likelihood = 0;
-  std::optional<RobotNoise> robot_noise = {};  // The noise that remains, if the model has any.
-  int dof = 0;  // Number of variances, those of the robot's systematic errors included, and shape parameters.
-  // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
-  // contains it. Not set for the largest model.
-  std::optional<double> p;
-  // How many times as likely the model is as that largest one is if the groups of the robot's errors that this one
-  // lacks have at least the standard deviations that robots have (EffectGroup::least_sigma). Set if it lacks such
-  // groups, but not all, and if p does not reject it already.
-  std::optional<double> odds = {};
-};
-
-// Whether errors of the robot's poses that vary smoothly with the pose are estimated, for a robot whose arm is not
-// known or whose kinematics are not estimated: never, if the captures require them, or always.
-enum class SmoothPoseErrors { kNone, kAuto, kAlways };
 
 // The parts of the model that are to be chosen; the others are given by the options.
 struct AutoModel {
@@ -145,14 +114,25 @@ struct Calibration {
 // is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
-// Continues a calibration whose refinement succeeded with errors of the robot as further candidates: `options` are
-// those of that calibration, but for the effects that they choose among, or free. `effect_of_capture` holds
-// View::effect by the index View::capture, and `joints_of_capture`, unless it is empty, View::gripper_by_joints. The
-// lens, the error model and the captures that are left out are chosen again, starting from what was found. Returns the
-// Failure of the refinement.
-Outcome<Calibration> CalibrateWithEffects(const Calibration& before, const CalibrationOptions& options,
-                                          const std::vector<std::shared_ptr<const PoseEffect>>& effect_of_capture,
-                                          const std::vector<Matrix6X>& joints_of_capture = {});
+// Errors of the robot that are searched for after a calibration without them.
+struct RobotErrors {
+  RigArmErrors arm;  // Its effects are those of the captures View::capture. Without models and joints: no arm is known.
+  // Errors that vary smoothly with the pose, of an arm of which no others are estimated.
+  SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
+};
+
+struct RobotErrorsFound {
+  Calibration calibration;          // The given one if there are no errors.
+  CalibrationOptions options;       // Those of the calibration.
+  std::optional<RigArmChoice> arm;  // Nothing if the arm is not known.
+  std::optional<RigSmoothErrors> smooth;
+};
+
+// Continues a calibration whose refinement succeeded with the search for errors of the robot
+// (solvers/calibration/model_search.h). `options` are those of that calibration. The lens, the shape of the target, the
+// noise of the robot and the captures that are left out are chosen again with them.
+RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const CalibrationOptions& options,
+                                      const RobotErrors& errors);
 
 struct PoseCalibrationOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.

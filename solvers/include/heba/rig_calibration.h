@@ -19,16 +19,6 @@
 
 namespace heba {
 
-// The errors of an arm's kinematics that may be estimated.
-struct RigArmErrors {
-  // The candidate models, each containing those before it; none if the arm is not known.
-  std::vector<std::shared_ptr<const SharedEffects>> models;
-  bool is_chosen = true;  // Whether the captures decide among them; otherwise the last is estimated.
-  // Possible effects of the arm's errors on its poses, such as those of its configurations, of which the captures
-  // determine the right one. Each has one entry per capture, a function of all effects (SharedEffects::num_all).
-  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects_of_captures;
-};
-
 struct RigCalibrationOptions {
   RigOptions adjustment;
   // For each camera, whether RigCamera::camera is given. Otherwise its size is, and its model unless that is to be
@@ -58,24 +48,6 @@ struct UnusedRigImage {
   size_t capture = 0;
   std::optional<size_t> image;
   std::string reason;  // One clause.
-};
-
-// Errors of an arm's poses that vary smoothly with the pose and that are part of the solution.
-struct RigSmoothErrors {
-  size_t robot = 0;
-  SmoothLengths lengths;
-  RobotNoise noise_before;     // The noise of the arm without them.
-  double p_value_without = 0;  // The probability of so likely smooth errors if the arm has none (an upper bound).
-};
-
-// The outcome of the choice among the models of an arm's errors.
-struct RigArmChoice {
-  size_t robot = 0;
-  size_t branch = 0;                           // Index in RigArmErrors::effects_of_captures.
-  std::shared_ptr<const SharedEffects> model;  // The errors that are part of the solution; null if none are.
-  std::string reason;                          // Reason why none are, in one clause.
-  std::optional<RobotNoise> noise_before;      // The noise of the arm without them, if it has any.
-  std::vector<ModelAlternative> alternatives;  // The models that were compared, the simplest first.
 };
 
 // A camera that was moved on its mount during the captures. The images of the shorter part, before or after the motion,

@@ -95,10 +95,12 @@ TEST(CalibrationTest, TakesRejectedPointsBackUnderAnotherModel) {
   ASSERT_EQ(first->with_rejected.size(), 1U);
   // These points are right by another model.
   first->with_rejected[0].observations.pixels = scene.views[kView].observations.pixels;
-  const Outcome<Calibration> second = CalibrateWithEffects(*first, options, {});
-  ASSERT_TRUE(second.ok()) << second.reason();
-  EXPECT_EQ(num_used(*second), num_points);
-  EXPECT_TRUE(second->with_rejected.empty());
+  RobotErrors errors;
+  errors.smooth = SmoothPoseErrors::kAlways;
+  const RobotErrorsFound second = CalibrateRobotErrors(*first, options, errors);
+  ASSERT_TRUE(second.smooth.has_value());
+  EXPECT_EQ(num_used(second.calibration), num_points);
+  EXPECT_TRUE(second.calibration.with_rejected.empty());
 }
 
 }  // namespace

@@ -1,0 +1,226 @@
+#include "solvers/calibration/calibration_problem.h"
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+#include <utility>
+
+#include "solvers/calibration/capture_rejection.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/initial/usable_views.h"
+#include "solvers/refine/bundle_model.h"
+#include "solvers/refine/hand_eye_problem.h"
+#include "solvers/uncertainty/capture_outliers.h"
+
+namespace heba {
+namespace {
+
+bool IsLeftOut(const ImageSet& left_out, size_t capture) { return left_out.contains({capture, 0}); }
+
+// The captures of a problem with one image each, as views.
+struct PairViews {
+  Problem used;                 // With the views that are used.
+  std::vector<size_t> indices;  // The capture of each of them.
+  std::vector<View> left_out;
+  std::vector<size_t> left_out_indices;
+  Solution solution;  // That of the views that are used.
+  FreeUnknowns free;
+};
+
+// Returns the effects of an arm as functions of themselves, all of which are estimated.
+std::shared_ptr<const SharedEffects> EstimatedOnly(const SharedEffects* effects) {
+  if (effects == nullptr) return nullptr;
+  auto all = std::make_shared<SharedEffects>(*effects);
+  all->num_all = static_cast<int>(all->effects.size());
+  for (int i = 0; i < all->num_all; ++i) all->effects[static_cast<size_t>(i)].index = i;
+  return all;
+}
+
+PairViews ViewsOf(const RigProblem& problem, const JudgedRig& judged) {
+  const Setup setup = problem.cameras[0].mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  const RigCamera& camera = problem.cameras[0];
+  const RigTarget& target = problem.targets[0];
+  BundleOptions options;
+  options.free_intrinsics = camera.free_intrinsics;
+  options.free_shape = target.free_shape;
+  options.effects = EstimatedOnly(EffectsOf(problem, 0));
+  PairViews pair{
+      {camera.camera, {}, setup, target.shape},           {}, {}, {}, HandEyeSolution(judged.solution, options),
+      FreeOf(judged.solution.cameras[0].Model(), options)};
+  std::vector<ViewOutcome> outcomes;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    const RigCapture& capture = problem.captures[i];
+    View view;
+    view.name = capture.name;
+    view.camera_mount_from_target_mount = CameraMountFromTargetMount(setup, capture.base_from_gripper[0]);
+    view.observations = capture.images[0].observations;
+    view.capture = i;
+    if (!capture.effects.empty()) view.effect = capture.effects[0];
+    if (!capture.postures.empty()) {
+      view.gripper_by_joints = capture.postures[0].gripper_by_joints;
+      view.joints = capture.postures[0].joints;
+    }
+    if (IsLeftOut(judged.left_out, i)) {
+      pair.left_out.push_back(std::move(view));
+      pair.left_out_indices.push_back(i);
+      continue;
+    }
+    pair.used.views.push_back(std::move(view));
+    pair.indices.push_back(i);
+    outcomes.push_back(pair.solution.views[i]);
+  }
+  pair.solution.views = std::move(outcomes);
+  return pair;
+}
+
+}  // namespace
+
+CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOptions& options) {
+  const Solution& solution = *calibration.refined;
+  // The views, and the outcomes of those that are used.
+  std::vector<std::pair<const View*, const ViewOutcome*>> views;
+  for (size_t i = 0; i < calibration.views.size(); ++i) views.emplace_back(&calibration.views[i], &solution.views[i]);
+  for (const View& view : calibration.left_out) views.emplace_back(&view, nullptr);
+  BundleOptions bundle = calibration.bundle;
+  bundle.effects = solution.shared_effects;  // The effects that were estimated.
+  Problem problem{calibration.camera, {}, options.setup, options.shape};
+  Solution of_all = solution;
+  of_all.views.clear();
+  CalibrationProblem result;
+  SearchedModel& model = result.model;
+  for (const auto& [view, outcome] : views) {
+    if (outcome == nullptr) model.judged.left_out.insert({problem.views.size(), 0});
+    problem.views.push_back(*view);
+    ViewOutcome& of_view = of_all.views.emplace_back();
+    if (outcome != nullptr) {
+      of_view = *outcome;
+    } else if (solution.robot_noise) {
+      of_view.correction = Rigid3d();
+    }
+  }
+  model.problem = HandEyeProblem(problem, bundle);
+  model.problem.targets[0].symmetries = options.symmetries;
+  model.options = AdjustmentOptionsOf(bundle);
+  model.judged.solution = ProblemSolution(of_all);
+  model.judged.num_kept_against_test = calibration.num_kept_against_test;
+  result.views = std::move(problem.views);
+  return result;
+}
+
+CalibrationProblem InOrder(CalibrationProblem problem) {
+  std::vector<size_t> order(problem.views.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return problem.views[a].capture < problem.views[b].capture; });
+  CalibrationProblem ordered = problem;
+  JudgedRig& judged = ordered.model.judged;
+  judged.left_out.clear();
+  for (size_t k = 0; k < order.size(); ++k) {
+    const size_t i = order[k];
+    ordered.views[k] = problem.views[i];
+    ordered.model.problem.captures[k] = problem.model.problem.captures[i];
+    judged.solution.captures[k] = problem.model.judged.solution.captures[i];
+    if (IsLeftOut(problem.model.judged.left_out, i)) judged.left_out.insert({k, 0});
+  }
+  return ordered;
+}
+
+ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& problem) {
+  ModelSpace space;
+  space.robot_noise = options.choose.robot_noise;
+  space.shapes = {options.choose.target_shape};
+  space.lenses = {options.choose.lenses};
+  if (options.choose.effects.empty()) return space;
+  RigArmErrors& arm = space.arms.emplace_back();
+  arm.models = options.choose.effects;
+  std::vector<std::shared_ptr<const PoseEffect>>& effects = arm.effects_of_captures.emplace_back();
+  for (const View& view : problem.views) effects.push_back(view.effect);
+  return space;
+}
+
+void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
+               Calibration* calibration) {
+  const SearchedModel& model = problem.model;
+  const RigCamera& camera = model.problem.cameras[0];
+  const RigTarget& target = model.problem.targets[0];
+  calibration->camera = camera.camera;
+  BundleOptions& bundle = calibration->bundle;
+  bundle.robot = model.options.robot;
+  bundle.robot_noise_prior = model.options.robot_noise_prior;
+  bundle.robot_noise_start = model.options.robot_noise_start;
+  bundle.free_shape = target.free_shape;
+  bundle.target_scale_sigma = target.scale_sigma;
+  bundle.effects = model.problem.effects.empty() ? nullptr : model.problem.effects[0];
+  calibration->alternatives.clear();
+  for (const ProblemAlternative& one : model.alternatives) {
+    ErrorModel of_pair = ModelOf(one.model, 0, 0);
+    if (of_pair.effects == nullptr) of_pair.effects = effects;
+    calibration->alternatives.push_back(
+        {of_pair, one.log_likelihood, one.robot_noise.front(), DofOf(of_pair), one.p, one.odds});
+  }
+  if (!model.lenses.empty() && !model.lenses[0].empty()) calibration->camera_alternatives = model.lenses[0];
+  calibration->num_kept_against_test = model.judged.num_kept_against_test;
+
+  Solution solution = HandEyeSolution(model.judged.solution, bundle);
+  const std::vector<ViewOutcome> outcomes = std::move(solution.views);
+  solution.views.clear();
+  calibration->views.clear();
+  calibration->left_out.clear();
+  // Views with too few points for a pose come last.
+  for (const bool has_pose : {true, false}) {
+    for (size_t i = 0; i < problem.views.size(); ++i) {
+      const View& view = problem.views[i];
+      if ((view.observations.size() >= kMinPosePoints) != has_pose) continue;
+      if (IsLeftOut(model.judged.left_out, i)) {
+        calibration->left_out.push_back(view);
+        continue;
+      }
+      calibration->views.push_back(view);
+      solution.views.push_back(outcomes[i]);
+    }
+  }
+  std::vector<View> posed = calibration->views;
+  std::erase_if(posed, [](const View& view) { return view.observations.size() < kMinPosePoints; });
+  std::vector<PosePair> pairs = PosePairsOf(calibration->camera, solution.hand_eye, posed);
+  if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
+  calibration->refined = std::move(solution);
+}
+
+JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+  if (options.loss == LossKind::kNone) return at;
+  constexpr int kMaxRounds = 6;
+  // The captures that the others do not contradict at an estimate without them are not tested again.
+  std::set<size_t> returned;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const PairViews views = ViewsOf(problem, at);
+    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(views.used, views.solution, views.free);
+    for (size_t k = 0; k < verdicts.size(); ++k) {
+      if (returned.contains(views.indices[k])) verdicts[k].is_wrong = false;
+    }
+    const auto num_wrong =
+        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& verdict) { return verdict.is_wrong; });
+    // So many are not wrong by themselves: the model is incomplete.
+    const bool is_model = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(verdicts.size());
+    at.num_kept_against_test = is_model ? static_cast<int>(num_wrong) : 0;
+    ImageSet next = at.left_out;
+    for (size_t k = 0; k < verdicts.size() && !is_model; ++k) {
+      if (verdicts[k].is_wrong) next.insert({views.indices[k], 0});
+    }
+    const std::vector<CaptureVerdict> of_left_out =
+        TestLeftOutCaptures(views.used, views.solution, views.free, views.left_out);
+    for (size_t k = 0; k < of_left_out.size(); ++k) {
+      if (of_left_out[k].is_wrong) continue;
+      next.erase({views.left_out_indices[k], 0});
+      returned.insert(views.left_out_indices[k]);
+    }
+    if (next == at.left_out) break;
+    Outcome<RigSolution> solution =
+        RefineRig(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
+    if (!solution) break;
+    at.solution = std::move(*solution);
+    at.left_out = std::move(next);
+  }
+  return at;
+}
+
+}  // namespace heba
