@@ -145,9 +145,10 @@ const Camera& GuessOf(const Camera& chosen, const Camera& now, const std::vector
 
 std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
   const RigSolution& solution = model->judged.solution;
+  RigProblem used = Without(model->problem, model->judged.left_out);
+  for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = solution.cameras[c];
   const Outcome<ProblemChoice> choice =
-      ChooseModel(StartingFrom(Without(model->problem, model->judged.left_out), solution), solution.poses,
-                  model->options, space, model->is_fitted ? &solution : nullptr);
+      ChooseModel(used, solution.poses, model->options, space, model->is_fitted ? &solution : nullptr);
   if (!choice) return Failure{choice.reason()};
   bool is_same = model->is_fitted && HasModel(model->problem, model->options, choice->model);
   for (size_t c = 0; c < space.lenses.size(); ++c) {
@@ -164,7 +165,7 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
   // The images have been judged under this model.
   if (is_same) return std::nullopt;
   for (const std::optional<RobotNoise>& noise : choice->solution.robot_noise) {
-    if (noise) model->options.robot_noise_start = *noise;
+    if (noise && !choice->alternatives.empty()) model->options.robot_noise_start = *noise;
   }
   model->judged.solution = choice->solution;
   model->is_fitted = true;
@@ -261,7 +262,7 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
   parts.robot_noise = false;
   with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
   with_errors.is_fitted = false;
-  if (Readjust(judge, &with_errors) || ChooseParts(parts, judge, &with_errors)) return {};
+  if (ChooseParts(parts, judge, &with_errors)) return {};
   *model = std::move(with_errors);
   return added;
 }
@@ -270,17 +271,11 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
 
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
   SearchedModel chosen = *model;
-  constexpr int kMostRounds = 2;
-  for (int round = 0; round < kMostRounds; ++round) {
-    const ImageSet left_out = chosen.judged.left_out;
-    SearchedModel next = chosen;
-    if (const std::optional<Failure> failure = ChooseOnce(space, judge, &next)) {
-      if (round == 0) return failure;
-      break;
-    }
-    chosen = std::move(next);
-    if (chosen.judged.left_out == left_out) break;
-  }
+  if (const std::optional<Failure> failure = ChooseOnce(space, judge, &chosen)) return failure;
+  SearchedModel again = chosen;
+  const Judge keep = [](const RigProblem&, JudgedRig at, const RigOptions&) { return at; };
+  const bool has_other_images = chosen.judged.left_out != model->judged.left_out;
+  if (has_other_images && !ChooseOnce(space, keep, &again)) chosen = std::move(again);
   *model = std::move(chosen);
   return std::nullopt;
 }
