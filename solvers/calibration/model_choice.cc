@@ -11,7 +11,6 @@
 #include "heba/base/error.h"
 #include "heba/data/free_parameters.h"
 #include "solvers/calibration/camera_choice.h"
-#include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/hand_eye_problem.h"
@@ -569,16 +568,6 @@ std::vector<std::optional<EffectsFit>> FitEffects(
     }
   }
   return fits;
-}
-
-std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
-                                                        const BundleOptions& options) {
-  Problem inliers = WithoutRejected(problem, solution);
-  inliers.camera = solution.camera;
-  std::vector<SmoothErrorsOfArm> found =
-      FindSmoothErrorsOfArms(HandEyeProblem(inliers, options), ProblemSolution(solution));
-  if (found.empty()) return std::nullopt;
-  return std::move(found.front().found);
 }
 
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {

@@ -11,7 +11,6 @@
 #include "heba/calibration.h"
 #include "heba/rig_calibration.h"
 #include "solvers/calibration/choice_levels.h"
-#include "solvers/calibration/smooth_search.h"
 
 namespace heba {
 
@@ -149,12 +148,5 @@ std::vector<std::optional<EffectsFit>> FitEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
     const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
-
-// Returns the smooth errors (heba/data/smooth_errors.h) whose lengths explain the problem best: those of the largest
-// restricted likelihood, linearised at `solution`, which has no effects, searched by factors of two. If it has no robot
-// noise either, they are compared with an exact robot. The standard deviations of the groups are those that belong to
-// the lengths. Returns nothing if a point cannot be projected.
-std::optional<FoundSmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
-                                                        const BundleOptions& options);
 
 }  // namespace heba

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -48,7 +47,6 @@ struct CapturesCost::CaptureTerms {
   OwnVector prior_gradient;
   double prior_squares = 0;
   double cost = 0;
-  double elimination_loss = 0;  // See NormalEquations.
 };
 
 // A capture's eliminated poses where the cost was evaluated.
@@ -107,10 +105,6 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
     for (const LoopView& view : capture.views) num_points += view.observations->size();
   }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
-  if (options_.known) {
-    CHECK(!has_eliminated_poses_);
-    CHECK_EQ(options_.known->matrix.cols(), num_columns_);
-  }
   // One more row holds the difference between the sum of rho and the weighted sum of squares.
   set_num_residuals(static_cast<int>(num_columns_) + 1);
 }
@@ -200,10 +194,6 @@ std::optional<NormalEquations> CapturesCost::NormalEquationsAt(const double* con
 }
 
 bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) const {
-  if (options_.known && options_.known->parameters == parameters) {
-    state->shared = *options_.known;
-    return true;
-  }
   state->shared.parameters = std::move(parameters);
   const LoopValues at = ValuesIn(blocks_, state->shared.parameters, problem_.targets);
   Eigen::VectorXd step;
@@ -227,12 +217,10 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   for (size_t group = 1; group < sums.size(); ++group) {
     sums[0].matrix += sums[group].matrix;
     sums[0].loss_remainder += sums[group].loss_remainder;
-    sums[0].elimination_loss = std::max(sums[0].elimination_loss, sums[group].elimination_loss);
   }
   // Only the lower triangles were summed.
   state->shared.matrix = sums[0].matrix.selfadjointView<Eigen::Lower>();
   state->shared.loss_remainder = sums[0].loss_remainder;
-  state->shared.elimination_loss = sums[0].elimination_loss;
   return true;
 }
 
@@ -305,12 +293,10 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
     own.step = group.Eliminate(terms.normal, own_rows);
     own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
     group.AddSquares(terms.prior_squares);
-    group.NoteEliminationLoss(terms.elimination_loss);
   }
   ChainedSum::Result result = group.Finish();
   sum->matrix = std::move(result.matrix);
   sum->loss_remainder = result.loss_remainder;
-  sum->elimination_loss = result.elimination_loss;
   return true;
 }
 
@@ -325,7 +311,6 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
   terms->prior_gradient.setZero(size);
   terms->prior_squares = 0;
   terms->cost = 0;
-  terms->elimination_loss = 0;
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const LoopView& view = capture.views[v];
     ViewTerms& of_view = terms->views[v];
@@ -354,15 +339,10 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
     terms->cost += products(residual, residual) + of_view.products.loss_remainder;
   }
   for (size_t j = 0; j < capture.own_poses.size(); ++j) {
-    if (!capture.own_poses[j].prior) {
-      terms->elimination_loss = std::numeric_limits<double>::infinity();
-      continue;
-    }
+    if (!capture.own_poses[j].prior) continue;
     const Eigen::Index row = 6 * static_cast<Eigen::Index>(j);
     const OwnPoseResidual prior = OwnPoseResidualAt(terms->own_poses[j], problem_.priors[*capture.own_poses[j].prior]);
     const Matrix6 of_prior = prior.by_tangent.transpose() * prior.by_tangent;
-    const double loss = terms->normal.diagonal().segment<6>(row).cwiseQuotient(of_prior.diagonal()).maxCoeff();
-    terms->elimination_loss = std::max(terms->elimination_loss, loss);
     terms->normal.block<6, 6>(row, row) += of_prior;
     terms->prior_gradient.segment<6>(row).noalias() = prior.by_tangent.transpose() * prior.residual;
     terms->prior_squares += prior.residual.squaredNorm();

@@ -32,16 +32,11 @@ struct NormalEquations {
   // J^T J of the unknowns (LoopProblem::layout) and the residual, with the poses of the captures eliminated.
   Eigen::MatrixXd matrix;
   double loss_remainder = 0;  // See ViewNormalEquations, solvers/residuals/view_reduction.h.
-  // The largest ratio of what the images tell about an eliminated coordinate to what its prior tells; 0 without
-  // eliminated poses. The elimination loses this share of the precision of the numbers.
-  double elimination_loss = 0;
 };
 
 struct CapturesCostOptions {
   double pixel_sigma_px = 1;
   const Loss* loss = nullptr;
-  // Cached normal equations of the same captures, loss, sigma and layout. Only without eliminated poses.
-  std::optional<NormalEquations> known;
   // True if the eliminated poses have not been estimated before. In either case they are refined at the first value of
   // the shared unknowns.
   bool eliminated_poses_are_rough = false;

@@ -199,7 +199,7 @@ Eigen::MatrixXd ChainedSum::Eliminate(const OwnMatrix& normal, const Eigen::Matr
 ChainedSum::Result ChainedSum::Finish() {
   if (stacked_) stacked_->AddTo(&matrix_);
   if (eliminated_) matrix_ -= eliminated_->Products();
-  return {std::move(matrix_), loss_remainder_, elimination_loss_};
+  return {std::move(matrix_), loss_remainder_};
 }
 
 }  // namespace heba

@@ -60,13 +60,10 @@ class ChainedSum {
   void AddSquares(double squares) { matrix_(num_columns_ - 1, num_columns_ - 1) += squares; }
   // Adds to ViewNormalEquations::loss_remainder.
   void AddLossRemainder(double loss_remainder) { loss_remainder_ += loss_remainder; }
-  // Updates the largest loss by elimination (NormalEquations::elimination_loss).
-  void NoteEliminationLoss(double loss) { elimination_loss_ = std::max(elimination_loss_, loss); }
 
   struct Result {
     Eigen::MatrixXd matrix;
     double loss_remainder = 0;
-    double elimination_loss = 0;
   };
   // Returns the sums. This object must not be used afterwards.
   Result Finish();
@@ -82,7 +79,6 @@ class ChainedSum {
   Eigen::Index num_columns_;
   Eigen::MatrixXd matrix_;
   double loss_remainder_ = 0;
-  double elimination_loss_ = 0;
   std::optional<StackedRows> stacked_;
   std::optional<StackedRows> eliminated_;
 };

@@ -17,9 +17,6 @@ FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup
                       const std::vector<TargetShapeGroup>& free_shape = {});
 // Returns one flag per parameter of a target's shape.
 std::array<bool, TargetShape::kNumParams> FreeShapeOf(const std::vector<TargetShapeGroup>& free_shape);
-inline bool HasShape(const FreeParameters& free, const CameraModel& model) {
-  return free.size() > static_cast<size_t>(NumParams(model));
-}
 inline Eigen::Index NumFree(const FreeParameters& free) { return std::count(free.begin(), free.end(), true); }
 
 }  // namespace heba

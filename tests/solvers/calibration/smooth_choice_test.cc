@@ -6,7 +6,8 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/smooth_search.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/arm_scenes.h"
 
 namespace heba {
@@ -42,12 +43,14 @@ SmoothFit WithSmoothErrors(const ArmScene& arm) {
   SmoothFit fit{ProblemOf(arm), nullptr};
   const Outcome<Solution> white = RefineHandEye(fit.problem, arm.scene.hand_eye, White());
   CHECK(white.ok()) << white.reason();
-  const std::optional<FoundSmoothErrors> found = MostLikelySmoothErrors(fit.problem, *white, White());
-  CHECK(found.has_value());
-  fit.effects = std::make_shared<const SharedEffects>(found->errors.effects());
-  fit.is_likely = AreLikely(*found);
+  const std::vector<SmoothErrorsOfArm> of_arms =
+      FindSmoothErrorsOfArms(HandEyeProblem(fit.problem, White()), ProblemSolution(*white));
+  CHECK_EQ(of_arms.size(), 1U);
+  const FoundSmoothErrors& found = of_arms.front().found;
+  fit.effects = std::make_shared<const SharedEffects>(found.errors.effects());
+  fit.is_likely = AreLikely(found);
   for (View& view : fit.problem.views) {
-    view.effect = found->errors.EffectAt(BaseFromGripper(kSetup, view.camera_mount_from_target_mount));
+    view.effect = found.errors.EffectAt(BaseFromGripper(kSetup, view.camera_mount_from_target_mount));
   }
   return fit;
 }

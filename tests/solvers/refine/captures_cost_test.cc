@@ -335,25 +335,6 @@ INSTANTIATE_TEST_SUITE_P(, SumOfViewsTest,
                                   std::get<2>(test.param);
                          });
 
-TEST(CapturesCostTest, UsesKnownNormalEquationsOnlyAtTheirParameters) {
-  const TestScene scene = MixedScene();
-  const Unknowns here(scene);
-  const Unknowns there = here.Moved(3, 1e-3);
-  NormalEquations marked = *MakeCost(scene, "none", false)->NormalEquationsAt(here.Blocks().data());
-  marked.matrix *= 2;
-  CostOptions options;
-  options.cost.known = marked;
-  const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", false, 1, options);
-  EXPECT_EQ(cost->NormalEquationsAt(here.Blocks().data())->matrix, marked.matrix);
-  EXPECT_EQ(cost->NormalEquationsAt(there.Blocks().data())->matrix,
-            MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
-  // Ceres evaluates the cost in this way.
-  Evaluate(*cost, here);
-  EXPECT_EQ(cost->Accepted().matrix, marked.matrix);
-  Evaluate(*cost, there);
-  EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
-}
-
 // The parameters say if the captures have corrections and if the camera is free.
 class NewtonStepTest : public testing::TestWithParam<std::tuple<bool, bool>> {};
 
