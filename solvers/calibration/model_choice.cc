@@ -4,26 +4,21 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <utility>
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
-#include "heba/data/free_parameters.h"
-#include "solvers/calibration/camera_choice.h"
+#include "solvers/calibration/lens_choice.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
 
 using Robot = BundleOptions::Robot;
-using Shape = std::vector<TargetShapeGroup>;
 using Effects = std::shared_ptr<const SharedEffects>;
 
 struct FittedModel {
@@ -31,169 +26,6 @@ struct FittedModel {
   RigOptions options;
   RigSolution solution;
   double log_likelihood = 0;
-};
-
-int NumShapeParams(const ProblemModel& model) {
-  int num = 0;
-  for (const Shape& shape : model.shapes) num += 2 * static_cast<int>(shape.size());
-  return num;
-}
-
-int NumVariances(Robot robot, const std::vector<Effects>& effects) {
-  int num = robot == Robot::kEstimatedNoise ? 2 : 0;
-  for (const Effects& of_arm : effects) {
-    if (of_arm != nullptr) num += static_cast<int>(of_arm->groups.size()) + of_arm->num_fitted;
-  }
-  return num;
-}
-
-int NumVariances(const ProblemModel& model) { return NumVariances(model.robot, model.effects); }
-
-int DofOf(const ProblemModel& model) { return NumVariances(model) + NumShapeParams(model); }
-
-// Returns whether all of `smaller` are among `larger`; null stands for no effects.
-bool Contains(const SharedEffects* larger, const SharedEffects* smaller) {
-  if (smaller == nullptr) return true;
-  return larger != nullptr && larger->num_all == smaller->num_all &&
-         std::all_of(smaller->effects.begin(), smaller->effects.end(), [&](const SharedEffect& effect) {
-           return std::any_of(larger->effects.begin(), larger->effects.end(),
-                              [&](const SharedEffect& other) { return other.index == effect.index; });
-         });
-}
-
-bool Contains(const ProblemModel& larger, const ProblemModel& smaller) {
-  if (NumVariances(larger) < NumVariances(smaller)) return false;
-  for (size_t r = 0; r < larger.effects.size(); ++r) {
-    if (!Contains(larger.effects[r].get(), smaller.effects[r].get())) return false;
-  }
-  for (size_t t = 0; t < larger.shapes.size(); ++t) {
-    const Shape& all = larger.shapes[t];
-    const bool has_all = std::all_of(smaller.shapes[t].begin(), smaller.shapes[t].end(), [&](TargetShapeGroup group) {
-      return std::find(all.begin(), all.end(), group) != all.end();
-    });
-    if (!has_all) return false;
-  }
-  return true;
-}
-
-// One part of a model that is chosen: what it may be, as functions that set it. The simplest comes first.
-using PartOptions = std::vector<std::function<void(ProblemModel*)>>;
-
-// Returns the parts that are chosen. Systematic errors are modelled beside the random ones, never instead of them, so
-// that the noise of the arms and the errors of one of them are one part if both are chosen.
-std::vector<PartOptions> PartsOf(const RigProblem& problem, const ModelSpace& space, const RigOptions& options,
-                                 bool has_few_poses) {
-  std::vector<PartOptions> parts;
-  const bool may_be_exact = space.robot_noise && !has_few_poses;
-  bool has_noise_part = false;
-  for (size_t r = 0; r < space.arms.size() && !has_few_poses; ++r) {
-    if (space.arms[r].models.empty()) continue;
-    PartOptions part;
-    if (may_be_exact && !has_noise_part) {
-      part.emplace_back([r](ProblemModel* model) {
-        model->robot = Robot::kExact;
-        model->effects[r] = nullptr;
-      });
-    }
-    has_noise_part = true;
-    std::vector<Effects> models = {nullptr};
-    models.insert(models.end(), space.arms[r].models.begin(), space.arms[r].models.end());
-    for (const Effects& effects : models) {
-      const Robot robot = space.robot_noise ? Robot::kEstimatedNoise : options.robot;
-      if (effects != nullptr && robot == Robot::kExact) continue;
-      part.emplace_back([r, robot, effects](ProblemModel* model) {
-        model->robot = robot;
-        model->effects[r] = effects;
-      });
-    }
-    parts.push_back(std::move(part));
-  }
-  if (may_be_exact && !has_noise_part) {
-    parts.push_back({[](ProblemModel* model) { model->robot = Robot::kExact; },
-                     [](ProblemModel* model) { model->robot = Robot::kEstimatedNoise; }});
-  }
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    if (t >= space.shapes.size() || !space.shapes[t]) continue;
-    PartOptions& part = parts.emplace_back();
-    for (const Shape& shape : TargetShapeCombinations()) {
-      part.emplace_back([t, shape](ProblemModel* model) { model->shapes[t] = shape; });
-    }
-  }
-  return parts;
-}
-
-// Returns the combinations of parts, with the others as in `model`, the simplest first.
-std::vector<ProblemModel> CombinationsOf(const std::vector<PartOptions>& parts, const ProblemModel& model) {
-  std::vector<ProblemModel> models = {model};
-  for (const PartOptions& part : parts) {
-    std::vector<ProblemModel> more;
-    for (const ProblemModel& one : models) {
-      for (const auto& set : part) set(&more.emplace_back(one));
-    }
-    models = std::move(more);
-  }
-  std::stable_sort(models.begin(), models.end(),
-                   [](const ProblemModel& a, const ProblemModel& b) { return DofOf(a) < DofOf(b); });
-  return models;
-}
-
-// Returns the parts in groups that are chosen together.
-std::vector<std::vector<PartOptions>> GroupParts(std::vector<PartOptions> parts) {
-  std::vector<std::vector<PartOptions>> groups;
-  size_t num_combinations = 0;
-  for (PartOptions& part : parts) {
-    if (groups.empty() || num_combinations * part.size() > kMostCombinations) {
-      groups.emplace_back();
-      num_combinations = 1;
-    }
-    num_combinations *= part.size();
-    groups.back().push_back(std::move(part));
-  }
-  return groups;
-}
-
-// Returns the model of a problem, with the largest of each part that is chosen.
-ProblemModel LargestModel(const RigProblem& problem, const std::vector<PartOptions>& parts, Robot robot) {
-  ProblemModel model;
-  model.robot = robot;
-  for (const RigTarget& target : problem.targets) model.shapes.push_back(target.free_shape);
-  model.effects.resize(problem.robots.size());
-  for (const PartOptions& part : parts) part.back()(&model);
-  return model;
-}
-
-}  // namespace
-
-bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model) {
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    if (problem.targets[t].free_shape != model.shapes[t]) return false;
-  }
-  for (size_t r = 0; r < problem.robots.size(); ++r) {
-    if (EffectsOf(problem, r) != model.effects[r].get()) return false;
-  }
-  return options.robot == model.robot;
-}
-
-RigProblem StartingFrom(RigProblem problem, const RigSolution& solution) {
-  for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    RigTarget& target = problem.targets[t];
-    const auto free = FreeShapeOf(target.free_shape);
-    for (size_t i = 0; i < free.size(); ++i) {
-      if (free[i]) target.shape.params[i] = solution.shapes[t].params[i];
-    }
-  }
-  return problem;
-}
-
-namespace {
-
-// The problem in which models are compared: its points have fixed weights.
-struct Comparison {
-  RigProblem problem;
-  RigPoses start;
-  RigOptions options;
-  const ModelSpace& space;
 };
 
 std::optional<FittedModel> Fit(const RigProblem& problem, const RigPoses& start, const ProblemModel& model,
@@ -274,107 +106,11 @@ bool IsAcceptable(std::optional<double> p, std::optional<double> odds, bool lack
   return IsLikelyEnough(p, lacks_systematic) && (!odds || *odds >= kLeastOdds);
 }
 
-// Returns the options with all noise held at that of a solution, and the problem with that of the arms' effects.
-RigOptions WithNoiseOf(const RigSolution& solution, RigOptions options, RigProblem* problem) {
-  // Every camera has the noise of the first one, which differs from the others' by a constant factor.
-  options.pixel_noise_px = solution.pixel_sigmas_px.front();
-  for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
-    if (!noise) continue;
-    options.robot = Robot::kGivenNoise;
-    options.robot_noise = *noise;
-    break;
-  }
-  for (size_t r = 0; r < problem->effects.size(); ++r) {
-    if (problem->effects[r] == nullptr) continue;
-    auto effects = std::make_shared<SharedEffects>(*problem->effects[r]);
-    for (size_t g = 0; g < effects->groups.size(); ++g) effects->groups[g].sigma = solution.effect_sigmas[r][g];
-    problem->effects[r] = std::move(effects);
-  }
-  return options;
-}
-
-// A lens that was fitted with the noise of the largest one.
-struct FittedLens {
-  RigSolution solution;
-  std::vector<double> costs;  // GroupCosts.
-  size_t alternative = 0;     // Index in LensChoice::alternatives.
-};
-
-struct LensChoice {
-  RigSolution solution;  // That of the chosen lens.
-  std::vector<CameraAlternative> alternatives;
-};
-
-// Chooses the smallest lens of a camera that no larger one rejects, under an error model; one without distortion only
-// if no other one can be fitted. Returns a Failure if none can be fitted.
-Outcome<LensChoice> ChooseLens(const Comparison& comparison, size_t camera, const ProblemModel& model) {
-  const std::vector<Camera>& lenses = comparison.space.lenses[camera];
-  LensChoice choice;
-  for (const Camera& lens : lenses) {
-    choice.alternatives.push_back({lens.model, 0, static_cast<int>(lens.params.size()), std::nullopt});
-  }
-  RigProblem problem = WithModel(comparison.problem, model, comparison.space);
-  RigPoses from = comparison.start;
-  RigOptions options = comparison.options;
-  options.robot = model.robot;
-  std::vector<FittedLens> fitted;  // The largest first.
-  std::string reason;
-  double dof = std::numeric_limits<double>::infinity();
-  for (size_t i = lenses.size(); i-- > 0;) {
-    RigProblem with_lens = problem;
-    Camera& of_camera = with_lens.cameras[camera].camera;
-    if (of_camera.model != lenses[i].model) of_camera = lenses[i];
-    if (fitted.empty()) {
-      const Outcome<RigSolution> own = RefineRig(with_lens, from, options);
-      if (!own) {
-        choice.alternatives[i].reason = reason = own.reason();
-        continue;
-      }
-      dof = own->covariance_dof;
-      options = WithNoiseOf(*own, options, &problem);
-      from = own->poses;
-      with_lens = StartingFrom(problem, *own);
-    }
-    const Outcome<RigSolution> solution = RefineRig(with_lens, from, options);
-    if (solution) {
-      fitted.push_back({*solution,
-                        GroupCosts(problem, GroupByRobotPoses(problem), StateOf(*solution), NoiseOf(*solution),
-                                   LossOf(options.loss)),
-                        i});
-    } else {
-      choice.alternatives[i].reason = solution.reason();
-    }
-  }
-  if (fitted.empty()) return Failure{reason};
-  const auto sum = [](const std::vector<double>& costs) { return std::accumulate(costs.begin(), costs.end(), 0.0); };
-  const FittedLens* chosen = nullptr;
-  for (size_t k = fitted.size(); k-- > 0;) {
-    CameraAlternative& alternative = choice.alternatives[fitted[k].alternative];
-    const Camera& smaller_lens = fitted[k].solution.cameras[camera];
-    alternative.log_likelihood = sum(fitted.front().costs) - sum(fitted[k].costs);
-    bool is_rejected = false;
-    for (size_t larger = 0; larger < k; ++larger) {
-      std::vector<double> gains;
-      for (size_t g = 0; g < fitted[k].costs.size(); ++g) {
-        gains.push_back(fitted[k].costs[g] - fitted[larger].costs[g]);
-      }
-      const LensComparison of_two =
-          CompareLenses(gains, NumMoreParams(smaller_lens, fitted[larger].solution.cameras[camera]), dof);
-      alternative.p = std::min(alternative.p.value_or(1), of_two.p);
-      is_rejected = is_rejected || of_two.RejectsSmaller();
-    }
-    if (k > 0) alternative.reason = WhyNotBesideLarger(smaller_lens);
-    if (chosen == nullptr && !is_rejected && alternative.reason.empty()) chosen = &fitted[k];
-  }
-  choice.solution = chosen->solution;
-  return choice;
-}
-
-// The error models that were fitted, and the one that was chosen.
+// The error models that were compared, and the one that was chosen.
 struct ErrorModelChoice {
-  std::vector<FittedModel> fitted;
   std::vector<ProblemAlternative> alternatives;
   size_t chosen = 0;
+  FittedModel best;
 };
 
 // Returns ModelAlternative::odds of a model beside the largest one that contains it.
@@ -415,7 +151,7 @@ ErrorModelChoice Compare(const Comparison& comparison, std::vector<FittedModel> 
     if (is_better) best = k;
   }
   choice.chosen = *best;  // The largest is acceptable.
-  choice.fitted = std::move(fitted);
+  choice.best = std::move(fitted[*best]);
   return choice;
 }
 
@@ -441,7 +177,7 @@ std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
   ErrorModelChoice choice = compare();
   for (size_t k = 0; k < num_smaller; ++k) {
     // Models with more parameters than the chosen one cannot be chosen.
-    if (DofOf(candidates[k]) > DofOf(choice.fitted[choice.chosen].model)) break;
+    if (DofOf(candidates[k]) > DofOf(choice.best.model)) break;
     std::optional<FittedModel> found = fit(candidates[k], smaller);
     if (!found) continue;
     smaller.push_back(std::move(*found));
@@ -451,6 +187,81 @@ std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
     choice = compare();
   }
   return choice;
+}
+
+// Chooses the parts of an error model, group by group, the later ones as in `largest` until their turn comes.
+std::optional<ErrorModelChoice> ChooseParts(const Comparison& comparison,
+                                            const std::vector<std::vector<PartOptions>>& groups,
+                                            const ProblemModel& largest) {
+  if (groups.empty()) return ChooseErrorModel(comparison, {largest});
+  std::optional<ErrorModelChoice> choice;
+  for (const std::vector<PartOptions>& group : groups) {
+    std::optional<ErrorModelChoice> of_group =
+        ChooseErrorModel(comparison, CombinationsOf(group, choice ? choice->best.model : largest));
+    if (!of_group) break;
+    if (choice) {
+      of_group->chosen += choice->alternatives.size();
+      of_group->alternatives.insert(of_group->alternatives.begin(), choice->alternatives.begin(),
+                                    choice->alternatives.end());
+    }
+    choice = std::move(of_group);
+  }
+  return choice;
+}
+
+// Chooses the lens of each camera under an error model, and sets those that are others than before. Returns whether
+// there are any, or the Failure if no lens of a camera can be fitted.
+Outcome<bool> ChooseLenses(const ProblemModel& model, Comparison* comparison,
+                           std::vector<std::vector<CameraAlternative>>* alternatives) {
+  bool has_others = false;
+  for (size_t c = 0; c < comparison->space.lenses.size(); ++c) {
+    if (comparison->space.lenses[c].size() < 2) continue;
+    Outcome<LensChoice> choice = ChooseLens(*comparison, c, model);
+    if (!choice) return Failure{choice.reason()};
+    const Camera& chosen = choice->solution.cameras[c];
+    const bool is_first = (*alternatives)[c].empty();
+    if (!is_first && chosen.model == comparison->problem.cameras[c].camera.model) continue;
+    has_others = true;
+    comparison->problem.cameras[c].camera = chosen;
+    comparison->start = choice->solution.poses;
+    (*alternatives)[c] = std::move(choice->alternatives);
+  }
+  return has_others;
+}
+
+// A model, and its solution.
+struct LargestFit {
+  ProblemModel model;
+  RigSolution solution;
+};
+
+// Returns the models that are fitted until one can be: the largest first, those with smaller parts of the later groups
+// next.
+std::vector<ProblemModel> ToTry(const std::vector<std::vector<PartOptions>>& groups, const ProblemModel& largest) {
+  std::vector<ProblemModel> models = {largest};
+  for (size_t g = groups.size(); g-- > 0;) {
+    const std::vector<ProblemModel> combinations = CombinationsOf(groups[g], models.back());
+    models.insert(models.end(), combinations.rbegin(), combinations.rend());
+  }
+  if (!groups.empty()) models.erase(models.begin());  // It is the largest combination, too.
+  return models;
+}
+
+// Fits models to the problems with the lenses that are tried, until one can be. Returns the first Failure if none can.
+Outcome<LargestFit> FitLargest(const std::vector<RigProblem>& with_lenses, const RigPoses& start,
+                               const RigOptions& options_in, const std::vector<ProblemModel>& to_try,
+                               const ModelSpace& space) {
+  std::string reason;
+  RigOptions options = options_in;
+  for (const RigProblem& with_lens : with_lenses) {
+    for (const ProblemModel& model : to_try) {
+      options.robot = model.robot;
+      Outcome<RigSolution> solution = RefineRig(WithModel(with_lens, model, space), start, options);
+      if (solution) return LargestFit{model, std::move(*solution)};
+      if (reason.empty()) reason = solution.reason();
+    }
+  }
+  return Failure{reason};
 }
 
 // Adds the points that were left out before a fit to those that it rejected.
@@ -463,21 +274,6 @@ void AddRejected(const RigSolution& before, RigSolution* solution) {
       std::sort(ids.begin(), ids.end());
     }
   }
-}
-
-// Returns the problems with the lenses that are tried until one can be fitted: as given, and with the other lenses of
-// each camera, the largest first.
-std::vector<RigProblem> WithLenses(const RigProblem& problem, const ModelSpace& space) {
-  std::vector<RigProblem> with_lenses = {problem};
-  for (size_t c = 0; c < space.lenses.size(); ++c) {
-    const std::vector<Camera>& lenses = space.lenses[c];
-    for (auto lens = lenses.rbegin(); lenses.size() > 1 && lens != lenses.rend(); ++lens) {
-      if (lens->model == problem.cameras[c].camera.model) continue;
-      with_lenses.push_back(problem);
-      with_lenses.back().cameras[c].camera = *lens;
-    }
-  }
-  return with_lenses;
 }
 
 }  // namespace
@@ -495,8 +291,6 @@ std::optional<double> OddsAgainst(
   return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
 }
 
-int NumVariances(const ErrorModel& model) { return NumVariances(model.robot, {model.effects}); }
-
 double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
                      double covariance_dof) {
   const double statistic = std::max(0.0, 2 * (larger_log_likelihood - smaller_log_likelihood));
@@ -511,31 +305,6 @@ double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood
   // The likelihood ratio statistic of a linear model is (dof + k) log(1 + k F / dof).
   return FisherTail(covariance_dof / num_shape * std::expm1(statistic / (covariance_dof + num_shape)), num_shape,
                     covariance_dof);
-}
-
-int DofOf(const ErrorModel& model) { return NumVariances(model) + 2 * static_cast<int>(model.shape.size()); }
-
-std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
-  std::vector<std::vector<TargetShapeGroup>> combinations(4);
-  combinations[1].push_back(TargetShapeGroup::kScale);
-  combinations[2].push_back(TargetShapeGroup::kBend);
-  combinations[3].push_back(TargetShapeGroup::kScale);
-  combinations[3].push_back(TargetShapeGroup::kBend);
-  return combinations;
-}
-
-std::string NameOf(const ErrorModel& model) {
-  const auto has = [&](TargetShapeGroup group) {
-    return std::find(model.shape.begin(), model.shape.end(), group) != model.shape.end();
-  };
-  const bool is_scaled = has(TargetShapeGroup::kScale);
-  const bool is_bent = has(TargetShapeGroup::kBend);
-  const std::string target = is_scaled && is_bent ? "target scaled and bent"
-                             : is_scaled          ? "target scaled"
-                             : is_bent            ? "target bent"
-                                                  : "target as designed";
-  return (model.robot == Robot::kExact ? "exact robot" : "robot noise") +
-         (model.effects == nullptr ? std::string() : " and " + model.effects->name) + ", " + target;
 }
 
 std::vector<std::optional<EffectsFit>> FitEffects(
@@ -570,145 +339,66 @@ std::vector<std::optional<EffectsFit>> FitEffects(
   return fits;
 }
 
-ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {
-  return {model.robot, model.shapes[target], model.effects[robot]};
-}
-
-RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space) {
-  for (size_t t = 0; t < problem.targets.size(); ++t) {
-    RigTarget& target = problem.targets[t];
-    target.free_shape = model.shapes[t];
-    // What is not free is as designed.
-    const auto free = FreeShapeOf(target.free_shape);
-    for (size_t i = 0; i < free.size(); ++i) {
-      if (!free[i]) target.shape.params[i] = TargetShape().params[i];
-    }
-  }
-  for (size_t r = 0; r < space.arms.size(); ++r) {
-    if (space.arms[r].models.empty()) continue;
-    problem.effects.resize(problem.robots.size());
-    problem.effects[r] = model.effects[r];
-    std::vector<int> estimated;
-    for (size_t k = 0; model.effects[r] != nullptr && k < model.effects[r]->effects.size(); ++k) {
-      estimated.push_back(model.effects[r]->effects[k].index);
-    }
-    for (size_t i = 0; i < problem.captures.size(); ++i) {
-      std::vector<std::shared_ptr<const PoseEffect>>& effects = problem.captures[i].effects;
-      effects.resize(problem.robots.size());
-      const std::shared_ptr<const PoseEffect>& all = space.arms[r].effects_of_captures.front()[i];
-      effects[r] = model.effects[r] == nullptr || all == nullptr
-                       ? nullptr
-                       : SelectEffects(all, model.effects[r]->num_all, estimated);
-    }
-  }
-  return problem;
-}
-
 Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options_in,
                                    const ModelSpace& space, const RigSolution* at_largest) {
   RigOptions options = options_in;
   const bool has_few_poses = GroupByRobotPoses(problem).size() < kMinPosesForVariances;
   if (space.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
   const std::vector<PartOptions> parts = PartsOf(problem, space, options, has_few_poses);
+  const std::vector<std::vector<PartOptions>> groups = GroupParts(parts);
   const ProblemModel largest_of_all =
       LargestModel(problem, parts, space.robot_noise ? Robot::kEstimatedNoise : options.robot);
   const bool chooses_lens = std::any_of(space.lenses.begin(), space.lenses.end(),
                                         [](const std::vector<Camera>& lenses) { return lenses.size() > 1; });
-
-  // The largest model that can be fitted determines the inliers and their weights: points that a smaller model cannot
-  // explain must remain, so that it can be judged by them.
-  std::vector<std::vector<PartOptions>> groups = GroupParts(parts);
-  ProblemModel largest_model;
-  std::optional<RigSolution> largest;
-  std::string reason;
-  // Parts that are chosen later are held as far as those before them do not suffice.
-  std::vector<ProblemModel> to_try = {largest_of_all};
-  for (size_t g = groups.size(); g-- > 0;) {
-    const std::vector<ProblemModel> combinations = CombinationsOf(groups[g], to_try.back());
-    for (auto one = combinations.rbegin(); one != combinations.rend(); ++one) to_try.push_back(*one);
+  const bool is_known = at_largest != nullptr && !groups.empty() && HasModel(problem, options, largest_of_all);
+  const Outcome<LargestFit> largest =
+      is_known ? LargestFit{largest_of_all, *at_largest}
+               : FitLargest(WithLenses(problem, space), start, options, ToTry(groups, largest_of_all), space);
+  if (!largest) return Failure{largest.reason()};
+  if (parts.empty() && !chooses_lens) {
+    RigProblem with_model = WithModel(problem, largest->model, space);
+    options.robot = largest->model.robot;
+    return ProblemChoice{std::move(with_model), options, largest->model, largest->solution, {}, 0, {}};
   }
-  if (!groups.empty()) to_try.erase(to_try.begin());
-  if (at_largest != nullptr && !groups.empty() && HasModel(problem, options, largest_of_all)) {
-    largest = *at_largest;
-    largest_model = largest_of_all;
+  Comparison comparison{WithFixedWeights(WithoutRejected(problem, largest->solution), largest->solution),
+                        largest->solution.poses, options, space};
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    comparison.problem.cameras[c].camera = largest->solution.cameras[c];
   }
-  for (const RigProblem& with_lens : WithLenses(problem, space)) {
-    for (size_t k = 0; !largest && k < to_try.size(); ++k) {
-      RigOptions of_model = options;
-      of_model.robot = to_try[k].robot;
-      const Outcome<RigSolution> solution = RefineRig(WithModel(with_lens, to_try[k], space), start, of_model);
-      if (!solution) {
-        if (reason.empty()) reason = solution.reason();
-        continue;
-      }
-      largest_model = to_try[k];
-      if (parts.empty() && !chooses_lens) {
-        return ProblemChoice{WithModel(with_lens, largest_model, space), of_model, largest_model, *solution, {}, 0, {}};
-      }
-      largest = *solution;
-    }
-  }
-  if (!largest) return Failure{reason};
-  Comparison comparison{WithFixedWeights(WithoutRejected(problem, *largest), *largest), largest->poses, options, space};
-  for (size_t c = 0; c < problem.cameras.size(); ++c) comparison.problem.cameras[c].camera = largest->cameras[c];
   if (options.loss == LossKind::kTruncated) comparison.options.loss = LossKind::kNone;
   comparison.options.effects_avoid_zero = false;  // The models with variances of zero are part of the comparison.
 
-  ProblemModel model = largest_model;
+  ProblemModel model = largest->model;
   ProblemChoice choice;
   choice.lenses.resize(space.lenses.size());
   std::optional<ErrorModelChoice> errors;
   constexpr int kMostRounds = 3;
   for (int round = 0; round < kMostRounds; ++round) {
-    bool has_other_lens = round == 0;
-    for (size_t c = 0; c < space.lenses.size(); ++c) {
-      if (space.lenses[c].size() < 2) continue;
-      Outcome<LensChoice> of_lens = ChooseLens(comparison, c, model);
-      if (!of_lens && !errors) return Failure{of_lens.reason()};
-      if (!of_lens) continue;
-      const bool is_same = of_lens->solution.cameras[c].model == comparison.problem.cameras[c].camera.model;
-      if (round > 0 && is_same) continue;
-      has_other_lens = true;
-      comparison.problem.cameras[c].camera = of_lens->solution.cameras[c];
-      comparison.start = of_lens->solution.poses;
-      choice.lenses[c] = std::move(of_lens->alternatives);
-    }
-    if (!has_other_lens) break;
-    std::optional<ErrorModelChoice> next;
-    ProblemModel at = largest_model;
-    std::vector<ProblemAlternative> alternatives;
-    size_t chosen = 0;
-    for (const std::vector<PartOptions>& group : groups) {
-      std::optional<ErrorModelChoice> of_group = ChooseErrorModel(comparison, CombinationsOf(group, at));
-      if (!of_group) break;
-      at = of_group->fitted[of_group->chosen].model;
-      chosen = alternatives.size() + of_group->chosen;
-      alternatives.insert(alternatives.end(), of_group->alternatives.begin(), of_group->alternatives.end());
-      next = std::move(of_group);
-    }
-    if (groups.empty()) next = ChooseErrorModel(comparison, {largest_model});
+    const Outcome<bool> has_other_lens = ChooseLenses(model, &comparison, &choice.lenses);
+    if (!has_other_lens && !errors) return Failure{has_other_lens.reason()};
+    if (round > 0 && !(has_other_lens && *has_other_lens)) break;
+    std::optional<ErrorModelChoice> next = ChooseParts(comparison, groups, largest->model);
     if (!next && !errors) return Failure{"no model of the errors could be fitted"};
     if (!next) break;
     errors = std::move(next);
-    model = errors->fitted[errors->chosen].model;
-    choice.alternatives = groups.empty() ? errors->alternatives : std::move(alternatives);
-    choice.chosen = groups.empty() ? errors->chosen : chosen;
+    model = errors->alternatives[errors->chosen].model;
     if (!chooses_lens) break;
   }
-  const FittedModel& best = errors->fitted[errors->chosen];
+  const FittedModel& best = errors->best;
+  choice.alternatives = std::move(errors->alternatives);
+  choice.chosen = errors->chosen;
   choice.model = model;
   choice.problem = WithModel(problem, model, space);
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    if (best.solution.cameras[c].model != problem.cameras[c].camera.model) {
-      choice.problem.cameras[c].camera = best.solution.cameras[c];
-    }
+    const Camera& camera = best.solution.cameras[c];
+    if (camera.model != problem.cameras[c].camera.model) choice.problem.cameras[c].camera = camera;
   }
   choice.options = best.options;
   choice.options.loss = options_in.loss;
   choice.options.effects_avoid_zero = options_in.effects_avoid_zero;
   choice.solution = best.solution;
-  choice.solution.unmodelled_sigma_px = largest->unmodelled_sigma_px;
-  AddRejected(*largest, &choice.solution);
+  choice.solution.unmodelled_sigma_px = largest->solution.unmodelled_sigma_px;
+  AddRejected(largest->solution, &choice.solution);
   return choice;
 }
 

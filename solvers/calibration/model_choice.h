@@ -9,13 +9,10 @@
 #include <vector>
 
 #include "heba/calibration.h"
-#include "heba/rig_calibration.h"
 #include "solvers/calibration/choice_levels.h"
+#include "solvers/calibration/problem_model.h"
 
 namespace heba {
-
-// Fewer robot poses do not determine two variances: a prior for industrial arms is then part of the model.
-inline constexpr size_t kMinPosesForVariances = 8;
 
 // The numbers of parameters by which two nested models differ.
 struct ModelDifference {
@@ -35,42 +32,6 @@ bool IsAcceptable(const ModelAlternative& smaller, const ErrorModel& largest);
 std::optional<double> OddsAgainst(
     const ErrorModel& largest, const ModelAlternative& smaller,
     const std::function<std::optional<double>(const SharedEffects& smaller)>& log_likelihood_at_least);
-
-// Returns ModelAlternative::dof of a model.
-int DofOf(const ErrorModel& model);
-// Returns the number of variances of a model, and of the figures of its effects that were fitted.
-int NumVariances(const ErrorModel& model);
-
-// Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
-std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
-
-// The parts of a problem that are to be chosen; the others are as the problem has them.
-struct ModelSpace {
-  bool robot_noise = false;  // Whether the arms may be exact; otherwise they are as the options of the adjustment say.
-  std::vector<bool> shapes;  // One per target: whether the unknown parts of its shape are chosen.
-  // One per arm: the errors among which is chosen, none first, with their effects on the captures, of which there is
-  // one choice (RigArmErrors::effects_of_captures). An arm without models keeps the effects of the problem.
-  std::vector<RigArmErrors> arms;
-  // One per camera: the cameras among which is chosen, of which each is an initial guess with another model, the
-  // smallest first. With fewer than two the model of the problem's camera holds.
-  std::vector<std::vector<Camera>> lenses;
-};
-
-// The chosen parts: the error model of a problem.
-struct ProblemModel {
-  BundleOptions::Robot robot = BundleOptions::Robot::kExact;  // Of all arms.
-  std::vector<std::vector<TargetShapeGroup>> shapes;          // One per target.
-  // One per arm; null if its errors are not modelled, or not chosen.
-  std::vector<std::shared_ptr<const SharedEffects>> effects;
-};
-// Returns the error model of one arm and one target.
-ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
-// Returns whether a problem that is adjusted with these options has a model.
-bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model);
-// Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
-RigProblem StartingFrom(RigProblem problem, const RigSolution& solution);
-// Returns the problem with a model, whose chosen parts are those of `space`.
-RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
 
 // One of the models that were compared; see ModelAlternative.
 struct ProblemAlternative {
@@ -117,9 +78,6 @@ struct ProblemChoice {
 // `at_largest` may be a solution of the problem as it is; if that has the largest model, it is not fitted again.
 Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
                                    const ModelSpace& space, const RigSolution* at_largest = nullptr);
-
-// The most combinations of the parts of a model that are fitted to be compared.
-inline constexpr size_t kMostCombinations = 16;
 
 struct ModelChoice {
   BundleOptions options;                       // The given options with the chosen model.

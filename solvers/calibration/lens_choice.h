@@ -1,0 +1,34 @@
+// The choice of a camera's lens on a whole problem.
+#pragma once
+
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/calibration.h"
+#include "heba/rig_adjustment.h"
+#include "solvers/calibration/problem_model.h"
+
+namespace heba {
+
+// The problem in which models are compared: its points have fixed weights.
+struct Comparison {
+  RigProblem problem;
+  RigPoses start;
+  RigOptions options;
+  const ModelSpace& space;
+};
+
+struct LensChoice {
+  RigSolution solution;  // That of the chosen lens.
+  std::vector<CameraAlternative> alternatives;
+};
+
+// Chooses the smallest lens of a camera that no larger one rejects, under an error model; one without distortion only
+// if no other one can be fitted. Returns a Failure if none can be fitted.
+Outcome<LensChoice> ChooseLens(const Comparison& comparison, size_t camera, const ProblemModel& model);
+
+// Returns the problems with the lenses that are tried until one can be fitted: as given, and with the other lenses of
+// each camera, the largest first.
+std::vector<RigProblem> WithLenses(const RigProblem& problem, const ModelSpace& space);
+
+}  // namespace heba

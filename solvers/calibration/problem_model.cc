@@ -1,0 +1,227 @@
+#include "solvers/calibration/problem_model.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "heba/data/free_parameters.h"
+
+namespace heba {
+namespace {
+
+using Robot = BundleOptions::Robot;
+using Shape = std::vector<TargetShapeGroup>;
+using Effects = std::shared_ptr<const SharedEffects>;
+
+int NumVariances(Robot robot, const std::vector<Effects>& effects) {
+  int num = robot == Robot::kEstimatedNoise ? 2 : 0;
+  for (const Effects& of_arm : effects) {
+    if (of_arm != nullptr) num += static_cast<int>(of_arm->groups.size()) + of_arm->num_fitted;
+  }
+  return num;
+}
+
+// Returns whether all of `smaller` are among `larger`; null stands for no effects.
+bool Contains(const SharedEffects* larger, const SharedEffects* smaller) {
+  if (smaller == nullptr) return true;
+  return larger != nullptr && larger->num_all == smaller->num_all &&
+         std::all_of(smaller->effects.begin(), smaller->effects.end(), [&](const SharedEffect& effect) {
+           return std::any_of(larger->effects.begin(), larger->effects.end(),
+                              [&](const SharedEffect& other) { return other.index == effect.index; });
+         });
+}
+
+}  // namespace
+
+int NumVariances(const ErrorModel& model) { return NumVariances(model.robot, {model.effects}); }
+
+int DofOf(const ErrorModel& model) { return NumVariances(model) + 2 * static_cast<int>(model.shape.size()); }
+
+std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
+  std::vector<std::vector<TargetShapeGroup>> combinations(4);
+  combinations[1].push_back(TargetShapeGroup::kScale);
+  combinations[2].push_back(TargetShapeGroup::kBend);
+  combinations[3].push_back(TargetShapeGroup::kScale);
+  combinations[3].push_back(TargetShapeGroup::kBend);
+  return combinations;
+}
+
+std::string NameOf(const ErrorModel& model) {
+  const auto has = [&](TargetShapeGroup group) {
+    return std::find(model.shape.begin(), model.shape.end(), group) != model.shape.end();
+  };
+  const bool is_scaled = has(TargetShapeGroup::kScale);
+  const bool is_bent = has(TargetShapeGroup::kBend);
+  const std::string target = is_scaled && is_bent ? "target scaled and bent"
+                             : is_scaled          ? "target scaled"
+                             : is_bent            ? "target bent"
+                                                  : "target as designed";
+  return (model.robot == Robot::kExact ? "exact robot" : "robot noise") +
+         (model.effects == nullptr ? std::string() : " and " + model.effects->name) + ", " + target;
+}
+
+int NumShapeParams(const ProblemModel& model) {
+  int num = 0;
+  for (const Shape& shape : model.shapes) num += 2 * static_cast<int>(shape.size());
+  return num;
+}
+
+int NumVariances(const ProblemModel& model) { return NumVariances(model.robot, model.effects); }
+
+int DofOf(const ProblemModel& model) { return NumVariances(model) + NumShapeParams(model); }
+
+bool Contains(const ProblemModel& larger, const ProblemModel& smaller) {
+  if (NumVariances(larger) < NumVariances(smaller)) return false;
+  for (size_t r = 0; r < larger.effects.size(); ++r) {
+    if (!Contains(larger.effects[r].get(), smaller.effects[r].get())) return false;
+  }
+  for (size_t t = 0; t < larger.shapes.size(); ++t) {
+    const Shape& all = larger.shapes[t];
+    const bool has_all = std::all_of(smaller.shapes[t].begin(), smaller.shapes[t].end(), [&](TargetShapeGroup group) {
+      return std::find(all.begin(), all.end(), group) != all.end();
+    });
+    if (!has_all) return false;
+  }
+  return true;
+}
+
+// Returns the parts that are chosen. Systematic errors are modelled beside the random ones, never instead of them, so
+// that the noise of the arms and the errors of one of them are one part if both are chosen.
+std::vector<PartOptions> PartsOf(const RigProblem& problem, const ModelSpace& space, const RigOptions& options,
+                                 bool has_few_poses) {
+  std::vector<PartOptions> parts;
+  const bool may_be_exact = space.robot_noise && !has_few_poses;
+  bool has_noise_part = false;
+  for (size_t r = 0; r < space.arms.size() && !has_few_poses; ++r) {
+    if (space.arms[r].models.empty()) continue;
+    PartOptions part;
+    if (may_be_exact && !has_noise_part) {
+      part.emplace_back([r](ProblemModel* model) {
+        model->robot = Robot::kExact;
+        model->effects[r] = nullptr;
+      });
+    }
+    has_noise_part = true;
+    std::vector<Effects> models = {nullptr};
+    models.insert(models.end(), space.arms[r].models.begin(), space.arms[r].models.end());
+    for (const Effects& effects : models) {
+      const Robot robot = space.robot_noise ? Robot::kEstimatedNoise : options.robot;
+      if (effects != nullptr && robot == Robot::kExact) continue;
+      part.emplace_back([r, robot, effects](ProblemModel* model) {
+        model->robot = robot;
+        model->effects[r] = effects;
+      });
+    }
+    parts.push_back(std::move(part));
+  }
+  if (may_be_exact && !has_noise_part) {
+    parts.push_back({[](ProblemModel* model) { model->robot = Robot::kExact; },
+                     [](ProblemModel* model) { model->robot = Robot::kEstimatedNoise; }});
+  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    if (t >= space.shapes.size() || !space.shapes[t]) continue;
+    PartOptions& part = parts.emplace_back();
+    for (const Shape& shape : TargetShapeCombinations()) {
+      part.emplace_back([t, shape](ProblemModel* model) { model->shapes[t] = shape; });
+    }
+  }
+  return parts;
+}
+
+// Returns the combinations of parts, with the others as in `model`, the simplest first.
+std::vector<ProblemModel> CombinationsOf(const std::vector<PartOptions>& parts, const ProblemModel& model) {
+  std::vector<ProblemModel> models = {model};
+  for (const PartOptions& part : parts) {
+    std::vector<ProblemModel> more;
+    for (const ProblemModel& one : models) {
+      for (const auto& set : part) set(&more.emplace_back(one));
+    }
+    models = std::move(more);
+  }
+  std::stable_sort(models.begin(), models.end(),
+                   [](const ProblemModel& a, const ProblemModel& b) { return DofOf(a) < DofOf(b); });
+  return models;
+}
+
+// Returns the parts in groups that are chosen together.
+std::vector<std::vector<PartOptions>> GroupParts(std::vector<PartOptions> parts) {
+  std::vector<std::vector<PartOptions>> groups;
+  size_t num_combinations = 0;
+  for (PartOptions& part : parts) {
+    if (groups.empty() || num_combinations * part.size() > kMostCombinations) {
+      groups.emplace_back();
+      num_combinations = 1;
+    }
+    num_combinations *= part.size();
+    groups.back().push_back(std::move(part));
+  }
+  return groups;
+}
+
+// Returns the model of a problem, with the largest of each part that is chosen.
+ProblemModel LargestModel(const RigProblem& problem, const std::vector<PartOptions>& parts, Robot robot) {
+  ProblemModel model;
+  model.robot = robot;
+  for (const RigTarget& target : problem.targets) model.shapes.push_back(target.free_shape);
+  model.effects.resize(problem.robots.size());
+  for (const PartOptions& part : parts) part.back()(&model);
+  return model;
+}
+
+bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model) {
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    if (problem.targets[t].free_shape != model.shapes[t]) return false;
+  }
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    if (EffectsOf(problem, r) != model.effects[r].get()) return false;
+  }
+  return options.robot == model.robot;
+}
+
+RigProblem StartingFrom(RigProblem problem, const RigSolution& solution) {
+  for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    RigTarget& target = problem.targets[t];
+    const auto free = FreeShapeOf(target.free_shape);
+    for (size_t i = 0; i < free.size(); ++i) {
+      if (free[i]) target.shape.params[i] = solution.shapes[t].params[i];
+    }
+  }
+  return problem;
+}
+
+ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {
+  return {model.robot, model.shapes[target], model.effects[robot]};
+}
+
+RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space) {
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    RigTarget& target = problem.targets[t];
+    target.free_shape = model.shapes[t];
+    // What is not free is as designed.
+    const auto free = FreeShapeOf(target.free_shape);
+    for (size_t i = 0; i < free.size(); ++i) {
+      if (!free[i]) target.shape.params[i] = TargetShape().params[i];
+    }
+  }
+  for (size_t r = 0; r < space.arms.size(); ++r) {
+    if (space.arms[r].models.empty()) continue;
+    problem.effects.resize(problem.robots.size());
+    problem.effects[r] = model.effects[r];
+    std::vector<int> estimated;
+    for (size_t k = 0; model.effects[r] != nullptr && k < model.effects[r]->effects.size(); ++k) {
+      estimated.push_back(model.effects[r]->effects[k].index);
+    }
+    for (size_t i = 0; i < problem.captures.size(); ++i) {
+      std::vector<std::shared_ptr<const PoseEffect>>& effects = problem.captures[i].effects;
+      effects.resize(problem.robots.size());
+      const std::shared_ptr<const PoseEffect>& all = space.arms[r].effects_of_captures.front()[i];
+      effects[r] = model.effects[r] == nullptr || all == nullptr
+                       ? nullptr
+                       : SelectEffects(all, model.effects[r]->num_all, estimated);
+    }
+  }
+  return problem;
+}
+
+}  // namespace heba
