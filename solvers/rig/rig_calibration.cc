@@ -11,6 +11,7 @@
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/model_search.h"
+#include "solvers/calibration/smooth_search.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/rig/rig_camera_motion.h"
