@@ -7,6 +7,7 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/data/smooth_errors.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/capture_rejection.h"

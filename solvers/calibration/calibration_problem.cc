@@ -77,9 +77,12 @@ PairViews ViewsOf(const RigProblem& problem, const JudgedRig& judged) {
 
 CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOptions& options) {
   const Solution& solution = *calibration.refined;
-  // The views, and the outcomes of those that are used.
+  // The views, and the outcomes of those that are used. A start of the refinement may be a solution of other views.
+  const bool has_outcomes = solution.views.size() == calibration.views.size();
   std::vector<std::pair<const View*, const ViewOutcome*>> views;
-  for (size_t i = 0; i < calibration.views.size(); ++i) views.emplace_back(&calibration.views[i], &solution.views[i]);
+  for (size_t i = 0; i < calibration.views.size(); ++i) {
+    views.emplace_back(&calibration.views[i], has_outcomes ? &solution.views[i] : nullptr);
+  }
   for (const View& view : calibration.left_out) views.emplace_back(&view, nullptr);
   BundleOptions bundle = calibration.bundle;
   bundle.effects = solution.shared_effects;  // The effects that were estimated.
@@ -89,7 +92,7 @@ CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOp
   CalibrationProblem result;
   SearchedModel& model = result.model;
   for (const auto& [view, outcome] : views) {
-    if (outcome == nullptr) model.judged.left_out.insert({problem.views.size(), 0});
+    if (problem.views.size() >= calibration.views.size()) model.judged.left_out.insert({problem.views.size(), 0});
     problem.views.push_back(*view);
     ViewOutcome& of_view = of_all.views.emplace_back();
     if (outcome != nullptr) {

@@ -9,9 +9,10 @@
 
 #include "heba/bundle_adjustment.h"
 #include "heba/data/shared_effects.h"
-#include "heba/data/smooth_errors.h"
 
 namespace heba {
+
+class SmoothErrors;  // heba/data/smooth_errors.h.
 
 // The sources of error that are modelled besides the pixel noise.
 struct ErrorModel {
