@@ -44,7 +44,7 @@ struct FittedLens {
 
 }  // namespace
 
-Outcome<LensChoice> ChooseLens(const Comparison& comparison, size_t camera, const ProblemModel& model) {
+Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera, const ProblemModel& model) {
   const std::vector<Camera>& lenses = comparison.space.lenses[camera];
   LensChoice choice;
   for (const Camera& lens : lenses) {

@@ -11,7 +11,7 @@
 namespace heba {
 
 // The problem in which models are compared: its points have fixed weights.
-struct Comparison {
+struct ModelComparison {
   RigProblem problem;
   RigPoses start;
   RigOptions options;
@@ -25,7 +25,7 @@ struct LensChoice {
 
 // Chooses the smallest lens of a camera that no larger one rejects, under an error model; one without distortion only
 // if no other one can be fitted. Returns a Failure if none can be fitted.
-Outcome<LensChoice> ChooseLens(const Comparison& comparison, size_t camera, const ProblemModel& model);
+Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera, const ProblemModel& model);
 
 // Returns the problems with the lenses that are tried until one can be fitted: as given, and with the other lenses of
 // each camera, the largest first.

@@ -36,7 +36,7 @@ std::optional<FittedModel> Fit(const RigProblem& problem, const RigPoses& start,
 }
 
 // Fits a model to its own optimum, which is at least as good as that of any model that it contains.
-std::optional<FittedModel> FitModel(const Comparison& comparison, const ProblemModel& model,
+std::optional<FittedModel> FitModel(const ModelComparison& comparison, const ProblemModel& model,
                                     const std::vector<FittedModel>& fitted) {
   RigOptions options = comparison.options;
   options.robot = model.robot;
@@ -114,7 +114,7 @@ struct ErrorModelChoice {
 };
 
 // Returns ModelAlternative::odds of a model beside the largest one that contains it.
-std::optional<double> OddsBeside(const Comparison& comparison, const FittedModel& largest,
+std::optional<double> OddsBeside(const ModelComparison& comparison, const FittedModel& largest,
                                  const ProblemAlternative& smaller) {
   const std::vector<Effects>& kept = smaller.model.effects;
   const bool has_effects = std::any_of(kept.begin(), kept.end(), [](const Effects& one) { return one != nullptr; });
@@ -125,7 +125,7 @@ std::optional<double> OddsBeside(const Comparison& comparison, const FittedModel
 }
 
 // Compares models that were fitted, the simplest first: each with the largest that contains it.
-ErrorModelChoice Compare(const Comparison& comparison, std::vector<FittedModel> fitted) {
+ErrorModelChoice Compare(const ModelComparison& comparison, std::vector<FittedModel> fitted) {
   ErrorModelChoice choice;
   std::optional<size_t> best;
   for (size_t k = 0; k < fitted.size(); ++k) {
@@ -157,7 +157,7 @@ ErrorModelChoice Compare(const Comparison& comparison, std::vector<FittedModel> 
 
 // Chooses among error models with the same lenses, the simplest of which comes first. Returns nothing if none can be
 // fitted.
-std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
+std::optional<ErrorModelChoice> ChooseErrorModel(const ModelComparison& comparison,
                                                  const std::vector<ProblemModel>& candidates) {
   const auto fit = [&](const ProblemModel& model, const std::vector<FittedModel>& fitted) {
     std::optional<FittedModel> found = FitModel(comparison, model, fitted);
@@ -190,9 +190,9 @@ std::optional<ErrorModelChoice> ChooseErrorModel(const Comparison& comparison,
 }
 
 // Chooses the parts of an error model, group by group, the later ones as in `largest` until their turn comes.
-std::optional<ErrorModelChoice> ChooseParts(const Comparison& comparison,
-                                            const std::vector<std::vector<PartOptions>>& groups,
-                                            const ProblemModel& largest) {
+std::optional<ErrorModelChoice> ChooseGroups(const ModelComparison& comparison,
+                                             const std::vector<std::vector<PartOptions>>& groups,
+                                             const ProblemModel& largest) {
   if (groups.empty()) return ChooseErrorModel(comparison, {largest});
   std::optional<ErrorModelChoice> choice;
   for (const std::vector<PartOptions>& group : groups) {
@@ -211,7 +211,7 @@ std::optional<ErrorModelChoice> ChooseParts(const Comparison& comparison,
 
 // Chooses the lens of each camera under an error model, and sets those that are others than before. Returns whether
 // there are any, or the Failure if no lens of a camera can be fitted.
-Outcome<bool> ChooseLenses(const ProblemModel& model, Comparison* comparison,
+Outcome<bool> ChooseLenses(const ProblemModel& model, ModelComparison* comparison,
                            std::vector<std::vector<CameraAlternative>>* alternatives) {
   bool has_others = false;
   for (size_t c = 0; c < comparison->space.lenses.size(); ++c) {
@@ -360,8 +360,8 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
     options.robot = largest->model.robot;
     return ProblemChoice{std::move(with_model), options, largest->model, largest->solution, {}, 0, {}};
   }
-  Comparison comparison{WithFixedWeights(WithoutRejected(problem, largest->solution), largest->solution),
-                        largest->solution.poses, options, space};
+  ModelComparison comparison{WithFixedWeights(WithoutRejected(problem, largest->solution), largest->solution),
+                             largest->solution.poses, options, space};
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     comparison.problem.cameras[c].camera = largest->solution.cameras[c];
   }
@@ -377,7 +377,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
     const Outcome<bool> has_other_lens = ChooseLenses(model, &comparison, &choice.lenses);
     if (!has_other_lens && !errors) return Failure{has_other_lens.reason()};
     if (round > 0 && !(has_other_lens && *has_other_lens)) break;
-    std::optional<ErrorModelChoice> next = ChooseParts(comparison, groups, largest->model);
+    std::optional<ErrorModelChoice> next = ChooseGroups(comparison, groups, largest->model);
     if (!next && !errors) return Failure{"no model of the errors could be fitted"};
     if (!next) break;
     errors = std::move(next);
