@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/error.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/refine/fit.h"
 
@@ -103,6 +104,7 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
     if (k > 0) alternative.reason = WhyNotBesideLarger(smaller_lens);
     if (chosen == nullptr && !is_rejected && alternative.reason.empty()) chosen = &fitted[k];
   }
+  CHECK(chosen != nullptr) << "the largest lens cannot be rejected";
   choice.solution = chosen->solution;
   return choice;
 }
