@@ -271,9 +271,27 @@ MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::Node
 
 bool MapReader::Has(const std::string& key) { return Find(key).has_value(); }
 
+namespace {
+
+// Returns the question whether a key of a mapping that is not among the known ones is the one that is missing; an empty
+// string if none is similar.
+std::string WhetherMisspelt(const std::string& missing, const ConfigValue& mapping,
+                            const std::vector<std::string>& known) {
+  for (const ConfigValue& layer : mapping.Layers()) {
+    for (const auto& entry : layer.node()) {
+      const std::string& key = entry.first.Scalar();
+      const bool is_known = std::find(known.begin(), known.end(), key) != known.end();
+      if (!is_known && !DidYouMean(key, {missing}).empty()) return "; is " + Quoted(key) + " meant to be it?";
+    }
+  }
+  return "";
+}
+
+}  // namespace
+
 ConfigValue MapReader::Get(const std::string& key) {
   const std::optional<ConfigValue> found = Find(key);
-  if (!found) value_.Fail("'" + key + "' is missing");
+  if (!found) value_.Fail("'" + key + "' is missing" + WhetherMisspelt(key, value_, known_));
   return *found;
 }
 

@@ -94,6 +94,11 @@ TEST(MapReaderTest, MissingKeysAreErrors) {
                         MapReader(reader->Get("a")).Int("columns", {1, 9});
                       }),
               HasSubstr("cell.yaml:2: a: 'columns' is missing"));
+  EXPECT_THAT(ErrorOf("colums: 2\n",
+                      [](MapReader* reader) {
+                        reader->Int("columns", {1, 9});
+                      }),
+              HasSubstr("cell.yaml:1: 'columns' is missing; is 'colums' meant to be it?"));
 }
 
 TEST(MapReaderTest, RefusesDuplicateKeys) {
