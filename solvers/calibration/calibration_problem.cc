@@ -156,10 +156,7 @@ void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const Sh
   bundle.effects = model.problem.effects.empty() ? nullptr : model.problem.effects[0];
   calibration->alternatives.clear();
   for (const ProblemAlternative& one : model.alternatives) {
-    ErrorModel of_pair = ModelOf(one.model, 0, 0);
-    if (of_pair.effects == nullptr) of_pair.effects = effects;
-    calibration->alternatives.push_back(
-        {of_pair, one.log_likelihood, one.robot_noise.front(), DofOf(of_pair), one.p, one.odds});
+    calibration->alternatives.push_back(AlternativeOf(one, 0, effects));
   }
   if (!model.lenses.empty() && !model.lenses[0].empty()) calibration->camera_alternatives = model.lenses[0];
   calibration->num_kept_against_test = model.judged.num_kept_against_test;

@@ -339,6 +339,13 @@ std::vector<std::optional<EffectsFit>> FitEffects(
   return fits;
 }
 
+ModelAlternative AlternativeOf(const ProblemAlternative& one, size_t robot,
+                               const std::shared_ptr<const SharedEffects>& effects) {
+  ErrorModel model = ModelOf(one.model, robot, 0);
+  if (model.effects == nullptr) model.effects = effects;
+  return {model, one.log_likelihood, one.robot_noise[robot], DofOf(model), one.p, one.odds};
+}
+
 Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options_in,
                                    const ModelSpace& space, const RigSolution* at_largest) {
   RigOptions options = options_in;
@@ -419,13 +426,10 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
   Outcome<ProblemChoice> chosen =
       ChooseModel(HandEyeProblem(problem, with_fixed), HandEyePosesOf(start), AdjustmentOptionsOf(with_fixed), space);
   if (!chosen) return Failure{chosen.reason()};
-  const auto model_of = [&](const ProblemModel& model) {
-    ErrorModel of_pair = ModelOf(model, 0, 0);
-    if (choose.effects.empty()) of_pair.effects = options.effects;
-    return of_pair;
-  };
+  const std::shared_ptr<const SharedEffects>& fixed = with_fixed.effects;
   ModelChoice choice;
-  const ErrorModel model = model_of(chosen->model);
+  ErrorModel model = ModelOf(chosen->model, 0, 0);
+  if (model.effects == nullptr) model.effects = fixed;
   choice.options = options;
   choice.options.robot = model.robot;
   choice.options.free_shape = model.shape;
@@ -433,10 +437,8 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
   choice.options.robot_noise_start = chosen->options.robot_noise_start;
   choice.options.robot_noise_prior = chosen->options.robot_noise_prior;
   choice.solution = HandEyeSolution(chosen->solution, choice.options);
-  for (ProblemAlternative& one : chosen->alternatives) {
-    const ErrorModel of_pair = model_of(one.model);
-    choice.alternatives.push_back(
-        {of_pair, one.log_likelihood, one.robot_noise.front(), DofOf(of_pair), one.p, one.odds});
+  for (const ProblemAlternative& one : chosen->alternatives) {
+    choice.alternatives.push_back(AlternativeOf(one, 0, fixed));
   }
   choice.chosen = chosen->chosen;
   if (!chosen->lenses.empty()) choice.lenses = std::move(chosen->lenses.front());

@@ -42,6 +42,11 @@ struct ProblemAlternative {
   std::optional<double> odds;
 };
 
+// Returns an alternative as one of an arm and the first target. `effects` are those that the model has if none of the
+// arm were chosen from; they may be null.
+ModelAlternative AlternativeOf(const ProblemAlternative& one, size_t robot,
+                               const std::shared_ptr<const SharedEffects>& effects);
+
 struct ProblemChoice {
   RigProblem problem;  // The given problem with the chosen model and lenses.
   RigOptions options;  // The given options with the chosen noise of the arms.

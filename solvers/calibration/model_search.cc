@@ -72,19 +72,13 @@ std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, co
   return best;
 }
 
-// Returns the model of one arm, and its parameters, beside the shape of the first target.
-ModelAlternative AlternativeOf(const ProblemAlternative& one, size_t robot) {
-  const ErrorModel model = ModelOf(one.model, robot, 0);
-  return {model, one.log_likelihood, one.robot_noise[robot], DofOf(model), one.p, one.odds};
-}
-
 // Returns the models of one arm that were compared beside the chosen ones of the other arms.
 std::vector<ModelAlternative> AlternativesOf(const SearchedModel& chosen, size_t robot) {
   std::vector<ModelAlternative> alternatives;
   for (const ProblemAlternative& one : chosen.alternatives) {
     ProblemModel others = one.model;
     others.effects[robot] = chosen.model.effects[robot];
-    if (others.effects == chosen.model.effects) alternatives.push_back(AlternativeOf(one, robot));
+    if (others.effects == chosen.model.effects) alternatives.push_back(AlternativeOf(one, robot, nullptr));
   }
   return alternatives;
 }

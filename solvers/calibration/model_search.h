@@ -27,7 +27,7 @@ struct SearchedModel {
 // Returns the Failure if no model can be fitted, which changes nothing.
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model);
 
-// What is searched for after the parts were chosen: errors of the arms.
+// The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
   ModelSpace parts;                // The parts that are chosen again with them; it names no errors of arms.
   std::vector<RigArmErrors> arms;  // One for each arm, or an empty list.

@@ -198,7 +198,7 @@ RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelS
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     RigTarget& target = problem.targets[t];
     target.free_shape = model.shapes[t];
-    // What is not free is as designed.
+    // The parts of the shape that are held are as designed.
     const auto free = FreeShapeOf(target.free_shape);
     for (size_t i = 0; i < free.size(); ++i) {
       if (!free[i]) target.shape.params[i] = TargetShape().params[i];

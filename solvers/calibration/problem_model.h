@@ -39,7 +39,7 @@ struct ModelSpace {
 
 // The chosen parts: the error model of a problem.
 struct ProblemModel {
-  BundleOptions::Robot robot = BundleOptions::Robot::kExact;  // Of all arms.
+  BundleOptions::Robot robot = BundleOptions::Robot::kExact;  // All arms have the same.
   std::vector<std::vector<TargetShapeGroup>> shapes;          // One per target.
   // One per arm; null if its errors are not modelled, or not chosen.
   std::vector<std::shared_ptr<const SharedEffects>> effects;

@@ -1,5 +1,5 @@
-// What each image tells at an estimate, and what the images of a capture tell about its corrections: the basis of tests
-// of single images and of the noise of single cameras.
+// Single images, linearised at an estimate, and the posterior of a capture's corrections given its images. Tests of
+// single images and the noise of single cameras are based on them.
 #pragma once
 
 #include <optional>

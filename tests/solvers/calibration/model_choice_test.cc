@@ -142,7 +142,7 @@ TEST(ModelChoiceTest, ABentTargetIsNoReasonForALargerLens) {
     const Outcome<Calibration> calibration = Calibrate(scene.views, options);
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
     num_right += calibration->refined->camera.model == "brown4" ? 1 : 0;
-    // What is not free is as designed, whatever the fits of the lenses made of it.
+    // The parts of the shape that are held are as designed, whatever the fits of the lenses made of them.
     const std::vector<Group>& free = calibration->bundle.free_shape;
     const bool is_scale_free = std::find(free.begin(), free.end(), Group::kScale) != free.end();
     if (!is_scale_free) {
