@@ -17,15 +17,7 @@ namespace {
 // Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
 void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
                const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem) {
-  std::vector<int> estimated;
-  for (const SharedEffect& effect : model->effects) estimated.push_back(effect.index);
-  problem->effects.resize(problem->robots.size());
-  problem->effects[robot] = model;
-  for (size_t i = 0; i < problem->captures.size(); ++i) {
-    std::vector<std::shared_ptr<const PoseEffect>>& of_capture = problem->captures[i].effects;
-    of_capture.resize(problem->robots.size());
-    of_capture[robot] = effects[i] == nullptr ? nullptr : SelectEffects(effects[i], model->num_all, estimated);
-  }
+  SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
   for (RigTarget& target : problem->targets) {
     if (!target.scale_sigma) target.scale_sigma = kPrintScaleSigma;

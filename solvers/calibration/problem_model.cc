@@ -194,6 +194,22 @@ ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {
   return {model.robot, model.shapes[target], model.effects[robot]};
 }
 
+void SetEffects(size_t robot, const Effects& model, const std::vector<std::shared_ptr<const PoseEffect>>& effects,
+                RigProblem* problem) {
+  std::vector<int> estimated;
+  for (size_t k = 0; model != nullptr && k < model->effects.size(); ++k) {
+    estimated.push_back(model->effects[k].index);
+  }
+  problem->effects.resize(problem->robots.size());
+  problem->effects[robot] = model;
+  for (size_t i = 0; i < problem->captures.size(); ++i) {
+    std::vector<std::shared_ptr<const PoseEffect>>& of_capture = problem->captures[i].effects;
+    of_capture.resize(problem->robots.size());
+    const bool has_effect = model != nullptr && effects[i] != nullptr;
+    of_capture[robot] = has_effect ? SelectEffects(effects[i], model->num_all, estimated) : nullptr;
+  }
+}
+
 RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     RigTarget& target = problem.targets[t];
@@ -206,20 +222,7 @@ RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelS
   }
   for (size_t r = 0; r < space.arms.size(); ++r) {
     if (space.arms[r].models.empty()) continue;
-    problem.effects.resize(problem.robots.size());
-    problem.effects[r] = model.effects[r];
-    std::vector<int> estimated;
-    for (size_t k = 0; model.effects[r] != nullptr && k < model.effects[r]->effects.size(); ++k) {
-      estimated.push_back(model.effects[r]->effects[k].index);
-    }
-    for (size_t i = 0; i < problem.captures.size(); ++i) {
-      std::vector<std::shared_ptr<const PoseEffect>>& effects = problem.captures[i].effects;
-      effects.resize(problem.robots.size());
-      const std::shared_ptr<const PoseEffect>& all = space.arms[r].effects_of_captures.front()[i];
-      effects[r] = model.effects[r] == nullptr || all == nullptr
-                       ? nullptr
-                       : SelectEffects(all, model.effects[r]->num_all, estimated);
-    }
+    SetEffects(r, model.effects[r], space.arms[r].effects_of_captures.front(), &problem);
   }
   return problem;
 }

@@ -50,6 +50,10 @@ ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
 bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model);
 // Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
 RigProblem StartingFrom(RigProblem problem, const RigSolution& solution);
+// Sets the errors of an arm; `model` is null for none. `effects` has one entry per capture, a function of all effects
+// of the arm, null if the capture has none.
+void SetEffects(size_t robot, const std::shared_ptr<const SharedEffects>& model,
+                const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem);
 // Returns the problem with a model, whose chosen parts are those of `space`.
 RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
 
