@@ -123,7 +123,7 @@ struct RobotErrors {
 
 struct RobotErrorsFound {
   Calibration calibration;          // The given one if there are no errors.
-  CalibrationOptions options;       // Those of the calibration.
+  CalibrationOptions options;       // The calibration was made with these.
   std::optional<RigArmChoice> arm;  // Nothing if the arm is not known.
   std::optional<RigSmoothErrors> smooth;
 };

@@ -64,7 +64,7 @@ struct RigImage {
   Observations observations;
 };
 
-// What is known about the joints of an arm at a capture.
+// The joints of an arm at a capture, as far as they are known.
 struct ArmPosture {
   // The derivative of the gripper's pose (Tangent6, in its own frame) by the positions of the joints, if the noise of
   // the joints is part of the arm's noise; otherwise empty.
