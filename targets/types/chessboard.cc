@@ -232,6 +232,8 @@ class Chessboard final : public Target {
  private:
   // The largest share of deviating grey values of a visible corner: smaller shares are left to Huber's loss.
   static constexpr double kMaxCovered = 0.05;
+  // Sigma of a refined saddle at which no pattern can be fitted.
+  static constexpr double kSaddleSigmaPx = 0.15;
 
   struct Found {
     Detection detection;
@@ -251,7 +253,7 @@ class Chessboard final : public Target {
         std::optional<MeasuredCorner> corner = measured[place];
         found.num_measured += corner ? 1 : 0;
         if (!corner) {
-          corner = NearEdgeOfLight(grey, (*corners)[place], seen, point, PredictedByNeighbours(measured, point));
+          corner = MeasureAnyhow(grey, (*corners)[place], seen, point, PredictedByNeighbours(measured, point));
         }
         if (corner) Append(point, *corner, &found.detection);
       }
@@ -306,23 +308,42 @@ class Chessboard final : public Target {
     return Prediction{*map, pixel, (ApplyHomography(*map, at_m + Eigen::Vector2d(square_m_, 0)) - pixel).norm()};
   }
 
-  // Measures a corner at which the pattern fit fails: near the edge of a shadow, the grey values within a few pixels of
-  // where the corners around it predict it still look as drawn. Otherwise the refined saddle is the corner, with a
-  // sigma that gives it little weight. Returns nothing if the corners around it contradict both: the edge of the
-  // shadow, or a dot, was taken for a corner.
-  std::optional<MeasuredCorner> NearEdgeOfLight(const cv::Mat& grey, const Eigen::Vector2d& saddle_px,
-                                                const Drawing& drawing, const TargetPoint& point,
-                                                const std::optional<Prediction>& predicted) const {
-    if (predicted) {
-      constexpr double kHalfPx = 7;
-      const double half_m = std::min(0.5, kHalfPx / predicted->side_px) * square_m_;
-      const std::optional<MeasuredCorner> corner = MeasureCorner(grey, drawing, point.in_target.head<2>(), half_m,
-                                                                 predicted->image_from_board, predicted->pixel);
-      if (corner && corner->outlier_share <= kMaxCovered && predicted->IsMet(corner->pixel)) return corner;
+  // Measures a corner by the grey values within a few pixels of where the corners around it predict it: near the edge
+  // of a shadow, only these look as drawn. Returns nothing if they do not.
+  std::optional<MeasuredCorner> MeasurePredicted(const cv::Mat& grey, const Drawing& drawing, const TargetPoint& point,
+                                                 const Prediction& predicted) const {
+    constexpr double kFewPx = 7;
+    constexpr double kManyPx = 20;
+    for (const double half_px : {kFewPx, kManyPx}) {
+      const double half_m = std::min(0.5, half_px / predicted.side_px) * square_m_;
+      const std::optional<MeasuredCorner> corner =
+          MeasureCorner(grey, drawing, point.in_target.head<2>(), half_m, predicted.image_from_board, predicted.pixel);
+      if (!corner || corner->outlier_share > kMaxCovered || !predicted.IsMet(corner->pixel)) continue;
+      // A few grey values beside what covers a corner fit almost anywhere.
+      if (corner->covariance_px2.trace() <= 2 * kSaddleSigmaPx * kSaddleSigmaPx) return corner;
     }
-    constexpr double kSigmaPx = 0.15;
-    if (predicted && !predicted->IsMet(saddle_px)) return std::nullopt;
-    return MeasuredCorner{saddle_px, kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity()};
+    return std::nullopt;
+  }
+
+  // Measures a corner of a chessboard that is seen completely, at which the pattern fit fails. If it fails in a small
+  // window too, the refined saddle is the corner, with a sigma that gives it little weight. Returns nothing if the
+  // corners around it contradict that: the edge of a shadow, or a dot, was taken for a corner.
+  std::optional<MeasuredCorner> MeasureAnyhow(const cv::Mat& grey, const Eigen::Vector2d& saddle_px,
+                                              const Drawing& drawing, const TargetPoint& point,
+                                              const std::optional<Prediction>& predicted) const {
+    if (predicted) {
+      const std::optional<MeasuredCorner> corner = MeasurePredicted(grey, drawing, point, *predicted);
+      if (corner) return corner;
+    }
+    const Eigen::Matrix2d covariance_px2 = kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity();
+    if (!predicted || predicted->IsMet(saddle_px)) return MeasuredCorner{saddle_px, covariance_px2};
+    constexpr double kMostMovePx = 2;
+    for (const double window_ratio : {0.75, 0.4, 0.2}) {
+      const std::optional<Eigen::Vector2d> again_px =
+          RefineCorner(grey, predicted->pixel, window_ratio * predicted->side_px, kMostMovePx);
+      if (again_px && predicted->IsMet(*again_px)) return MeasuredCorner{*again_px, covariance_px2};
+    }
+    return std::nullopt;
   }
 
   // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then
@@ -474,13 +495,22 @@ class Chessboard final : public Target {
 
   Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
     const bool inverted = ColourScore(grey, corners) < 0;
+    const Drawing& drawing = inverted ? inverted_ : drawing_;
+    std::vector<std::optional<MeasuredCorner>> measured;
+    for (const TargetPoint& point : points_) {
+      std::optional<MeasuredCorner>& corner = measured.emplace_back();
+      if (!IsSaddle(grey, corners, point.id / columns_, point.id % columns_, 0.2, inverted)) continue;
+      corner = Measure(grey, corners, drawing, point);
+      if (corner && corner->outlier_share > kMaxCovered) corner.reset();
+    }
     Detection detection;
     for (const TargetPoint& point : points_) {
-      const int row = point.id / columns_;
-      const int column = point.id % columns_;
-      if (!IsSaddle(grey, corners, row, column, 0.2, inverted)) continue;
-      const std::optional<MeasuredCorner> corner = Measure(grey, corners, inverted ? inverted_ : drawing_, point);
-      if (corner && corner->outlier_share <= kMaxCovered) Append(point, *corner, &detection);
+      std::optional<MeasuredCorner> corner = measured[static_cast<size_t>(point.id)];
+      if (!corner && IsSaddle(grey, corners, point.id / columns_, point.id % columns_, 0.2, inverted)) {
+        const std::optional<Prediction> predicted = PredictedByNeighbours(measured, point);
+        if (predicted) corner = MeasurePredicted(grey, drawing, point, *predicted);
+      }
+      if (corner) Append(point, *corner, &detection);
     }
     return detection;
   }

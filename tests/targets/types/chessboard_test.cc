@@ -231,6 +231,30 @@ TEST(Chessboard, FindsTheCornersBesideACable) {
   }
 }
 
+// Takes 70 % of the light from the part of an image beyond a line through its middle; the edge is 8 px wide.
+void Shadow(double angle_rad, cv::Mat* grey) {
+  for (int y = 0; y < grey->rows; ++y) {
+    for (int x = 0; x < grey->cols; ++x) {
+      const double side_px =
+          (x - 0.5 * grey->cols) * std::cos(angle_rad) + (y - 0.5 * grey->rows) * std::sin(angle_rad);
+      const double light = 1 - 0.35 * (1 + std::tanh(side_px / 4));
+      grey->at<uchar>(y, x) = cv::saturate_cast<uchar>(light * grey->at<uchar>(y, x));
+    }
+  }
+}
+
+TEST(Chessboard, FindsTheCornersAcrossTheEdgeOfAShadow) {
+  const std::unique_ptr<Target> target = MakeBoard(6, 9);
+  for (int i = 0; i < 12; ++i) {
+    CoveredView view(*target, i);
+    Shadow(0.5 * i, &view.grey);
+    const Detection detection = target->Detect(view.grey);
+    const CoveredCorners judged = Judge(*target, view, detection);
+    EXPECT_EQ(judged.num_left_out, 0) << "view " << i << ": " << detection.reason;
+    EXPECT_LT(judged.largest_error_px, 0.5) << "view " << i;
+  }
+}
+
 TEST(Chessboard, FindsTheCornersBesideFingers) {
   const std::unique_ptr<Target> target = MakeBoard(7, 10);
   for (int i = 0; i < 3; ++i) {
