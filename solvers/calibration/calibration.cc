@@ -10,9 +10,11 @@
 #include "heba/data/smooth_errors.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/camera_choice.h"
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/diagnostics.h"
+#include "solvers/calibration/influence.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/two_step_motion.h"
@@ -23,8 +25,6 @@
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/uncertainty/capture_outliers.h"
-#include "solvers/uncertainty/influence.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -139,60 +139,28 @@ Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& opti
   return {calibration.camera, calibration.views, options.setup, options.shape};
 }
 
-// Refines with as many free shape parameters of the target as the captures determine, so that a bent target is not
-// mistaken for wrong captures. `first` is the solution without them; `bundle` is updated to the options used.
-Solution WithOpenShape(const Problem& problem, const Solution& first, const CalibrationOptions& options,
-                       BundleOptions* bundle) {
-  if (!options.choose.target_shape) return first;
-  // The largest combination that is determined.
+// Judges the captures with an exact robot and with as many free shape parameters of the target as the captures
+// determine, so that a bent target is not mistaken for wrong captures. `model` has a solution without free shape
+// parameters.
+JudgedRig JudgeFirst(const SearchedModel& model, bool may_have_shape) {
+  RigProblem problem = model.problem;
+  RigSolution solution = model.judged.solution;
+  RigOptions options = model.options;
+  options.robot = BundleOptions::Robot::kExact;
+  options.loss = LossKind::kTruncated;
   std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
-  std::reverse(shapes.begin(), shapes.end());
+  std::reverse(shapes.begin(), shapes.end());  // The largest combination that is determined.
   for (const std::vector<TargetShapeGroup>& shape : shapes) {
-    if (shape.empty()) break;
-    BundleOptions open = *bundle;
-    open.free_shape = shape;
-    Outcome<Solution> solution = RefineHandEye(problem, first.hand_eye, open);
-    if (!solution) continue;
-    *bundle = open;
-    return *solution;
+    if (!may_have_shape || shape.empty()) break;
+    RigProblem open = problem;
+    open.targets[0].free_shape = shape;
+    Outcome<RigSolution> of_open = RefineRig(open, solution.poses, options);
+    if (!of_open) continue;
+    problem = std::move(open);
+    solution = std::move(*of_open);
+    break;
   }
-  return first;
-}
-
-// Rejects the captures that contradict the others. `bundle`: the options of the refinement so far, which takes the
-// robot as exact; the test estimates the robot noise itself.
-void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions& options, const Solution& solution,
-                           Calibration* calibration) {
-  const JudgedCaptures judged = JudgeCaptures(ProblemOf(*calibration, options), solution, bundle);
-  calibration->num_kept_against_test = judged.num_kept_against_test;
-  calibration->refined = judged.solution;
-  const int num_wrong = judged.NumWrong();
-  if (num_wrong == 0) return;
-  if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
-    // No calibration can be told to be the right one: all captures are kept.
-    calibration->num_kept_against_test = num_wrong;
-    calibration->refined = solution;
-    return;
-  }
-  std::vector<View> views;
-  std::vector<PosePair> pairs;
-  for (size_t i = 0; i < judged.verdicts.size(); ++i) {
-    if (judged.verdicts[i].is_wrong) {
-      calibration->left_out.push_back(calibration->views[i]);
-      continue;
-    }
-    views.push_back(calibration->views[i]);
-    if (i < calibration->pairs.size()) pairs.push_back(calibration->pairs[i]);
-  }
-  calibration->views = std::move(views);
-  calibration->pairs = std::move(pairs);
-}
-
-// Tests the rejected captures against the estimate from the others.
-std::vector<CaptureVerdict> TestLeftOut(const CalibrationOptions& options, const Calibration& calibration) {
-  const Solution& solution = *calibration.refined;
-  return TestLeftOutCaptures(ProblemOf(calibration, options), solution,
-                             FreeOf(solution.camera.Model(), calibration.bundle), calibration.left_out);
+  return JudgeCaptures(problem, solution, options);
 }
 
 // Tests the captures again under the chosen model if there is a doubt about any.
@@ -209,7 +177,9 @@ JudgedRig SettleDoubts(const RigProblem& problem, JudgedRig at, const RigOptions
 void NameLeftOut(const CalibrationOptions& options, Calibration* calibration) {
   const std::vector<View>& left_out = calibration->left_out;
   if (left_out.empty()) return;
-  const std::vector<CaptureVerdict> verdicts = TestLeftOut(options, *calibration);
+  const SearchedModel of_all = AsProblem(*calibration, options).model;
+  const std::vector<CaptureVerdict> verdicts =
+      TestLeftOutCaptures(of_all.problem, of_all.judged.solution, CapturesOf(of_all.judged.left_out));
   for (size_t k = 0; k < left_out.size(); ++k) {
     calibration->unused.push_back({left_out[k].name, left_out[k].capture,
                                    WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
@@ -346,7 +316,6 @@ struct Started {
   std::vector<View> too_few;  // The views with too few points for a pose.
   std::vector<MethodResult> results;
   size_t num_posed = 0;  // Number of views with a pose.
-  BundleOptions bundle;  // The options of that refinement.
   std::vector<ParameterGroup> free_intrinsics;
 };
 
@@ -392,8 +361,7 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
     return started;
   }
   // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
-  BundleOptions& first = started.bundle;
-  first = options.bundle;
+  BundleOptions first = options.bundle;
   const bool drops_wrong = options.bundle.loss != LossKind::kNone;
   first.robot = BundleOptions::Robot::kExact;
   first.free_intrinsics = start.free_intrinsics;
@@ -537,13 +505,11 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     return calibration;
   }
   calibration.methods = std::move(results);
-  if (options.bundle.loss != LossKind::kNone) {
-    BundleOptions open = started.bundle;
-    const Solution with_shape = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &open);
-    LeaveOutWrongCaptures(open, options, with_shape, &calibration);
-  }
   const std::string start_model = calibration.camera.model;
   CalibrationProblem problem = AsProblem(calibration, options);
+  if (options.bundle.loss != LossKind::kNone) {
+    problem.model.judged = JudgeFirst(problem.model, options.choose.target_shape);
+  }
   problem.model.is_fitted = false;  // With an exact robot, and maybe another shape.
   if (const std::optional<Failure> failure = ChooseParts(SpaceOf(options, problem), SettleDoubts, &problem.model)) {
     calibration.refined = *failure;
@@ -669,16 +635,18 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
                  {"least_robot_deg", kIndustrialArmDeg[0]},
                  {"most_robot_deg", kIndustrialArmDeg[1]}}});
   }
-  add(DiagnoseWeakDirections(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
+  add(DiagnoseWeakDirections(solved, solution, bundle));
   add(DescribeModel(model, calibration.alternatives, solution));
   return advice;
 }
 
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options) {
-  return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
-                             *calibration.refined, FreeOf(calibration.camera.Model(), calibration.bundle),
-                             InlierLoss(calibration.bundle));
+  const SearchedModel of_all = AsProblem(calibration, options).model;
+  std::vector<std::optional<CaptureMove>> moves = MoveWithoutEachCapture(
+      Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution, 0, InlierLoss(calibration.bundle));
+  moves.resize(calibration.views.size());  // The captures that are left out come last.
+  return moves;
 }
 
 }  // namespace heba

@@ -5,73 +5,17 @@
 #include <set>
 #include <utility>
 
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/hand_eye_problem.h"
-#include "solvers/uncertainty/capture_outliers.h"
+#include "solvers/refine/linearised_images.h"
 
 namespace heba {
 namespace {
 
 bool IsLeftOut(const ImageSet& left_out, size_t capture) { return left_out.contains({capture, 0}); }
-
-// The captures of a problem with one image each, as views.
-struct PairViews {
-  Problem used;                 // With the views that are used.
-  std::vector<size_t> indices;  // The capture of each of them.
-  std::vector<View> left_out;
-  std::vector<size_t> left_out_indices;
-  Solution solution;  // That of the views that are used.
-  FreeUnknowns free;
-};
-
-// Returns the effects of an arm as functions of themselves, all of which are estimated.
-std::shared_ptr<const SharedEffects> EstimatedOnly(const SharedEffects* effects) {
-  if (effects == nullptr) return nullptr;
-  auto all = std::make_shared<SharedEffects>(*effects);
-  all->num_all = static_cast<int>(all->effects.size());
-  for (int i = 0; i < all->num_all; ++i) all->effects[static_cast<size_t>(i)].index = i;
-  return all;
-}
-
-PairViews ViewsOf(const RigProblem& problem, const JudgedRig& judged) {
-  const Setup setup = problem.cameras[0].mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
-  const RigCamera& camera = problem.cameras[0];
-  const RigTarget& target = problem.targets[0];
-  BundleOptions options;
-  options.free_intrinsics = camera.free_intrinsics;
-  options.free_shape = target.free_shape;
-  options.effects = EstimatedOnly(EffectsOf(problem, 0));
-  PairViews pair{
-      {camera.camera, {}, setup, target.shape},           {}, {}, {}, HandEyeSolution(judged.solution, options),
-      FreeOf(judged.solution.cameras[0].Model(), options)};
-  std::vector<ViewOutcome> outcomes;
-  for (size_t i = 0; i < problem.captures.size(); ++i) {
-    const RigCapture& capture = problem.captures[i];
-    View view;
-    view.name = capture.name;
-    view.camera_mount_from_target_mount = CameraMountFromTargetMount(setup, capture.base_from_gripper[0]);
-    view.observations = capture.images[0].observations;
-    view.capture = i;
-    if (!capture.effects.empty()) view.effect = capture.effects[0];
-    if (!capture.postures.empty()) {
-      view.gripper_by_joints = capture.postures[0].gripper_by_joints;
-      view.joints = capture.postures[0].joints;
-    }
-    if (IsLeftOut(judged.left_out, i)) {
-      pair.left_out.push_back(std::move(view));
-      pair.left_out_indices.push_back(i);
-      continue;
-    }
-    pair.used.views.push_back(std::move(view));
-    pair.indices.push_back(i);
-    outcomes.push_back(pair.solution.views[i]);
-  }
-  pair.solution.views = std::move(outcomes);
-  return pair;
-}
 
 }  // namespace
 
@@ -164,6 +108,8 @@ void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const Sh
   Solution solution = HandEyeSolution(model.judged.solution, bundle);
   const std::vector<ViewOutcome> outcomes = std::move(solution.views);
   solution.views.clear();
+  const std::vector<PosePair> pairs_before = std::move(calibration->pairs);
+  calibration->pairs.clear();
   calibration->views.clear();
   calibration->left_out.clear();
   // Views with too few points for a pose come last.
@@ -177,6 +123,7 @@ void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const Sh
       }
       calibration->views.push_back(view);
       solution.views.push_back(outcomes[i]);
+      if (i < pairs_before.size()) calibration->pairs.push_back(pairs_before[i]);
     }
   }
   std::vector<View> posed = calibration->views;
@@ -186,32 +133,36 @@ void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const Sh
   calibration->refined = std::move(solution);
 }
 
+std::vector<size_t> CapturesOf(const ImageSet& images) {
+  std::vector<size_t> captures;
+  for (const auto& [capture, image] : images) captures.push_back(capture);
+  return captures;
+}
+
 JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
   if (options.loss == LossKind::kNone) return at;
   constexpr int kMaxRounds = 6;
   // The captures that the others do not contradict at an estimate without them are not tested again.
   std::set<size_t> returned;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const PairViews views = ViewsOf(problem, at);
-    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(views.used, views.solution, views.free);
-    for (size_t k = 0; k < verdicts.size(); ++k) {
-      if (returned.contains(views.indices[k])) verdicts[k].is_wrong = false;
+    const RigProblem used = Without(problem, at.left_out);
+    const std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(used, at.solution);
+    ImageSet wrong;
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      if (verdicts[i].is_wrong && !returned.contains(i)) wrong.insert({i, 0});
     }
-    const auto num_wrong =
-        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& verdict) { return verdict.is_wrong; });
     // So many are not wrong by themselves: the model is incomplete.
-    const bool is_model = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(verdicts.size());
-    at.num_kept_against_test = is_model ? static_cast<int>(num_wrong) : 0;
+    const auto num_used = static_cast<double>(CapturesWithPoints(used).size());
+    const bool is_model = static_cast<double>(wrong.size()) > kMostWrong * num_used;
+    at.num_kept_against_test = is_model ? static_cast<int>(wrong.size()) : 0;
     ImageSet next = at.left_out;
-    for (size_t k = 0; k < verdicts.size() && !is_model; ++k) {
-      if (verdicts[k].is_wrong) next.insert({views.indices[k], 0});
-    }
-    const std::vector<CaptureVerdict> of_left_out =
-        TestLeftOutCaptures(views.used, views.solution, views.free, views.left_out);
-    for (size_t k = 0; k < of_left_out.size(); ++k) {
+    if (!is_model) next.insert(wrong.begin(), wrong.end());
+    const std::vector<size_t> left_out = CapturesOf(at.left_out);
+    const std::vector<CaptureVerdict> of_left_out = TestLeftOutCaptures(problem, at.solution, left_out);
+    for (size_t k = 0; k < left_out.size(); ++k) {
       if (of_left_out[k].is_wrong) continue;
-      next.erase({views.left_out_indices[k], 0});
-      returned.insert(views.left_out_indices[k]);
+      next.erase({left_out[k], 0});
+      returned.insert(left_out[k]);
     }
     if (next == at.left_out) break;
     Outcome<RigSolution> solution =

@@ -28,6 +28,9 @@ ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& 
 void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
                Calibration* calibration);
 
+// Returns the captures of images that are left out.
+std::vector<size_t> CapturesOf(const ImageSet& images);
+
 // Tests all captures under the model (Judge; FindOutlierCaptures and TestLeftOutCaptures), takes back those that it
 // explains and leaves out those that contradict it.
 JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options);

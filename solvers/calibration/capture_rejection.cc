@@ -4,29 +4,29 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "heba/base/error.h"
+#include "solvers/calibration/capture_outliers.h"
+#include "solvers/calibration/problem_model.h"
 #include "solvers/initial/pose_selection.h"
-#include "solvers/refine/bundle_model.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
 
-std::vector<size_t> MembersOf(const std::vector<CaptureVerdict>& verdicts) {
-  std::vector<size_t> members;
+// Returns the images of the captures that are wrong.
+ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts) {
+  ImageSet wrong;
   for (size_t i = 0; i < verdicts.size(); ++i) {
-    if (!verdicts[i].is_wrong) members.push_back(i);
+    if (verdicts[i].is_wrong) wrong.insert({i, 0});
   }
-  return members;
-}
-
-Problem PartOf(const Problem& problem, const std::vector<size_t>& views) {
-  Problem part{problem.camera, {}, problem.setup, problem.shape};
-  for (const size_t i : views) part.views.push_back(problem.views[i]);
-  return part;
+  return wrong;
 }
 
 // The noise of a robot with rounding errors only.
@@ -38,135 +38,122 @@ RobotNoise AtLeast(const RobotNoise& noise, const RobotNoise& least) {
 
 // Two robot noises: that of the members, and that of the captures that are wrong.
 struct Mixture {
-  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, over all views.
+  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, over all captures.
   double ratio = 1;  // The larger of the ratios between the two noises' translations and rotations.
 };
 
-// Evaluates the mixture at `of_members`, the solution of the members. The noise of the wrong captures is the RMS of
-// their corrections, computed from the poses that their images show.
-Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std::vector<CaptureVerdict>& verdicts,
-                  const BundleOptions& options) {
-  const Solution& at = of_members;
-  const RobotNoise robot = AtLeast(*at.robot_noise, kExact);
-  std::vector<Rigid3d> corrections;
-  size_t member = 0;
+// Returns the correction of the robot's pose that the image of a capture shows; nothing if it shows none.
+std::optional<Rigid3d> ShownCorrection(const RigProblem& problem, const RigSolution& at, const RigCapture& capture) {
+  const std::vector<Rigid3d> base_from_gripper = WithErrors(capture, at.effects);
+  const std::vector<TargetPose> poses =
+      EstimateTargetPose(at.cameras[0], ApplyShape(capture.images[0].observations, at.shapes[0]));
+  const TargetPose* const seen = NearestPose(poses, CameraFromTarget(problem, at.poses, 0, 0, base_from_gripper));
+  if (seen == nullptr) return std::nullopt;
+  return Inverse(base_from_gripper[0]) *
+         PoseOfArm(problem, at.poses, 0, 0, 0, base_from_gripper, seen->camera_from_target);
+}
+
+// Evaluates the mixture at the solution of the members. The noise of the wrong captures is the RMS of their
+// corrections, computed from the poses that their images show.
+Mixture MixtureOf(const RigProblem& problem, const RigSolution& at, const ImageSet& wrong) {
+  const RobotNoise robot = AtLeast(*at.robot_noise[0], kExact);
+  FitState state = StateOf(at);
   double sum_m2 = 0;
   double sum_rad2 = 0;
-  double num_wrong = 0;
-  for (size_t i = 0; i < verdicts.size(); ++i) {
-    if (!verdicts[i].is_wrong) {
-      corrections.push_back(*at.views[member++].correction);
-      continue;
-    }
-    View view = problem.views[i];
-    view.observations = ApplyShape(view.observations, at.shape);
-    const std::vector<PosePair> seen = PosePairsOf(at.camera, at.hand_eye, {view});
-    if (seen.empty()) return {};
-    corrections.push_back(CorrectionFor(problem.setup, at.hand_eye, view.camera_mount_from_target_mount,
-                                        seen.front().camera_from_target));
-    const Tangent6 correction = LocalCoordinates(Rigid3d(), corrections.back());
-    sum_m2 += correction.head<3>().squaredNorm();
-    sum_rad2 += correction.tail<3>().squaredNorm();
-    ++num_wrong;
+  for (const auto& [i, image] : wrong) {
+    const std::optional<Rigid3d> correction = ShownCorrection(problem, at, problem.captures[i]);
+    if (!correction) return {};
+    state.corrections[i] = {*correction};
+    const Tangent6 tangent = LocalCoordinates(Rigid3d(), *correction);
+    sum_m2 += tangent.head<3>().squaredNorm();
+    sum_rad2 += tangent.tail<3>().squaredNorm();
   }
-  const FreeUnknowns free = FreeOf(at.camera.Model(), options);
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(problem, at, corrections, free, LossOf(LossKind::kNone));
+      LineariseEachCapture(WeightedAs(at, problem), state, NoiseOf(at), LossOf(LossKind::kNone));
   if (!views) return {};
   Mixture mixture;
   double choice = 0;
-  if (num_wrong > 0) {
-    const RobotNoise wrong =
+  if (!wrong.empty()) {
+    const auto num_wrong = static_cast<double>(wrong.size());
+    const RobotNoise of_wrong =
         AtLeast({std::sqrt(sum_m2 / (3 * num_wrong)), std::sqrt(sum_rad2 / (3 * num_wrong))}, robot);
-    const double translations = wrong.translation_m / robot.translation_m;
-    const double rotations = wrong.rotation_rad / robot.rotation_rad;
+    const double translations = of_wrong.translation_m / robot.translation_m;
+    const double rotations = of_wrong.rotation_rad / robot.rotation_rad;
     mixture.ratio = std::max(translations, rotations);
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      if (!verdicts[i].is_wrong) continue;
-      (*views)[i].by_effects.leftCols<3>() *= translations;
-      (*views)[i].by_effects.rightCols<3>() *= rotations;
+    const std::vector<size_t> captures = CapturesWithPoints(problem);
+    for (size_t v = 0; v < captures.size(); ++v) {
+      if (!wrong.contains({captures[v], 0})) continue;
+      (*views)[v].by_effects.leftCols<3>() *= translations;
+      (*views)[v].by_effects.rightCols<3>() *= rotations;
     }
     // Penalty for choosing the wrong captures after the fact: the logarithm of the number of choices.
-    const double share = num_wrong / static_cast<double>(verdicts.size());
-    choice = -static_cast<double>(verdicts.size()) * (share * std::log(share) + (1 - share) * std::log(1 - share));
+    const auto num_all = static_cast<double>(captures.size());
+    const double share = num_wrong / num_all;
+    choice = -num_all * (share * std::log(share) + (1 - share) * std::log(1 - share));
   }
-  mixture.log_likelihood = RestrictedLogLikelihood(*views, at.pixel_sigma_px, CorrectionGroups(1, robot, true, true),
-                                                   views->front().by_unknowns.cols()) -
-                           choice;
+  mixture.log_likelihood =
+      RestrictedLogLikelihood(*views, at.pixel_sigmas_px[0], CorrectionGroups(1, robot, true, true),
+                              views->front().by_unknowns.cols()) -
+      choice;
   return mixture;
 }
 
 // Returns whether one noise for all captures explains them better than wrong poses with a more accurate robot.
-bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const BundleOptions& options_in) {
-  BundleOptions options = options_in;
+bool IsNoiseOfAll(const RigProblem& problem, const JudgedRig& judged, const RigOptions& options_in) {
+  RigOptions options = options_in;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
-  Problem start = problem;
-  start.camera = judged.solution.camera;
-  start.shape = judged.solution.shape;
-  const Outcome<Solution> of_all = RefineHandEye(start, judged.solution.hand_eye, options);
+  const RigProblem start = StartingFrom(problem, judged.solution);
+  const Outcome<RigSolution> of_all = RefineRig(start, judged.solution.poses, options);
   if (!of_all) return false;
   // Both fits use the same points with the same weights.
-  Problem kept = WithoutRejected(start, *of_all);
+  const RigProblem kept = WithoutRejected(start, *of_all);
   options.loss = LossKind::kNone;
-  const Outcome<Solution> of_members =
-      RefineHandEye(PartOf(kept, MembersOf(judged.verdicts)), judged.solution.hand_eye, options);
+  const Outcome<RigSolution> of_members = RefineRig(Without(kept, judged.left_out), judged.solution.poses, options);
   if (!of_members) return true;
-  Solution in_common_weights = *of_members;
+  RigSolution in_common_weights = *of_members;
   in_common_weights.unmodelled_sigma_px = of_all->unmodelled_sigma_px;
-  const Mixture one_noise = MixtureOf(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options);
-  const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.verdicts, options);
+  const Mixture one_noise = MixtureOf(kept, *of_all, {});
+  const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.left_out);
   return one_noise.log_likelihood >= two_noises.log_likelihood || two_noises.ratio < kDistinct;
 }
 
 }  // namespace
 
-int JudgedCaptures::NumWrong() const {
-  return static_cast<int>(
-      std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; }));
-}
-
-JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options) {
-  if (NumNoisyJoints(problem.views) > 0) {
-    // Captures are judged by a white noise of the robot.
-    Problem white = problem;
-    for (View& view : white.views) view.gripper_by_joints.resize(6, 0);
-    return JudgeCaptures(white, solution, options);
+JudgedRig JudgeCaptures(const RigProblem& problem_in, const RigSolution& solution, const RigOptions& options) {
+  // Captures are judged by a white noise of the robot.
+  RigProblem problem = problem_in;
+  for (RigCapture& capture : problem.captures) {
+    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
   }
-  const FreeUnknowns free = FreeOf(problem.camera.Model(), options);
-  JudgedCaptures judged;
-  judged.verdicts.resize(problem.views.size());
-  judged.solution = solution;
-  // Each view has the outcome of the last solution that used it.
-  std::vector<ViewOutcome> outcomes = solution.views;
-  std::vector<size_t> members = MembersOf(judged.verdicts);
+  JudgedRig judged{solution, {}};
+  // Each capture has the outcome of the last solution that used it.
+  std::vector<RigCaptureOutcome> outcomes = solution.captures;
+  ImageSet without;  // The captures that the solution did not use.
   constexpr int kMaxRounds = 8;
   for (int round = 0; round < kMaxRounds; ++round) {
-    Solution at = judged.solution;
-    at.views = outcomes;
-    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, at, free);
-    const std::vector<size_t> next = MembersOf(verdicts);
-    judged.verdicts = std::move(verdicts);
-    if (next == members) break;
-    members = next;
-    Problem part = PartOf(problem, members);
-    part.camera = judged.solution.camera;
-    part.shape = judged.solution.shape;
-    const Outcome<Solution> refined = RefineHandEye(part, judged.solution.hand_eye, options);
+    RigSolution at = judged.solution;
+    at.captures = outcomes;
+    judged.left_out = WrongOf(FindOutlierCaptures(problem, at));
+    if (judged.left_out == without) break;
+    without = judged.left_out;
+    const Outcome<RigSolution> refined =
+        RefineRig(StartingFrom(Without(problem, without), judged.solution), judged.solution.poses, options);
     if (!refined) break;
     judged.solution = *refined;
-    for (size_t k = 0; k < members.size(); ++k) outcomes[members[k]] = refined->views[k];
+    for (size_t i = 0; i < outcomes.size(); ++i) {
+      if (!without.contains({i, 0})) outcomes[i] = refined->captures[i];
+    }
   }
-  const int num_wrong = judged.NumWrong();
-  if (num_wrong > kMostWrong * static_cast<double>(problem.views.size()) && IsNoiseOfAll(problem, judged, options)) {
-    judged.num_kept_against_test = num_wrong;
-    for (CaptureVerdict& verdict : judged.verdicts) verdict.is_wrong = false;
-    Problem all = problem;
-    all.camera = judged.solution.camera;
-    all.shape = judged.solution.shape;
+  const size_t num_wrong = judged.left_out.size();
+  const size_t num_all = CapturesWithPoints(problem).size();
+  const bool is_doubtful = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(num_all);
+  if (is_doubtful && IsNoiseOfAll(problem, judged, options)) {
     // Starts from the solution of the better captures; with all of them the first solution may be far off.
-    const Outcome<Solution> refined = RefineHandEye(all, judged.solution.hand_eye, options);
-    judged.solution = refined ? *refined : solution;
+    const Outcome<RigSolution> refined =
+        RefineRig(StartingFrom(problem, judged.solution), judged.solution.poses, options);
+    return {refined ? *refined : solution, {}, static_cast<int>(num_wrong)};
   }
+  if (2 * num_wrong > num_all) return {solution, {}, static_cast<int>(num_wrong)};
   return judged;
 }
 

@@ -8,8 +8,9 @@
 #include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "solvers/initial/pose_selection.h"
-#include "solvers/refine/bundle_model.h"
-#include "solvers/residuals/noise_scale.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/hand_eye_problem.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -76,13 +77,24 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
   return errors;
 }
 
+// Held-out views, linearised at an estimate, those of each robot pose in one; nothing if a point cannot be projected.
+// `bundle` has what of the estimate is free.
+std::optional<std::vector<LinearisedView>> LineariseHeldOut(const Solution& estimate, const BundleOptions& bundle,
+                                                            heba::Setup setup, const std::vector<View>& held_out) {
+  const RigSolution at = ProblemSolution(estimate);
+  const RigProblem problem = WeightedAs(at, HandEyeProblem({estimate.camera, held_out, setup, estimate.shape}, bundle));
+  FitState state = StateOf(at);
+  state.corrections.clear();
+  const std::optional<std::vector<LinearisedView>> views =
+      LineariseEachCapture(problem, state, NoiseOf(at), LossOf(LossKind::kNone));
+  if (!views) return std::nullopt;
+  return StackGroups(*views, GroupByRobotPose(setup, held_out));
+}
+
 void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup setup,
              const std::vector<View>& held_out, HeldOutErrors* errors) {
-  const FreeUnknowns free = FreeOf(solution.camera.Model(), bundle);
-  std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, LossOf(LossKind::kNone));
+  const std::optional<std::vector<LinearisedView>> views = LineariseHeldOut(solution, bundle, setup, held_out);
   if (!views) return;
-  views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   for (const LinearisedView& view : *views) {
     const Eigen::Index rows = view.offset.size();
@@ -101,11 +113,10 @@ void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Soluti
   at.hand_eye = hand_eye;
   at.camera = camera;
   at.shared_effects = nullptr;  // A closed form knows nothing of them; the views of the refinement are corrected.
-  const FreeParameters held(static_cast<size_t>(NumParams(camera.Model())), false);
-  std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt({camera, held_out, setup}, at, {}, held, LossOf(LossKind::kNone));
+  BundleOptions held;
+  held.free_intrinsics.clear();
+  const std::optional<std::vector<LinearisedView>> views = LineariseHeldOut(at, held, setup, held_out);
   if (!views) return;
-  views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});
   for (const LinearisedView& view : *views) {
     const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, CorrectionVariances(robot, view.by_effects.cols()));

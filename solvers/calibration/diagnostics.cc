@@ -12,6 +12,9 @@
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/hand_eye_problem.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "solvers/uncertainty/unknown_change.h"
 #include "solvers/uncertainty/variance_components.h"
@@ -65,7 +68,7 @@ std::optional<View> ImaginedView(const Solution& solution, const Observations& p
 }
 
 std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, const Solution& solution,
-                                                     const FreeUnknowns& free) {
+                                                     const BundleOptions& options) {
   const View& fullest = *std::max_element(problem.views.begin(), problem.views.end(), [](const View& a, const View& b) {
     return a.observations.size() < b.observations.size();
   });
@@ -74,6 +77,9 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   for (const View& view : problem.views) {
     poses.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
   }
+  const RigSolution at = ProblemSolution(solution);
+  FitState state = StateOf(at);
+  state.corrections.clear();
   std::vector<SuggestedCaptures> cures;
   for (CandidateMotion& motion :
        CandidateMotions(solution.camera, MeanPose(poses), points.points_in_target.rowwise().mean())) {
@@ -84,7 +90,7 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
     }
     if (imagined.views.size() < 2) continue;
     std::optional<std::vector<LinearisedView>> views =
-        LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, LossOf(LossKind::kNone));
+        LineariseEachCapture(HandEyeProblem(imagined, options), state, NoiseOf(at), LossOf(LossKind::kNone));
     if (views) cures.push_back({std::move(motion), std::move(*views)});
   }
   return cures;
@@ -144,11 +150,11 @@ Eigen::VectorXd ChangeBetween(const Solution& from, const Solution& to) {
 }  // namespace
 
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
-                                              const FreeUnknowns& free) {
+                                              const BundleOptions& options) {
   const UnknownLayout& layout = solution.covariance.layout;
   const std::vector<WeakDirection> weak_directions = FindWeakDirections(problem, solution);
   if (weak_directions.empty()) return std::nullopt;
-  const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, free);
+  const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, options);
   // New captures have the smooth errors of other poses, too.
   RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const RobotNoise smooth = solution.smooth_noise.value_or(RobotNoise{});

@@ -21,7 +21,7 @@ namespace heba {
 // rotated in its plane, nearer and farther, towards the sides of the image, all relative to the mean pose of the
 // captures. Each pair is rated by the information that its points would add. Returns nothing if no sigma is too large.
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
-                                              const FreeUnknowns& free);
+                                              const BundleOptions& options);
 
 // Returns the finding `model`: the error model that was chosen, and the alternative that it was preferred to, with
 // figures.

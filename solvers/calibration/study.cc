@@ -11,8 +11,9 @@
 #include "heba/data/prediction.h"
 #include "solvers/calibration/study_places.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/refine/bundle_model.h"
-#include "solvers/residuals/loop_problem.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/hand_eye_problem.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -266,16 +267,20 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
     problem.views[i].gripper_by_joints = cell.robot->gripper_by_joints[pose];
   }
   const std::shared_ptr<const SharedEffects> drawn = DrawnErrors(cell);
-  const FreeUnknowns free = {FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell)),
-                             drawn};
+  BundleOptions free;
+  free.free_intrinsics = cell.options.bundle.free_intrinsics;
+  free.free_shape = ShapeGroupsOf(cell);
+  free.effects = drawn;
+  const RigProblem whole = HandEyeProblem(problem, free);
+  FitState state{HandEyePosesOf(cell.hand_eye), {cell.camera}, {cell.shape}, {}, {}};
+  if (drawn != nullptr) state.effects = {Eigen::VectorXd::Zero(drawn->size())};
   const std::optional<std::vector<LinearisedView>> each =
-      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, LossOf(LossKind::kNone),
-                     Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size()));
+      LineariseEachCapture(whole, state, {{cell.pixel_sigma_px}, {0}, {}}, LossOf(LossKind::kNone));
   CHECK(each.has_value());
   const std::vector<LinearisedView> views = cell.num_repeats > 1 ? StackGroups(*each, groups) : *each;
   RobotNoise noise = cell.robot_noise;
   if (cell.robot) noise.joint_rad = cell.robot->joint_noise_rad;
-  Information information{HandEyeUnknowns(cell.camera.Model(), free),
+  Information information{RigUnknowns(whole),
                           MarginalInformation(views, CorrectionVariances(noise, views.front().by_effects.cols()), 1.0)};
   const UnknownBlock robot = information.layout.Block(kRobotBlock);
   for (Eigen::Index i = robot.first; i < robot.end(); ++i) {

@@ -14,10 +14,6 @@ namespace heba {
 
 std::string BundleOptions::Check() const { return AdjustmentOptionsOf(*this).Check(); }
 
-FreeUnknowns FreeOf(const CameraModel& model, const BundleOptions& options) {
-  return {FreeOf(model, options.free_intrinsics, options.free_shape), options.effects};
-}
-
 const Loss& InlierLoss(const BundleOptions& options) {
   return LossOf(options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss);
 }

@@ -2,12 +2,9 @@
 #pragma once
 
 #include "heba/bundle_adjustment.h"
-#include "heba/data/free_parameters.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {
-
-FreeUnknowns FreeOf(const CameraModel& model, const BundleOptions& options);
 
 // Returns the loss that applies to the inliers: `none` for `truncated`, because its outliers are removed.
 const Loss& InlierLoss(const BundleOptions& options);

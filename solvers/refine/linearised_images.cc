@@ -27,6 +27,31 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
   return result;
 }
 
+std::vector<size_t> CapturesWithPoints(const RigProblem& problem) {
+  std::vector<size_t> captures;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    const std::vector<RigImage>& images = problem.captures[i].images;
+    const bool has_points =
+        std::any_of(images.begin(), images.end(), [](const RigImage& image) { return image.observations.size() > 0; });
+    if (has_points) captures.push_back(i);
+  }
+  return captures;
+}
+
+std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem& problem, const FitState& state,
+                                                                const FitNoise& noise, const Loss& loss) {
+  CaptureGroups each;
+  for (const size_t i : CapturesWithPoints(problem)) each.push_back({i});
+  // The linearised captures have no priors of their corrections.
+  const FitNoise of_images{noise.pixel_px, noise.image_px, {}};
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseCaptures(CaptureLoops(problem, each, state, of_images, true), ValuesOf(state), 1, loss);
+  for (size_t v = 0; views && v < views->size(); ++v) {
+    (*views)[v].offset = ResidualOf(problem, state, (*views)[v], Eigen::VectorXd());
+  }
+  return views;
+}
+
 Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view) {
   // Another pose of the camera is another pose of the target.
   const UnknownBlock pose = RigUnknowns(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));

@@ -15,39 +15,6 @@ namespace {
 
 enum HandEyePose : int { kHandEye, kBoard };
 
-LoopProblem WithoutCaptures(const Problem& problem, const FreeUnknowns& free) {
-  LoopProblem loops;
-  loops.layout = HandEyeUnknowns(problem.camera.Model(), free);
-  loops.cameras = {&problem.camera.Model()};
-  loops.targets = {problem.shape};
-  return loops;
-}
-
-// Makes the loops of views. Those with effects, and those without, share what they have in common.
-class LoopMaker {
- public:
-  LoopMaker(Setup setup, const SharedEffects* effects, bool has_correction)
-      : effects_(effects),
-        plain_(HandEyeLoop(setup, {}, nullptr, has_correction)),
-        with_effect_(HandEyeLoop(setup, {}, MakeLinearEffect(Matrix6X(6, 0)), has_correction)) {
-    for (size_t i = 0; effects != nullptr && i < effects->effects.size(); ++i) {
-      indices_.push_back(effects->effects[i].index);
-    }
-  }
-
-  KinematicLoop LoopOf(const View& view) const {
-    if (effects_ == nullptr || view.effect == nullptr) return plain_.With({view.camera_mount_from_target_mount});
-    return with_effect_.With({view.camera_mount_from_target_mount},
-                             {SelectEffects(view.effect, effects_->num_all, indices_)});
-  }
-
- private:
-  const SharedEffects* effects_;
-  std::vector<int> indices_;
-  KinematicLoop plain_;
-  KinematicLoop with_effect_;  // With an effect in whose place those of the views are put.
-};
-
 }  // namespace
 
 KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount,
@@ -162,16 +129,6 @@ Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_join
   return root->SolveLower(Matrix6(sigmas.cwiseInverse().asDiagonal()));
 }
 
-Eigen::Index NumNoisyJoints(const std::vector<View>& views) {
-  Eigen::Index num_joints = 0;
-  for (const View& view : views) {
-    if (view.gripper_by_joints.cols() == 0) continue;
-    CHECK(num_joints == 0 || num_joints == view.gripper_by_joints.cols()) << view.name;
-    num_joints = view.gripper_by_joints.cols();
-  }
-  return num_joints;
-}
-
 OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
   const Tangent6 tangent = LocalCoordinates(Rigid3d(), pose);
   // The inverse right Jacobian of the rotation vector to second order; corrections are small.
@@ -180,51 +137,6 @@ OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
   local_from_tangent.topLeftCorner<3, 3>() = pose.RotationMatrix();
   local_from_tangent.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12;
   return {prior * tangent, prior * local_from_tangent};
-}
-
-LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free) {
-  LoopProblem loops = WithoutCaptures(problem, free);
-  const LoopMaker maker(problem.setup, free.effects.get(), false);
-  loops.captures.reserve(problem.views.size());
-  for (const View& view : problem.views) {
-    LoopCapture& capture = loops.captures.emplace_back();
-    capture.views.push_back({&view.observations, maker.LoopOf(view)});
-  }
-  return loops;
-}
-
-LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free, const PoseGroups& groups,
-                         const std::vector<Rigid3d>& corrections, const RobotNoise& noise) {
-  LoopProblem loops = WithoutCaptures(problem, free);
-  const Eigen::Index num_joints = NumNoisyJoints(problem.views);
-  if (num_joints == 0) loops.priors = {CorrectionPrior(noise)};
-  const LoopMaker maker(problem.setup, free.effects.get(), true);
-  loops.captures.reserve(groups.size());
-  for (const std::vector<size_t>& group : groups) {
-    LoopCapture& capture = loops.captures.emplace_back();
-    capture.own_poses = {{corrections[group.front()], 0}};
-    if (num_joints > 0) {
-      OwnPose& own = capture.own_poses.front();
-      own.directions = problem.views[group.front()].gripper_by_joints;
-      // The joints of a capture without them are not noisy.
-      if (own.directions.cols() == 0) own.directions.setZero(6, num_joints);
-      own.prior = loops.priors.size();
-      loops.priors.push_back(CorrectionPrior(noise, own.directions));
-    }
-    for (const size_t i : group) {
-      const View& view = problem.views[i];
-      capture.views.push_back({&view.observations, maker.LoopOf(view)});
-    }
-  }
-  return loops;
-}
-
-LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape,
-                         const Eigen::VectorXd& effects) {
-  LoopValues values{
-      {hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target}, {}, {camera.params}, {shape}};
-  if (effects.size() > 0) values.effects.push_back(effects);
-  return values;
 }
 
 }  // namespace heba

@@ -1,6 +1,5 @@
 // Adjustments of kinematic loops: captures whose images are explained by unknown poses, effects, cameras and targets
-// that they share, and by poses of their own. The calibration of one camera with one target is an instance
-// (HandEyeLoops); several cameras, targets and arms are others.
+// that they share, and by poses of their own. The loops of a problem's captures are made by capture_loops.h.
 #pragma once
 
 #include <memory>
@@ -97,9 +96,6 @@ struct OwnPoseResidual {
 };
 OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
 
-// Returns the number of joints whose noise is modelled; 0 if it is not.
-Eigen::Index NumNoisyJoints(const std::vector<View>& views);
-
 // The indices of views that are one capture because they were taken at one robot pose.
 using PoseGroups = std::vector<std::vector<size_t>>;
 
@@ -108,22 +104,5 @@ using PoseGroups = std::vector<std::vector<size_t>>;
 // null, and xi the capture's own pose 0 if `has_correction`.
 KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount,
                           std::shared_ptr<const PoseEffect> effect, bool has_correction);
-
-// Returns the loops of a hand-eye calibration with the unknowns HandEyeUnknowns(problem.camera.Model(), free). The
-// views of the problem must outlive the result.
-//
-// Without noise, every view is a capture, and camera_from_target = X^-1 M Z. With noise, every group is a capture whose
-// own pose is the correction of its robot pose, from those of `corrections` (one per view): equations (1) to (3) of
-// docs/estimation.md.
-//
-// With free effects, the robot's pose of every view that has one is multiplied by its effect (View::effect), before the
-// correction.
-LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free);
-LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free, const PoseGroups& groups,
-                         const std::vector<Rigid3d>& corrections, const RobotNoise& noise);
-
-// Returns the values of these unknowns. `effects` is empty if no effect is free.
-LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape,
-                         const Eigen::VectorXd& effects = {});
 
 }  // namespace heba

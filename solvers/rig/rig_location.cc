@@ -10,10 +10,10 @@
 #include "heba/data/prediction.h"
 #include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/view_reduction.h"
-#include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
 namespace {

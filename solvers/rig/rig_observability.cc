@@ -98,24 +98,6 @@ std::vector<Observations> PointsOfTargets(const RigProblem& used) {
   return of_targets;
 }
 
-// Returns the pose of an arm at which a camera sees a target from `camera_from_target`; one of the two is on its
-// gripper, and the other arms stand at `base_from_gripper`.
-Rigid3d PoseOfArm(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target, size_t robot,
-                  const std::vector<Rigid3d>& base_from_gripper, const Rigid3d& camera_from_target) {
-  const Mount& camera_mount = problem.cameras[camera].mount;
-  const Mount& target_mount = problem.targets[target].mount;
-  const bool moves_target = target_mount == Mount{robot, Mount::Part::kGripper};
-  const auto world_from = [&](const Mount& mount) {
-    return WorldFromMount(mount, poses.world_from_base, base_from_gripper);
-  };
-  const Rigid3d world_from_gripper = moves_target
-                                         ? world_from(camera_mount) * poses.mount_from_camera[camera] *
-                                               camera_from_target * Inverse(poses.mount_from_target[target])
-                                         : world_from(target_mount) * poses.mount_from_target[target] *
-                                               Inverse(camera_from_target) * Inverse(poses.mount_from_camera[camera]);
-  return Inverse(poses.world_from_base[robot]) * world_from_gripper;
-}
-
 // Makes captures at poses of the arms: the images of all cameras.
 class Imagination {
  public:

@@ -6,9 +6,9 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/linearised_images.h"
-#include "solvers/uncertainty/capture_outliers.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

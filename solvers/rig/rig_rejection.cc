@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <map>
 
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
-#include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {
 ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera) {

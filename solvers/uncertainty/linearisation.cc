@@ -5,7 +5,6 @@
 
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
-#include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 
 namespace heba {
@@ -184,37 +183,6 @@ std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& 
     result.push_back(Stack(views, all));
   }
   return result;
-}
-
-std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                          const std::vector<Rigid3d>& corrections,
-                                                          const FreeUnknowns& free, double pixel_sigma_px,
-                                                          const Loss& loss, const Eigen::VectorXd& effects) {
-  PoseGroups each;
-  for (size_t i = 0; i < problem.views.size(); ++i) each.push_back({i});
-  const std::vector<Rigid3d> none(problem.views.size());
-  // The prior of the corrections is not part of the linearised views.
-  return LineariseCaptures(HandEyeLoops(problem, free, each, corrections.empty() ? none : corrections, {1, 1}),
-                           HandEyeValues(hand_eye, problem.camera, problem.shape, effects), pixel_sigma_px, loss);
-}
-
-std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                            const std::vector<Rigid3d>& corrections,
-                                                            const FreeUnknowns& free, const Loss& loss) {
-  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
-  if (solution.unmodelled_sigma_px) WeightByCovariance(*solution.unmodelled_sigma_px, &weighted.views);
-  if (free.effects == nullptr) {
-    weighted.views = CorrectedViews(problem.setup, weighted.views, solution);
-    return LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss);
-  }
-  std::optional<std::vector<LinearisedView>> views =
-      LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss, solution.effects);
-  const UnknownBlock block = HandEyeUnknowns(solution.camera.Model(), free).Block(kRobotBlock);
-  for (size_t i = 0; views && i < views->size(); ++i) {
-    LinearisedView& view = (*views)[i];
-    view.offset -= view.by_unknowns.middleCols(block.first, block.size) * solution.effects;
-  }
-  return views;
 }
 
 std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups) {

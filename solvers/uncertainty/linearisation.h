@@ -38,20 +38,6 @@ struct LinearisedView {
 std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
                                                              double pixel_sigma_px, const Loss& loss);
 
-// Linearises all views of a hand-eye calibration, each as a capture with one correction of its robot pose
-// (HandEyeLoops). `corrections` may be empty if there are none. `effects` are the values of the free effects. Returns
-// nothing if a point cannot be projected.
-std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                          const std::vector<Rigid3d>& corrections,
-                                                          const FreeUnknowns& free, double pixel_sigma_px,
-                                                          const Loss& loss, const Eigen::VectorXd& effects = {});
-
-// Likewise for the problem's views at a solution, which provides the camera, the target's shape, the effects and the
-// weights of the points. Here, the step of the effects is a step from the solution's, too.
-std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                            const std::vector<Rigid3d>& corrections,
-                                                            const FreeUnknowns& free, const Loss& loss);
-
 // Returns one view per group, with the rows of its views, which share their effects, in no more rows than columns.
 // Views after those of the groups, such as a prior of the camera, are kept at the end.
 std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups);

@@ -40,7 +40,7 @@ RobotNoisePrior IndustrialArmPrior();
 // modelled.
 enum CorrectionGroup : int { kPixelGroup, kTranslationGroup, kRotationGroup, kJointGroup };
 // Returns these groups: the variance of the pixels in the views' unit, those of the robot, which of them are free, the
-// robot's prior (null if there is none), and the number of noisy joints (NumNoisyJoints).
+// robot's prior (null if there is none), and the number of noisy joints.
 std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
                                             bool robot_is_free, const RobotNoisePrior* prior = nullptr,
                                             Eigen::Index num_joints = 0);

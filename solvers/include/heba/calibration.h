@@ -175,7 +175,7 @@ struct Advice {
 Advice Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // Returns the influence of each used view on a calibration whose refinement succeeded
-// (solvers/uncertainty/influence.h).
+// (solvers/calibration/influence.h).
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options);
 

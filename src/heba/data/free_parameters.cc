@@ -17,12 +17,9 @@ std::array<bool, TargetShape::kNumParams> FreeShapeOf(const std::vector<TargetSh
   return free;
 }
 
-FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
-                      const std::vector<TargetShapeGroup>& free_shape) {
+FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics) {
   FreeParameters free;
   for (int i = 0; i < NumParams(model); ++i) free.push_back(Contains(free_intrinsics, GroupOf(i)));
-  if (free_shape.empty()) return free;
-  for (const bool is_free : FreeShapeOf(free_shape)) free.push_back(is_free);
   return free;
 }
 

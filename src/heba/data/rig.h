@@ -129,6 +129,11 @@ Rigid3d WorldFromMount(const Mount& mount, const std::vector<Rigid3d>& world_fro
 Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target,
                          const std::vector<Rigid3d>& base_from_gripper);
 
+// Returns the pose of an arm at which a camera sees a target from `camera_from_target`; one of the two is on its
+// gripper, and the other arms stand at `base_from_gripper`.
+Rigid3d PoseOfArm(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target, size_t robot,
+                  const std::vector<Rigid3d>& base_from_gripper, const Rigid3d& camera_from_target);
+
 // Returns the poses of the arms as they report them, multiplied by their errors at these effects, one vector for each
 // arm; an empty list stands for no effects.
 std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eigen::VectorXd>& effects);

@@ -74,7 +74,7 @@ struct CaptureResult {
   // The pose of the gripper according to the image, in the gripper's frame according to the robot; set if robot noise
   // is modelled.
   std::optional<Rigid3d> correction;
-  // Change of the refined hand-eye pose without this capture (solvers/uncertainty/influence.h).
+  // Change of the refined hand-eye pose without this capture (solvers/calibration/influence.h).
   std::optional<CaptureMove> move_without;
   // Name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
   std::string repeat_of = {};

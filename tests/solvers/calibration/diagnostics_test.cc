@@ -6,7 +6,6 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
-#include "solvers/refine/bundle_model.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -19,7 +18,7 @@ std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<Param
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
-  return DiagnoseWeakDirections(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
+  return DiagnoseWeakDirections(problem, *solution, options);
 }
 
 // The solution of a scene in which the robot is assumed to be exact and the camera is held fixed.

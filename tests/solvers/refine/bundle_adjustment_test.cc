@@ -12,9 +12,11 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/refine/bundle_model.h"
+#include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
+#include "tests/support/linearised_views.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 
@@ -124,7 +126,6 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(solution.ok()) << solution.reason();
-  const FreeUnknowns free = FreeOf(scene.camera.Model(), options);
   Problem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
     const std::vector<int>& rejected = solution->views[i].rejected_ids;
@@ -134,8 +135,9 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
     }
     kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
   }
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(kept, *solution, {}, free, InlierLoss(options));
+  const RigSolution at = ProblemSolution(*solution);
+  const std::optional<std::vector<LinearisedView>> views = LineariseEachCapture(
+      WeightedAs(at, HandEyeProblem(kept, options)), StateOf(at), NoiseOf(at), InlierLoss(options));
   ASSERT_TRUE(views.has_value());
   const Eigen::MatrixXd information =
       MarginalInformation(*views, CorrectionVariances({}), InlierLoss(options).covariance_factor());
@@ -162,10 +164,10 @@ INSTANTIATE_TEST_SUITE_P(, LossTest, testing::Values("none", "huber", "truncated
 TEST(InformationTest, NamesMatchTheParameters) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
-  const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
-  const std::vector<LinearisedView> views =
-      *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, LossOf(LossKind::kNone));
-  const Information information{HandEyeUnknowns(scene.camera.Model(), free),
+  BundleOptions options;
+  options.free_intrinsics = {ParameterGroup::kFocal};
+  const std::vector<LinearisedView> views = LineariseViews(problem, scene.hand_eye, options, 1.0);
+  const Information information{RigUnknowns(HandEyeProblem(problem, options)),
                                 MarginalInformation(views, CorrectionVariances({}), 1.0)};
   ASSERT_EQ(information.layout.Name(2), "hand_eye.tz_m");
   ASSERT_EQ(information.layout.Name(9), "board.rx_rad");

@@ -12,6 +12,7 @@
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/robot_noise.h"
+#include "tests/support/linearised_views.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -69,9 +70,9 @@ std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string
   const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, options.shape};
   PoseGroups each;
   for (size_t i = 0; i < scene.views.size(); ++i) each.push_back({i});
-  const std::vector<Rigid3d> none(scene.views.size());
-  LoopProblem loops =
-      has_corrections ? HandEyeLoops(problem, options.free, each, none, kRobot) : HandEyeLoops(problem, options.free);
+  LoopProblem loops = CaptureLoops(HandEyeProblem(problem, {}), each, StateAt(problem, scene.hand_eye),
+                                   {{1}, {0}, {kRobot}}, has_corrections);
+  loops.layout = HandEyeUnknowns(scene.camera.Model(), options.free);
   // The observations must outlive the cost.
   for (size_t i = 0; i < scene.views.size(); ++i) {
     loops.captures[i].views.front().observations = &scene.views[i].observations;

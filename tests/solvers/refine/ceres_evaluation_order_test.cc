@@ -11,6 +11,7 @@
 
 #include "solvers/refine/captures_cost.h"
 #include "solvers/refine/reprojection_problem.h"
+#include "tests/support/linearised_views.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -123,17 +124,16 @@ TEST(CapturesCostTest, AreAcceptedAtTheSolution) {
   scene_options.robot_rotation_rad = 5e-4;
   const TestScene scene = MakeTestScene(8, scene_options);
   const Problem problem{scene.camera, scene.views};
-  const FreeParameters free(scene.camera.params.size(), true);
   PoseGroups each;
   for (size_t i = 0; i < scene.views.size(); ++i) each.push_back({i});
   HandEye start = scene.hand_eye;
   start.camera_mount_from_camera = Retract(start.camera_mount_from_camera, 0.05 * Tangent6(1, -1, 1, 1, 1, -1));
   for (const bool has_corrections : {false, true}) {
     for (const int max_iterations : {2, 100}) {
-      const std::vector<Rigid3d> none(scene.views.size());
-      LoopProblem loops =
-          has_corrections ? HandEyeLoops(problem, free, each, none, {5e-4, 5e-4}) : HandEyeLoops(problem, free);
-      LoopUnknowns unknowns(loops.layout, HandEyeValues(start, scene.camera, {}));
+      const RigProblem whole = HandEyeProblem(problem, {});
+      const FitState state = StateAt(problem, start);
+      LoopProblem loops = CaptureLoops(whole, each, state, {{1}, {0}, {{5e-4, 5e-4}}}, has_corrections);
+      LoopUnknowns unknowns(loops.layout, ValuesOf(state));
       CapturesCostOptions cost_options;
       cost_options.pixel_sigma_px = 0.3;
       cost_options.loss = &LossOf(LossKind::kNone);

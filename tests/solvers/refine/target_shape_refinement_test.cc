@@ -8,9 +8,9 @@
 
 #include "heba/bundle_adjustment.h"
 #include "heba/calibration.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
+#include "tests/support/linearised_views.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 
@@ -53,11 +53,9 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
       const Eigen::Index row = solution->covariance.matrix.rows() - 4 + i;
       shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
     }
-    const FreeUnknowns free = FreeOf(scene.camera.Model(), options);
     const std::vector<LinearisedView> linear =
-        *LineariseViews({scene.camera, scene.views, scene_options.setup, made}, scene.hand_eye, {}, free, kNoisePx,
-                        LossOf(LossKind::kNone));
-    const Information information{HandEyeUnknowns(scene.camera.Model(), free),
+        LineariseViews({scene.camera, scene.views, scene_options.setup, made}, scene.hand_eye, options, kNoisePx);
+    const Information information{solution->covariance.layout,
                                   MarginalInformation(linear, CorrectionVariances({}), 1.0)};
     bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();
   }

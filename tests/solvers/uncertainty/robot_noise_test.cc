@@ -14,6 +14,7 @@
 #include "heba/bundle_adjustment.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/residuals/repeated_poses.h"
+#include "tests/support/linearised_views.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -92,9 +93,11 @@ TEST_P(RobotNoiseTest, CorrectionsApplyOnTheGripperSide) {
       DistanceM(corrected, CameraFromTarget(scene.hand_eye, CameraMountFromTargetMount(setup, base_from_gripper))),
       1e-12);
   const Problem problem{scene.camera, {scene.views.front()}, setup};
-  const FreeParameters held(scene.camera.params.size(), false);
-  const LoopProblem loops = HandEyeLoops(problem, held, {{0}}, {correction}, {1, 1});
-  const LoopValues values = HandEyeValues(scene.hand_eye, scene.camera, {});
+  const RigProblem whole = HandEyeProblem(problem, {});
+  FitState state = StateAt(problem, scene.hand_eye);
+  state.corrections = {{correction}};
+  const LoopProblem loops = CaptureLoops(whole, {{0}}, state, {{1}, {0}, {{1, 1}}}, true);
+  const LoopValues values = ValuesOf(state);
   LoopDerivatives derivatives;
   const Rigid3d by_loop =
       loops.captures[0].views[0].loop.Evaluate({values.poses, values.effects, {correction}}, &derivatives);
@@ -186,9 +189,8 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
     options.points = GridPoints(columns, 2, 0.04);
     options.noise_px = kPixelPx;
     const TestScene scene = MakeTestScene(5, options);
-    const FreeParameters free(scene.camera.params.size(), true);
-    const std::vector<LinearisedView> views = *LineariseViews(
-        {scene.camera, scene.views, options.setup}, scene.hand_eye, {}, free, kPixelPx, LossOf(LossKind::kNone));
+    const std::vector<LinearisedView> views =
+        LineariseViews({scene.camera, scene.views, options.setup}, scene.hand_eye, {}, kPixelPx);
     for (const LinearisedView& view : views) {
       EXPECT_EQ(view.num_rows_without_effects, columns == 8 ? view.offset.size() - 6 : 0);
       EXPECT_TRUE(view.by_effects.bottomRows(view.num_rows_without_effects).isZero(0));

@@ -1,9 +1,10 @@
-#include "solvers/uncertainty/capture_outliers.h"
+#include "solvers/calibration/capture_outliers.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <set>
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
@@ -11,9 +12,9 @@
 #include "heba/base/median.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/small_matrix.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/residuals/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -142,39 +143,50 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
   return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
 }
 
-// The views that can be tested, linearised at a solution.
+// The captures that can be tested, linearised at a solution.
 struct JudgedViews {
   std::vector<LinearisedView> views;
-  std::vector<size_t> index;   // Index of the view in the problem.
+  std::vector<size_t> index;   // The capture of each of them.
   PoseGroups groups;           // The tested views, grouped by robot pose.
-  std::vector<size_t> hidden;  // Views of the problem with a point that cannot be projected.
+  std::vector<size_t> hidden;  // Captures with a point that cannot be projected.
   double pixel_sigma_px = 1;
 };
 
-// The views with the errors of the robot that the solution has found, which count as known.
-JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeUnknowns& free) {
-  const std::vector<View> corrected = CorrectedViews(problem.setup, problem.views, solution);
+// The captures with the errors of the robot that the solution has found, which count as known.
+JudgedViews Judge(const RigProblem& problem, const RigSolution& solution) {
   JudgedViews judged;
-  judged.pixel_sigma_px = solution.pixel_sigma_px;
-  Problem visible{solution.camera, {}, problem.setup, solution.shape};
-  for (size_t i = 0; i < problem.views.size(); ++i) {
-    View view = corrected[i];
-    view.gripper_by_joints.resize(6, 0);  // Captures are tested by the white noise that contains that of the joints.
-    view.observations = JudgedPoints(view.observations, solution.views[i].rejected_ids);
-    const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
-    if (!Residuals(solution.camera, camera_from_target, ApplyShape(view.observations, solution.shape))) {
+  judged.pixel_sigma_px = solution.pixel_sigmas_px[0];
+  RigProblem visible = problem;
+  visible.effects.clear();
+  for (const size_t i : CapturesWithPoints(problem)) {
+    RigCapture& capture = visible.captures[i];
+    CHECK_EQ(capture.images.size(), 1U);
+    capture.base_from_gripper = WithErrors(capture, solution.effects);
+    capture.effects.clear();
+    // Captures are tested by the white noise that contains that of the joints.
+    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
+    Observations& points = capture.images[0].observations;
+    points = JudgedPoints(points, solution.captures[i].rejected_ids[0]);
+    const Rigid3d camera_from_target = CameraFromTarget(visible, solution.poses, 0, 0, capture.base_from_gripper);
+    if (!Residuals(solution.cameras[0], camera_from_target, ApplyShape(points, solution.shapes[0]))) {
       judged.hidden.push_back(i);
-      continue;
+      points = Observations();
     }
-    visible.views.push_back(std::move(view));
-    judged.index.push_back(i);
   }
-  if (visible.views.empty()) return judged;
+  judged.index = CapturesWithPoints(visible);
+  if (judged.index.empty()) return judged;
+  const FitState state{solution.poses, solution.cameras, solution.shapes, {}, {}};
+  visible = WeightedAs(solution, std::move(visible));
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(visible, solution, {}, free.params, LossOf(LossKind::kNone));
+      LineariseEachCapture(visible, state, NoiseOf(solution), LossOf(LossKind::kNone));
   if (!views) return judged;
   judged.views = std::move(*views);
-  judged.groups = GroupByRobotPose(problem.setup, visible.views);
+  std::vector<size_t> place(problem.captures.size());
+  for (size_t v = 0; v < judged.index.size(); ++v) place[judged.index[v]] = v;
+  for (const std::vector<size_t>& group : GroupByRobotPoses(visible)) {
+    std::vector<size_t>& of_views = judged.groups.emplace_back();
+    for (const size_t i : group) of_views.push_back(place[i]);
+  }
   return judged;
 }
 
@@ -233,11 +245,12 @@ constexpr double kLeastDof = 6;
 
 }  // namespace
 
-std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
-                                                const FreeUnknowns& free) {
-  std::vector<CaptureVerdict> verdicts(problem.views.size());
-  const JudgedViews judged = Judge(problem, solution, free);
-  for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
+std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const RigSolution& solution) {
+  const std::vector<CaptureVerdict> all_pass(problem.captures.size());
+  std::vector<CaptureVerdict> verdicts = all_pass;
+  const JudgedViews judged = Judge(problem, solution);
+  const bool can_tell = judged.views.size() + judged.hidden.size() >= kMinCaptures;
+  for (const size_t i : judged.hidden) verdicts[i] = {can_tell, 0};
   if (judged.views.size() < kMinCaptures) return verdicts;
   Variances variances;
   std::vector<bool> is_member = BestHalf(judged.views, &variances);
@@ -247,7 +260,7 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
   for (int round = 0; round < kMaxRounds; ++round) {
     const Members members = MembersOf(judged, is_member);
     const double dof = members.views.empty() ? 0 : DofOf(members);
-    if (dof < kLeastDof) return std::vector<CaptureVerdict>(problem.views.size());
+    if (dof < kLeastDof) return all_pass;
     variances = EstimateFrom(members.views, variances);
     Variances used = variances;
     if (round == 0) {
@@ -260,39 +273,38 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
     if (passes == is_member) break;
     is_member = std::move(passes);
   }
-  for (size_t i = 0; i < judged.views.size(); ++i) verdicts[judged.index[i]] = {!is_member[i], p_values[i]};
+  for (size_t v = 0; v < judged.views.size(); ++v) verdicts[judged.index[v]] = {!is_member[v], p_values[v]};
   return verdicts;
 }
 
-std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
-                                                const FreeUnknowns& free, const std::vector<View>& others) {
-  const size_t num_members = problem_of_members.views.size();
-  Problem problem = problem_of_members;
-  problem.views.insert(problem.views.end(), others.begin(), others.end());
-  Solution at = solution;
-  at.views.resize(problem.views.size());
-  std::vector<CaptureVerdict> verdicts(others.size());
-  const JudgedViews judged = Judge(problem, at, free);
-  for (const size_t i : judged.hidden) {
-    if (i >= num_members) verdicts[i - num_members] = {true, 0};
-  }
+std::vector<CaptureVerdict> TestLeftOutCaptures(const RigProblem& problem, const RigSolution& solution,
+                                                const std::vector<size_t>& left_out) {
+  RigSolution at = solution;
+  for (const size_t i : left_out) at.captures[i].rejected_ids = {{}};
+  const JudgedViews judged = Judge(problem, at);
+  std::vector<CaptureVerdict> of_all(problem.captures.size());
+  const auto verdicts = [&] {
+    std::vector<CaptureVerdict> of_left_out;
+    for (const size_t i : left_out) of_left_out.push_back(of_all[i]);
+    return of_left_out;
+  };
+  for (const size_t i : judged.hidden) of_all[i] = {true, 0};
+  const std::set<size_t> others(left_out.begin(), left_out.end());
   std::vector<bool> is_member;
-  for (const size_t i : judged.index) is_member.push_back(i < num_members);
+  for (const size_t i : judged.index) is_member.push_back(!others.contains(i));
   const Members members = MembersOf(judged, is_member);
   const double dof = members.views.empty() ? 0 : DofOf(members);
-  if (dof < kLeastDof) return verdicts;
+  if (dof < kLeastDof) return verdicts();
   Variances variances = EstimateFrom(members.views, {});
-  if (solution.smooth_noise) {
+  if (const std::optional<RobotNoise> smooth = SmoothNoiseOf(solution, 0)) {
     // The members say little about smooth errors at other poses: the test counts them as unknown.
-    variances.translation_m2 += std::pow(solution.smooth_noise->translation_m, 2);
-    variances.rotation_rad2 += std::pow(solution.smooth_noise->rotation_rad, 2);
+    variances.translation_m2 += std::pow(smooth->translation_m, 2);
+    variances.rotation_rad2 += std::pow(smooth->rotation_rad, 2);
   }
   const std::vector<double> p_values = PValues(judged, members, variances, dof);
-  const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
-  for (size_t i = 0; i < judged.views.size(); ++i) {
-    if (!is_member[i]) verdicts[judged.index[i] - num_members] = {p_values[i] < limit, p_values[i]};
-  }
-  return verdicts;
+  const double limit = kCaptureFalseAlarm / static_cast<double>(CapturesWithPoints(problem).size());
+  for (size_t v = 0; v < judged.views.size(); ++v) of_all[judged.index[v]] = {p_values[v] < limit, p_values[v]};
+  return verdicts();
 }
 
 }  // namespace heba

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "heba/data/free_parameters.h"
-#include "heba/data/solution.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 
 namespace heba {
 
@@ -23,25 +23,23 @@ struct CaptureVerdict {
   double p_value = 1;
 };
 
-// Returns one verdict per view, at an estimate that is not biased by the wrong captures (RefineHandEye with the loss
-// `truncated`). `free` lists what captures may disagree about without being wrong; it includes the unknown parameters
-// of the target's shape.
+// Returns one verdict per capture of a problem with one camera, one target and one arm, whose captures have one image
+// each, at an estimate that is not biased by the wrong captures (RefineRig with the loss `truncated`). A capture
+// without points passes. The errors of the arm that the solution has found count as known.
 //
 // The robot noise is estimated from the captures themselves: first from the half of them that agree best, whose
 // variances (restricted maximum likelihood, solvers/uncertainty/variance_components.h) are used to test the rest;
 // then from all captures that pass, until the selection no longer changes, as in the reweighted estimator of
 // Rousseeuw and Van Driessen (1999). A capture passes if its p-value is at least kCaptureFalseAlarm divided by the
-// number of captures. Captures at one robot pose share its error and do not confirm one another. A view with a point
+// number of captures. Captures at one robot pose share its error and do not confirm one another. A capture with a point
 // that cannot be projected at the estimate is wrong, with p-value 0. With fewer than six captures, or fewer than six
-// degrees of freedom, it cannot be decided which one is wrong: all pass. Solution::views must have an entry for every
-// view.
-std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
-                                                const FreeUnknowns& free);
+// degrees of freedom, it cannot be decided which one is wrong: all pass.
+std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const RigSolution& solution);
 
-// Applies the same test to `others`, with the noise and the estimate of the views of `problem_of_members` at their
-// solution, to find whether a capture that was left out is still wrong. Smooth errors at its pose count as unknown.
-// Returns one verdict per element of `others`.
-std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
-                                                const FreeUnknowns& free, const std::vector<View>& others);
+// Applies the same test to the captures `left_out`, with the noise and the estimate of the others at their solution, to
+// find whether a capture that was left out is still wrong. Smooth errors at its pose count as unknown. Returns one
+// verdict per element of `left_out`.
+std::vector<CaptureVerdict> TestLeftOutCaptures(const RigProblem& problem, const RigSolution& solution,
+                                                const std::vector<size_t>& left_out);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-#include "solvers/uncertainty/influence.h"
+#include "solvers/calibration/influence.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/bundle_adjustment.h"
-#include "solvers/refine/bundle_model.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -24,6 +24,11 @@ struct Case {
   double max_relative_error = 0.05;
   double max_sigmas = 0;
 };
+
+std::vector<std::optional<CaptureMove>> MovesOf(const Problem& problem, const Solution& solution,
+                                                const BundleOptions& options, LossKind loss) {
+  return MoveWithoutEachCapture(HandEyeProblem(problem, options), ProblemSolution(solution), 0, LossOf(loss));
+}
 
 class InfluenceTest : public testing::TestWithParam<Case> {};
 
@@ -56,8 +61,7 @@ TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   const Outcome<Solution> all = Solve(scene, scene.views, options, GetParam().setup);
   ASSERT_TRUE(all.ok()) << all.reason();
   const std::vector<std::optional<CaptureMove>> moves =
-      MoveWithoutEachView({scene.camera, scene.views, GetParam().setup}, *all, FreeOf(scene.camera.Model(), options),
-                          LossOf(*FindLossKind(GetParam().loss)));
+      MovesOf({scene.camera, scene.views, GetParam().setup}, *all, options, *FindLossKind(GetParam().loss));
   ASSERT_EQ(moves.size(), scene.views.size());
   for (size_t i = 0; i < scene.views.size(); ++i) {
     std::vector<View> others = scene.views;
@@ -96,8 +100,7 @@ TEST(InfluenceOfFewTest, ReturnsNothingForAnIndispensableCapture) {
   options.free_intrinsics = {};
   const Outcome<Solution> all = Solve(scene, scene.views, options);
   ASSERT_TRUE(all.ok()) << all.reason();
-  for (const std::optional<CaptureMove>& move : MoveWithoutEachView(
-           {scene.camera, scene.views}, *all, FreeOf(scene.camera.Model(), options), LossOf(LossKind::kNone))) {
+  for (const std::optional<CaptureMove>& move : MovesOf({scene.camera, scene.views}, *all, options, LossKind::kNone)) {
     EXPECT_FALSE(move);
   }
 }
@@ -118,8 +121,8 @@ TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
     const Outcome<Solution> solution = Solve(scene, scene.views, options);
     EXPECT_TRUE(solution.ok()) << solution.reason();
     std::vector<double> all;
-    for (const std::optional<CaptureMove>& move : MoveWithoutEachView(
-             {scene.camera, scene.views}, *solution, FreeOf(scene.camera.Model(), options), LossOf(LossKind::kNone))) {
+    for (const std::optional<CaptureMove>& move :
+         MovesOf({scene.camera, scene.views}, *solution, options, LossKind::kNone)) {
       all.push_back(move ? move->chance : -1);
     }
     return all;
