@@ -5,14 +5,10 @@
 #include <mutex>
 
 #include "heba/base/error.h"
-#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
-#include "solvers/initial/pose_selection.h"
-#include "solvers/refine/fit.h"
+#include "solvers/calibration/held_out.h"
 #include "solvers/refine/hand_eye_problem.h"
-#include "solvers/refine/linearised_images.h"
 #include "solvers/residuals/repeated_poses.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -20,29 +16,11 @@ namespace {
 // The fold of a view that is never held out.
 constexpr int kAlwaysTraining = -1;
 
-// The errors that one fold adds to a method's hold-out figures.
-struct HeldOutErrors {
-  SquaredErrors pixels;
-  double sum_m2 = 0;
-  double sum_rad2 = 0;
-  int num_poses = 0;
-  double chi2 = 0;
-  double dof = 0;
-  double noise_squares = 0;  // Unit: sigmas of pixel and robot noise.
-  double num_noise = 0;
-  std::vector<std::pair<size_t, double>> distance_m_of_capture;
-  void Add(const HeldOutErrors& other) {
-    pixels.Add(other.pixels);
-    sum_m2 += other.sum_m2;
-    sum_rad2 += other.sum_rad2;
-    num_poses += other.num_poses;
-    chi2 += other.chi2;
-    dof += other.dof;
-    noise_squares += other.noise_squares;
-    num_noise += other.num_noise;
-    distance_m_of_capture.insert(distance_m_of_capture.end(), other.distance_m_of_capture.begin(),
-                                 other.distance_m_of_capture.end());
-  }
+// What one fold adds to a method's hold-out figures.
+struct FoldErrors {
+  HeldOutErrors errors;
+  WhitenedSquares chi2;   // By all sources of error.
+  WhitenedSquares noise;  // By the noise of the refinement alone.
 };
 
 // Held-out views, with the poses that a camera sees in them.
@@ -56,73 +34,35 @@ struct SeenViews {
   }
 };
 
-Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& held_out) {
-  HeldOutErrors errors;
-  const std::optional<SquaredErrors> pixels = ReprojectionErrors(hand_eye, held_out.camera, held_out.views);
-  if (!pixels) return Failure{"a held-out target lies behind the camera"};
-  errors.pixels = *pixels;
+Outcome<FoldErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& held_out) {
+  FoldErrors fold;
   for (size_t i = 0; i < held_out.views.size(); ++i) {
     const View& view = held_out.views[i];
-    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    const TargetPose* const seen = NearestPose(held_out.poses[i], predicted);
-    if (seen == nullptr) continue;
-    // The distance is measured at the centre of the points.
-    const Eigen::Vector3d middle = view.observations.points_in_target.rowwise().mean();
-    const double distance_m = (predicted * middle - seen->camera_from_target * middle).norm();
-    errors.sum_m2 += distance_m * distance_m;
-    errors.distance_m_of_capture.emplace_back(view.capture, distance_m);
-    errors.sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
-    ++errors.num_poses;
+    AddImage(held_out.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations,
+             held_out.poses[i], view.capture, &fold.errors);
   }
-  return errors;
+  if (fold.errors.has_hidden) return Failure{"a held-out target lies behind the camera"};
+  return fold;
 }
 
-// Held-out views, linearised at an estimate, those of each robot pose in one; nothing if a point cannot be projected.
-// `bundle` has what of the estimate is free.
-std::optional<std::vector<LinearisedView>> LineariseHeldOut(const Solution& estimate, const BundleOptions& bundle,
-                                                            heba::Setup setup, const std::vector<View>& held_out) {
-  const RigSolution at = ProblemSolution(estimate);
-  const RigProblem problem = WeightedAs(at, HandEyeProblem({estimate.camera, held_out, setup, estimate.shape}, bundle));
-  FitState state = StateOf(at);
-  state.corrections.clear();
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseEachCapture(problem, state, NoiseOf(at), LossOf(LossKind::kNone));
-  if (!views) return std::nullopt;
-  return StackGroups(*views, GroupByRobotPose(setup, held_out));
+// Returns the squares of held-out views at an estimate; `bundle` has what of it is free.
+WhitenedSquares SquaresOfViews(const Solution& estimate, const BundleOptions& bundle, heba::Setup setup,
+                               const std::vector<View>& held_out, bool has_covariance) {
+  return SquaresOf(HandEyeProblem({estimate.camera, held_out, setup, estimate.shape}, bundle),
+                   ProblemSolution(estimate), has_covariance);
 }
 
-void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup setup,
-             const std::vector<View>& held_out, HeldOutErrors* errors) {
-  const std::optional<std::vector<LinearisedView>> views = LineariseHeldOut(solution, bundle, setup, held_out);
-  if (!views) return;
-  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  for (const LinearisedView& view : *views) {
-    const Eigen::Index rows = view.offset.size();
-    const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, CorrectionVariances(robot, view.by_effects.cols())) +
-                                       view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += MahalanobisSquare(view.offset, covariance) + view.residual_sum_of_squares;
-    errors->dof += static_cast<double>(rows + view.num_residual_dof);
-  }
-}
-
-// Adds the held-out residuals of any estimate, whitened by the noise of the refinement. They are linearised at the
-// estimate, with the camera that it uses.
-void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Solution& noise, heba::Setup setup,
-                     const std::vector<View>& held_out, HeldOutErrors* errors) {
+// Returns the squares at any estimate by the noise of the refinement. They are linearised at the estimate, with the
+// camera that it uses.
+WhitenedSquares NoiseSquares(const HandEye& hand_eye, const Camera& camera, const Solution& noise, heba::Setup setup,
+                             const std::vector<View>& held_out) {
   Solution at = noise;
   at.hand_eye = hand_eye;
   at.camera = camera;
   at.shared_effects = nullptr;  // A closed form knows nothing of them; the views of the refinement are corrected.
   BundleOptions held;
   held.free_intrinsics.clear();
-  const std::optional<std::vector<LinearisedView>> views = LineariseHeldOut(at, held, setup, held_out);
-  if (!views) return;
-  const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});
-  for (const LinearisedView& view : *views) {
-    const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, CorrectionVariances(robot, view.by_effects.cols()));
-    errors->noise_squares += MahalanobisSquare(view.offset, covariance) + view.residual_sum_of_squares;
-    errors->num_noise += static_cast<double>(view.offset.size() + view.num_residual_dof);
-  }
+  return SquaresOfViews(at, held, setup, held_out, false);
 }
 
 }  // namespace
@@ -142,8 +82,8 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   fold_options.bundle.num_threads = options.bundle.num_threads;
   fold_options.camera_model = full.camera.model;
   if (!options.camera) fold_options.camera_start = full.camera;
-  std::vector<std::vector<Outcome<HeldOutErrors>>> errors(
-      static_cast<size_t>(num_folds), std::vector<Outcome<HeldOutErrors>>(names.size(), Failure{"not run"}));
+  std::vector<std::vector<Outcome<FoldErrors>>> errors(
+      static_cast<size_t>(num_folds), std::vector<Outcome<FoldErrors>>(names.size(), Failure{"not run"}));
   // Captures at the same robot pose are held out together, because they share its error.
   std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
   int num_held_out = 0;
@@ -165,16 +105,16 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       (fold_of[i] == fold ? held_out : training).push_back(full.views[i]);
     }
     const Outcome<Calibration> calibration = Calibrate(training, fold_options);
-    std::vector<Outcome<HeldOutErrors>>& row = errors[static_cast<size_t>(fold)];
+    std::vector<Outcome<FoldErrors>>& row = errors[static_cast<size_t>(fold)];
     if (!calibration) {
-      std::fill(row.begin(), row.end(), Outcome<HeldOutErrors>(Failure{calibration.reason()}));
+      std::fill(row.begin(), row.end(), Outcome<FoldErrors>(Failure{calibration.reason()}));
     } else {
       const SeenViews seen(calibration->camera, held_out);
       for (size_t m = 0; m < calibration->methods.size(); ++m) {
         const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
         row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : Failure{hand_eye.reason()};
         if (row[m] && calibration->refined) {
-          AddNoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out, &*row[m]);
+          row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out);
         }
       }
       const Outcome<Solution>& chain = calibration->chain;
@@ -187,8 +127,8 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
             ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape);
         row.back() = PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, corrected));
         if (row.back()) {
-          AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
-          AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, corrected, &*row.back());
+          row.back()->chi2 = SquaresOfViews(*refined, calibration->bundle, options.setup, held_out, true);
+          row.back()->noise = NoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, corrected);
         }
       }
     }
@@ -203,25 +143,25 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   for (size_t m = 0; m < names.size(); ++m) {
     HoldOut result;
     result.method = names[m];
-    HeldOutErrors total;
+    FoldErrors total;
     for (int fold = 0; fold < num_folds; ++fold) {
-      const Outcome<HeldOutErrors>& fold_errors = errors[static_cast<size_t>(fold)][m];
+      const Outcome<FoldErrors>& of_fold = errors[static_cast<size_t>(fold)][m];
       if (drops_failed && !errors[static_cast<size_t>(fold)].back()) continue;
-      if (fold_errors) {
-        total.Add(*fold_errors);
+      if (of_fold) {
+        total.errors.Add(of_fold->errors);
+        total.chi2.Add(of_fold->chi2);
+        total.noise.Add(of_fold->noise);
       } else if (result.reason.empty()) {
-        result.reason = "fold " + std::to_string(fold + 1) + ": " + fold_errors.reason();
+        result.reason = "fold " + std::to_string(fold + 1) + ": " + of_fold.reason();
       }
     }
     if (result.reason.empty()) {
-      result.rms_px = total.pixels.RmsPx();
-      if (total.num_poses > 0) {
-        result.target_m = std::sqrt(total.sum_m2 / total.num_poses);
-        result.target_rad = std::sqrt(total.sum_rad2 / total.num_poses);
-        result.target_m_of_capture = std::move(total.distance_m_of_capture);
-      }
-      if (total.dof > 0) result.chi2_per_dof = total.chi2 / total.dof;
-      if (total.num_noise > 0) result.sigmas = std::sqrt(total.noise_squares / total.num_noise);
+      result.rms_px = total.errors.pixels.RmsPx();
+      result.target_m = total.errors.RmsDistanceM();
+      result.target_rad = total.errors.RmsAngleRad();
+      result.target_m_of_capture = std::move(total.errors.distance_m_of_capture);
+      result.chi2_per_dof = total.chi2.Mean();
+      if (const std::optional<double> squares = total.noise.Mean()) result.sigmas = std::sqrt(*squares);
     }
     results.push_back(std::move(result));
   }

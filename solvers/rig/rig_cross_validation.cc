@@ -1,51 +1,26 @@
 #include "heba/rig_cross_validation.h"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <set>
 #include <string>
 #include <utility>
 
 #include "heba/base/error.h"
-#include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
-#include "heba/evaluation/metrics.h"
-#include "solvers/initial/pose_selection.h"
-#include "solvers/initial/target_pose.h"
-#include "solvers/refine/fit.h"
-#include "solvers/refine/linearised_images.h"
+#include "solvers/calibration/held_out.h"
+#include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_rejection.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
-
-// The errors of one camera in one fold.
-struct HeldOutErrors {
-  SquaredErrors pixels;
-  bool has_hidden = false;
-  double sum_m2 = 0;
-  double sum_rad2 = 0;
-  int num_poses = 0;
-
-  void Add(const HeldOutErrors& other) {
-    pixels.Add(other.pixels);
-    has_hidden = has_hidden || other.has_hidden;
-    sum_m2 += other.sum_m2;
-    sum_rad2 += other.sum_rad2;
-    num_poses += other.num_poses;
-  }
-};
 
 struct FoldErrors {
   std::vector<HeldOutErrors> of_cameras;
   // One per camera: the reason why its images were not held out; empty if they were.
   std::vector<std::string> reasons;
-  double chi2 = 0;
-  double dof = 0;
+  WhitenedSquares chi2;
 };
 
 using CameraSet = std::set<size_t>;
@@ -101,50 +76,6 @@ Outcome<FoldEstimate> EstimateFold(const RigProblem& problem, const RigPoses& st
   return Failure{*reason};
 }
 
-void AddImage(const RigProblem& problem, const RigSolution& solution, const RigImage& image, const RigCapture& capture,
-              HeldOutErrors* errors) {
-  const Rigid3d predicted =
-      CameraFromTarget(problem, solution.poses, image.camera, image.target, WithErrors(capture, solution.effects));
-  const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
-  const Camera& camera = solution.cameras[image.camera];
-  const std::optional<SquaredErrors> pixels = ViewErrors(camera, predicted, shaped);
-  if (!pixels) errors->has_hidden = true;
-  if (pixels) errors->pixels.Add(*pixels);
-  const std::vector<TargetPose> poses = EstimateTargetPose(camera, shaped);
-  const TargetPose* const seen = NearestPose(poses, predicted);
-  if (seen == nullptr) return;
-  // The distance is measured at the centre of the points.
-  const Eigen::Vector3d middle = shaped.points_in_target.rowwise().mean();
-  errors->sum_m2 += (predicted * middle - seen->camera_from_target * middle).squaredNorm();
-  errors->sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
-  ++errors->num_poses;
-}
-
-// Adds the chi-square of the held-out images at an estimate that has not seen them.
-void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors* errors) {
-  const RigProblem weighted = WeightedAs(solution, held_out);
-  FitState state = StateOf(solution);
-  state.corrections.clear();
-  const CaptureGroups groups = GroupByRobotPoses(weighted);
-  const std::vector<size_t> moving = MovingRobots(weighted);
-  FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
-  for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
-  const std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
-      CaptureLoops(weighted, groups, state, noise, true), ValuesOf(state), 1, LossOf(LossKind::kNone));
-  if (!views) return;
-  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(weighted, moving));
-  const Eigen::VectorXd no_corrections = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving.size()));
-  for (const LinearisedView& view : *views) {
-    const Eigen::VectorXd residual = ResidualOf(weighted, state, view, no_corrections);
-    const Eigen::Index rows = residual.size();
-    const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(rows, rows) +
-                                       view.by_effects * variances.asDiagonal() * view.by_effects.transpose() +
-                                       view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += MahalanobisSquare(residual, covariance) + view.residual_sum_of_squares;
-    errors->dof += static_cast<double>(rows + view.num_residual_dof);
-  }
-}
-
 }  // namespace
 
 RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOptions& options, int num_folds,
@@ -173,13 +104,17 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
       errors.reasons.resize(problem.cameras.size());
       for (const size_t camera : estimate->kept) errors.reasons[camera] = reason;
       const RigProblem held_out = PartOf(problem, fold_of, fold, estimate->kept, true);
-      for (const RigCapture& capture : held_out.captures) {
-        for (const RigImage& image : capture.images) {
+      for (size_t i = 0; i < held_out.captures.size(); ++i) {
+        const std::vector<Rigid3d> base_from_gripper = WithErrors(held_out.captures[i], solution.effects);
+        for (const RigImage& image : held_out.captures[i].images) {
           if (image.observations.size() == 0) continue;
-          AddImage(held_out, solution, image, capture, &errors.of_cameras[image.camera]);
+          const Camera& camera = solution.cameras[image.camera];
+          const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
+          AddImage(camera, CameraFromTarget(held_out, solution.poses, image.camera, image.target, base_from_gripper),
+                   points, EstimateTargetPose(camera, points), i, &errors.of_cameras[image.camera]);
         }
       }
-      AddChi2(held_out, solution, &errors);
+      errors.chi2 = SquaresOf(held_out, solution, true);
       folds[static_cast<size_t>(fold)] = errors;
     }
     const std::lock_guard<std::mutex> lock(mutex);
@@ -198,8 +133,7 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
       all.of_cameras[c].Add(fold->of_cameras[c]);
       if (result.of_cameras[c].reason.empty()) result.of_cameras[c].reason = fold->reasons[c];
     }
-    all.chi2 += fold->chi2;
-    all.dof += fold->dof;
+    all.chi2.Add(fold->chi2);
   }
   for (size_t c = 0; c < all.of_cameras.size(); ++c) {
     const HeldOutErrors& errors = all.of_cameras[c];
@@ -214,10 +148,10 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
       camera.reason = "no held-out image of it determines a pose of a target";
       continue;
     }
-    camera.target_m = std::sqrt(errors.sum_m2 / errors.num_poses);
-    camera.target_rad = std::sqrt(errors.sum_rad2 / errors.num_poses);
+    camera.target_m = errors.RmsDistanceM();
+    camera.target_rad = errors.RmsAngleRad();
   }
-  if (all.dof > 0) result.chi2_per_dof = all.chi2 / all.dof;
+  result.chi2_per_dof = all.chi2.Mean();
   return result;
 }
 

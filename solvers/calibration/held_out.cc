@@ -1,0 +1,86 @@
+#include "solvers/calibration/held_out.h"
+
+#include <cmath>
+
+#include "heba/base/factorisation.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+
+void HeldOutErrors::Add(const HeldOutErrors& other) {
+  pixels.Add(other.pixels);
+  has_hidden = has_hidden || other.has_hidden;
+  sum_m2 += other.sum_m2;
+  sum_rad2 += other.sum_rad2;
+  num_poses += other.num_poses;
+  distance_m_of_capture.insert(distance_m_of_capture.end(), other.distance_m_of_capture.begin(),
+                               other.distance_m_of_capture.end());
+}
+
+std::optional<double> HeldOutErrors::RmsDistanceM() const {
+  if (num_poses == 0) return std::nullopt;
+  return std::sqrt(sum_m2 / num_poses);
+}
+
+std::optional<double> HeldOutErrors::RmsAngleRad() const {
+  if (num_poses == 0) return std::nullopt;
+  return std::sqrt(sum_rad2 / num_poses);
+}
+
+void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
+              const std::vector<TargetPose>& poses, size_t capture, HeldOutErrors* errors) {
+  const std::optional<SquaredErrors> pixels = ViewErrors(camera, predicted, points);
+  if (pixels) {
+    errors->pixels.Add(*pixels);
+  } else {
+    errors->has_hidden = true;
+  }
+  const TargetPose* const seen = NearestPose(poses, predicted);
+  if (seen == nullptr) return;
+  // The distance is measured at the centre of the points.
+  const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
+  const double distance_m = (predicted * middle - seen->camera_from_target * middle).norm();
+  errors->sum_m2 += distance_m * distance_m;
+  errors->sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
+  ++errors->num_poses;
+  errors->distance_m_of_capture.emplace_back(capture, distance_m);
+}
+
+void WhitenedSquares::Add(const WhitenedSquares& other) {
+  squares += other.squares;
+  number += other.number;
+}
+
+std::optional<double> WhitenedSquares::Mean() const {
+  if (number == 0) return std::nullopt;
+  return squares / number;
+}
+
+WhitenedSquares SquaresOf(const RigProblem& held_out, const RigSolution& solution, bool has_covariance) {
+  const RigProblem weighted = WeightedAs(solution, held_out);
+  FitState state = StateOf(solution);
+  state.corrections.clear();
+  const std::vector<size_t> moving = MovingRobots(weighted);
+  FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
+  for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
+  WhitenedSquares sum;
+  const std::optional<std::vector<LinearisedView>> captures =
+      LineariseCaptures(CaptureLoops(weighted, GroupByRobotPoses(weighted), state, noise, true), ValuesOf(state), 1,
+                        LossOf(LossKind::kNone));
+  if (!captures) return sum;
+  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(weighted, moving));
+  for (const LinearisedView& capture : *captures) {
+    const Eigen::VectorXd residual = ResidualOf(weighted, state, capture, Eigen::VectorXd());
+    Eigen::MatrixXd covariance = MarginalCovariance(capture, 1, variances);
+    if (has_covariance)
+      covariance += capture.by_unknowns * solution.covariance.matrix * capture.by_unknowns.transpose();
+    sum.squares += MahalanobisSquare(residual, covariance) + capture.residual_sum_of_squares;
+    sum.number += static_cast<double>(residual.size() + capture.num_residual_dof);
+  }
+  return sum;
+}
+
+}  // namespace heba
