@@ -1,7 +1,7 @@
 // A calibration as a problem with one camera, one target and one arm.
 #pragma once
 
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 #include "solvers/calibration/model_search.h"
 
 namespace heba {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 
 namespace heba {
 

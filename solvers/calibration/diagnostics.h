@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 #include "heba/data/free_parameters.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"

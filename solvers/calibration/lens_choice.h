@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 #include "heba/rig_adjustment.h"
 #include "solvers/calibration/problem_model.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/problem_model.h"
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "heba/calibration.h"
+#include "heba/calibration_types.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
 #include "heba/rig_adjustment.h"

@@ -8,6 +8,7 @@
 #include "heba/base/factorisation.h"
 #include "heba/base/median.h"
 #include "heba/base/rng.h"
+#include "heba/calibration.h"
 #include "heba/data/prediction.h"
 #include "solvers/calibration/study_places.h"
 #include "solvers/closed_form/hand_eye_method.h"

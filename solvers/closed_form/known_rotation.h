@@ -1,7 +1,10 @@
 // Steps that several closed-form methods share once a rotation is known.
 #pragma once
 
-#include "solvers/closed_form/hand_eye_method.h"
+#include <vector>
+
+#include "heba/evaluation/metrics.h"
+#include "solvers/closed_form/motion_sums.h"
 
 namespace heba {
 

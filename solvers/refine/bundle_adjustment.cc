@@ -6,17 +6,13 @@
 #include <utility>
 #include <vector>
 
+#include "heba/rig_adjustment.h"
 #include "solvers/closed_form/motion_analysis.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/hand_eye_problem.h"
 
 namespace heba {
 
 std::string BundleOptions::Check() const { return AdjustmentOptionsOf(*this).Check(); }
-
-const Loss& InlierLoss(const BundleOptions& options) {
-  return LossOf(options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss);
-}
 
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options) {
   std::vector<Rigid3d> poses;

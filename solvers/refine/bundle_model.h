@@ -1,7 +1,7 @@
 // The parts of a refinement's model that follow from its options.
 #pragma once
 
-#include "heba/bundle_adjustment.h"
+#include "heba/adjustment_options.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

@@ -1,10 +1,9 @@
 // A hand-eye calibration as a problem with one camera, one target and one arm, which have no names.
 #pragma once
 
-#include "heba/bundle_adjustment.h"
+#include "heba/adjustment_options.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
-#include "heba/rig_adjustment.h"
 
 namespace heba {
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "heba/evaluation/finding.h"
-#include "heba/rig_calibration.h"
+#include "heba/rig_calibration_types.h"
 #include "solvers/rig/rig_rejection.h"
 
 namespace heba {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/rig_calibration.h"
+#include "heba/rig_calibration_types.h"
 
 namespace heba {
 

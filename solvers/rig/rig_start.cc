@@ -8,6 +8,7 @@
 
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
+#include "heba/calibration.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/rig/rig_placing.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/rig_calibration.h"
+#include "heba/rig_calibration_types.h"
 
 namespace heba {
 

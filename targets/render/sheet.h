@@ -1,7 +1,6 @@
 // The sheet to print: the drawing of a target at true scale, with the positions of its points.
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -72,24 +71,11 @@ struct Sheet {
 // Lays out the sheet of a target; `options.Check()` must be empty. On a paper the sheet has one page, upright or on its
 // side, if it fits; otherwise it is spread over pages of that paper, as few as possible, each of which shows as much as
 // it can. Each ruler, the strip in its height, and the code are whole on one of them; Check() requires the room for it.
-// Nothing is written, and no limit of WriteSheet is checked.
+// Nothing is written, and no limit of WriteSheet (sheet_file.h) is checked.
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
 // Returns the smallest paper on which the target has one page, from the series of the options' paper if that has one;
 // nothing if there is none.
 std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options);
-
-// Writes the sheet as .svg, .pdf or .png, by the suffix of `path`, completely or not at all; equal sheets give equal
-// bytes. Page point (x, y) mm lies at pixel x * dpi / 25.4 - 0.5 of the PNG, which is rounded up to whole pixels and
-// states its resolution (pHYs). Throws InputError if the suffix is another, a sheet of several pages is not written as
-// .pdf, the target is smaller than 1 mm, the sheet is larger than 20 m or has more than 400 pages, the PNG would have
-// more than 32767 pixels per side, or the file cannot be written.
-void WriteSheet(const Sheet& sheet, const std::filesystem::path& path);
-
-// Returns SHEET.json (docs/manual/targets.md) for the sheet written to `path`, whose suffix decides whether there is a
-// dpi.
-std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path);
-// Returns whether a text is a SHEET.json.
-bool IsSheetJson(const std::string& text);
 
 }  // namespace heba

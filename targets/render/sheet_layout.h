@@ -1,7 +1,17 @@
-// Measures of a sheet that its layout and its painter share, in mm.
+// Measures of a sheet that its layout, its painter and its files share, in mm.
 #pragma once
 
+#include <cmath>
+#include <cstddef>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "heba/base/text.h"
+
 namespace heba {
+
+inline constexpr size_t kMostSheetPages = 400;
 
 inline constexpr double kSheetBandMm = 10;      // Width of the vertical ruler on the left, with the mark of y.
 inline constexpr double kSheetMarkRoomMm = 5;   // Room for the mark of x beside the drawing.
@@ -22,5 +32,11 @@ inline constexpr double kSheetFrameMm = 5;
 inline constexpr double kSheetEdgeMarkMm = 2;
 inline constexpr double kSheetLabelMm = 4.4;  // Baseline of the label.
 inline constexpr double kSheetOverlapMm = 10;
+
+// Return a length, and a width and a height, as texts.
+inline std::string ShownMm(double mm) { return RoundTrip(std::round(mm * 100) / 100); }
+inline std::string ShownSize(const Eigen::Vector2d& size_mm) {
+  return ShownMm(size_mm.x()) + " x " + ShownMm(size_mm.y()) + " mm";
+}
 
 }  // namespace heba

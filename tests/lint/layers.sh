@@ -54,7 +54,50 @@ rooms() {
 rooms src/heba heba/ base kernels geometry camera data config robot evaluation io simulation
 rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration rig
 rooms targets targets/ images . dots render corners tags types
-rooms tools tools/ run text files config pages doctor batch study cli .
+rooms tools tools/ run text files config pages doctor pipeline batch study cli .
+
+# Python and the benchmarks stand beside the program and do not need it.
+for folder in python tools/bench; do
+  forbid $folder 'tools/(batch|study|cli)/' 'it uses the libraries below the program'
+done
+if grep -nE '(python|bench).*heba_program' python/CMakeLists.txt tools/CMakeLists.txt; then
+  echo "^ Python and the benchmarks do not link the program"
+  status=1
+fi
+
+# No arrow runs back up inside a room either: of two files (x.h together with x.cc), one may include the other, directly or
+# through others, but not each the other.
+find src solvers targets tools \( -name '*.h' -o -name '*.cc' -o -name '*.def' \) | awk '
+  { files[NR] = $0; name = $0; sub(/.*\//, "", name); if (name ~ /[.]cc$/) sources[name] = sources[name] " " $0 }
+  END {
+    for (i in files) {
+      file = files[i]; as_included = file; part = file
+      sub(/[.](h|cc|def)$/, "", part)
+      if (file ~ /^src\//) sub(/^src\//, "", as_included)
+      if (match(file, /\/include\/heba\//)) {
+        # A public header belongs to the source of its name in the same folder.
+        as_included = substr(file, RSTART + 9)
+        folder = substr(file, 1, RSTART)
+        name = file; sub(/.*\//, "", name); sub(/[.]h$/, ".cc", name)
+        count = split(sources[name], found, " ")
+        for (k = 1; k <= count; ++k) if (index(found[k], folder) == 1) { part = found[k]; sub(/[.]cc$/, "", part) }
+      }
+      part_of[as_included] = part; part_of_file[file] = part
+    }
+    for (i in files) {
+      while ((getline line < files[i]) > 0) {
+        if (line !~ /^#include "/) continue
+        sub(/^#include "/, "", line); sub(/".*/, "", line)
+        if (line in part_of && part_of[line] != part_of_file[files[i]]) print part_of_file[files[i]], part_of[line]
+      }
+      close(files[i])
+    }
+  }' | tsort 2>&1 >/dev/null | sed 's/^tsort: -: input contains a loop:/^ these include each other:/; s/^tsort: //' >"${TMPDIR:-/tmp}/loops.$$"
+if [ -s "${TMPDIR:-/tmp}/loops.$$" ]; then
+  cat "${TMPDIR:-/tmp}/loops.$$"
+  status=1
+fi
+rm -f "${TMPDIR:-/tmp}/loops.$$"
 
 # Libraries print nothing and read no flags.
 if grep -rnE --include='*.h' --include='*.cc' 'std::(cout|cerr)|[^sn]printf\(|FLAGS_' src solvers targets | grep -v snprintf; then

@@ -11,11 +11,11 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
-#include "tools/batch/pipeline.h"
-#include "tools/batch/rig_pipeline.h"
-#include "tools/batch/run_inputs.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
+#include "tools/pipeline/pipeline.h"
+#include "tools/pipeline/rig_pipeline.h"
+#include "tools/pipeline/run_inputs.h"
 #include "tools/text/result_text.h"
 
 namespace heba {

@@ -9,6 +9,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/pixel_records.h"
+#include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/config/image_list.h"

@@ -10,6 +10,7 @@
 #include "heba/base/text.h"
 #include "heba/data/loss_kind.h"
 #include "heba/io/camera_file.h"
+#include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"

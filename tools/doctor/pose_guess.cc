@@ -9,6 +9,7 @@
 #include "heba/base/text.h"
 #include "heba/io/import_text.h"
 #include "heba/io/npy_file.h"
+#include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/run_config.h"

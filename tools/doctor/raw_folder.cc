@@ -15,6 +15,7 @@
 #include "heba/io/export_format.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
+#include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "heba/target.h"
 #include "tools/config/commented_config.h"

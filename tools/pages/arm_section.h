@@ -7,7 +7,7 @@
 
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/rig_evaluation.h"
-#include "tools/pages/report.h"
+#include "tools/pages/reported_capture.h"
 
 namespace heba {
 

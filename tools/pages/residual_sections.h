@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
-#include "tools/pages/report.h"
+#include "tools/pages/reported_capture.h"
 
 namespace heba {
 

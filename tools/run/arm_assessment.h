@@ -8,7 +8,7 @@
 
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/robot/arm_errors.h"
-#include "heba/run.h"
+#include "heba/run_types.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {

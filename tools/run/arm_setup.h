@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

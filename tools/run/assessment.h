@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/run.h"
+#include "heba/run_types.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {

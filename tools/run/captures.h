@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "heba/run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

@@ -8,7 +8,7 @@
 
 #include <vector>
 
-#include "heba/run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/evaluation/finding.h"
-#include "heba/rig_run.h"
+#include "heba/rig_run_types.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {

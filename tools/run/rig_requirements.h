@@ -6,7 +6,7 @@
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
 #include "heba/evaluation/rig_evaluation.h"
-#include "heba/run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

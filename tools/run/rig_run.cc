@@ -14,6 +14,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/rig_cross_validation.h"
+#include "heba/run.h"
 #include "solvers/residuals/inliers.h"
 #include "targets/images/image.h"
 #include "tools/run/captures.h"

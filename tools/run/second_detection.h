@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

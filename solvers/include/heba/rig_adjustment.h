@@ -10,32 +10,14 @@
 
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "heba/adjustment_options.h"
 #include "heba/base/error.h"
-#include "heba/bundle_adjustment.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
 
 namespace heba {
-
-struct RigOptions {
-  LossKind loss = LossKind::kTruncated;
-  // Sigma of one coordinate of every camera, px. Nothing: estimated from the residuals, for each camera.
-  std::optional<double> pixel_noise_px;
-  // As BundleOptions::robot, for all arms. The noise of each arm is estimated by itself.
-  BundleOptions::Robot robot = BundleOptions::Robot::kEstimatedNoise;
-  RobotNoise robot_noise;                             // Used with kGivenNoise, for all arms.
-  std::optional<RobotNoisePrior> robot_noise_prior;   // See BundleOptions.
-  RobotNoise robot_noise_start = {1e-3, 2e-3, 1e-3};  // Used with kEstimatedNoise.
-  bool effects_avoid_zero = true;                     // See BundleOptions.
-  int max_iterations = 200;
-  int num_threads = 1;  // The result does not depend on it.
-
-  // Returns every violated constraint, one per line; empty if the options are valid.
-  [[nodiscard]] std::string Check() const;
-};
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and the
 // cameras and shapes of the problem; sigma is that of the point's camera. With noisy arms, the corrections of their

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/bundle_adjustment.h"
+#include "heba/adjustment_options.h"
 #include "heba/data/shared_effects.h"
 
 namespace heba {

@@ -7,29 +7,13 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/capture_role.h"
+#include "heba/data/observations.h"
 #include "heba/data/setup.h"
 #include "heba/data/shared_effects.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
-
-// Points of the target that were detected in one image. Column i of both matrices and ids[i] belong together.
-struct Observations {
-  std::vector<int> ids;      // Ids of the target's points.
-  Points3 points_in_target;  // Metres.
-  Points2 pixels;            // px; (0, 0) is the centre of the first pixel.
-  // Radii of the discs around the points (TargetPoint::radius_m), in metres; empty if all of them are points.
-  Eigen::VectorXd radii_m;
-  // Covariances of the detected pixels (Detection::covariances_px2); empty if the detector does not provide them.
-  std::vector<Eigen::MatrixXd> covariances_px2;
-  // Lower triangular whitening matrices, one for each covariance: residuals multiplied by them are uncorrelated and
-  // have one common sigma (solvers/residuals/noise_scale.h). If empty, all coordinates have the same weight.
-  std::vector<Eigen::MatrixXd> whitening;
-
-  double RadiusM(Eigen::Index i) const { return radii_m.size() > 0 ? radii_m[i] : 0; }
-  int size() const { return static_cast<int>(ids.size()); }
-};
 
 // The detections of one capture, with the robot's pose.
 struct View {
@@ -54,6 +38,9 @@ struct UnusedView {
   size_t capture = 0;  // View::capture.
   std::string reason;
 };
+
+// Returns the views with every point moved to its actual position.
+std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape);
 
 // The views, and everything else that a refinement needs.
 struct Problem {

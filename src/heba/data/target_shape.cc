@@ -1,7 +1,5 @@
 #include "heba/data/target_shape.h"
 
-#include "heba/data/problem.h"
-
 namespace heba {
 namespace {
 
@@ -51,12 +49,6 @@ Observations ApplyShape(const Observations& observations, const TargetShape& sha
     const Eigen::Vector3d designed = observations.points_in_target.col(i);
     shaped.points_in_target.col(i) = ApplyShape(designed, shape);
   }
-  return shaped;
-}
-
-std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape) {
-  std::vector<View> shaped = views;
-  for (View& view : shaped) view.observations = ApplyShape(view.observations, shape);
   return shaped;
 }
 

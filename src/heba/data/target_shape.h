@@ -3,16 +3,13 @@
 
 #include <array>
 #include <string_view>
-#include <vector>
 
 #include <Eigen/Core>
 
 #include "heba/camera/camera_model.h"
+#include "heba/data/observations.h"
 
 namespace heba {
-
-struct Observations;
-struct View;
 
 // A point designed at (x, y, z) in the target's frame lies at
 //   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2))
@@ -48,6 +45,5 @@ Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Ve
 // Returns the observations with every point moved to its actual position. Discs keep their radius, because the change
 // of a disc's size does not move its centroid.
 Observations ApplyShape(const Observations& observations, const TargetShape& shape);
-std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape);
 
 }  // namespace heba

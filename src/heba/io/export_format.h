@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/io/export.h"
+#include "heba/io/export_request.h"
 #include "heba/io/pose_formats.h"
 
 namespace heba {

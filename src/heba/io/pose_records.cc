@@ -10,7 +10,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
-#include "heba/io/pose_source.h"
+#include "heba/io/pose_folder.h"
 #include "heba/io/pose_syntax.h"
 #include "heba/io/record_tree.h"
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,12 +28,5 @@ std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseForm
 
 // Returns the numbers of the one pose in a .yaml or .json file, by its keys. Throws InputError like ReadPoses.
 std::vector<double> PoseNumbersOfYaml(const std::filesystem::path& file, const PoseFormat& format);
-
-// Returns the files of a folder that contain one pose each, in the order of the numbers in their names.
-std::vector<std::filesystem::path> PoseFilesOf(const std::filesystem::path& folder);
-
-// Returns the last group of digits in a file's name without its suffix as a number, such as 7 for pose_0007; nothing if
-// there is none.
-std::optional<long> NumberInName(const std::string& stem);
 
 }  // namespace heba

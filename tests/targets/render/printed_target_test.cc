@@ -14,7 +14,7 @@
 #include "heba/base/registry.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/target.h"
-#include "targets/render/sheet.h"
+#include "targets/render/sheet_file.h"
 #include "targets/render/target_text.h"
 #include "tests/support/temp_folder.h"
 

@@ -12,6 +12,7 @@
 
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
+#include "targets/render/sheet_file.h"
 #include "targets/render/sheet_layout.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"

@@ -12,13 +12,13 @@
 #include "heba/io/pose_file.h"
 #include "heba/io/result_file.h"
 #include "targets/images/image.h"
-#include "tools/batch/rig_data_set.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/rig_scene_config.h"
 #include "tools/config/robot_section.h"
 #include "tools/config/scene_config.h"
 #include "tools/files/result_folder.h"
+#include "tools/pipeline/rig_data_set.h"
 #include "tools/text/console.h"
 
 namespace heba {

@@ -12,6 +12,7 @@
 #include "heba/target.h"
 #include "targets/render/papers.h"
 #include "targets/render/sheet.h"
+#include "targets/render/sheet_file.h"
 #include "targets/render/suggestion.h"
 #include "targets/render/target_text.h"
 #include "tools/cli/command.h"

@@ -10,7 +10,7 @@
 #include "heba/base/units.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
-#include "heba/io/pose_source.h"
+#include "heba/io/pose_folder.h"
 
 namespace heba {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/batch/run_inputs.h"
+#include "tools/pipeline/run_inputs.h"
 
 #include <nlohmann/json.hpp>
 

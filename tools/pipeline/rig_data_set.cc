@@ -1,4 +1,4 @@
-#include "tools/batch/rig_data_set.h"
+#include "tools/pipeline/rig_data_set.h"
 
 #include <cstdio>
 #include <mutex>

@@ -1,4 +1,4 @@
-#include "tools/batch/rig_pipeline.h"
+#include "tools/pipeline/rig_pipeline.h"
 
 #include <algorithm>
 #include <map>
@@ -10,12 +10,12 @@
 #include "heba/io/rig_result_file.h"
 #include "heba/rig_run.h"
 #include "solvers/initial/usable_views.h"
-#include "tools/batch/run_inputs.h"
 #include "tools/doctor/rig_doctor.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/rig_report.h"
+#include "tools/pipeline/run_inputs.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
 

@@ -1,4 +1,4 @@
-#include "tools/batch/pipeline.h"
+#include "tools/pipeline/pipeline.h"
 
 #include <algorithm>
 #include <chrono>
@@ -11,12 +11,12 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "heba/run.h"
-#include "tools/batch/run_inputs.h"
 #include "tools/doctor/doctor.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/report.h"
+#include "tools/pipeline/run_inputs.h"
 #include "tools/run/captures.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"

@@ -1,0 +1,78 @@
+// The data and the options of a run of a rig, and what comes out.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/detection.h"
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/rig_calibration_types.h"
+#include "heba/run_types.h"
+#include "heba/target.h"
+
+namespace heba {
+
+// What was recorded at one pose of every arm.
+struct RigRecording {
+  std::string name;
+  std::vector<Rigid3d> base_from_gripper;     // One per arm.
+  std::vector<std::filesystem::path> images;  // One per camera; empty if it recorded none.
+  // The positions of the joints of each arm, rad or m; an empty list of an arm, or of all: not recorded.
+  std::vector<std::vector<double>> joints = {};
+};
+
+// Images, or a row of poses, that belong to no capture of the data set.
+struct RigLeftOut {
+  std::string name;                           // The capture, an image as CAMERA/FILE, or a row as FILE:LINE.
+  std::string reason;                         // One clause.
+  std::string capture;                        // Empty for an image without a pose of the arms.
+  std::vector<std::filesystem::path> images;  // One per camera, empty if it recorded none; or an empty list.
+};
+
+// The recorded data of a rig.
+struct RigDataset {
+  std::string name;
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
+  // Names, mounts, and the cameras that are given. The shapes of targets follow from `targets`.
+  RigProblem rig;
+  std::vector<bool> has_camera;             // One per camera: whether it is given.
+  std::vector<std::string> camera_sources;  // One per camera: what starts the messages about it.
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<RigRecording> captures;
+  // One per arm: its kinematics, if they are known; or an empty list.
+  std::vector<std::optional<RobotArm>> arms = {};
+  std::optional<RigTruth> truth;
+  std::vector<RigLeftOut> left_out;  // Is listed in the result.
+};
+
+struct RigRunOptions {
+  RigCalibrationOptions calibration;          // Its `has_camera` and `arms` are not used.
+  Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if RigDataset::arms has any.
+  std::vector<PlacedRequirement> requirements;
+  int folds = 5;        // Number of folds of the cross-validation; 0: none.
+  int num_threads = 1;  // The result does not depend on it.
+  // One per target; replace DetectWithDigest. Empty: none is replaced.
+  std::vector<DetectFunction> detect;
+};
+
+// The detection of one target in one image.
+struct RigDetection {
+  size_t capture = 0;
+  size_t camera = 0;
+  size_t target = 0;
+  CaptureDetection detection;
+};
+
+struct RigRunOutput {
+  RigResult result;
+  std::vector<RigDetection> detections;  // Of every target in every image.
+  RigCalibration calibration;
+};
+
+}  // namespace heba
