@@ -403,6 +403,37 @@ void UpdatePairs(Calibration* calibration) {
   if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
 }
 
+// Returns the groups of the target's shape that a finding `target_shape_ignored` names; none without one.
+std::vector<TargetShapeGroup> IgnoredShape(const Advice& of_model) {
+  std::vector<TargetShapeGroup> groups;
+  for (const Finding& finding : of_model.findings) {
+    if (finding.code != "target_shape_ignored") continue;
+    for (const Finding& part : finding.parts) {
+      groups.push_back(part.code == "shape_scale" ? TargetShapeGroup::kScale : TargetShapeGroup::kBend);
+    }
+  }
+  return groups;
+}
+
+// Returns whether a held shape of the target that contradicts the captures is why the held intrinsics do, too: the
+// intrinsics agree with a free shape, but free intrinsics do not agree with the held one.
+bool IsShapeAlone(const Advice& of_camera, const Advice& of_model, const Problem& solved, const Solution& solution,
+                  const BundleOptions& bundle, const AutoModel& choose) {
+  const std::vector<TargetShapeGroup> shape = IgnoredShape(of_model);
+  if (of_camera.findings.empty() || shape.empty()) return false;
+  Problem at = solved;
+  at.camera = solution.camera;
+  BundleOptions free = bundle;
+  free.loss = InlierLoss(bundle).kind;
+  free.free_shape = shape;
+  const Outcome<Solution> with_shape = RefineHandEye(at, solution.hand_eye, free);
+  if (!with_shape || !DiagnoseHeldIntrinsics(solved, *with_shape, free, choose).findings.empty()) return false;
+  free.free_shape = bundle.free_shape;
+  free.free_intrinsics = BundleOptions().free_intrinsics;
+  const Outcome<Solution> with_intrinsics = RefineHandEye(at, solution.hand_eye, free);
+  return with_intrinsics && !IgnoredShape(DiagnoseModel(solved, *with_intrinsics, free, choose)).empty();
+}
+
 std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   std::vector<std::string> names;
   for (const ParameterGroup group : groups) names.emplace_back(kParameterGroupNames[static_cast<size_t>(group)]);
@@ -603,11 +634,13 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
     advice.changes.insert(advice.changes.end(), of_held.changes.begin(), of_held.changes.end());
   };
   add(DiagnoseScale(solution, model));
+  const Advice of_model = DiagnoseModel(solved, solution, bundle, options.choose);
   if (calibration.camera_was_given) {
-    append(DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose));
+    const Advice of_camera = DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose);
+    if (!IsShapeAlone(of_camera, of_model, solved, solution, bundle, options.choose)) append(of_camera);
     add(DescribeCameraUse(calibration.camera, solution, bundle));
   }
-  append(DiagnoseModel(solved, solution, bundle, options.choose));
+  append(of_model);
   if (calibration.num_kept_against_test > 0) {
     const bool is_most = 2 * static_cast<size_t>(calibration.num_kept_against_test) > calibration.views.size();
     Finding finding{is_most ? Grade::kBad : Grade::kDoubtful,
