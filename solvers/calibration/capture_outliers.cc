@@ -158,13 +158,15 @@ JudgedViews Judge(const RigProblem& problem, const RigSolution& solution) {
   judged.pixel_sigma_px = solution.pixel_sigmas_px[0];
   RigProblem visible = problem;
   visible.effects.clear();
+  // Captures are tested by the white noise that contains that of the joints.
+  for (RigCapture& capture : visible.captures) {
+    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
+  }
   for (const size_t i : CapturesWithPoints(problem)) {
     RigCapture& capture = visible.captures[i];
     CHECK_EQ(capture.images.size(), 1U);
     capture.base_from_gripper = WithErrors(capture, solution.effects);
     capture.effects.clear();
-    // Captures are tested by the white noise that contains that of the joints.
-    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
     Observations& points = capture.images[0].observations;
     points = JudgedPoints(points, solution.captures[i].rejected_ids[0]);
     const Rigid3d camera_from_target = CameraFromTarget(visible, solution.poses, 0, 0, capture.base_from_gripper);
