@@ -3,6 +3,7 @@
 // unit q that minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1). The
 // translation follows by linear least squares.
 #include "heba/base/factorisation.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {

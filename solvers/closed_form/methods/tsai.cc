@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "heba/base/factorisation.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
 namespace heba {

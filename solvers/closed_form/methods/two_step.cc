@@ -16,6 +16,7 @@
 #include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 #include "solvers/closed_form/target_position.h"
 

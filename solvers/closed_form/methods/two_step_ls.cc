@@ -14,6 +14,7 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/base/levenberg_marquardt.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 #include "solvers/closed_form/target_position.h"
 
