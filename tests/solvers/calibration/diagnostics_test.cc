@@ -6,6 +6,7 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
+#include "heba/calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

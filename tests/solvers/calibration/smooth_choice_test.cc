@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
+#include "heba/bundle_adjustment.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/hand_eye_problem.h"

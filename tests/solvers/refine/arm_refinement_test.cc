@@ -7,6 +7,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
+#include "heba/rig_adjustment.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/arm_scenes.h"
 

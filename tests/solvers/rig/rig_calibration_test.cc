@@ -1,4 +1,5 @@
 #include "heba/rig_calibration.h"
+#include "heba/calibration.h"
 #include "heba/rig_cross_validation.h"
 
 #include <cmath>

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/data/smooth_errors.h"
 #include "heba/rig_calibration.h"
 #include "tests/support/rig_scenes.h"
 

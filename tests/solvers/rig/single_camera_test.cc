@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/calibration.h"
 #include "heba/rig_calibration.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/scenes.h"

@@ -1,6 +1,7 @@
 // Tests of robot poses in the files that users have: tables without a header, NumPy arrays, and folders with one file
 // per pose.
 #include "heba/io/pose_source.h"
+#include "heba/io/pose_folder.h"
 
 #include <algorithm>
 #include <cstring>
