@@ -84,7 +84,7 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
 
 // Returns, for each pose of each target that fits the images, the target's name, the cameras that see it,
 // world_from_target, the covariance (6 x 6, in the target's frame), the RMS in px, the number of poses that fit, and
-// RigLocation::chance. Throws InputError if the images of a target contradict each other, or if no target is located.
+// RigLocation::p_value. Throws InputError if the images of a target contradict each other, or if no target is located.
 std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, const std::vector<CameraImage>& images,
                                          const std::vector<ArmPose>& base_from_grippers,
                                          const std::vector<ArmJoints>& joints) {
@@ -127,7 +127,7 @@ std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, co
     for (const RigLocation& located : location.possible) {
       all.push_back(pybind11::make_tuple(rig.result.rig.targets[location.target].name, by,
                                          ArrayOf(located.world_from_target), ArrayOf(located.Total()), located.rms_px,
-                                         location.possible.size(), located.chance));
+                                         location.possible.size(), located.p_value));
     }
   }
   if (all.empty()) throw InputError(faults.empty() ? "no target was detected in these images" : Join(faults, "; "));

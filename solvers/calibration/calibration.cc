@@ -117,7 +117,7 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
   return "contradicts the other captures: according to its image, the gripper was " +
          Significant(1000 * correction.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
-         " deg from the stated robot pose (probability by chance: " + ShownChance(p_value) +
+         " deg from the stated robot pose (probability by chance: " + ShownPValue(p_value) +
          "); wrong pose for the image, robot not settled, or target misread";
 }
 

@@ -140,7 +140,7 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
   const Matrix6 total = m + m * variances.Corrections().asDiagonal() * m;
   const Tangent6 unit = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
   constexpr double kNothing = 1e-10;
-  return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
+  return PValueOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
 }
 
 // The captures that can be tested, linearised at a solution.

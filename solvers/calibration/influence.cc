@@ -11,11 +11,11 @@ namespace {
 
 // Returns the probability that a move is at least as large. Directions about which the capture carries no information
 // are ignored.
-double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with,
+double PValueOfMove(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with,
                     double dof) {
   const Tangent6 scale = covariance_with.diagonal().cwiseSqrt().cwiseInverse();
   constexpr double kNothing = 1e-6;  // Relative to the variance of the pose.
-  return ChanceOf(scale.cwiseProduct(move),
+  return PValueOf(scale.cwiseProduct(move),
                   scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal(), kNothing, dof);
 }
 
@@ -46,7 +46,7 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachCapture(const RigProblem&
     if (CheckObservable(without)) continue;
     const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;
     const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).segment<6>(pose);
-    moves[captures[v]] = CaptureMove{move, ChanceOfMove(move, covariance_without.block<6, 6>(pose, pose),
+    moves[captures[v]] = CaptureMove{move, PValueOfMove(move, covariance_without.block<6, 6>(pose, pose),
                                                         covariance.block<6, 6>(pose, pose), solution.covariance_dof)};
   }
   return moves;

@@ -15,7 +15,7 @@ namespace heba {
 // the solution and marginalised over the corrections of the arms. `problem` is what was solved, without the rejected
 // points, and `loss` is its loss (`none` instead of `truncated`, because the outliers are already removed).
 //
-// The p-value of a move (CaptureMove::chance) is computed from the covariance of the move, C_without - C_with (an
+// The p-value of a move (CaptureMove::p_value) is computed from the covariance of the move, C_without - C_with (an
 // informative capture has a large covariance of its move), with the degrees of freedom of the solution's noise.
 // Returns nothing for a capture without points or without which the unknowns would not be observable, and for every
 // capture if a point cannot be projected.

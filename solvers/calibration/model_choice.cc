@@ -81,8 +81,8 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
   return other && (!found || other->log_likelihood > found->log_likelihood) ? other : found;
 }
 
-double ChanceAgainst(const FittedModel& larger, const FittedModel& smaller) {
-  return ChanceOfRatio(smaller.log_likelihood, larger.log_likelihood,
+double PValueAgainst(const FittedModel& larger, const FittedModel& smaller) {
+  return PValueOfRatio(smaller.log_likelihood, larger.log_likelihood,
                        {NumShapeParams(larger.model) - NumShapeParams(smaller.model),
                         NumVariances(larger.model) - NumVariances(smaller.model)},
                        larger.solution.covariance_dof);
@@ -138,7 +138,7 @@ ErrorModelChoice Compare(const ModelComparison& comparison, std::vector<FittedMo
       if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
     }
     if (largest != nullptr) {
-      alternative.p = ChanceAgainst(*largest, smaller);
+      alternative.p = PValueAgainst(*largest, smaller);
       alternative.odds = OddsBeside(comparison, *largest, alternative);
     }
     const bool is_acceptable =
@@ -291,7 +291,7 @@ std::optional<double> OddsAgainst(
   return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
 }
 
-double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
+double PValueOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
                      double covariance_dof) {
   const double statistic = std::max(0.0, 2 * (larger_log_likelihood - smaller_log_likelihood));
   const double num_shape = difference.num_shape;

@@ -21,7 +21,7 @@ struct ModelDifference {
 };
 // Returns the probability of a likelihood ratio at least as large if the smaller of two nested models is right.
 // `covariance_dof` is Solution::covariance_dof of the larger one.
-double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
+double PValueOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
                      double covariance_dof);
 
 // Returns whether a model can be taken beside `largest`, the largest of the models that contain it.

@@ -72,7 +72,7 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
     ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
                                  NumVariances(smaller.model), std::nullopt};
     if (&smaller != &largest) {
-      alternative.p = ChanceOfRatio(smaller.log_likelihood, largest.log_likelihood,
+      alternative.p = PValueOfRatio(smaller.log_likelihood, largest.log_likelihood,
                                     {0, NumVariances(largest.model) - NumVariances(smaller.model)},
                                     largest.solution.covariance_dof);
       alternative.odds = OddsAgainst(largest.model, alternative, [&](const SharedEffects& effects) {

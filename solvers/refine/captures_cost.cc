@@ -38,13 +38,13 @@ struct CapturesCost::ViewTerms {
 
 // One capture at one value of all unknowns.
 struct CapturesCost::CaptureTerms {
-  std::vector<Rigid3d> own_poses;
+  std::vector<Rigid3d> nuisance_poses;
   std::vector<ViewTerms> views;
   bool has_all_columns = false;
-  // The normal equations of the own poses, with their priors.
-  OwnMatrix normal;
-  OwnVector gradient;
-  OwnVector prior_gradient;
+  // The normal equations of the nuisance poses, with their priors.
+  NuisanceMatrix normal;
+  NuisanceVector gradient;
+  NuisanceVector prior_gradient;
   double prior_squares = 0;
   double cost = 0;
 };
@@ -61,7 +61,7 @@ struct CapturesCost::EliminatedState {
 // All captures, evaluated at one value of the shared unknowns.
 struct CapturesCost::State {
   NormalEquations shared;
-  std::vector<EliminatedState> eliminated;  // Empty if the captures have no own poses.
+  std::vector<EliminatedState> eliminated;  // Empty if the captures have no nuisance poses.
 
   double Cost() const {
     return std::max(0.0, shared.matrix(shared.matrix.rows() - 1, shared.matrix.cols() - 1)) + shared.loss_remainder;
@@ -100,8 +100,8 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
   int num_points = 0;
   for (const LoopCapture& capture : problem_.captures) {
     CHECK(!capture.views.empty());
-    CHECK_LE(capture.own_poses.size(), static_cast<size_t>(kMaxOwnPoses));
-    has_eliminated_poses_ = has_eliminated_poses_ || !capture.own_poses.empty();
+    CHECK_LE(capture.nuisance_poses.size(), static_cast<size_t>(kMaxNuisancePoses));
+    has_eliminated_poses_ = has_eliminated_poses_ || !capture.nuisance_poses.empty();
     for (const LoopView& view : capture.views) num_points += view.observations->size();
   }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
@@ -227,7 +227,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
 std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& step, size_t capture) const {
   std::vector<Rigid3d> poses;
   if (accepted_ == nullptr) {
-    for (const OwnPose& own : problem_.captures[capture].own_poses) poses.push_back(own.pose);
+    for (const NuisancePose& own : problem_.captures[capture].nuisance_poses) poses.push_back(own.pose);
     return poses;
   }
   const EliminatedState& before = accepted_->eliminated[capture];
@@ -248,7 +248,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
   Eigen::MatrixXd own_rows;
   for (size_t i = first; i < last; ++i) {
     const LoopCapture& capture = problem_.captures[i];
-    if (capture.own_poses.empty()) {
+    if (capture.nuisance_poses.empty()) {
       for (const LoopView& view : capture.views) {
         const ViewKind& kind = KindOf(view);
         const std::vector<double>& params = at.cameras[static_cast<size_t>(view.camera)];
@@ -288,7 +288,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
       group.AddLossRemainder(of_view.products.loss_remainder);
     }
     EliminatedState& own = state->eliminated[i];
-    own.poses = std::move(terms.own_poses);
+    own.poses = std::move(terms.nuisance_poses);
     own.cost = terms.cost;
     own.step = group.Eliminate(terms.normal, own_rows);
     own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
@@ -300,12 +300,13 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
   return true;
 }
 
-bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
-                                   bool has_all_columns, CaptureTerms* terms) const {
-  terms->own_poses = std::move(own_poses);
+bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues& at,
+                                   std::vector<Rigid3d> nuisance_poses, bool has_all_columns,
+                                   CaptureTerms* terms) const {
+  terms->nuisance_poses = std::move(nuisance_poses);
   terms->has_all_columns = has_all_columns;
   terms->views.resize(capture.views.size());
-  const Eigen::Index size = 6 * static_cast<Eigen::Index>(capture.own_poses.size());
+  const Eigen::Index size = 6 * static_cast<Eigen::Index>(capture.nuisance_poses.size());
   terms->normal.setZero(size, size);
   terms->gradient.setZero(size);
   terms->prior_gradient.setZero(size);
@@ -316,7 +317,7 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
     ViewTerms& of_view = terms->views[v];
     const ViewKind& kind = KindOf(view);
     const Rigid3d camera_from_target =
-        view.loop.Evaluate({at.poses, at.effects, terms->own_poses}, &of_view.derivatives);
+        view.loop.Evaluate({at.poses, at.effects, terms->nuisance_poses}, &of_view.derivatives);
     const ViewReducer& reducer = has_all_columns ? kind.reducer : kind.pose_reducer;
     if (!reducer.Multiply(at.cameras[static_cast<size_t>(view.camera)].data(), camera_from_target, *view.observations,
                           kind.has_shape ? &at.targets[static_cast<size_t>(view.target)] : nullptr,
@@ -338,10 +339,11 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
     }
     terms->cost += products(residual, residual) + of_view.products.loss_remainder;
   }
-  for (size_t j = 0; j < capture.own_poses.size(); ++j) {
-    if (!capture.own_poses[j].prior) continue;
+  for (size_t j = 0; j < capture.nuisance_poses.size(); ++j) {
+    if (!capture.nuisance_poses[j].prior) continue;
     const Eigen::Index row = 6 * static_cast<Eigen::Index>(j);
-    const OwnPoseResidual prior = OwnPoseResidualAt(terms->own_poses[j], problem_.priors[*capture.own_poses[j].prior]);
+    const NuisancePoseResidual prior =
+        NuisancePoseResidualAt(terms->nuisance_poses[j], problem_.priors[*capture.nuisance_poses[j].prior]);
     const Matrix6 of_prior = prior.by_tangent.transpose() * prior.by_tangent;
     terms->normal.block<6, 6>(row, row) += of_prior;
     terms->prior_gradient.segment<6>(row).noalias() = prior.by_tangent.transpose() * prior.residual;
@@ -353,7 +355,7 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
 }
 
 bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at,
-                                        std::vector<Rigid3d> own_poses, CaptureTerms* terms) const {
+                                        std::vector<Rigid3d> nuisance_poses, CaptureTerms* terms) const {
   LevenbergMarquardtOptions options;
   options.max_iterations = 30;
   options.initial_damping = 1e-6;
@@ -361,18 +363,18 @@ bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const LoopVa
   options.small_drop = 1e-2;  // The joint solve does the rest.
   // A rough pose will hardly be kept, so the columns of the other parameters are not needed there.
   const bool is_rough = options_.eliminated_poses_are_rough && accepted_ == nullptr;
-  if (!EvaluateCapture(capture, at, std::move(own_poses), !is_rough, terms)) return false;
-  const auto try_step = [&](const CaptureTerms& here, const OwnVector& step) {
+  if (!EvaluateCapture(capture, at, std::move(nuisance_poses), !is_rough, terms)) return false;
+  const auto try_step = [&](const CaptureTerms& here, const NuisanceVector& step) {
     std::optional<CaptureTerms> next(std::in_place);
     std::vector<Rigid3d> moved;
-    for (size_t j = 0; j < here.own_poses.size(); ++j) {
-      moved.push_back(Retract(here.own_poses[j], step.segment<6>(6 * static_cast<Eigen::Index>(j))));
+    for (size_t j = 0; j < here.nuisance_poses.size(); ++j) {
+      moved.push_back(Retract(here.nuisance_poses[j], step.segment<6>(6 * static_cast<Eigen::Index>(j))));
     }
     if (!EvaluateCapture(capture, at, std::move(moved), true, &*next)) next.reset();
     return next;
   };
   MinimiseSquares(options, try_step, terms);
-  return terms->has_all_columns || EvaluateCapture(capture, at, std::move(terms->own_poses), true, terms);
+  return terms->has_all_columns || EvaluateCapture(capture, at, std::move(terms->nuisance_poses), true, terms);
 }
 
 std::vector<std::vector<Rigid3d>> CapturesCost::EliminatedPoses() const {

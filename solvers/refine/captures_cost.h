@@ -7,10 +7,10 @@
 // chained individually, and multiplied for many views at once. A square root of the sum has the same cost, gradient and
 // Gauss-Newton matrix as all rows of all captures.
 //
-// The poses of a capture's own (OwnPose) are eliminated from the normal equations of all its views (Schur complement),
-// so that cost and memory grow linearly with the number of captures, and Ceres does not see them. When Ceres evaluates
-// other values of the shared unknowns, the eliminated poses follow according to their linearisation. Equations (6) to
-// (9) of docs/estimation.md.
+// The poses of a capture's own (NuisancePose) are eliminated from the normal equations of all its views (Schur
+// complement), so that cost and memory grow linearly with the number of captures, and Ceres does not see them. When
+// Ceres evaluates other values of the shared unknowns, the eliminated poses follow according to their linearisation.
+// Equations (6) to (9) of docs/estimation.md.
 #pragma once
 
 #include <memory>
@@ -50,7 +50,7 @@ struct CapturesCostOptions {
 class CapturesCost final : public ceres::CostFunction {
  public:
   // The observations and the loss must outlive the cost; there must be at least one capture, and every capture must
-  // have a view and at most four own poses.
+  // have a view and at most four nuisance poses.
   CapturesCost(LoopProblem problem, CapturesCostOptions options);
   ~CapturesCost() override;
   CapturesCost(const CapturesCost&) = delete;
@@ -89,11 +89,11 @@ class CapturesCost final : public ceres::CostFunction {
   // Returns a capture's eliminated poses as predicted by their linearisation, or their initial guesses before the first
   // linearisation.
   std::vector<Rigid3d> EliminatedPosesAfter(const Eigen::VectorXd& step, size_t capture) const;
-  // Evaluates a capture at these poses. Without `has_all_columns`, for its own poses only.
-  bool EvaluateCapture(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
+  // Evaluates a capture at these poses. Without `has_all_columns`, for its nuisance poses only.
+  bool EvaluateCapture(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> nuisance_poses,
                        bool has_all_columns, CaptureTerms* terms) const;
   // Likewise, and refines the poses with all other unknowns held.
-  bool SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
+  bool SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> nuisance_poses,
                             CaptureTerms* terms) const;
   // Returns the tangent from one value of the parameter blocks to another, in the order of the layout.
   Eigen::VectorXd Step(const std::vector<double>& from, const std::vector<double>& to) const;

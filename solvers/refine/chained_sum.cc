@@ -173,7 +173,7 @@ void ChainedSum::AddOwnRows(const Eigen::MatrixXd& products, const KinematicLoop
 }
 
 template <int kRows>
-Eigen::MatrixXd ChainedSum::EliminateRows(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows) {
+Eigen::MatrixXd ChainedSum::EliminateRows(const NuisanceMatrix& normal, const Eigen::MatrixXd& own_rows) {
   using Square = Eigen::Matrix<double, kRows, kRows>;
   using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
   const auto root = Cholesky(Square(normal));
@@ -190,7 +190,7 @@ Eigen::MatrixXd ChainedSum::EliminateRows(const OwnMatrix& normal, const Eigen::
   return inverse_root.transpose().lazyProduct(whitened);
 }
 
-Eigen::MatrixXd ChainedSum::Eliminate(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows) {
+Eigen::MatrixXd ChainedSum::Eliminate(const NuisanceMatrix& normal, const Eigen::MatrixXd& own_rows) {
   constexpr int kOnePose = 6;
   return normal.rows() == kOnePose ? EliminateRows<kOnePose>(normal, own_rows)
                                    : EliminateRows<Eigen::Dynamic>(normal, own_rows);

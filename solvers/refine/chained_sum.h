@@ -16,10 +16,11 @@
 
 namespace heba {
 
-// The numbers that belong to one capture's own poses; their memory needs no allocation.
-inline constexpr int kMaxOwnPoses = 4;
-using OwnMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 * kMaxOwnPoses, 6 * kMaxOwnPoses>;
-using OwnVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 * kMaxOwnPoses, 1>;
+// The numbers that belong to one capture's nuisance poses; their memory needs no allocation.
+inline constexpr int kMaxNuisancePoses = 4;
+using NuisanceMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 * kMaxNuisancePoses, 6 * kMaxNuisancePoses>;
+using NuisanceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 * kMaxNuisancePoses, 1>;
 
 // The place of each column of a view's reduction, from the seventh on, among the columns of the sum.
 struct ColumnPlaces {
@@ -51,11 +52,11 @@ class ChainedSum {
   // Adds the products of a view (ViewNormalEquations::matrix).
   void AddProducts(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
                    const ColumnPlaces& places);
-  // Adds J_own^T J of a view to `own_rows`: one row for each tangent of the capture's own poses.
+  // Adds J_own^T J of a view to `own_rows`: one row for each tangent of the capture's nuisance poses.
   void AddOwnRows(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
                   const ColumnPlaces& places, Eigen::MatrixXd* own_rows) const;
-  // Eliminates a capture's own poses: subtracts own_rows^T normal^-1 own_rows, and returns normal^-1 own_rows.
-  Eigen::MatrixXd Eliminate(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows);
+  // Eliminates a capture's nuisance poses: subtracts own_rows^T normal^-1 own_rows, and returns normal^-1 own_rows.
+  Eigen::MatrixXd Eliminate(const NuisanceMatrix& normal, const Eigen::MatrixXd& own_rows);
   // Adds the squared residuals of priors.
   void AddSquares(double squares) { matrix_(num_columns_ - 1, num_columns_ - 1) += squares; }
   // Adds to ViewNormalEquations::loss_remainder.
@@ -70,7 +71,7 @@ class ChainedSum {
 
  private:
   template <int kRows>
-  Eigen::MatrixXd EliminateRows(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows);
+  Eigen::MatrixXd EliminateRows(const NuisanceMatrix& normal, const Eigen::MatrixXd& own_rows);
   Eigen::Index PoseColumn(int pose) const { return poses_[static_cast<size_t>(pose)].first; }
   Eigen::Index EffectColumn(int effect) const { return effects_[static_cast<size_t>(effect)].first; }
 

@@ -118,17 +118,17 @@ Matrix6X DirectionsOf(const RigCapture& capture, size_t robot, Eigen::Index num_
   return capture.postures[robot].gripper_by_joints;
 }
 
-// Makes the own poses of captures: the corrections of the moving arms.
-class OwnPoseMaker {
+// Makes the nuisance poses of captures: the corrections of the moving arms.
+class NuisancePoseMaker {
  public:
-  OwnPoseMaker(const RigProblem& problem, const FitState& state, std::vector<size_t> moving)
+  NuisancePoseMaker(const RigProblem& problem, const FitState& state, std::vector<size_t> moving)
       : problem_(problem), state_(state), moving_(std::move(moving)), num_joints_(NoisyJointsOf(problem, moving_)) {}
 
-  // Returns the own poses of a capture without priors.
-  std::vector<OwnPose> PosesOf(size_t capture) const {
-    std::vector<OwnPose> own;
+  // Returns the nuisance poses of a capture without priors.
+  std::vector<NuisancePose> PosesOf(size_t capture) const {
+    std::vector<NuisancePose> own;
     for (size_t k = 0; k < moving_.size(); ++k) {
-      OwnPose& pose = own.emplace_back();
+      NuisancePose& pose = own.emplace_back();
       if (!state_.corrections.empty()) pose.pose = state_.corrections[capture][moving_[k]];
       if (num_joints_[k] > 0) pose.directions = DirectionsOf(problem_.captures[capture], moving_[k], num_joints_[k]);
     }
@@ -137,8 +137,9 @@ class OwnPoseMaker {
 
   // Likewise with the noise of the moving arms as their priors, which are appended to `priors`. Arms whose joints are
   // not noisy have one prior for all captures.
-  std::vector<OwnPose> PosesOf(size_t capture, const std::vector<RobotNoise>& noise, std::vector<Matrix6>* priors) {
-    std::vector<OwnPose> own = PosesOf(capture);
+  std::vector<NuisancePose> PosesOf(size_t capture, const std::vector<RobotNoise>& noise,
+                                    std::vector<Matrix6>* priors) {
+    std::vector<NuisancePose> own = PosesOf(capture);
     common_.resize(own.size());
     for (size_t k = 0; k < own.size(); ++k) {
       std::optional<size_t>& common = common_[k];
@@ -243,13 +244,14 @@ LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups,
   LoopProblem loops = WithoutCaptures(problem, noise);
   const std::vector<size_t> moving = MovingRobots(problem);
   LoopMaker maker(problem, moving, has_corrections);
-  OwnPoseMaker own_poses(problem, state, moving);
+  NuisancePoseMaker nuisance_poses(problem, state, moving);
   loops.captures.reserve(groups.size());
   for (const std::vector<size_t>& group : groups) {
     LoopCapture& capture = loops.captures.emplace_back();
     if (has_corrections) {
-      capture.own_poses = noise.robots.empty() ? own_poses.PosesOf(group.front())
-                                               : own_poses.PosesOf(group.front(), noise.robots, &loops.priors);
+      capture.nuisance_poses = noise.robots.empty()
+                                   ? nuisance_poses.PosesOf(group.front())
+                                   : nuisance_poses.PosesOf(group.front(), noise.robots, &loops.priors);
     }
     for (const size_t i : group) {
       for (const RigImage& image : problem.captures[i].images) {
@@ -267,12 +269,12 @@ LoopProblem ImageLoops(const RigProblem& problem, const CaptureGroups& groups, c
                        const FitNoise& noise, const std::vector<size_t>& moving) {
   LoopProblem loops = WithoutCaptures(problem, noise);
   LoopMaker maker(problem, moving, true);
-  const OwnPoseMaker own_poses(problem, state, moving);
+  const NuisancePoseMaker nuisance_poses(problem, state, moving);
   for (const ImageIndex& index : ImagesOf(problem, groups)) {
     const RigCapture& of_problem = problem.captures[index.capture];
     const RigImage& image = of_problem.images[index.image];
     LoopCapture& capture = loops.captures.emplace_back();
-    capture.own_poses = own_poses.PosesOf(index.capture);
+    capture.nuisance_poses = nuisance_poses.PosesOf(index.capture);
     capture.views.push_back({&image.observations, maker.LoopOf(of_problem, image), static_cast<int>(image.camera),
                              static_cast<int>(image.target), PoseVarianceRatio(noise, image)});
   }

@@ -57,13 +57,13 @@ double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points)
 // Returns LoopView::pose_variance_ratio of an image, which must have points.
 double PoseVarianceRatio(const FitNoise& noise, const RigImage& image);
 
-// Returns the loops of the groups. With `has_corrections`, the own poses of a capture are the corrections of the moving
-// arms, zero if the arms of the state are exact, and their priors are the noise of the arms if there is any. The
+// Returns the loops of the groups. With `has_corrections`, the nuisance poses of a capture are the corrections of the
+// moving arms, zero if the arms of the state are exact, and their priors are the noise of the arms if there is any. The
 // problem must outlive the result.
 LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
                          const FitNoise& noise, bool has_corrections);
-// Likewise, with one capture for each image, in the order of ImagesOf. Its own poses are zero if the arms are exact.
-// `moving` are the arms that have corrections.
+// Likewise, with one capture for each image, in the order of ImagesOf. Its nuisance poses are zero if the arms are
+// exact. `moving` are the arms that have corrections.
 LoopProblem ImageLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
                        const FitNoise& noise, const std::vector<size_t>& moving);
 

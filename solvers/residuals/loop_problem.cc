@@ -129,7 +129,7 @@ Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_join
   return root->SolveLower(Matrix6(sigmas.cwiseInverse().asDiagonal()));
 }
 
-OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
+NuisancePoseResidual NuisancePoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
   const Tangent6 tangent = LocalCoordinates(Rigid3d(), pose);
   // The inverse right Jacobian of the rotation vector to second order; corrections are small.
   const Eigen::Matrix3d skew = Skew(tangent.tail<3>());

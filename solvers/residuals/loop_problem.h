@@ -26,7 +26,7 @@ struct LoopView {
 };
 
 // An unknown pose of one capture: the correction of a robot pose, or the pose of a target that nothing else determines.
-struct OwnPose {
+struct NuisancePose {
   Rigid3d pose;  // The initial guess, or the point of linearisation.
   // Index of its prior in LoopProblem::priors; nothing if no prior is known.
   std::optional<size_t> prior;
@@ -38,7 +38,7 @@ struct OwnPose {
 
 struct LoopCapture {
   std::vector<LoopView> views;
-  std::vector<OwnPose> own_poses;
+  std::vector<NuisancePose> nuisance_poses;
 };
 
 struct LoopProblem {
@@ -49,7 +49,7 @@ struct LoopProblem {
   // The pixel sigma of each camera, relative to the one that a solver is given; empty if all are that one.
   std::vector<double> pixel_sigma_ratios;
   std::vector<TargetShape> targets;  // The designed shapes; the points of the observations are the designed ones.
-  // Priors of own poses: W, such that W * LocalCoordinates(identity, pose) has unit covariance and mean zero.
+  // Priors of nuisance poses: W, such that W * LocalCoordinates(identity, pose) has unit covariance and mean zero.
   std::vector<Matrix6> priors;
   std::vector<LoopCapture> captures;
 };
@@ -85,23 +85,23 @@ double PixelSigmaOf(const LoopProblem& problem, size_t camera, double pixel_sigm
 // Returns the flags with which the points of a target in a camera are reduced (ViewReducer).
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target);
 
-// The square root W of the information about own poses that are robot corrections of this noise: W^T W is the inverse
-// of Q = sigma_t^2 P_t + sigma_r^2 P_r + sigma_joint^2 J J^T, where J is View::gripper_by_joints.
+// The square root W of the information about nuisance poses that are robot corrections of this noise: W^T W is the
+// inverse of Q = sigma_t^2 P_t + sigma_r^2 P_r + sigma_joint^2 J J^T, where J is View::gripper_by_joints.
 Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_joints = Matrix6X(6, 0));
 
-// Six whitened residuals of an own pose with its prior, and their derivatives by the tangent of the pose.
-struct OwnPoseResidual {
+// Six whitened residuals of a nuisance pose with its prior, and their derivatives by the tangent of the pose.
+struct NuisancePoseResidual {
   Tangent6 residual;
   Matrix6 by_tangent;
 };
-OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
+NuisancePoseResidual NuisancePoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
 
 // The indices of views that are one capture because they were taken at one robot pose.
 using PoseGroups = std::vector<std::vector<size_t>>;
 
 // Returns the loop of one capture of a hand-eye calibration: X^-1 M E Exp(xi) Z if the target is on the gripper,
 // X^-1 Exp(-xi) E^-1 M Z if the camera is. The shared poses are X and Z, E is `effect` of the effects 0 if it is not
-// null, and xi the capture's own pose 0 if `has_correction`.
+// null, and xi the capture's nuisance pose 0 if `has_correction`.
 KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount,
                           std::shared_ptr<const PoseEffect> effect, bool has_correction);
 

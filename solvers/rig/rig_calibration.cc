@@ -55,7 +55,7 @@ bool IsMoved(const RigProblem& problem, size_t camera) {
 }
 
 // Frees the shapes of the targets that arms move against cameras.
-void OpenShapes(RigProblem* problem) {
+void FreeShapes(RigProblem* problem) {
   for (size_t t = 0; t < problem->targets.size(); ++t) {
     problem->targets[t].free_shape.clear();
     if (NumMovedImages(*problem, t) == 0) continue;
@@ -71,7 +71,7 @@ ModelSpace MovedShapes(const RigProblem& problem) {
 }
 
 // Holds the shape of the target about which the images tell least. Returns false if all are held.
-bool CloseShape(RigProblem* problem) {
+bool HoldShape(RigProblem* problem) {
   RigTarget* least = nullptr;
   int fewest_images = 0;
   for (size_t t = 0; t < problem->targets.size(); ++t) {
@@ -111,16 +111,16 @@ std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, con
   const Rigid3d step = Inverse(predicted) * seen->camera_from_target;
   return "contradicts the other images: the target is " + Significant(1000 * step.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(RotationAngle(step.rotation)), 2) +
-         " deg from where they predict it (probability by chance: " + ShownChance(p_value) + ")";
+         " deg from where they predict it (probability by chance: " + ShownPValue(p_value) + ")";
 }
 
 // Lists the images that are left out. All images that an arm moved in one capture, if there are several, are listed as
 // the capture: they agree that its pose is wrong.
 std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig& judged) {
   const RigProblem used = UsedPoints(problem, judged);
-  std::map<std::pair<size_t, size_t>, double> chances;
+  std::map<std::pair<size_t, size_t>, double> p_values;
   for (const RigVerdict& verdict : TestLeftOutImages(problem, used, judged.solution)) {
-    chances[{verdict.image.capture, verdict.image.image}] = verdict.p_value;
+    p_values[{verdict.image.capture, verdict.image.image}] = verdict.p_value;
   }
   std::vector<UnusedRigImage> unused;
   ImageSet told;
@@ -140,13 +140,14 @@ std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig&
       const bool is_whole = moved.size() == problem.captures[capture].images.size();
       const std::string reason = "all " + std::to_string(moved.size()) + " images contradict the pose of arm " +
                                  problem.robots[r] + "; camera " + problem.cameras[of_image.camera].name + " " +
-                                 WhyWrong(problem, judged.solution, {capture, image}, chances[{capture, image}]);
+                                 WhyWrong(problem, judged.solution, {capture, image}, p_values[{capture, image}]);
       if (is_whole) unused.push_back({capture, std::nullopt, reason});
       for (size_t k = 0; k < moved.size() && !is_whole; ++k) unused.push_back({capture, moved[k], reason});
       break;
     }
     if (told.contains({capture, image})) continue;
-    unused.push_back({capture, image, WhyWrong(problem, judged.solution, {capture, image}, chances[{capture, image}])});
+    unused.push_back(
+        {capture, image, WhyWrong(problem, judged.solution, {capture, image}, p_values[{capture, image}])});
   }
   return unused;
 }
@@ -197,9 +198,9 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
 
   // A target that differs from its design must not make images outliers.
-  if (options.choose_target_shape) OpenShapes(&rig);
+  if (options.choose_target_shape) FreeShapes(&rig);
   Outcome<JudgedRig> judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
-  while (!judged && options.choose_target_shape && CloseShape(&rig)) {
+  while (!judged && options.choose_target_shape && HoldShape(&rig)) {
     judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
   // Two motions of one camera, or those of several cameras, are found one after the other.

@@ -181,9 +181,9 @@ class FrameLocation {
                         of_frame * at->of_images * of_frame.transpose(), by_prior * by_prior.transpose(), at->squares};
   }
 
-  // Returns RigLocation::chance, from the part of each view that another pose of the target would explain: what the
+  // Returns RigLocation::p_value, from the part of each view that another pose of the target would explain: what the
   // others do not, such as a point that was read wrongly, is no contradiction between cameras.
-  double ChanceOf(const LocatedFrame& located) const {
+  double PValueOf(const LocatedFrame& located) const {
     const std::optional<std::vector<ViewEquations>> views = ViewsAt(located.state);
     if (!views) return 0;
     Eigen::Index num_rows = 0;
@@ -346,7 +346,7 @@ RigLocation LocationOf(const FrameLocation& location, const LocatedFrame& found)
   result.by_image = found.by_image;
   result.by_robot = found.by_robot;
   result.rms_px = location.RmsPx(found);
-  result.chance = location.ChanceOf(found);
+  result.p_value = location.PValueOf(found);
   return result;
 }
 
@@ -453,7 +453,7 @@ std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const R
   const auto locate = [&](const std::vector<CameraObservations>& views) {
     return LocateTargetInRig(rig, solution, target, views, base_from_gripper);
   };
-  const auto agree = [](const Located& located) { return located && located->front().chance >= kContradictionChance; };
+  const auto agree = [](const Located& located) { return located && located->front().p_value >= kContradictionPValue; };
   if (agree(locate(seen))) return std::nullopt;
   std::vector<Located> alone;
   for (const CameraObservations& view : seen) alone.push_back(locate({view}));

@@ -33,7 +33,7 @@ class ImageTest {
   }
 
   // Returns the p-value of an image. `is_used`: whether the estimate and the posterior contain it.
-  double ChanceOfImage(const RigProblem& problem, const ImageIndex& index, const LinearisedView& view,
+  double PValueOfImage(const RigProblem& problem, const ImageIndex& index, const LinearisedView& view,
                        const CorrectionPosterior& posterior, const Eigen::VectorXd& corrections, bool is_used) const {
     const RigImage& image = problem.captures[index.capture].images[index.image];
     if (view.offset.size() < 6) return 1;
@@ -49,15 +49,15 @@ class ImageTest {
     // A direction in which the image alone determines the estimate has no variance, and is not tested.
     if (!is_used) {
       covariance.diagonal().array() += floor;
-      return ChanceOf(residual, covariance, kNothing, solution_.covariance_dof);
+      return PValueOf(residual, covariance, kNothing, solution_.covariance_dof);
     }
     // The floor belongs to the rows before the estimate takes up its part.
     covariance += floor * covariance * covariance;
-    return ChanceOf(residual, covariance, kNothing, solution_.covariance_dof);
+    return PValueOf(residual, covariance, kNothing, solution_.covariance_dof);
   }
 
   // Returns the p-value of the correction of one moving arm.
-  double ChanceOfCorrection(size_t moving, const CorrectionPosterior& posterior,
+  double PValueOfCorrection(size_t moving, const CorrectionPosterior& posterior,
                             const Eigen::VectorXd& corrections) const {
     const Eigen::Index first = 6 * static_cast<Eigen::Index>(moving);
     const Tangent6 sigmas = variances_.segment<6>(first).cwiseSqrt();
@@ -69,7 +69,7 @@ class ImageTest {
     // In units of the prior's sigmas: the estimated correction varies by what the images tell about it.
     const Matrix6 scaled = sigmas.cwiseInverse().asDiagonal() * known * sigmas.cwiseInverse().asDiagonal();
     constexpr double kLeast = 1e-3;
-    return ChanceOf(corrections.segment<6>(first).cwiseQuotient(sigmas), Matrix6::Identity() - scaled, kLeast,
+    return PValueOf(corrections.segment<6>(first).cwiseQuotient(sigmas), Matrix6::Identity() - scaled, kLeast,
                     solution_.covariance_dof);
   }
 
@@ -111,10 +111,10 @@ std::vector<RigVerdict> TestUsedImages(const RigProblem& problem_in, const RigSo
     for (const size_t v : group) {
       const ImageIndex& index = linearised->images[v];
       verdicts.push_back({index, std::nullopt,
-                          test.ChanceOfImage(problem, index, linearised->views[v], posterior, corrections, true)});
+                          test.PValueOfImage(problem, index, linearised->views[v], posterior, corrections, true)});
     }
     for (size_t k = 0; k < test.moving().size(); ++k) {
-      verdicts.push_back({first, test.moving()[k], test.ChanceOfCorrection(k, posterior, corrections)});
+      verdicts.push_back({first, test.moving()[k], test.PValueOfCorrection(k, posterior, corrections)});
     }
   }
   return verdicts;
@@ -153,7 +153,7 @@ std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem_in, const Ri
       alone.images = {problem.captures[i].images[index.image]};
       const std::optional<std::vector<LinearisedView>> linear = linearise(alone);
       double p_value = 0;
-      if (linear) p_value = test.ChanceOfImage(problem, index, linear->front(), posterior, corrections, false);
+      if (linear) p_value = test.PValueOfImage(problem, index, linear->front(), posterior, corrections, false);
       verdicts.push_back({index, std::nullopt, p_value});
     }
   }

@@ -31,7 +31,7 @@ std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, siz
 
 JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
   if (options.loss == LossKind::kNone) return at;
-  const double least_chance =
+  const double least_p_value =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const RigImage&) { return true; }));
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
@@ -39,13 +39,13 @@ JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOpt
     ImageSet next = at.left_out;
     for (const RigVerdict& verdict : TestLeftOutImages(problem, used, at.solution)) {
       const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
-      if (verdict.p_value >= least_chance) next.erase(image);
-      if (verdict.p_value < least_chance) next.insert(image);
+      if (verdict.p_value >= least_p_value) next.erase(image);
+      if (verdict.p_value < least_p_value) next.insert(image);
     }
     // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
     std::map<std::pair<bool, size_t>, RigVerdict> worst;
     for (const RigVerdict& verdict : TestUsedImages(used, at.solution)) {
-      if (verdict.p_value >= least_chance) continue;
+      if (verdict.p_value >= least_p_value) continue;
       const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
       const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
       const auto [found, is_new] = worst.emplace(key, verdict);

@@ -82,17 +82,18 @@ class ViewLinearisation {
     }
   }
 
-  std::optional<LinearisedView> At(const LoopView& view, const std::vector<OwnPose>& own) const {
-    std::vector<Rigid3d> own_poses;
+  std::optional<LinearisedView> At(const LoopView& view, const std::vector<NuisancePose>& own) const {
+    std::vector<Rigid3d> nuisance_poses;
     Eigen::Index num_effects = 0;
-    for (const OwnPose& own_pose : own) {
-      own_poses.push_back(own_pose.pose);
-      num_effects += 6 + own_pose.directions.cols();
+    for (const NuisancePose& nuisance_pose : own) {
+      nuisance_poses.push_back(nuisance_pose.pose);
+      num_effects += 6 + nuisance_pose.directions.cols();
     }
     const auto camera = static_cast<size_t>(view.camera);
     const auto target = static_cast<size_t>(view.target);
     LoopDerivatives derivatives;
-    const Rigid3d camera_from_target = view.loop.Evaluate({values_.poses, values_.effects, own_poses}, &derivatives);
+    const Rigid3d camera_from_target =
+        view.loop.Evaluate({values_.poses, values_.effects, nuisance_poses}, &derivatives);
     SquareRootInformation reduction;
     if (!reducers_[camera * targets_.size() + target].Reduce(
             values_.cameras[camera].data(), camera_from_target, *view.observations,
@@ -138,9 +139,9 @@ class ViewLinearisation {
       auto by_own = linear.by_effects.block(0, 6 * index, num_moved, 6);
       by_own = -by_pose.lazyProduct(derivatives.own[j]);
       linear.offset.head(num_moved) +=
-          by_own.lazyProduct(LocalCoordinates(Rigid3d(), own_poses[static_cast<size_t>(index)]));
+          by_own.lazyProduct(LocalCoordinates(Rigid3d(), nuisance_poses[static_cast<size_t>(index)]));
     }
-    // The columns of the directions come after those of all own poses.
+    // The columns of the directions come after those of all nuisance poses.
     Eigen::Index first = 6 * static_cast<Eigen::Index>(own.size());
     for (size_t j = 0; j < own.size(); ++j) {
       const Matrix6X& directions = own[j].directions;
@@ -170,7 +171,7 @@ std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& 
   for (const LoopCapture& capture : problem.captures) {
     std::vector<LinearisedView> views;
     for (const LoopView& view : capture.views) {
-      std::optional<LinearisedView> linear = linearisation.At(view, capture.own_poses);
+      std::optional<LinearisedView> linear = linearisation.At(view, capture.nuisance_poses);
       if (!linear) return std::nullopt;
       views.push_back(std::move(*linear));
     }

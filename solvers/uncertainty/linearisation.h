@@ -19,8 +19,8 @@ namespace heba {
 // (pixel sigma and loss applied).
 struct LinearisedView {
   Eigen::MatrixXd by_unknowns;  // For the columns see Information::layout.
-  // Derivatives by the tangents xi of the capture's own poses (m, rad), six columns each, and then by the random
-  // effects along OwnPose::directions.
+  // Derivatives by the tangents xi of the capture's nuisance poses (m, rad), six columns each, and then by the random
+  // effects along NuisancePose::directions.
   Eigen::MatrixXd by_effects;
   // Number of columns at the end of by_effects that are combinations of those before them.
   Eigen::Index num_combined_effects = 0;
@@ -32,9 +32,9 @@ struct LinearisedView {
   int num_residual_dof = 0;
 };
 
-// Linearises the captures of a problem at these values and at the own poses of the captures. The images of a capture
-// are joined. The offsets are those without the own poses and without the shared effects: a step is a step of the other
-// unknowns, but the value of effects. Returns nothing if a point cannot be projected.
+// Linearises the captures of a problem at these values and at the nuisance poses of the captures. The images of a
+// capture are joined. The offsets are those without the nuisance poses and without the shared effects: a step is a step
+// of the other unknowns, but the value of effects. Returns nothing if a point cannot be projected.
 std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
                                                              double pixel_sigma_px, const Loss& loss);
 

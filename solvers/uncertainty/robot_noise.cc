@@ -147,7 +147,7 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
   return whitened;
 }
 
-double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof) {
+double PValueOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof) {
   const SymmetricEigen<6> eigen = EigenOfSymmetric(covariance);
   const Tangent6 along = eigen.vectors.transpose() * vector;
   double statistic = 0;

@@ -74,6 +74,6 @@ Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, co
 // Returns the probability that a vector with this covariance, estimated with `dof` degrees of freedom, is at least as
 // large as `vector` (Fisher's F over the directions whose variance is not below `nothing`), or 1 if there is no such
 // direction. Vector and covariance must be in coordinates of similar magnitude.
-double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof);
+double PValueOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof);
 
 }  // namespace heba

@@ -440,8 +440,8 @@ class Fitter {
     const auto num_sought = static_cast<double>(NumSought());
     if (num_effective <= num_sought) return 0;
     const double variance = at_edges.squares / at_edges.weights * num_effective / (num_effective - num_sought);
-    const double chance = 1 + 2 * std::sqrt(2 / (num_effective - num_sought));
-    return variance > chance * 2 * result_.cost / Dof() ? variance : 0;
+    const double allowed = 1 + 2 * std::sqrt(2 / (num_effective - num_sought));
+    return variance > allowed * 2 * result_.cost / Dof() ? variance : 0;
   }
   // Returns sigma as estimated from the median absolute residual.
   static double NoiseOf(std::vector<double> residuals) {

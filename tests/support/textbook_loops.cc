@@ -110,7 +110,7 @@ struct PointResidual {
   std::vector<Eigen::Index> effect_sizes;
 };
 
-// W times the tangent of an own pose at the identity.
+// W times the tangent of a nuisance pose at the identity.
 struct OwnPosePrior {
   Rigid3d reference;
   Matrix6 root;
@@ -142,7 +142,7 @@ class Textbook {
     for (const TargetShape& shape : values.shared.targets) {
       shapes_.emplace_back(shape.params.begin(), shape.params.end());
     }
-    for (const std::vector<Rigid3d>& own : values.own_poses) {
+    for (const std::vector<Rigid3d>& own : values.nuisance_poses) {
       own_.emplace_back(own.size(), std::vector<double>(6, 0.0));
     }
     const std::vector<UnknownBlock> target_blocks = problem.layout.BlocksOf(UnknownOwner::kTarget);
@@ -183,7 +183,7 @@ class Textbook {
                 break;
               case LoopFactor::Kind::kOwn:
                 places.of_factor.push_back(place_of(&own_[i][index]));
-                places.references.back() = values.own_poses[i][index];
+                places.references.back() = values.nuisance_poses[i][index];
                 break;
             }
           }
@@ -198,11 +198,11 @@ class Textbook {
           ceres_.AddResidualBlock(residual, nullptr, blocks);
         }
       }
-      for (size_t j = 0; j < problem.captures[i].own_poses.size(); ++j) {
-        const OwnPose& own = problem.captures[i].own_poses[j];
+      for (size_t j = 0; j < problem.captures[i].nuisance_poses.size(); ++j) {
+        const NuisancePose& own = problem.captures[i].nuisance_poses[j];
         if (!own.prior) continue;
         ceres_.AddResidualBlock(new ceres::AutoDiffCostFunction<OwnPosePrior, 6, 6>(
-                                    new OwnPosePrior{values.own_poses[i][j], problem.priors[*own.prior]}),
+                                    new OwnPosePrior{values.nuisance_poses[i][j], problem.priors[*own.prior]}),
                                 nullptr, own_[i][j].data());
       }
     }
@@ -314,7 +314,7 @@ class Textbook {
     }
     for (size_t i = 0; i < own_.size(); ++i) {
       for (size_t j = 0; j < own_[i].size(); ++j) {
-        solved.own_poses[i][j] = moved(values_.own_poses[i][j], own_[i][j]);
+        solved.nuisance_poses[i][j] = moved(values_.nuisance_poses[i][j], own_[i][j]);
       }
     }
     return solved;

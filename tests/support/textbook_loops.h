@@ -1,5 +1,5 @@
 // The adjustment of kinematic loops as a textbook writes it: one residual per point, automatic derivatives, and the
-// elimination of the captures' own poses by Ceres. It shares no code with the cost, the elimination and the
+// elimination of the captures' nuisance poses by Ceres. It shares no code with the cost, the elimination and the
 // linearisation that it is compared with.
 #pragma once
 
@@ -12,10 +12,10 @@
 
 namespace heba {
 
-// Values of all unknowns: those that captures share, and the own poses of each capture.
+// Values of all unknowns: those that captures share, and the nuisance poses of each capture.
 struct TextbookValues {
   LoopValues shared;
-  std::vector<std::vector<Rigid3d>> own_poses;
+  std::vector<std::vector<Rigid3d>> nuisance_poses;
 };
 
 struct TextbookOptions {
@@ -30,8 +30,8 @@ struct TextbookOptions {
 struct TextbookEvaluation {
   double cost = 0;               // The sum of all squared residuals.
   Eigen::VectorXd gradient;      // Half the gradient with respect to LoopProblem::layout.
-  Eigen::VectorXd own_gradient;  // Half the gradient with respect to the tangents of all own poses.
-  Eigen::MatrixXd covariance;    // Covariance of the unknowns of the layout, marginalised over the own poses.
+  Eigen::VectorXd own_gradient;  // Half the gradient with respect to the tangents of all nuisance poses.
+  Eigen::MatrixXd covariance;    // Covariance of the unknowns of the layout, marginalised over the nuisance poses.
 };
 
 // The lenses are brown5 and kannala_brandt4. `with_covariance`: the problem must determine all unknowns.

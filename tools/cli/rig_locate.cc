@@ -270,7 +270,7 @@ Json TargetJson(const FinishedRig& rig, const RigTargetLocation& location, const
   }
   if (!location.possible.empty()) {
     json["rms_px"] = location.possible.front().rms_px;
-    json["chance"] = location.possible.front().chance;
+    json["chance"] = location.possible.front().p_value;
   }
   if (location.chosen) {
     json["pose"] = json["poses"][*location.chosen]["pose"];

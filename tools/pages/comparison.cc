@@ -196,7 +196,7 @@ std::string ComparisonTable(const Comparison& comparison) {
     table += PadRight(shortened(comparison.runs[pairs[i].first].label), kNameWidth + 1) + " " +
              PadRight(shortened(comparison.runs[pairs[i].second].label), kNameWidth) +
              PadLeft(Significant(pairs[i].distance_mm, 2), 9) + PadLeft(Significant(pairs[i].angle_deg, 2), 9) +
-             PadLeft(ShownChance(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
+             PadLeft(ShownPValue(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
   }
   if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " more pairs\n";
   table += "\nsigma is that of the whole position: the root of the sum of the variances of the three axes\n";
@@ -281,7 +281,7 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {Significant(pair.sigma_mm, 3), true},
                     {Significant(pair.angle_deg, 3), true},
                     {Significant(pair.sigma_deg, 3), true},
-                    {ShownChance(pair.p_value), true},
+                    {ShownPValue(pair.p_value), true},
                     {Agreement(pair)}});
   }
   body += Heading("Differences between hand-eye poses");

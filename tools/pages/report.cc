@@ -199,7 +199,7 @@ std::string CaptureSection(const RunResult& result) {
     const std::optional<CaptureMove>& move = capture.move_without;
     row.push_back({move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true});
     row.push_back({move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true});
-    row.push_back({move ? ShownChance(move->chance) : "", true});
+    row.push_back({move ? ShownPValue(move->p_value) : "", true});
     if (has_corrections) {
       const bool has = capture.correction.has_value();
       row.push_back({has ? Significant(1000 * capture.correction->translation.norm(), 2) : "", true});

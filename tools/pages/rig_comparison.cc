@@ -144,15 +144,15 @@ std::string CamerasTable(const RigComparison& comparison) {
 // Returns a table of the differences of each pair of runs, the pair with the least likely difference first.
 std::string DifferencesTable(const RigComparison& comparison) {
   using Pair = std::pair<size_t, size_t>;
-  std::map<Pair, double> least_chance;
+  std::map<Pair, double> least_p_value;
   for (const CellDifference& difference : comparison.differences) {
-    const auto [entry, is_new] = least_chance.emplace(Pair(difference.first, difference.second), difference.p_value);
+    const auto [entry, is_new] = least_p_value.emplace(Pair(difference.first, difference.second), difference.p_value);
     if (!is_new) entry->second = std::min(entry->second, difference.p_value);
   }
   std::vector<Pair> pairs;
-  for (const auto& [pair, chance] : least_chance) pairs.push_back(pair);
+  for (const auto& [pair, p_value] : least_p_value) pairs.push_back(pair);
   std::stable_sort(pairs.begin(), pairs.end(),
-                   [&](const Pair& a, const Pair& b) { return least_chance.at(a) < least_chance.at(b); });
+                   [&](const Pair& a, const Pair& b) { return least_p_value.at(a) < least_p_value.at(b); });
   constexpr size_t kMostPairs = 3;
   constexpr size_t kNameWidth = 36;
   std::string table;
@@ -166,7 +166,7 @@ std::string DifferencesTable(const RigComparison& comparison) {
       table += PadRight("  " + ShortenedAtStart(difference.name.Text(), kNameWidth - 2), kNameWidth) +
                PadLeft(FigureCell(difference.distance_mm, 2, 8), 8) +
                PadLeft(FigureCell(difference.sigma_mm, 2, 7), 7) + PadLeft(FigureCell(difference.angle_deg, 2, 8), 8) +
-               PadLeft(FigureCell(difference.sigma_deg, 2, 7), 7) + PadLeft(ShownChance(difference.p_value), 7) + " " +
+               PadLeft(FigureCell(difference.sigma_deg, 2, 7), 7) + PadLeft(ShownPValue(difference.p_value), 7) + " " +
                Agreement(difference) + "\n";
     }
   }
@@ -343,7 +343,7 @@ std::string RigComparisonPage(const RigComparison& comparison) {
                     {Significant(difference.sigma_mm, 3), true},
                     {Significant(difference.angle_deg, 3), true},
                     {Significant(difference.sigma_deg, 3), true},
-                    {ShownChance(difference.p_value), true},
+                    {ShownPValue(difference.p_value), true},
                     {Agreement(difference)}});
   }
   body += HtmlTable({"pose", "run", "other run", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);

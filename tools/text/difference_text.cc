@@ -23,7 +23,7 @@ std::string AgreementFinding(const std::string& what, const std::vector<NamedDif
   const std::string extreme = least_likely->names + " are " + Significant(worst.distance_mm, 2) + " mm and " +
                               Significant(worst.angle_deg, 2) + " deg apart (one sigma " +
                               Significant(worst.sigma_mm, 2) + " mm, " + Significant(worst.sigma_deg, 2) +
-                              " deg; chance " + ShownChance(worst.p_value) + ")";
+                              " deg; chance " + ShownPValue(worst.p_value) + ")";
   if (num_different == 0) {
     return what + " agree within their uncertainties in all " + std::to_string(differences.size()) +
            " pairs; the least likely: " + extreme;

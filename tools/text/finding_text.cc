@@ -218,7 +218,7 @@ FindingText PixelNoise(const Finding& finding) {
 FindingText InfluentialCapture(const Finding& finding) {
   return {"without " + Name(finding, "image") + " the camera pose would move by " + Amount(finding, "move_mm") +
               " mm and " + Amount(finding, "move_deg") + " deg, more than the assumed noise explains (probability " +
-              ShownChance(Number(finding, "chance")) + ")",
+              ShownPValue(Number(finding, "chance")) + ")",
           "check this image and its robot pose; leave the capture out if one of them is wrong"};
 }
 

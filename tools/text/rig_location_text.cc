@@ -64,7 +64,7 @@ std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& loca
   std::string text =
       "target " + rig.targets[location.target].name + " in world, by " + Join(CameraNames(rig, location), ", ");
   if (location.cameras.size() > 1) {
-    text += "; chance of their differences " + Significant(location.possible.front().chance, 2);
+    text += "; chance of their differences " + Significant(location.possible.front().p_value, 2);
   }
   text += "\n";
   if (location.chosen) {

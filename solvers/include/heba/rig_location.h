@@ -30,14 +30,14 @@ struct RigLocation {
   double rms_px = 0;  // Over all points of all cameras.
   // The probability that the poses of the target in images of cameras that agree differ by as much as these, given the
   // uncertainties of the calibration, of the images and of the arms (Fisher's F); 1 for a single camera.
-  double chance = 1;
+  double p_value = 1;
 
   Eigen::Matrix<double, 6, 6> Total() const { return by_calibration + by_image + by_robot; }
 };
 
-// Images with a smaller RigLocation::chance contradict each other. It is this small so that errors of twice the stated
+// Images with a smaller RigLocation::p_value contradict each other. It is this small so that errors of twice the stated
 // size, which a real cell may have, are no contradiction between up to four cameras.
-inline constexpr double kContradictionChance = 1e-9;
+inline constexpr double kContradictionPValue = 1e-9;
 
 // Locates a target, whose points are as manufactured, by least squares over the points of all cameras, whitened by the
 // noise of each camera (RigSolution::pixel_sigmas_px and image_sigmas_px). The errors of the arms' poses are unknowns
@@ -45,7 +45,7 @@ inline constexpr double kContradictionChance = 1e-9;
 // pose of each arm as it states it, which is corrected by the estimated errors of the arm (Correct); those of arms that
 // carry none of these cameras are not used. Returns a Failure if no image determines a pose, or if the images
 // contradict each other so much that a point has no image. Images that contradict each other less have a location with
-// a small RigLocation::chance.
+// a small RigLocation::p_value.
 Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
                                  const std::vector<CameraObservations>& seen,
                                  const std::vector<StatedPose>& base_from_gripper);

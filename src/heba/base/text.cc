@@ -220,7 +220,7 @@ int DecimalsFor(double sigma, int most) {
   return std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, most);
 }
 
-std::string ShownChance(double chance) { return chance < 1e-6 ? "< 1e-6" : Significant(chance, 1); }
+std::string ShownPValue(double p_value) { return p_value < 1e-6 ? "< 1e-6" : Significant(p_value, 1); }
 
 std::string RoundTrip(double value) {
   char buffer[64];

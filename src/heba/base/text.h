@@ -51,7 +51,7 @@ std::string ShownNoise(double sigma);
 // Returns the number of decimals, 0 to `most`, at which the first two significant digits of `sigma` are visible.
 int DecimalsFor(double sigma, int most);
 // Formats a probability with one significant digit; everything below 1e-6 becomes "< 1e-6".
-std::string ShownChance(double chance);
+std::string ShownPValue(double p_value);
 // Returns the shortest text that reads back as the same double.
 std::string RoundTrip(double value);
 

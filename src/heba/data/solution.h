@@ -56,7 +56,7 @@ struct RobotNoisePrior {
 // The change of a result if one of its captures is left out.
 struct CaptureMove {
   Tangent6 tangent = Tangent6::Zero();  // Change of camera_mount_from_camera: m and rad, in the camera's frame.
-  double chance = 1;  // Probability of a change at least this large if the capture is consistent with the others.
+  double p_value = 1;  // Probability of a change at least this large if the capture is consistent with the others.
 };
 
 // The outcome of a solution for one view.

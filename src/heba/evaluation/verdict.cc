@@ -144,19 +144,19 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   for (const CaptureResult& capture : result.captures) {
     if (!capture.move_without) continue;
     ++num_asked;
-    num_unlikely += capture.move_without->chance < kUnlikely ? 1 : 0;
-    if (strongest == nullptr || capture.move_without->chance < strongest->move_without->chance) strongest = &capture;
+    num_unlikely += capture.move_without->p_value < kUnlikely ? 1 : 0;
+    if (strongest == nullptr || capture.move_without->p_value < strongest->move_without->p_value) strongest = &capture;
   }
   constexpr double kFew = 0.2;
   if (strongest == nullptr || num_unlikely > std::max(1.0, kFew * num_asked)) return std::nullopt;
   const double move_m = strongest->move_without->tangent.head<3>().norm();
   const double move_rad = strongest->move_without->tangent.tail<3>().norm();
-  const double chance = std::min(1.0, num_asked * strongest->move_without->chance);
+  const double p_value = std::min(1.0, num_asked * strongest->move_without->p_value);
   const bool matters = std::max(move_m / DistanceOf(result), move_rad) > kSigmaShare.doubtful;
-  if (chance > kUnlikely || !matters) return std::nullopt;
+  if (p_value > kUnlikely || !matters) return std::nullopt;
   return Finding{Grade::kDoubtful,
                  FindingCode("influential_capture"),
-                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}},
+                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", p_value}},
                  {{"image", strongest->image}}};
 }
 

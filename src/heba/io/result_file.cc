@@ -42,7 +42,7 @@ Json ErrorsJson(const Errors& errors) {
 Json MoveJson(const std::optional<CaptureMove>& move) {
   if (!move) return nullptr;
   Json json = TangentJson(move->tangent);
-  json["chance"] = Finite(move->chance);
+  json["chance"] = Finite(move->p_value);
   return json;
 }
 

@@ -123,7 +123,7 @@ TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
     std::vector<double> all;
     for (const std::optional<CaptureMove>& move :
          MovesOf({scene.camera, scene.views}, *solution, options, LossKind::kNone)) {
-      all.push_back(move ? move->chance : -1);
+      all.push_back(move ? move->p_value : -1);
     }
     return all;
   };

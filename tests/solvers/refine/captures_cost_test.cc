@@ -193,7 +193,7 @@ TEST(CapturesCostTest, EliminatedPosesMinimiseTheCost) {
     const Rigid3d camera_from_target =
         CameraFromTarget(Setup::kEyeToHand, hand_eye, scene.views[i].camera_mount_from_target_mount, correction);
     return ViewCost(scene.camera.Model(), here.params, camera_from_target, scene.views[i].observations, "none") +
-           OwnPoseResidualAt(correction, CorrectionPrior(kRobot)).residual.squaredNorm();
+           NuisancePoseResidualAt(correction, CorrectionPrior(kRobot)).residual.squaredNorm();
   };
   double sum = 0;
   for (size_t i = 0; i < corrections.size(); ++i) {

@@ -63,7 +63,7 @@ struct Kind {
   bool own_poses_have_priors = true;
   bool has_camera_prior = false;
   // Returns the loops of a capture's images, given the first camera_from_target. `poses` are the true shared poses,
-  // `errors` the true own poses of the capture.
+  // `errors` the true nuisance poses of the capture.
   struct Image {
     std::vector<LoopFactor> factors;
     int camera = 0;
@@ -146,7 +146,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
     }
     LoopCapture& capture = loops.captures.emplace_back();
     for (const Rigid3d& error : errors) {
-      capture.own_poses.push_back(
+      capture.nuisance_poses.push_back(
           {error, kind.own_poses_have_priors ? std::optional<size_t>(0) : std::optional<size_t>()});
     }
     for (const Kind::Image& image : kind.images(shared.poses, errors, shared.effects, camera_from_target, &rng)) {
@@ -165,7 +165,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
       random.observations.push_back(std::move(observations));
       capture.views.push_back({&random.observations.back(), loop, image.camera, image.target});
     }
-    random.truth.own_poses.push_back(errors);
+    random.truth.nuisance_poses.push_back(errors);
   }
   return random;
 }
@@ -385,13 +385,13 @@ TEST_P(LoopReferenceTest, CostAndGradientAgree) {
   for (std::vector<double>& block : storage) jacobians.push_back(block.data());
   for (int i = 0; i < 12; ++i) {
     ASSERT_TRUE(cost.Evaluate(unknowns.blocks().data(), residuals.data(), jacobians.data()));
-    if (random.loops.captures.front().own_poses.empty()) break;
+    if (random.loops.captures.front().nuisance_poses.empty()) break;
     // The smallest move, and back, makes the eliminated poses follow their linearisation.
     double& first = unknowns.blocks().front()[0];
     first = std::nextafter(first, i % 2 == 0 ? 1e9 : -1e9);
   }
   TextbookValues values{at, cost.EliminatedPoses()};
-  if (values.own_poses.empty()) values.own_poses.resize(random.loops.captures.size());
+  if (values.nuisance_poses.empty()) values.nuisance_poses.resize(random.loops.captures.size());
   const TextbookEvaluation expected = EvaluateTextbook(random.loops, values, random.textbook, false);
   const Eigen::MatrixXd& matrix = cost.Accepted().matrix;
   const Eigen::Index n = random.loops.layout.size();
@@ -408,12 +408,12 @@ TEST_P(LoopReferenceTest, CostAndGradientAgree) {
 TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   const RandomProblem random = MakeProblem(GetParam(), 3);
   LoopProblem loops = random.loops;
-  TextbookValues start{Disturbed(loops, random.truth.shared, 4), random.truth.own_poses};
+  TextbookValues start{Disturbed(loops, random.truth.shared, 4), random.truth.nuisance_poses};
   const bool has_priors = GetParam().own_poses_have_priors;
   for (size_t i = 0; i < loops.captures.size(); ++i) {
-    for (size_t j = 0; j < loops.captures[i].own_poses.size(); ++j) {
-      if (has_priors) start.own_poses[i][j] = Rigid3d();
-      loops.captures[i].own_poses[j].pose = start.own_poses[i][j];
+    for (size_t j = 0; j < loops.captures[i].nuisance_poses.size(); ++j) {
+      if (has_priors) start.nuisance_poses[i][j] = Rigid3d();
+      loops.captures[i].nuisance_poses[j].pose = start.nuisance_poses[i][j];
     }
   }
   const TextbookValues expected = SolveTextbook(loops, start, random.textbook);
@@ -436,7 +436,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
   const LoopValues found = unknowns.Values();
   TextbookValues at{found, cost.EliminatedPoses()};
-  if (at.own_poses.empty()) at.own_poses.resize(loops.captures.size());
+  if (at.nuisance_poses.empty()) at.nuisance_poses.resize(loops.captures.size());
 
   const TextbookEvaluation there = EvaluateTextbook(loops, expected, random.textbook, true);
   const Eigen::VectorXd sigmas = there.covariance.diagonal().cwiseSqrt();
@@ -459,8 +459,8 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   EXPECT_LT(difference_of(cost.Accepted().matrix.topLeftCorner(n, n) + prior_information), 1e-3);
   if (!has_priors) return;
   for (size_t i = 0; i < loops.captures.size(); ++i) {
-    for (size_t j = 0; j < loops.captures[i].own_poses.size(); ++j) {
-      loops.captures[i].own_poses[j].pose = at.own_poses[i][j];
+    for (size_t j = 0; j < loops.captures[i].nuisance_poses.size(); ++j) {
+      loops.captures[i].nuisance_poses[j].pose = at.nuisance_poses[i][j];
     }
   }
   const std::optional<std::vector<LinearisedView>> views =

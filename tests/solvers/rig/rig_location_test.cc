@@ -117,7 +117,7 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
     pose_sum += MahalanobisSquare(error, located->Total());
-    chance_sum += located->chance;
+    chance_sum += located->p_value;
     std::vector<CameraPixel> pixels;
     for (const CameraObservations& view : object->seen) {
       pixels.push_back({view.camera, view.observations.pixels.col(5)});
@@ -170,7 +170,7 @@ TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
     pose_sum += MahalanobisSquare(error, located->Total());
-    chance_sum += located->chance;
+    chance_sum += located->p_value;
     const Outcome<RigPoint> point = TriangulateInRig(object->scene.problem, solution, pixels, object->reported);
     ASSERT_TRUE(point) << point.reason();
     const Eigen::Vector3d true_point =

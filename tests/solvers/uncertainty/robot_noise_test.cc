@@ -219,11 +219,11 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
 TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
   constexpr RobotNoise kNoise = {1e-3, 2e-3};
   const Rigid3d correction = Retract(Rigid3d(), Tangent6(1e-3, 2e-3, -1e-3, 0.02, -0.03, 0.01));
-  const OwnPoseResidual prior = OwnPoseResidualAt(correction, CorrectionPrior(kNoise));
+  const NuisancePoseResidual prior = NuisancePoseResidualAt(correction, CorrectionPrior(kNoise));
   for (int k = 0; k < 6; ++k) {
     constexpr double kStep = 1e-6;
     const auto residual_at = [&](double step) {
-      return OwnPoseResidualAt(Retract(correction, step * Tangent6::Unit(k)), CorrectionPrior(kNoise)).residual;
+      return NuisancePoseResidualAt(Retract(correction, step * Tangent6::Unit(k)), CorrectionPrior(kNoise)).residual;
     };
     const Tangent6 numeric = (residual_at(kStep) - residual_at(-kStep)) / (2 * kStep);
     EXPECT_LT((numeric - prior.by_tangent.col(k)).norm(), 1e-5 * numeric.norm()) << k;

@@ -118,8 +118,8 @@ TEST(Text, WritesNumbers) {
   EXPECT_EQ(Significant(1234567, 3), "1.23e+06");
   EXPECT_EQ(Significant(1.5e-9, 2), "1.5e-09");
   EXPECT_EQ(Significant(0, 3), "0");
-  EXPECT_EQ(ShownChance(0.0321), "0.03");
-  EXPECT_EQ(ShownChance(4e-288), "< 1e-6");
+  EXPECT_EQ(ShownPValue(0.0321), "0.03");
+  EXPECT_EQ(ShownPValue(4e-288), "< 1e-6");
   EXPECT_EQ(Significant(-std::numeric_limits<double>::infinity(), 3), "-inf");
   EXPECT_EQ(RoundTrip(0.1), "0.1");
 }

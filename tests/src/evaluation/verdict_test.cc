@@ -134,7 +134,7 @@ TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
 TEST(VerdictTest, FindingsHaveNames) {
   RunResult result = GoodResult();
   for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
-  result.captures[7].move_without->chance = 1e-4;
+  result.captures[7].move_without->p_value = 1e-4;
   EXPECT_EQ(JudgeRun(result).findings.front().Name("image"), "7");
   result = GoodResult();
   result.estimates[0].errors.holdout_sigmas = 0.5;
