@@ -146,11 +146,8 @@ JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptio
   std::set<size_t> returned;
   for (int round = 0; round < kMaxRounds; ++round) {
     const RigProblem used = Without(problem, at.left_out);
-    const std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(used, at.solution);
-    ImageSet wrong;
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      if (verdicts[i].is_wrong && !returned.contains(i)) wrong.insert({i, 0});
-    }
+    ImageSet wrong = WrongOf(FindOutlierCaptures(used, at.solution));
+    for (const size_t i : returned) wrong.erase({i, 0});
     // So many are not wrong by themselves: the model is incomplete.
     const auto num_used = static_cast<double>(CapturesWithPoints(used).size());
     const bool is_model = static_cast<double>(wrong.size()) > kMostWrong * num_used;

@@ -153,15 +153,11 @@ struct JudgedViews {
 };
 
 // The captures with the errors of the robot that the solution has found, which count as known.
-JudgedViews Judge(const RigProblem& problem, const RigSolution& solution) {
+JudgedViews ViewsToJudge(const RigProblem& problem, const RigSolution& solution) {
   JudgedViews judged;
   judged.pixel_sigma_px = solution.pixel_sigmas_px[0];
-  RigProblem visible = problem;
+  RigProblem visible = WithoutNoisyJoints(problem);
   visible.effects.clear();
-  // Captures are tested by the white noise that contains that of the joints.
-  for (RigCapture& capture : visible.captures) {
-    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
-  }
   for (const size_t i : CapturesWithPoints(problem)) {
     RigCapture& capture = visible.captures[i];
     CHECK_EQ(capture.images.size(), 1U);
@@ -247,10 +243,25 @@ constexpr double kLeastDof = 6;
 
 }  // namespace
 
+ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts) {
+  ImageSet wrong;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (verdicts[i].is_wrong) wrong.insert({i, 0});
+  }
+  return wrong;
+}
+
+RigProblem WithoutNoisyJoints(RigProblem problem) {
+  for (RigCapture& capture : problem.captures) {
+    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
+  }
+  return problem;
+}
+
 std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const RigSolution& solution) {
   const std::vector<CaptureVerdict> all_pass(problem.captures.size());
   std::vector<CaptureVerdict> verdicts = all_pass;
-  const JudgedViews judged = Judge(problem, solution);
+  const JudgedViews judged = ViewsToJudge(problem, solution);
   const bool can_tell = judged.views.size() + judged.hidden.size() >= kMinCaptures;
   for (const size_t i : judged.hidden) verdicts[i] = {can_tell, 0};
   if (judged.views.size() < kMinCaptures) return verdicts;
@@ -283,7 +294,7 @@ std::vector<CaptureVerdict> TestLeftOutCaptures(const RigProblem& problem, const
                                                 const std::vector<size_t>& left_out) {
   RigSolution at = solution;
   for (const size_t i : left_out) at.captures[i].rejected_ids = {{}};
-  const JudgedViews judged = Judge(problem, at);
+  const JudgedViews judged = ViewsToJudge(problem, at);
   std::vector<CaptureVerdict> of_all(problem.captures.size());
   const auto verdicts = [&] {
     std::vector<CaptureVerdict> of_left_out;

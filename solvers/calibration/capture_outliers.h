@@ -6,6 +6,7 @@
 
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
+#include "solvers/refine/judged_problem.h"
 
 namespace heba {
 
@@ -22,6 +23,13 @@ struct CaptureVerdict {
   // reported, given the estimate from the *other* captures, the pixel noise and the robot noise.
   double p_value = 1;
 };
+
+// Returns the images of the captures that are wrong.
+ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts);
+
+// Returns the problem without noisy joints. Captures are judged by a white noise of the robot, which contains that of
+// the joints.
+RigProblem WithoutNoisyJoints(RigProblem problem);
 
 // Returns one verdict per capture of a problem with one camera, one target and one arm, whose captures have one image
 // each, at an estimate that is not biased by the wrong captures (RefineRig with the loss `truncated`). A capture

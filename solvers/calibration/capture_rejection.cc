@@ -20,15 +20,6 @@
 namespace heba {
 namespace {
 
-// Returns the images of the captures that are wrong.
-ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts) {
-  ImageSet wrong;
-  for (size_t i = 0; i < verdicts.size(); ++i) {
-    if (verdicts[i].is_wrong) wrong.insert({i, 0});
-  }
-  return wrong;
-}
-
 // The noise of a robot with rounding errors only.
 constexpr RobotNoise kExact = {1e-7, 1e-7};
 
@@ -120,11 +111,7 @@ bool IsNoiseOfAll(const RigProblem& problem, const JudgedRig& judged, const RigO
 }  // namespace
 
 JudgedRig JudgeCaptures(const RigProblem& problem_in, const RigSolution& solution, const RigOptions& options) {
-  // Captures are judged by a white noise of the robot.
-  RigProblem problem = problem_in;
-  for (RigCapture& capture : problem.captures) {
-    for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
-  }
+  const RigProblem problem = WithoutNoisyJoints(problem_in);
   JudgedRig judged{solution, {}};
   // Each capture has the outcome of the last solution that used it.
   std::vector<RigCaptureOutcome> outcomes = solution.captures;

@@ -16,7 +16,7 @@ namespace {
 // The fold of a view that is never held out.
 constexpr int kAlwaysTraining = -1;
 
-// What one fold adds to a method's hold-out figures.
+// Each fold adds this to the hold-out figures of a method.
 struct FoldErrors {
   HeldOutErrors errors;
   WhitenedSquares chi2;   // By all sources of error.

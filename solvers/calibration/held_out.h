@@ -13,7 +13,7 @@
 
 namespace heba {
 
-// What held-out images add up to.
+// Held-out images add up to this.
 struct HeldOutErrors {
   SquaredErrors pixels;
   bool has_hidden = false;  // Whether a point of an image has none at its predicted pose; `pixels` is without it.

@@ -27,17 +27,6 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
   return result;
 }
 
-std::vector<size_t> CapturesWithPoints(const RigProblem& problem) {
-  std::vector<size_t> captures;
-  for (size_t i = 0; i < problem.captures.size(); ++i) {
-    const std::vector<RigImage>& images = problem.captures[i].images;
-    const bool has_points =
-        std::any_of(images.begin(), images.end(), [](const RigImage& image) { return image.observations.size() > 0; });
-    if (has_points) captures.push_back(i);
-  }
-  return captures;
-}
-
 std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem& problem, const FitState& state,
                                                                 const FitNoise& noise, const Loss& loss) {
   CaptureGroups each;

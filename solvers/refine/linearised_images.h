@@ -24,10 +24,8 @@ struct LinearisedImages {
 std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
                                                 const FitState& state, const FitNoise& noise, const Loss& loss);
 
-// Returns the captures with points, in ascending order.
-std::vector<size_t> CapturesWithPoints(const RigProblem& problem);
-// Linearises each of these captures by itself, with corrections of the moving arms. The offsets are those at the
-// state's effects and without its corrections. Returns nothing if a point cannot be projected.
+// Linearises each of the captures with points (CapturesWithPoints) by itself, with corrections of the moving arms. The
+// offsets are those at the state's effects and without its corrections. Returns nothing if a point cannot be projected.
 std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem& problem, const FitState& state,
                                                                 const FitNoise& noise, const Loss& loss);
 

@@ -193,14 +193,20 @@ std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::ve
   return num_joints;
 }
 
+std::vector<size_t> CapturesWithPoints(const RigProblem& problem) {
+  std::vector<size_t> captures;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    if (HasPoints(problem.captures[i])) captures.push_back(i);
+  }
+  return captures;
+}
+
 CaptureGroups GroupByRobotPoses(const RigProblem& problem) {
   const std::vector<size_t> moving = MovingRobots(problem);
-  std::vector<size_t> captures;
+  const std::vector<size_t> captures = CapturesWithPoints(problem);
   std::vector<ReachedPoses> reached;
-  for (size_t i = 0; i < problem.captures.size(); ++i) {
+  for (const size_t i : captures) {
     const RigCapture& capture = problem.captures[i];
-    if (!HasPoints(capture)) continue;
-    captures.push_back(i);
     ReachedPoses& of_capture = reached.emplace_back();
     for (const size_t r : moving) {
       const bool has_joints = !capture.postures.empty();

@@ -37,6 +37,9 @@ std::vector<size_t> MovingRobots(const RigProblem& problem);
 // Returns, for each of these arms, the number of joints whose noise is part of the arm's noise.
 std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::vector<size_t>& moving);
 
+// Returns the captures with points, in ascending order.
+std::vector<size_t> CapturesWithPoints(const RigProblem& problem);
+
 // The captures with points, as indices: those of one group were taken at one pose of every moving arm, and in one
 // posture if the joints are known, and share their corrections.
 using CaptureGroups = std::vector<std::vector<size_t>>;

@@ -32,7 +32,8 @@ struct RunConfig {
   // Whether the ids of given detections are places in the list of the target's points.
   bool are_points_in_order = false;
   std::filesystem::path poses_file;
-  size_t num_images = 0;  // Of the images (or corners, or poses of the target), with and without a robot pose.
+  // The number of images (or corners, or poses of the target) counts those with and those without a robot pose.
+  size_t num_images = 0;
   std::vector<std::string> images_without_pose;
   std::vector<std::string> poses_without_image;
   PoseReading pose_reading;

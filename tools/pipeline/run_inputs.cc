@@ -19,14 +19,20 @@ std::string DigestOrNothing(const std::filesystem::path& file) {
   }
 }
 
-}  // namespace
-
-std::string RunInputsText(const RunConfig& config) {
+// Returns the beginning of the inputs of any run.
+nlohmann::ordered_json InputsOf(const std::string& config_used) {
   nlohmann::ordered_json json;
   json["schema"] = "heba/inputs/1";
   json["heba"] = Version();
   json["program"] = DigestOfProgram();
-  json["config"] = DigestOf(config.used);
+  json["config"] = DigestOf(config_used);
+  return json;
+}
+
+}  // namespace
+
+std::string RunInputsText(const RunConfig& config) {
+  nlohmann::ordered_json json = InputsOf(config.used);
   nlohmann::ordered_json files;
   if (!config.poses_file.empty()) files["poses"] = DigestOrNothing(config.poses_file);
   for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
@@ -43,11 +49,7 @@ std::string RunInputsText(const RunConfig& config) {
 }
 
 std::string RunInputsText(const RigConfig& config) {
-  nlohmann::ordered_json json;
-  json["schema"] = "heba/inputs/1";
-  json["heba"] = Version();
-  json["program"] = DigestOfProgram();
-  json["config"] = DigestOf(config.used);
+  nlohmann::ordered_json json = InputsOf(config.used);
   nlohmann::ordered_json files;
   for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
   for (size_t c = 0; c < config.data.has_camera.size(); ++c) {

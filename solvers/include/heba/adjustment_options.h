@@ -56,7 +56,7 @@ struct RigOptions {
   LossKind loss = LossKind::kTruncated;
   // Sigma of one coordinate of every camera, px. Nothing: estimated from the residuals, for each camera.
   std::optional<double> pixel_noise_px;
-  // As BundleOptions::robot, for all arms. The noise of each arm is estimated by itself.
+  // This holds for all arms and means what BundleOptions::robot means. The noise of each arm is estimated by itself.
   BundleOptions::Robot robot = BundleOptions::Robot::kEstimatedNoise;
   RobotNoise robot_noise;                             // Used with kGivenNoise, for all arms.
   std::optional<RobotNoisePrior> robot_noise_prior;   // See BundleOptions.

@@ -1,4 +1,4 @@
-// What is exported, and to which format.
+// An export states its data and its format.
 #pragma once
 
 #include <optional>

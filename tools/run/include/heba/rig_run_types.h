@@ -18,7 +18,7 @@
 
 namespace heba {
 
-// What was recorded at one pose of every arm.
+// A recording has what was recorded at one pose of every arm.
 struct RigRecording {
   std::string name;
   std::vector<Rigid3d> base_from_gripper;     // One per arm.
@@ -71,7 +71,7 @@ struct RigDetection {
 
 struct RigRunOutput {
   RigResult result;
-  std::vector<RigDetection> detections;  // Of every target in every image.
+  std::vector<RigDetection> detections;  // Every image has one for every target.
   RigCalibration calibration;
 };
 
