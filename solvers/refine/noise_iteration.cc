@@ -124,16 +124,14 @@ std::vector<VarianceGroup> GroupsOf(const Fit& fit, const Loss& loss, const RigO
   std::vector<VarianceGroup> groups = VarianceGroupsOf(*fit.problem, fit.noise,
                                                        {loss.consistency, !options.pixel_noise_px, robots_are_free,
                                                         options.robot_noise_prior, options.effects_avoid_zero});
-  // The noise of joints is kept from zero beside such effects: few captures leave little to tell it by.
+  // The noise of each capture is kept from zero beside such effects, too: few captures leave little to tell it by.
   const bool has_effects = FirstEffectGroup(groups) < groups.size();
   if (!has_effects || !options.effects_avoid_zero) return groups;
-  const Eigen::Index first_joint = 6 * static_cast<Eigen::Index>(fit.noise.robots.size());
   for (VarianceGroup& group : groups) {
-    const bool is_of_joints = group.kind == VarianceGroup::Kind::kEffects && group.columns.front() >= first_joint;
-    if (!is_of_joints) continue;
-    constexpr double kLeastRad = 1e-6;
+    if (group.kind != VarianceGroup::Kind::kEffects) continue;
+    constexpr double kLeast = 1e-6;  // m or rad
     group.avoids_zero = robots_are_free;
-    group.variance = std::max(group.variance, kLeastRad * kLeastRad);
+    group.variance = std::max(group.variance, kLeast * kLeast);
   }
   return groups;
 }

@@ -1,4 +1,5 @@
 // Tests of the choice of smooth errors of a robot whose arm is not known.
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -105,6 +106,31 @@ TEST(SmoothChoiceTest, WhiteNoiseThatIsTakenForSmoothCostsLittle) {
   }
   EXPECT_LT(squares, 1.3 * 1.3 * squares_of_white);
   EXPECT_NEAR(chi2, 6, 4);
+}
+
+// Beside smooth errors, the variances of white noise are often most likely to be zero although no few captures can show
+// that they are. The estimate then keeps them from zero, because poses would count as known up to their smooth errors.
+TEST(SmoothChoiceTest, WhiteNoiseBesideSmoothErrorsIsNotTakenForZero) {
+  ArmSceneOptions options;
+  options.has_several_configurations = false;
+  options.joint_noise_rad = 0;
+  options.num_captures = 12;
+  constexpr int kTrials = 6;
+  constexpr double kZero = 1e-7;  // m or rad
+  int num_most_likely_zero = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const ArmScene arm = MakeArmScene(900 + static_cast<uint64_t>(trial), options);
+    const SmoothFit fit = WithSmoothErrors(arm);
+    BundleOptions most_likely = White();
+    most_likely.effects = fit.effects;
+    most_likely.effects_avoid_zero = false;
+    const Outcome<Solution> solution = RefineHandEye(fit.problem, arm.scene.hand_eye, most_likely);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const auto smallest = [](const RobotNoise& noise) { return std::min(noise.translation_m, noise.rotation_rad); };
+    num_most_likely_zero += smallest(*solution->robot_noise) < kZero ? 1 : 0;
+    EXPECT_GT(smallest(*SolutionOf(fit, arm.scene.hand_eye, true).robot_noise), 100 * kZero);
+  }
+  EXPECT_GE(num_most_likely_zero, 2);
 }
 
 // Many captures of a robot whose noise is white show that it is, and white noise alone remains.
