@@ -32,15 +32,19 @@ constexpr Proposer kProposers[] = {
 #undef HEBA_TARGET
 };
 
-// A ChArUco board has the corners of a chessboard: types without codes are searched for last.
-constexpr std::string_view kWithoutCodes[] = {"chessboard", "circle_grid"};
+// The types that are searched for last, in this order: the rings of coded dots take the longest among other things, and
+// a ChArUco board has the corners of a chessboard, which has no codes.
+constexpr std::string_view kLast[] = {"coded_board", "circle_grid", "chessboard"};
 
 // Returns the proposers in the order in which they are asked.
 std::vector<Proposer> OrderedProposers() {
   std::vector<Proposer> ordered(std::begin(kProposers), std::end(kProposers));
-  std::stable_partition(ordered.begin(), ordered.end(), [](const Proposer& proposer) {
-    return std::find(std::begin(kWithoutCodes), std::end(kWithoutCodes), proposer.type) == std::end(kWithoutCodes);
-  });
+  const auto rank = [](const Proposer& proposer) {
+    const auto place = std::find(std::begin(kLast), std::end(kLast), proposer.type);
+    return place == std::end(kLast) ? -1 : place - std::begin(kLast);
+  };
+  std::stable_sort(ordered.begin(), ordered.end(),
+                   [&](const Proposer& a, const Proposer& b) { return rank(a) < rank(b); });
   return ordered;
 }
 
@@ -132,10 +136,9 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
   // Proposals come from a few images, in which a target is as well seen at a moderate size.
   constexpr size_t kMostProposing = 3;
   constexpr double kProposingSidePx = 1920;
+  const std::vector<size_t> chosen = EvenIndices(images.size(), kMostProposing);
   std::vector<cv::Mat> proposing;
-  for (const size_t i : EvenIndices(images.size(), kMostProposing)) {
-    proposing.push_back(Reduced(images[i], kProposingSidePx));
-  }
+  for (const size_t i : chosen) proposing.push_back(Reduced(images[i], kProposingSidePx));
   // One type after the other, each in the images that no code explains.
   std::vector<std::optional<RecognisedTarget>> best_of(proposing.size());
   for (const Proposer& proposer : OrderedProposers()) {
@@ -148,24 +151,35 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     });
   }
   // Only the best proposal of each image is tried in all images: the others are parts of it, or accidents.
+  struct Seen {
+    size_t proposal = 0;
+    size_t image = 0;
+    size_t num_points = 0;
+  };
   std::vector<RecognisedTarget> proposals;
-  for (std::optional<RecognisedTarget>& best : best_of) {
+  std::vector<Seen> known;  // In images that were not reduced.
+  for (size_t i = 0; i < best_of.size(); ++i) {
+    std::optional<RecognisedTarget>& best = best_of[i];
     if (!best) continue;
-    const bool is_known = std::any_of(proposals.begin(), proposals.end(),
-                                      [&](const RecognisedTarget& other) { return other.settings == best->settings; });
-    if (is_known) continue;
+    auto same = std::find_if(proposals.begin(), proposals.end(),
+                             [&](const RecognisedTarget& other) { return other.settings == best->settings; });
+    if (proposing[i].size() == images[chosen[i]].size()) {
+      known.push_back({static_cast<size_t>(same - proposals.begin()), chosen[i], best->num_points});
+    }
+    if (same != proposals.end()) continue;
     best->num_points = 0;
     proposals.push_back(std::move(*best));
   }
-  std::vector<size_t> num_seen(proposals.size() * images.size());
+  std::vector<std::optional<size_t>> num_seen(proposals.size() * images.size());
+  for (const Seen& seen : known) num_seen[seen.proposal * images.size() + seen.image] = seen.num_points;
   ParallelFor(static_cast<int>(num_seen.size()), num_threads, [&](int task) {
     const auto k = static_cast<size_t>(task);
-    num_seen[k] = NumSeen(proposals[k / images.size()], images[k % images.size()]);
+    if (!num_seen[k]) num_seen[k] = NumSeen(proposals[k / images.size()], images[k % images.size()]);
   });
   for (size_t k = 0; k < num_seen.size(); ++k) {
     RecognisedTarget& proposal = proposals[k / images.size()];
-    proposal.num_points += num_seen[k];
-    proposal.num_images += num_seen[k] > 0 ? 1 : 0;
+    proposal.num_points += *num_seen[k];
+    proposal.num_images += *num_seen[k] > 0 ? 1 : 0;
   }
   std::erase_if(proposals, [](const RecognisedTarget& proposal) { return proposal.num_images == 0; });
   std::stable_sort(proposals.begin(), proposals.end(), &IsBetter);

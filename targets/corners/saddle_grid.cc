@@ -524,6 +524,55 @@ class Continuation {
   double half_contrast_grey_ = 0;  // Positive if the squares of sign 1 are the light ones.
 };
 
+// The saddles of an image that are linked along edges to grids of at least a number of them.
+class SaddleGrids {
+ public:
+  // A chessboard of about `num_corners` is looked for, with some clutter around it.
+  SaddleGrids(const cv::Mat& grey, size_t num_corners, size_t least_seen) {
+    constexpr size_t kClutter = 3000;
+    const std::vector<Saddle> saddles = FindSaddles(grey, kClutter + 2 * num_corners);
+    if (saddles.size() < least_seen) return;
+    smooth_ = Smooth(grey);
+    const SaddleIndex index(saddles, grey.size());
+    std::vector<Links> links;
+    for (size_t n = 0; n < saddles.size(); ++n) {
+      links.push_back(LinksOf(smooth_, saddles, index, static_cast<int>(n)));
+    }
+    std::vector<bool> is_used(saddles.size(), false);
+    for (size_t seed = 0; seed < saddles.size(); ++seed) {
+      if (is_used[seed]) continue;
+      Grid grid = GridFrom(saddles, links, static_cast<int>(seed), &is_used);
+      if (grid.size() >= least_seen) grids_.push_back(std::move(grid));
+    }
+  }
+
+  // Returns the grids, that of the most contrast first.
+  const std::vector<Grid>& grids() const { return grids_; }
+  const cv::Mat& smooth() const { return smooth_; }
+
+ private:
+  cv::Mat smooth_;
+  std::vector<Grid> grids_;
+};
+
+// Returns the fewest saddles of a grid of corners with which it counts as found: some may be hidden by glare or not be
+// recognised as corners.
+size_t LeastFound(size_t num_corners) { return std::max<size_t>(8, num_corners * 4 / 5); }
+
+// Returns the corners of a grid without gaps, row by row, or column by column if it is not upright.
+std::vector<cv::Point2f> CornersOf(const Grid& grid, const cv::Rect& bounds, bool is_upright) {
+  std::vector<cv::Point2f> corners;
+  const cv::Size size = is_upright ? bounds.size() : cv::Size(bounds.height, bounds.width);
+  for (int row = 0; row < size.height; ++row) {
+    for (int column = 0; column < size.width; ++column) {
+      const Eigen::Vector2d& pixel =
+          grid.at(is_upright ? Cell{bounds.x + column, bounds.y + row} : Cell{bounds.x + row, bounds.y + column});
+      corners.emplace_back(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
+    }
+  }
+  return corners;
+}
+
 }  // namespace
 
 std::vector<Saddle> FindSaddles(const cv::Mat& grey, size_t max_saddles) {
@@ -545,29 +594,15 @@ std::vector<Saddle> FindSaddles(const cv::Mat& grey, size_t max_saddles) {
 }
 
 SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
-  constexpr size_t kClutter = 3000;
   SaddleGrid result;
   const auto num_corners = static_cast<size_t>(size.area());
-  const std::vector<Saddle> saddles = FindSaddles(grey, kClutter + 2 * num_corners);
-  // Some corners may be hidden by glare or not be recognised as corners.
-  const size_t least_found = std::max<size_t>(8, num_corners * 4 / 5);
-  const size_t least_seen = std::max<size_t>(6, num_corners / 4);
-  if (saddles.size() < least_seen) return result;
-  const cv::Mat smooth = Smooth(grey);
-  const SaddleIndex index(saddles, grey.size());
-  std::vector<Links> links;
-  for (size_t n = 0; n < saddles.size(); ++n) {
-    links.push_back(LinksOf(smooth, saddles, index, static_cast<int>(n)));
-  }
-  std::vector<bool> is_used(saddles.size(), false);
+  const size_t least_found = LeastFound(num_corners);
   size_t most_seen = 0;
-  for (size_t seed = 0; seed < saddles.size(); ++seed) {
-    if (is_used[seed]) continue;
-    Grid grid = GridFrom(saddles, links, static_cast<int>(seed), &is_used);
-    if (grid.size() < least_seen) continue;
+  const SaddleGrids grids(grey, num_corners, std::max<size_t>(6, num_corners / 4));
+  for (Grid grid : grids.grids()) {
     const cv::Rect bounds = BoundsOf(grid);
     if (grid.size() > most_seen) {
-      const Continuation continuation(smooth, grid, bounds);
+      const Continuation continuation(grids.smooth(), grid, bounds);
       const cv::Rect region = continuation.MayBeIn(size) | continuation.MayBeIn({size.height, size.width});
       if (!region.empty()) {
         most_seen = grid.size();
@@ -577,16 +612,27 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
     for (const bool is_upright : {true, false}) {
       const cv::Size wanted = is_upright ? size : cv::Size(size.height, size.width);
       if (grid.size() < least_found || bounds.size() != wanted || !FillIn(grey, bounds, &grid)) continue;
-      for (int row = 0; row < size.height; ++row) {
-        for (int column = 0; column < size.width; ++column) {
-          const Eigen::Vector2d& pixel =
-              grid.at(is_upright ? Cell{bounds.x + column, bounds.y + row} : Cell{bounds.x + row, bounds.y + column});
-          result.corners.emplace_back(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
-        }
-      }
+      result.corners = CornersOf(grid, bounds, is_upright);
       return result;
     }
   }
+  return result;
+}
+
+AnySaddleGrid FindLargestSaddleGrid(const cv::Mat& grey) {
+  constexpr size_t kManyCorners = 500;
+  constexpr size_t kFewestSeen = 6;
+  AnySaddleGrid result;
+  const SaddleGrids grids(grey, kManyCorners, kFewestSeen);
+  const auto largest = std::max_element(grids.grids().begin(), grids.grids().end(),
+                                        [](const Grid& a, const Grid& b) { return a.size() < b.size(); });
+  if (largest == grids.grids().end()) return result;
+  Grid grid = *largest;
+  const cv::Rect bounds = BoundsOf(grid);
+  result.num_seen = grid.size();
+  result.size = bounds.size();
+  if (grid.size() < LeastFound(static_cast<size_t>(bounds.area())) || !FillIn(grey, bounds, &grid)) return result;
+  result.corners = CornersOf(grid, bounds, true);
   return result;
 }
 

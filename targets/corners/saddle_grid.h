@@ -34,4 +34,14 @@ struct SaddleGrid {
 // Looks for a chessboard of `size` inner corners that is not a part of a larger one. `grey` is CV_8UC1.
 SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size);
 
+// A grid of inner corners of any size.
+struct AnySaddleGrid {
+  size_t num_seen = 0;  // The number of saddles that are linked to a grid.
+  cv::Size size;
+  std::vector<cv::Point2f> corners;  // As SaddleGrid::corners; empty if saddles are missing in more than a few places.
+};
+
+// Returns the largest grid of saddles that are linked along edges. `grey` is CV_8UC1.
+AnySaddleGrid FindLargestSaddleGrid(const cv::Mat& grey);
+
 }  // namespace heba

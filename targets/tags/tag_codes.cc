@@ -1,5 +1,6 @@
 #include "targets/tags/tag_codes.h"
 
+#include <algorithm>
 #include <cmath>
 
 extern "C" {
@@ -14,6 +15,7 @@ extern "C" {
 #include <apriltag/tagStandard52h13.h>
 }
 
+#include "heba/base/error.h"
 #include "targets/tags/tag_places.h"
 
 namespace heba {
@@ -63,28 +65,59 @@ bool TagCodes::IsBlack(int index, int x, int y) const {
 }
 
 std::vector<SeenTag> TagCodes::Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched) const {
+  return std::move(DetectAlike({this}, grey, decimate, searched).front());
+}
+
+std::vector<std::vector<SeenTag>> TagCodes::DetectAll(const std::vector<const TagCodes*>& families, const cv::Mat& grey,
+                                                      double decimate) {
+  std::vector<std::vector<SeenTag>> tags(families.size());
+  for (const bool is_reversed : {false, true}) {
+    std::vector<size_t> alike;
+    std::vector<const TagCodes*> of_alike;
+    for (size_t f = 0; f < families.size(); ++f) {
+      if (families[f]->family_.reversed_border != is_reversed) continue;
+      alike.push_back(f);
+      of_alike.push_back(families[f]);
+    }
+    if (alike.empty()) continue;
+    std::vector<std::vector<SeenTag>> found = DetectAlike(of_alike, grey, decimate, nullptr);
+    for (size_t k = 0; k < alike.size(); ++k) tags[alike[k]] = std::move(found[k]);
+  }
+  return tags;
+}
+
+std::vector<std::vector<SeenTag>> TagCodes::DetectAlike(const std::vector<const TagCodes*>& families,
+                                                        const cv::Mat& grey, double decimate,
+                                                        std::vector<cv::Rect>* searched) {
+  CHECK(!families.empty());
   // libapriltag's tiles of 4 px do not fit into smaller images.
   constexpr int kMinDecimatedPx = 8;
   decimate =
       std::clamp(std::floor(std::min(grey.cols, grey.rows) / static_cast<double>(kMinDecimatedPx)), 1.0, decimate);
   struct Detector {
-    apriltag_family_t family;
+    std::vector<apriltag_family_t> families;
     apriltag_detector_t* detector = apriltag_detector_create();
     ~Detector() {
-      family.impl = nullptr;  // The shared lookup table is not freed here.
+      for (apriltag_family_t& family : families) family.impl = nullptr;  // Shared lookup tables are not freed here.
       apriltag_detector_destroy(detector);
     }
   };
-  Detector owner = {family_};
-  apriltag_detector_add_family_bits(owner.detector, &owner.family, 0);  // The lookup table exists already.
+  Detector owner;
+  TagPlaceOptions options;
+  options.decimate = static_cast<int>(decimate);
+  options.min_side_px = families.front()->family_.width_at_border;
+  options.is_light_in_dark = families.front()->family_.reversed_border;
+  for (const TagCodes* codes : families) {
+    owner.families.push_back(codes->family_);
+    options.min_side_px = std::min<double>(options.min_side_px, codes->family_.width_at_border);
+  }
+  for (apriltag_family_t& family : owner.families) {
+    apriltag_detector_add_family_bits(owner.detector, &family, 0);  // The lookup table exists already.
+  }
   owner.detector->nthreads = 1;
   owner.detector->quad_decimate = static_cast<float>(decimate);
   owner.detector->refine_edges = true;
-  TagPlaceOptions options;
-  options.decimate = static_cast<int>(decimate);
-  options.min_side_px = family_.width_at_border;
-  options.is_light_in_dark = family_.reversed_border;
-  std::vector<SeenTag> tags;
+  std::vector<std::vector<SeenTag>> tags(families.size());
   for (const cv::Rect& place : FindTagPlaces(grey, options, searched)) {
     const cv::Mat part = grey(place);
     image_u8_t image = {part.cols, part.rows, static_cast<int32_t>(part.step[0]), part.data};
@@ -99,7 +132,7 @@ std::vector<SeenTag> TagCodes::Detect(const cv::Mat& grey, double decimate, std:
       for (size_t k = 0; k < 4; ++k) {
         tag.corners_px[k] = {place.x + detection->p[k][0] - 0.5, place.y + detection->p[k][1] - 0.5};
       }
-      tags.push_back(tag);
+      tags[static_cast<size_t>(detection->family - owner.families.data())].push_back(tag);
     }
     apriltag_detections_destroy(found);
   }

@@ -180,54 +180,68 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
 }
 
 std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
-  std::vector<TargetSettings> proposals;
+  struct Border {
+    const TagFamilyName* family;
+    int bits;
+    bool has_outer_cells;
+  };
+  std::vector<Border> borders;
+  std::vector<std::unique_ptr<TagCodes>> codes;
+  std::vector<const TagCodes*> families;
   for (const TagFamilyName& entry : kTagFamilies) {
     // 16h5 is read in any clutter. The codes of the largest families are not all used by any target.
     if (std::string_view(entry.name) == "tag16h5") continue;
-    TagFamily family(entry);
-    const bool has_outer_cells = family.NumOuterCells() > 0;
     constexpr int kMostTags = 587;
     TagGridGeometry all;
     all.family = entry.name;
     all.rows = 1;
-    all.columns = std::min(kMostTags, static_cast<int>(family->ncodes));
-    for (const int border_bits : {1, 2}) {
-      if (has_outer_cells && border_bits > 1) continue;
-      all.border_bits = border_bits;
-      constexpr double kDecimate = 2;
-      const std::vector<SeenTag> tags = TagCodes(TagFamily(entry), all, 0).Detect(grey, kDecimate);
-      if (tags.empty()) continue;
-      std::vector<SeenNumber> seen;
-      int last = 0;
-      for (const SeenTag& tag : tags) {
-        seen.push_back({tag.index, CentreOf(tag.corners_px)});
-        last = std::max(last, tag.index);
-      }
-      const auto add = [&](int rows, int columns, int first, const std::string& spacing) {
-        for (const bool has_squares : {true, false}) {
-          if (has_squares && has_outer_cells) continue;
-          TargetSettings grid = {{"family", entry.name}};
-          for (auto& setting : RowsAndColumns(rows, columns)) grid.push_back(std::move(setting));
-          grid.emplace_back("tag_size", UnitLength(1, 1));
-          if (!spacing.empty()) grid.emplace_back("tag_spacing", spacing);
-          if (border_bits != 1) grid.emplace_back("border_bits", std::to_string(border_bits));
-          if (first > 0) grid.emplace_back("first_id", std::to_string(first));
-          if (!has_squares && !has_outer_cells) grid.emplace_back("corner_squares", "false");
-          proposals.push_back(std::move(grid));
-        }
-      };
-      constexpr int kMostColumns = 30;
-      const std::optional<NumberedGrid> grid = FindNumberedGrid(
-          seen, kMostColumns, [](int index, int columns) { return Eigen::Vector2d(index % columns, index / columns); });
-      if (!grid) {
-        if (tags.size() == 1) add(1, 1, last, "");
-        continue;
-      }
-      const double spacing = 1 / MedianSideInCells(tags, grid->pixel_from_cell) - 1;
-      if (!(spacing > 0.01)) continue;
-      add((last - grid->first) / grid->columns + 1, grid->columns, grid->first, Fixed(spacing, 2));
-      return proposals;
+    all.columns = std::min(kMostTags, static_cast<int>(TagFamily(entry)->ncodes));
+    const bool has_outer_cells = TagFamily(entry).NumOuterCells() > 0;
+    for (const int bits : {1, 2}) {
+      if (has_outer_cells && bits > 1) continue;
+      all.border_bits = bits;
+      borders.push_back({&entry, bits, has_outer_cells});
+      codes.push_back(std::make_unique<TagCodes>(TagFamily(entry), all, 0));
+      families.push_back(codes.back().get());
     }
+  }
+  constexpr double kDecimate = 2;
+  const std::vector<std::vector<SeenTag>> tags_of = TagCodes::DetectAll(families, grey, kDecimate);
+  std::vector<TargetSettings> proposals;
+  for (size_t k = 0; k < borders.size(); ++k) {
+    const Border& border = borders[k];
+    const std::vector<SeenTag>& tags = tags_of[k];
+    if (tags.empty()) continue;
+    std::vector<SeenNumber> seen;
+    int last = 0;
+    for (const SeenTag& tag : tags) {
+      seen.push_back({tag.index, CentreOf(tag.corners_px)});
+      last = std::max(last, tag.index);
+    }
+    const auto add = [&](int rows, int columns, int first, const std::string& spacing) {
+      for (const bool has_squares : {true, false}) {
+        if (has_squares && border.has_outer_cells) continue;
+        TargetSettings grid = {{"family", border.family->name}};
+        for (auto& setting : RowsAndColumns(rows, columns)) grid.push_back(std::move(setting));
+        grid.emplace_back("tag_size", UnitLength(1, 1));
+        if (!spacing.empty()) grid.emplace_back("tag_spacing", spacing);
+        if (border.bits != 1) grid.emplace_back("border_bits", std::to_string(border.bits));
+        if (first > 0) grid.emplace_back("first_id", std::to_string(first));
+        if (!has_squares && !border.has_outer_cells) grid.emplace_back("corner_squares", "false");
+        proposals.push_back(std::move(grid));
+      }
+    };
+    constexpr int kMostColumns = 30;
+    const std::optional<NumberedGrid> grid = FindNumberedGrid(
+        seen, kMostColumns, [](int index, int columns) { return Eigen::Vector2d(index % columns, index / columns); });
+    if (!grid) {
+      if (tags.size() == 1) add(1, 1, last, "");
+      continue;
+    }
+    const double spacing = 1 / MedianSideInCells(tags, grid->pixel_from_cell) - 1;
+    if (!(spacing > 0.01)) continue;
+    add((last - grid->first) / grid->columns + 1, grid->columns, grid->first, Fixed(spacing, 2));
+    return proposals;
   }
   return proposals;
 }

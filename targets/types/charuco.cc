@@ -330,9 +330,8 @@ std::vector<SeenTag> UpToEdges(std::vector<SeenTag> markers) {
   return markers;
 }
 
-// Returns the boards whose markers of one dictionary are seen.
-std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& whole) {
-  const std::vector<SeenTag> markers = MarkersOf(grey, cv::aruco::getPredefinedDictionary(whole.id));
+// Returns the boards on which these markers of one dictionary lie.
+std::vector<TargetSettings> BoardsOf(const std::vector<SeenTag>& markers, const DictionaryName& whole) {
   std::vector<SeenNumber> seen;
   int last = 0;
   for (const SeenTag& marker : markers) {
@@ -364,13 +363,44 @@ std::vector<TargetSettings> BoardsOf(const cv::Mat& grey, const DictionaryName& 
 }  // namespace
 
 std::vector<TargetSettings> ProposeTargets_charuco(const cv::Mat& grey) {
-  std::vector<TargetSettings> proposals;
+  // The dictionaries whose markers have as many cells, joined: the outlines of all markers are found once for each
+  // size.
+  struct Joined {
+    cv::Ptr<cv::aruco::Dictionary> markers;
+    std::vector<std::pair<const DictionaryName*, int>> dictionaries;  // Each with the number of its first marker.
+  };
+  std::vector<Joined> of_sizes;
   for (const DictionaryName& entry : kDictionaries) {
     // The smaller dictionaries are the beginnings of the largest of their kind. 16h5 is read in any clutter.
     const std::string_view name = entry.name;
     const bool is_part = name.ends_with("_50") || name.ends_with("_100") || name.ends_with("_250");
     if (is_part || name.ends_with("16h5")) continue;
-    for (TargetSettings& board : BoardsOf(grey, entry)) proposals.push_back(std::move(board));
+    const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry.id);
+    const auto alike = std::find_if(of_sizes.begin(), of_sizes.end(), [&](const Joined& joined) {
+      return joined.markers->markerSize == dictionary->markerSize;
+    });
+    if (alike == of_sizes.end()) {
+      of_sizes.push_back({cv::makePtr<cv::aruco::Dictionary>(*dictionary), {{&entry, 0}}});
+      continue;
+    }
+    alike->dictionaries.emplace_back(&entry, alike->markers->bytesList.rows);
+    cv::vconcat(alike->markers->bytesList, dictionary->bytesList, alike->markers->bytesList);
+  }
+  std::vector<TargetSettings> proposals;
+  for (const Joined& joined : of_sizes) {
+    const std::vector<SeenTag> all = MarkersOf(grey, joined.markers);
+    int next = joined.markers->bytesList.rows;
+    for (auto part = joined.dictionaries.rbegin(); part != joined.dictionaries.rend(); ++part) {
+      const auto& [dictionary, first] = *part;
+      std::vector<SeenTag> markers;
+      for (SeenTag marker : all) {
+        if (marker.index < first || marker.index >= next) continue;
+        marker.index -= first;
+        markers.push_back(marker);
+      }
+      next = first;
+      for (TargetSettings& board : BoardsOf(markers, *dictionary)) proposals.push_back(std::move(board));
+    }
     if (!proposals.empty()) break;  // The markers of another kind do not lie as those of a board.
   }
   return proposals;

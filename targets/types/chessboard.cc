@@ -72,6 +72,30 @@ constexpr Finder kFinders[] = {
 };
 constexpr double kMaxEnlargement = 3;
 
+double ScaleOf(const cv::Mat& grey, double max_side_px, double min_side_px) {
+  const double side_px = std::max(grey.cols, grey.rows);
+  return std::max(std::min(1.0, max_side_px / side_px), std::min(kMaxEnlargement, min_side_px / side_px));
+}
+
+cv::Mat Resized(const cv::Mat& grey, double scale) {
+  if (scale == 1) return grey;
+  cv::Mat image;
+  cv::resize(grey, image, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+  return image;
+}
+
+// Returns the scales of an image for the search by saddles, without those that are nearly the last one again.
+std::vector<double> ScalesOf(const cv::Mat& grey) {
+  std::vector<double> scales;
+  for (const Level& level : kLevels) {
+    const double scale = ScaleOf(grey, level.max_side_px, level.min_side_px);
+    constexpr double kAlike = 1.4;
+    if (!scales.empty() && scale < kAlike * scales.back() && scales.back() < kAlike * scale) continue;
+    scales.push_back(scale);
+  }
+  return scales;
+}
+
 // Smallest number of inner corners along a side that OpenCV's finders accept.
 constexpr int kMinSide = 3;
 
@@ -81,21 +105,30 @@ struct SeenGrid {
   Corners corners;
 };
 
-// Returns the grids of any size that the first two finders see in a part of the image.
-std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part,
-                                double max_side_px = kFinders[0].max_side_px) {
+// OpenCV's flags of the first two finders.
+constexpr int kFlagsOfFinders[] = {0, cv::CALIB_CB_NORMALIZE_IMAGE};
+
+// Returns the grid of any size that OpenCV sees with these flags in a part of the image; nothing if there is none.
+std::optional<SeenGrid> GridSeen(const cv::Mat& grey, const cv::Rect& part, int flags,
+                                 double max_side_px = kFinders[0].max_side_px) {
   const double scale = std::min(1.0, max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat image;
   cv::resize(grey(part), image, {}, scale, scale, cv::INTER_AREA);
+  std::vector<cv::Point2f> found;
+  cv::Mat meta;
+  const bool is_seen = cv::findChessboardCornersSB(image, {kMinSide, kMinSide}, found,
+                                                   flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
+  if (!is_seen) return std::nullopt;
+  SeenGrid grid{meta.size(), FromOpenCv(found, scale)};
+  for (Eigen::Vector2d& corner : grid.corners) corner += Eigen::Vector2d(part.x, part.y);
+  return grid;
+}
+
+// Returns the grids that the first two finders see.
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
   std::vector<SeenGrid> grids;
-  for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
-    std::vector<cv::Point2f> found;
-    cv::Mat meta;
-    const bool is_seen = cv::findChessboardCornersSB(image, {kMinSide, kMinSide}, found,
-                                                     flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
-    if (!is_seen) continue;
-    grids.push_back({meta.size(), FromOpenCv(found, scale)});
-    for (Eigen::Vector2d& corner : grids.back().corners) corner += Eigen::Vector2d(part.x, part.y);
+  for (const int flags : kFlagsOfFinders) {
+    if (std::optional<SeenGrid> grid = GridSeen(grey, part, flags)) grids.push_back(std::move(*grid));
   }
   return grids;
 }
@@ -350,12 +383,7 @@ class Chessboard final : public Target {
   // the region that may contain it nevertheless, or empty.
   std::optional<Corners> FindCorners(const cv::Mat& grey, cv::Rect* may_be_in) const {
     const cv::Size size(columns_, rows_);
-    double last_scale = 0;
-    for (const Level& level : kLevels) {
-      const double scale = ScaleOf(grey, level.max_side_px, level.min_side_px);
-      constexpr double kAlike = 1.4;
-      if (scale < kAlike * last_scale && last_scale < kAlike * scale) continue;
-      last_scale = scale;
+    for (const double scale : ScalesOf(grey)) {
       const SaddleGrid grid = FindSaddleGrid(Resized(grey, scale), size);
       if (std::optional<Corners> corners = Accepted(grey, grid.corners, scale, {0, 0})) return corners;
       if (may_be_in->empty() && !grid.may_be_in.empty()) {
@@ -531,17 +559,6 @@ class Chessboard final : public Target {
     const auto is_enough = [](int num, int of) { return num >= std::max(2, of / 3); };
     return is_enough(num_top, columns_) && is_enough(num_bottom, columns_) && is_enough(num_left, rows_) &&
            is_enough(num_right, rows_) && 2 * ids.size() >= points_.size();
-  }
-
-  static double ScaleOf(const cv::Mat& grey, double max_side_px, double min_side_px) {
-    const double side_px = std::max(grey.cols, grey.rows);
-    return std::max(std::min(1.0, max_side_px / side_px), std::min(kMaxEnlargement, min_side_px / side_px));
-  }
-  static cv::Mat Resized(const cv::Mat& grey, double scale) {
-    if (scale == 1) return grey;
-    cv::Mat image;
-    cv::resize(grey, image, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
-    return image;
   }
 
   // Returns the corners that were found in a resized part of the image, in the target's order and refined, if they
@@ -759,24 +776,39 @@ std::unique_ptr<Target> CreateTarget_chessboard(MapReader& reader) {
 }
 
 std::vector<TargetSettings> ProposeTargets_chessboard(const cv::Mat& grey) {
-  std::vector<TargetSettings> proposals;
-  const cv::Rect whole({}, grey.size());
-  std::vector<SeenGrid> grids = GridsSeen(grey, whole);
-  // Small squares need more pixels.
-  constexpr double kFineSidePx = 1920;
-  if (grids.empty() && std::max(grey.cols, grey.rows) > kFinders[0].max_side_px) {
-    grids = GridsSeen(grey, whole, kFineSidePx);
-  }
   constexpr int kMostCorners = 40;
   const Chessboard largest(kMostCorners, kMostCorners, 1);
-  constexpr int kFewCorners = 20;
-  for (const SeenGrid& grid : grids) {
-    if (grid.size.area() <= kFewCorners && !HasPaperAround(grey, grid)) continue;
+  std::vector<TargetSettings> proposals;
+  const auto propose = [&](const SeenGrid& grid) {
+    constexpr int kFewCorners = 20;
+    if (grid.size.area() <= kFewCorners && !HasPaperAround(grey, grid)) return;
     for (const cv::Size& size : {grid.size, largest.SizeAround(grey, grid)}) {
       if (std::min(size.width, size.height) < 2) continue;
       TargetSettings proposal = RowsAndColumns(std::min(size.width, size.height), std::max(size.width, size.height));
       proposal.emplace_back("square", UnitLength(1, 1));
       if (std::find(proposals.begin(), proposals.end(), proposal) == proposals.end()) proposals.push_back(proposal);
+    }
+  };
+  size_t num_seen = 0;
+  for (const double scale : ScalesOf(grey)) {
+    const AnySaddleGrid grid = FindLargestSaddleGrid(Resized(grey, scale));
+    num_seen = std::max(num_seen, grid.num_seen);
+    if (!grid.corners.empty()) propose({grid.size, FromOpenCv(grid.corners, scale)});
+    if (!proposals.empty()) return proposals;
+  }
+  // OpenCV's finders, which take far longer, find more only where the saddles show something.
+  if (num_seen == 0) return proposals;
+  bool is_any_seen = false;
+  // Small squares need more pixels.
+  constexpr double kFineSidePx = 1920;
+  for (const double max_side_px : {kFinders[0].max_side_px, kFineSidePx}) {
+    const bool is_needed = max_side_px != kFineSidePx || std::max(grey.cols, grey.rows) > kFinders[0].max_side_px;
+    if (!is_needed || is_any_seen) break;
+    for (const int flags : kFlagsOfFinders) {
+      const std::optional<SeenGrid> grid = GridSeen(grey, cv::Rect({}, grey.size()), flags, max_side_px);
+      is_any_seen |= grid.has_value();
+      if (grid) propose(*grid);
+      if (!proposals.empty()) return proposals;
     }
   }
   return proposals;

@@ -36,9 +36,9 @@ struct BundleOptions {
   // The systematic errors of the robot that are estimated (View::effect); null: none. The standard deviations of their
   // groups are estimated too with kEstimatedNoise, and given otherwise.
   std::shared_ptr<const SharedEffects> effects;
-  // Whether these standard deviations, and those of each capture's noise beside them, are kept away from zero, which few
-  // effects and captures cannot prove (solvers/uncertainty/variance_components.h, VarianceGroup::avoids_zero). Models are
-  // compared without that.
+  // Whether these standard deviations, and those of each capture's noise beside them, are kept away from zero, which
+  // few effects and captures cannot prove (solvers/uncertainty/variance_components.h, VarianceGroup::avoids_zero).
+  // Models are compared without that.
   bool effects_avoid_zero = true;
   // Is treated as an additional measurement of the free camera parameters.
   std::optional<CameraPrior> camera_prior;
