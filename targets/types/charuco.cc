@@ -83,8 +83,20 @@ struct CharucoGeometry {
   }
 };
 
-// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary.
-std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
+// The corners of a quadrangle that may be a marker, in OpenCV's order.
+using Outline = std::vector<cv::Point2f>;
+
+SeenTag MarkerOf(int index, const Outline& outline) {
+  SeenTag marker;
+  marker.index = index;
+  for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {outline[k].x, outline[k].y};
+  return marker;
+}
+
+// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary. The outlines
+// that are none of them are added to `others` unless it is null.
+std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dictionary>& dictionary,
+                               std::vector<Outline>* others = nullptr) {
   const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
   parameters->minMarkerPerimeterRate = 0.01;
@@ -97,15 +109,51 @@ std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dic
   constexpr double kStrongNoiseGrey = 8;
   cv::Mat smooth = grey;
   if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
-  cv::aruco::detectMarkers(smooth, dictionary, corners, ids, parameters);
+  std::vector<Outline> rejected;
+  cv::aruco::detectMarkers(smooth, dictionary, corners, ids, parameters, rejected);
   std::vector<SeenTag> markers;
-  for (size_t i = 0; i < ids.size(); ++i) {
-    SeenTag marker;
-    marker.index = ids[i];
-    for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {corners[i][k].x, corners[i][k].y};
-    markers.push_back(marker);
-  }
+  for (size_t i = 0; i < ids.size(); ++i) markers.push_back(MarkerOf(ids[i], corners[i]));
+  if (others != nullptr) others->insert(others->end(), rejected.begin(), rejected.end());
   return markers;
+}
+
+// Returns the marker of a dictionary within an outline, as OpenCV reads it; nothing if there is none.
+std::optional<SeenTag> MarkerIn(const cv::Mat& grey, Outline outline, const cv::aruco::Dictionary& dictionary) {
+  constexpr int kCellPx = 8;
+  const int num_cells = dictionary.markerSize + 2;
+  const auto side_px = static_cast<float>(kCellPx * num_cells);
+  const Outline square = {{0, 0}, {side_px - 1, 0}, {side_px - 1, side_px - 1}, {0, side_px - 1}};
+  cv::Mat marker;
+  cv::warpPerspective(grey, marker, cv::getPerspectiveTransform(outline, square),
+                      {kCellPx * num_cells, kCellPx * num_cells}, cv::INTER_NEAREST);
+  cv::Scalar mean_grey;
+  cv::Scalar stddev_grey;
+  cv::meanStdDev(marker, mean_grey, stddev_grey);
+  constexpr double kLeastStddevGrey = 5;
+  if (stddev_grey[0] < kLeastStddevGrey) return std::nullopt;
+  cv::threshold(marker, marker, 0, 1, cv::THRESH_BINARY | cv::THRESH_OTSU);
+  // The edges of a cell may belong to the next one.
+  constexpr int kInnerPx = kCellPx - 2;
+  cv::Mat is_white(num_cells, num_cells, CV_8UC1);
+  int num_white_in_border = 0;
+  for (int row = 0; row < num_cells; ++row) {
+    for (int column = 0; column < num_cells; ++column) {
+      const cv::Rect cell(column * kCellPx + 1, row * kCellPx + 1, kInnerPx, kInnerPx);
+      const bool is_light = 2 * cv::countNonZero(marker(cell)) > kInnerPx * kInnerPx;
+      is_white.at<uchar>(row, column) = is_light ? 1 : 0;
+      const bool is_border = row == 0 || column == 0 || row == num_cells - 1 || column == num_cells - 1;
+      num_white_in_border += is_border && is_light ? 1 : 0;
+    }
+  }
+  constexpr double kMostWhiteInBorder = 0.35;
+  constexpr double kOfCorrectableBits = 0.6;
+  if (num_white_in_border > kMostWhiteInBorder * dictionary.markerSize * dictionary.markerSize) return std::nullopt;
+  int index = -1;
+  int rotation = 0;
+  const cv::Range inner(1, num_cells - 1);
+  if (!dictionary.identify(is_white(inner, inner).clone(), index, rotation, kOfCorrectableBits)) return std::nullopt;
+  std::rotate(outline.begin(), outline.begin() + (4 - rotation) % 4, outline.end());
+  return MarkerOf(index, outline);
 }
 
 class Charuco final : public Target {
@@ -387,8 +435,16 @@ std::vector<TargetSettings> ProposeTargets_charuco(const cv::Mat& grey) {
     cv::vconcat(alike->markers->bytesList, dictionary->bytesList, alike->markers->bytesList);
   }
   std::vector<TargetSettings> proposals;
+  // The outlines are searched for once, with the first dictionaries.
+  std::vector<Outline> outlines;
+  std::vector<SeenTag> all = MarkersOf(grey, of_sizes.front().markers, &outlines);
   for (const Joined& joined : of_sizes) {
-    const std::vector<SeenTag> all = MarkersOf(grey, joined.markers);
+    if (&joined != &of_sizes.front()) {
+      all.clear();
+      for (const Outline& outline : outlines) {
+        if (const std::optional<SeenTag> marker = MarkerIn(grey, outline, *joined.markers)) all.push_back(*marker);
+      }
+    }
     int next = joined.markers->bytesList.rows;
     for (auto part = joined.dictionaries.rbegin(); part != joined.dictionaries.rend(); ++part) {
       const auto& [dictionary, first] = *part;

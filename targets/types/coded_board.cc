@@ -534,25 +534,37 @@ std::optional<TargetSettings> BoardOf(const std::vector<SeenRing>& rings, const 
 }  // namespace
 
 std::vector<TargetSettings> ProposeTargets_coded_board(const cv::Mat& grey) {
+  struct Codes {
+    int bits;
+    RingCodeOrder order;
+    std::vector<uint32_t> codes;
+  };
+  std::vector<Codes> all;
+  constexpr int kBits[] = {8, 10, 12, 14};
+  for (const int bits : kBits) {
+    for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
+      all.push_back({bits, order, RingCodes(bits, order)});
+    }
+  }
   for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
     EllipseFinderOptions finder_options;
     finder_options.polarity = polarity;
     finder_options.min_diameter_px = 3;
     const std::vector<FoundEllipse> found = FindEllipses(grey, finder_options);
     Dots dots(grey, found);
-    for (const int bits : {8, 10, 12, 14}) {
+    for (const int bits : kBits) {
       // The codes of both orders are read at once.
       std::vector<uint32_t> codes;
-      for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
-        const std::vector<uint32_t> in_order = RingCodes(bits, order);
-        codes.insert(codes.end(), in_order.begin(), in_order.end());
+      for (const Codes& list : all) {
+        if (list.bits == bits) codes.insert(codes.end(), list.codes.begin(), list.codes.end());
       }
       const std::vector<SeenRing> rings = dots.RingsOf(RingDecoder(bits, polarity, codes));
-      for (const RingCodeOrder order : {RingCodeOrder::kSeparation, RingCodeOrder::kValue}) {
-        std::optional<TargetSettings> board = BoardOf(rings, RingCodes(bits, order));
+      for (const Codes& list : all) {
+        if (list.bits != bits) continue;
+        std::optional<TargetSettings> board = BoardOf(rings, list.codes);
         if (!board) continue;
         board->emplace_back("bits", std::to_string(bits));
-        if (order == RingCodeOrder::kValue) board->emplace_back("code_order", "value");
+        if (list.order == RingCodeOrder::kValue) board->emplace_back("code_order", "value");
         if (polarity == DotPolarity::kLightOnDark) board->emplace_back("light_on_dark", "true");
         return {std::move(*board)};
       }
