@@ -63,6 +63,34 @@ INSTANTIATE_TEST_SUITE_P(
               "\\{type: charuco, rows: 6, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
               "DICT_4X4_50, legacy_pattern: true\\}",
               0.04},
+        // Dictionaries whose markers have as many cells are read together.
+        Shown{"CharucoOfOriginalMarkers",
+              "{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_ARUCO_ORIGINAL}",
+              "\\{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
+              "DICT_ARUCO_ORIGINAL\\}",
+              0.04},
+        Shown{"CharucoOfAprilTags",
+              "{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_APRILTAG_36h11}",
+              "\\{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
+              "DICT_APRILTAG_36h11\\}",
+              0.04},
+        Shown{"CharucoOfLargeMarkers",
+              "{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_7X7_250, "
+              "first_marker: 60}",
+              "\\{type: charuco, rows: 5, columns: 8, square: 40 mm, marker: (29\\.6|30|30\\.4) mm, dictionary: "
+              "DICT_7X7_100, first_marker: 60\\}",
+              0.04},
+        Shown{"AprilTagsWithReversedBorder",
+              "{type: apriltag_grid, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 40 mm, tag_spacing: 1}",
+              "\\{type: apriltag_grid, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 40 mm, tag_spacing: "
+              "(0\\.9[0-9]|1|1\\.0[0-9]), corner_squares: false\\}",
+              0.04},
+        Shown{"AprilTagsWithWideBorder",
+              "{type: apriltag_grid, family: tag36h11, rows: 4, columns: 5, tag_size: 40 mm, tag_spacing: 0.3, "
+              "border_bits: 2}",
+              "\\{type: apriltag_grid, family: tag36h11, rows: 4, columns: 5, tag_size: 40 mm, tag_spacing: "
+              "0.(29|30|31), border_bits: 2\\}",
+              0.04},
         Shown{"AprilTags",
               "{type: apriltag_grid, family: tag36h11, rows: 4, columns: 5, tag_size: 40 mm, tag_spacing: 0.3}",
               "\\{type: apriltag_grid, family: tag36h11, rows: 4, columns: 5, tag_size: 40 mm, tag_spacing: "

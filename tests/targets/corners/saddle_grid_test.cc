@@ -98,6 +98,13 @@ TEST_P(RotatedSaddleGridTest, IsFound) {
   }
 }
 
+TEST_P(RotatedSaddleGridTest, IsTheLargestOne) {
+  const AnySaddleGrid grid = FindLargestSaddleGrid(Render(*Board(), BoardPose(0, RotationRad()), /*noise_grey=*/6));
+  EXPECT_EQ(std::max(grid.size.width, grid.size.height), kColumns);
+  EXPECT_EQ(std::min(grid.size.width, grid.size.height), kRows);
+  EXPECT_EQ(grid.corners.size(), static_cast<size_t>(kSize.area()));
+}
+
 // OpenCV's finders take a second or even minutes for such an image, so they must not be called.
 TEST_P(RotatedSaddleGridTest, IsGivenUpIfTruncated) {
   const std::unique_ptr<Target> board = Board();
