@@ -117,6 +117,7 @@ TEST_F(RigArmDoctorTest, NamesNoOtherArmIfItsPosesDoNotFit) {
   for (size_t i = 0; i + 1 < rows.size(); ++i) std::swap(rows[i].pose, rows[(7 * i + 3) % rows.size()].pose);
   WriteAll(*folder_ / "mixed.csv", PoseFileText(rows, *FindPoseFormat("ros")));
   const CommandResult doctor = With({"doctor"}, {"robots.alice.poses=" + (*folder_ / "mixed.csv").string()});
+  EXPECT_EQ(doctor.err, "");
   EXPECT_THAT(doctor.out, AllOf(HasSubstr("[poses_unexplained]"), Not(HasSubstr("[other_arm]"))));
 }
 
