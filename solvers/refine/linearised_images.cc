@@ -75,18 +75,18 @@ CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views,
   const Eigen::Index size = variances.size();
   // In units of the prior's sigmas, because a variance may be zero.
   const Eigen::VectorXd sigmas = variances.cwiseSqrt();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(size, size);
+  Eigen::MatrixXd by_sigmas(size, 0);  // Transposed.
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(size, num_unknowns);
   for (const LinearisedView* const view : views) {
-    const Eigen::MatrixXd by_sigmas = view->by_effects * sigmas.asDiagonal();
-    normal += by_sigmas.transpose() * by_sigmas;
-    mixed += by_sigmas.transpose() * view->by_unknowns;
+    const Eigen::MatrixXd of_view = (view->by_effects * sigmas.asDiagonal()).transpose();
+    by_sigmas.conservativeResize(Eigen::NoChange, by_sigmas.cols() + of_view.cols());
+    by_sigmas.rightCols(of_view.cols()) = of_view;
+    mixed += of_view * view->by_unknowns;
   }
-  const auto factor = Cholesky(normal);  // At least the identity.
-  CHECK(factor.has_value());
+  const auto factor = CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(by_sigmas);
   CorrectionPosterior posterior;
-  posterior.inverse_normal = sigmas.asDiagonal() * factor->Inverse() * sigmas.asDiagonal();
-  posterior.by_unknowns = sigmas.asDiagonal() * factor->Solve(mixed);
+  posterior.inverse_normal = sigmas.asDiagonal() * factor.Inverse() * sigmas.asDiagonal();
+  posterior.by_unknowns = sigmas.asDiagonal() * factor.Solve(mixed);
   return posterior;
 }
 

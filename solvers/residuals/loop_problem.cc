@@ -124,9 +124,7 @@ Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_join
   if (gripper_by_joints.cols() == 0 || noise.joint_rad == 0) return sigmas.cwiseInverse().asDiagonal();
   // Q is factorised in units of the white noise, because metres and radians are mixed.
   const Matrix6X scaled = noise.joint_rad * sigmas.cwiseInverse().asDiagonal() * gripper_by_joints;
-  const auto root = Cholesky(Matrix6(Matrix6::Identity() + scaled * scaled.transpose()));
-  CHECK(root.has_value());
-  return root->SolveLower(Matrix6(sigmas.cwiseInverse().asDiagonal()));
+  return CholeskyFactor<6>::OfIdentityPlusSquare(scaled).SolveLower(Matrix6(sigmas.cwiseInverse().asDiagonal()));
 }
 
 NuisancePoseResidual NuisancePoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {

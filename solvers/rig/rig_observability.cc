@@ -162,12 +162,8 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSol
   for (size_t v = 0; v < all.size(); ++v) all[v] = v;
   const LinearisedView view = std::move(StackGroups(*views, {all}).front());
   const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(used, moving));
-  const Eigen::Index rows = view.offset.size();
-  const Eigen::MatrixXd covariance =
-      Eigen::MatrixXd::Identity(rows, rows) + view.by_effects * variances.asDiagonal() * view.by_effects.transpose();
-  const auto root = Cholesky(covariance);  // At least the identity.
-  CHECK(root.has_value());
-  return root->SolveLower(view.by_unknowns);
+  const Eigen::MatrixXd by_sigmas = view.by_effects * variances.cwiseSqrt().asDiagonal();
+  return CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(by_sigmas).SolveLower(view.by_unknowns);
 }
 
 bool SeesAnything(const RigCandidate& candidate) {
@@ -281,11 +277,15 @@ std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigS
   }
   // The covariance with more rows A of unit noise is C - C A' inv(I + A C A') A C.
   const Eigen::MatrixXd gain = rows * covariance;
-  const auto innovation = Cholesky(Eigen::MatrixXd::Identity(rows.rows(), rows.rows()) + gain * rows.transpose());
-  CHECK(innovation.has_value());
+  const Eigen::VectorXd sigmas_now = covariance.diagonal().cwiseSqrt();
+  const Eigen::VectorXd scale = sigmas_now.cwiseInverse();
+  const auto root = Cholesky(scale.asDiagonal() * covariance * scale.asDiagonal());
+  if (!root) return std::nullopt;
+  const Eigen::MatrixXd lower = root->lower().triangularView<Eigen::Lower>();
+  const auto innovation = CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(rows * sigmas_now.asDiagonal() * lower);
   std::vector<double> sigmas;
   for (const WeakDirection& direction : directions) {
-    const Eigen::VectorXd reduced = innovation->SolveLower(gain * direction.direction);
+    const Eigen::VectorXd reduced = innovation.SolveLower(gain * direction.direction);
     sigmas.push_back(std::sqrt(std::max(0.0, direction.sigma * direction.sigma - reduced.squaredNorm())));
   }
   return sigmas;

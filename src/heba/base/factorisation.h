@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 
 #include <Eigen/Core>
 
@@ -62,6 +63,10 @@ class CholeskyFactor {
     if (!kernels::Cholesky(factor.lower_.rows(), factor.lower_.data())) return std::nullopt;
     return factor;
   }
+
+  // Returns the factorisation of I + B B^T, by way of the QR decomposition of [B I]^T: rounding, which makes the sum
+  // itself singular where B is large, does not matter.
+  static CholeskyFactor OfIdentityPlusSquare(const Eigen::MatrixXd& b);
 
   // Returns a matrix whose lower triangle is L; the rest has no meaning.
   const Square& lower() const { return lower_; }
@@ -145,5 +150,17 @@ class HouseholderFactor {
   Eigen::MatrixXd factors_;  // The upper triangle is R; below it are the vectors of the reflections.
   Eigen::VectorXd scales_;   // Each reflection has a scale.
 };
+
+template <int kSize>
+CholeskyFactor<kSize> CholeskyFactor<kSize>::OfIdentityPlusSquare(const Eigen::MatrixXd& b) {
+  Eigen::MatrixXd stacked(b.cols() + b.rows(), b.rows());
+  stacked << b.transpose(), Eigen::MatrixXd::Identity(b.rows(), b.rows());
+  CholeskyFactor factor;
+  factor.lower_ = HouseholderFactor(std::move(stacked)).R().transpose();
+  for (Eigen::Index i = 0; i < b.rows(); ++i) {
+    if (factor.lower_(i, i) < 0) factor.lower_.col(i) *= -1;
+  }
+  return factor;
+}
 
 }  // namespace heba

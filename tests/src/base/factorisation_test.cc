@@ -25,6 +25,26 @@ Eigen::MatrixXd RandomPositive(Eigen::Index size, Rng* rng) {
 // Sizes with code of their own, of moderate size, and large.
 class FactorisationTest : public testing::TestWithParam<int> {};
 
+TEST_P(FactorisationTest, IdentityPlusSquareIsFactorisedHoweverLargeTheSquareIs) {
+  Rng rng(6);
+  const Eigen::Index size = GetParam();
+  constexpr double kLarge = 1e10;  // Its square leaves no digit of the identity.
+  for (const double scale : {0.0, 1.0, kLarge}) {
+    const Eigen::MatrixXd b = scale * RandomMatrix(size, std::max<Eigen::Index>(1, size / 2), &rng);
+    const auto root = CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(b);
+    const Eigen::MatrixXd lower = root.lower().triangularView<Eigen::Lower>();
+    const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(size, size) + b * b.transpose();
+    EXPECT_LT((lower * lower.transpose() - square).norm(), 1e-12 * square.norm());
+    EXPECT_GT(lower.diagonal().minCoeff(), 0.99);
+    // Of the space that B does not reach, the identity is left.
+    const Eigen::VectorXd other = RandomMatrix(size, 1, &rng);
+    const Eigen::VectorXd beside =
+        other - b * (scale > 0 ? Eigen::VectorXd(SolveSymmetric(b.transpose() * b, b.transpose() * other))
+                               : Eigen::VectorXd::Zero(b.cols()));
+    EXPECT_LT((root.Solve(beside) - beside).norm(), 1e-4 * other.norm());
+  }
+}
+
 TEST_P(FactorisationTest, SolutionsSolveTheirEquations) {
   Rng rng(1);
   const Eigen::Index size = GetParam();
