@@ -108,7 +108,7 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
   std::vector<pybind11::tuple> all;
   for (const PossiblePose& pose : location.possible) {
     const LocatedTarget& located = pose.located;
-    all.push_back(pybind11::make_tuple(ArrayOf(located.base_from_target), ArrayOf(located.covariance.TotalM2()),
+    all.push_back(pybind11::make_tuple(ArrayOf(located.world_from_target), ArrayOf(located.covariance.TotalM2()),
                                        located.rms_px));
   }
   return all;

@@ -188,7 +188,8 @@ int LocatePoint(const FinishedRig& rig) {
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : pixels) cameras.push_back(pixel.camera);
   const std::vector<RigArmPose> arms = PosesFor(rig, cameras);
-  const Outcome<RigPoint> point = TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
+  const Outcome<LocatedPoint> point =
+      TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
   if (!point) {
     PrintError("--pixels: " + point.reason());
     return kWorkFailed;
@@ -205,10 +206,10 @@ int LocatePoint(const FinishedRig& rig) {
                     {"rms_px", point->rms_px},
                     {"warning", warning},
                     {"sigma",
-                     {{"total_mm", SigmasJson(point->TotalM2(), kMm)},
-                      {"calibration_mm", SigmasJson(point->by_calibration_m2, kMm)},
-                      {"image_mm", SigmasJson(point->by_image_m2, kMm)},
-                      {"robot_mm", SigmasJson(point->by_robot_m2, kMm)}}}}}};
+                     {{"total_mm", SigmasJson(point->covariance.TotalM2(), kMm)},
+                      {"calibration_mm", SigmasJson(point->covariance.by_calibration_m2, kMm)},
+                      {"image_mm", SigmasJson(point->covariance.by_image_m2, kMm)},
+                      {"robot_mm", SigmasJson(point->covariance.by_robot_m2, kMm)}}}}}};
   Print(rig, json, RigPointText(*point) + ArmPosesText(rig.result, arms));
   if (!warning.empty()) std::cerr << "heba: warning: " << warning << std::endl;
   return kDone;
@@ -235,15 +236,15 @@ std::vector<RigSighting> SightingsIn(const FinishedRig& rig, const std::vector<s
   return sightings;
 }
 
-Json SigmaJson(const RigLocation& located) {
+Json SigmaJson(const LocatedTarget& located) {
   const auto by_source = [](const Matrix6& covariance) {
     return Json{{"mm", SigmasJson(covariance.topLeftCorner<3, 3>(), 1000)},
                 {"deg", SigmasJson(covariance.bottomRightCorner<3, 3>(), RadToDeg(1.0))}};
   };
-  return Json{{"total", by_source(located.Total())},
-              {"calibration", by_source(located.by_calibration)},
-              {"image", by_source(located.by_image)},
-              {"robot", by_source(located.by_robot)}};
+  return Json{{"total", by_source(located.pose_covariance.Total())},
+              {"calibration", by_source(located.pose_covariance.by_calibration)},
+              {"image", by_source(located.pose_covariance.by_image)},
+              {"robot", by_source(located.pose_covariance.by_robot)}};
 }
 
 Json TargetJson(const FinishedRig& rig, const RigTargetLocation& location, const std::string& fault) {
@@ -261,7 +262,7 @@ Json TargetJson(const FinishedRig& rig, const RigTargetLocation& location, const
             {"chosen", location.chosen ? Json(*location.chosen) : Json(nullptr)}};
   for (const size_t camera : location.cameras) json["cameras"].push_back(rig.result.rig.cameras[camera].name);
   for (size_t i = 0; i < location.possible.size(); ++i) {
-    const RigLocation& located = location.possible[i];
+    const LocatedTarget& located = location.possible[i];
     json["poses"].push_back(
         Json{{"pose", PoseJson(located.world_from_target, "world", target.name)},
              {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},

@@ -132,7 +132,7 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
   for (size_t i = 0; i < location.possible.size(); ++i) {
     const PossiblePose& possible = location.possible[i];
     json["poses"].push_back(
-        Json{{"base_from_target", PoseJson(possible.located.base_from_target, "base", "target")},
+        Json{{"base_from_target", PoseJson(possible.located.world_from_target, "base", "target")},
              {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
              {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
              {"sigma", SigmasJson(SigmasOf(solution, possible.located))},
@@ -150,7 +150,7 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
   }
   for (const PixelPosition& position : location.pixels) {
     json["pixels"].push_back(Json{{"pixel", {position.pixel.x(), position.pixel.y()}},
-                                  {"in_base_m", VectorJson(position.point.in_base)},
+                                  {"in_base_m", VectorJson(position.point.in_world)},
                                   {"sigma", SigmasJson(position.point.covariance)},
                                   {"postures", PosturesJson(position.postures)}});
   }

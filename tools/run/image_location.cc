@@ -23,10 +23,10 @@ std::string NameOfConfiguration(const RobotSummary& robot, const Eigen::VectorXd
   return configuration ? NameOf(*configuration) : "";
 }
 
-ReachCommand CommandNear(const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
+ReachCommand CommandNear(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
                          const Eigen::VectorXd& near) {
   ReachCommand found;
-  const Outcome<Rigid3d> command = CommandFor(robot, located.base_from_target, near);
+  const Outcome<Rigid3d> command = CommandFor(robot, located.world_from_target, near);
   if (!command) {
     found.reason = command.reason();
     return found;
@@ -39,7 +39,7 @@ ReachCommand CommandNear(const RobotSummary& robot, const Solution& solution, co
   found.base_from_gripper = *command;
   found.joints = *joints;
   found.configuration = NameOfConfiguration(robot, *joints);
-  found.covariance = CovarianceOfReach(solution, located, WithArmErrors(robot, *command, *joints));
+  found.covariance = CovarianceOfReach(setup, solution, located, WithArmErrors(robot, *command, *joints));
   return found;
 }
 
@@ -69,7 +69,7 @@ void LocatePixels(const LocationRequest& request, const Solution& solution, cons
       return;
     }
     // The normal on the side that the camera sees.
-    normal = target->base_from_target.rotation * Eigen::Vector3d::UnitZ();
+    normal = target->world_from_target.rotation * Eigen::Vector3d::UnitZ();
   }
   const Rigid3d base_from_camera =
       Correct(solution, request.camera_mount).base_from_mount * solution.hand_eye.camera_mount_from_camera;
@@ -78,7 +78,7 @@ void LocatePixels(const LocationRequest& request, const Solution& solution, cons
     const Outcome<LocatedPoint> located =
         plane ? LocatePixel(setup, solution, pixel, *plane, request.camera_mount)
               : LocatePixelOnTarget(setup, solution, pixel, observations, request.camera_mount);
-    if (!located || !IsKnown(located->in_base, located->covariance)) {
+    if (!located || !IsKnown(located->in_world, located->covariance)) {
       location->fault =
           located ? kNotKnown
                   : "pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason();
@@ -86,9 +86,9 @@ void LocatePixels(const LocationRequest& request, const Solution& solution, cons
     }
     PixelPosition position{pixel, *located, {}};
     if (request.arm) {
-      const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_base) > 0;
+      const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_world) > 0;
       position.postures =
-          FindPostures(*request.arm, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
+          FindPostures(*request.arm, PointingAt(located->in_world, is_seen_side ? normal : Eigen::Vector3d(-normal)));
     }
     positions.push_back(std::move(position));
   }
@@ -129,15 +129,16 @@ ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_t
   return found;
 }
 
-Reach FindReach(const RobotSummary& robot, const Solution& solution, const LocatedTarget& located, bool in_each) {
+Reach FindReach(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
+                bool in_each) {
   Reach reach;
   reach.captured_configuration = robot.configuration;
-  reach.wanted = located.base_from_target;
+  reach.wanted = located.world_from_target;
   if (!robot.configuration.empty()) {
     const Outcome<Eigen::VectorXd> joints = JointsAt(robot, reach.wanted);
     reach.command = ReachCommand();
     if (joints) {
-      reach.command = CommandNear(robot, solution, located, *joints);
+      reach.command = CommandNear(setup, robot, solution, located, *joints);
     } else {
       reach.command->reason = joints.reason();
     }
@@ -153,7 +154,7 @@ Reach FindReach(const RobotSummary& robot, const Solution& solution, const Locat
     return reach;
   }
   for (const Eigen::VectorXd& posture : *postures) {
-    ReachCommand command = CommandNear(robot, solution, located, posture);
+    ReachCommand command = CommandNear(setup, robot, solution, located, posture);
     command.configuration = NameOfConfiguration(robot, posture);
     command.is_extrapolated =
         command.reason.empty() && !robot.configuration.empty() && command.configuration != robot.configuration;
@@ -195,32 +196,33 @@ ImageLocation LocateInImage(const LocationRequest& request, const std::string& i
     return location;
   }
   for (const LocatedTarget& located : *possible) {
-    if (IsKnown(located.base_from_target.translation, located.covariance)) continue;
+    if (IsKnown(located.world_from_target.translation, located.covariance)) continue;
     location.fault = kNotKnown;
     return location;
   }
   std::vector<Rigid3d> poses;
   for (const LocatedTarget& located : *possible) {
     PossiblePose pose{located, {}};
-    if (request.arm) pose.postures = FindPostures(*request.arm, located.base_from_target);
+    if (request.arm) pose.postures = FindPostures(*request.arm, located.world_from_target);
     location.possible.push_back(std::move(pose));
-    poses.push_back(located.base_from_target);
+    poses.push_back(located.world_from_target);
   }
   if (request.near) location.near = CompareToRough(poses, *request.near);
   location.chosen = ChoosePose(poses, request.near);
   const bool is_corrected = request.result->setup == Setup::kEyeToHand || request.camera_mount.effect != nullptr;
   if (location.chosen && request.robot != nullptr && is_corrected) {
-    location.reach = FindReach(*request.robot, solution, (*possible)[*location.chosen], request.arm.has_value());
+    location.reach = FindReach(request.result->setup, *request.robot, solution, (*possible)[*location.chosen],
+                               request.arm.has_value());
   }
   return location;
 }
 
 PoseSigmasBySource SigmasOf(const Solution& solution, const LocatedTarget& located) {
-  const MotionUncertainty& motion = located.motion;
-  const Eigen::MatrixXd by_unknowns = motion.by_unknowns.bottomRows<3>();
+  const PoseUncertainty& uncertainty = located.uncertainty;
+  const Eigen::MatrixXd by_unknowns = uncertainty.by_unknowns.bottomRows<3>();
   const Eigen::Matrix3d by_calibration = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  const Eigen::Matrix3d by_image = motion.by_image.bottomRightCorner<3, 3>();
-  const Eigen::Matrix3d by_robot = motion.by_robot.bottomRightCorner<3, 3>();
+  const Eigen::Matrix3d by_image = uncertainty.by_image.bottomRightCorner<3, 3>();
+  const Eigen::Matrix3d by_robot = uncertainty.ByRobot().bottomRightCorner<3, 3>();
   const PositionCovariance& position = located.covariance;
   return {SigmasOf(position.TotalM2(), by_calibration + by_image + by_robot),
           SigmasOf(position.by_calibration_m2, by_calibration), SigmasOf(position.by_image_m2, by_image),

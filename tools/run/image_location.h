@@ -60,7 +60,8 @@ struct Reach {
 };
 // Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
 // in any case if those of the captures are several.
-Reach FindReach(const RobotSummary& robot, const Solution& solution, const LocatedTarget& located, bool in_each);
+Reach FindReach(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
+                bool in_each);
 
 // One of the poses of the target that fit an image.
 struct PossiblePose {

@@ -28,7 +28,7 @@ std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
     if (seen.empty()) continue;
     location.contradiction = FindContradiction(result.rig, result.solution, t, seen, base_from_gripper);
     if (!location.contradiction) {
-      Outcome<std::vector<RigLocation>> located =
+      Outcome<std::vector<LocatedTarget>> located =
           LocateTargetInRig(result.rig, result.solution, t, seen, base_from_gripper);
       if (located) {
         location.possible = std::move(*located);
@@ -37,7 +37,7 @@ std::vector<RigTargetLocation> LocateTargetsInRig(const RigResult& result,
       }
     }
     std::vector<Rigid3d> poses;
-    for (const RigLocation& possible : location.possible) poses.push_back(possible.world_from_target);
+    for (const LocatedTarget& possible : location.possible) poses.push_back(possible.world_from_target);
     const std::optional<Rigid3d> rough = near.empty() ? std::nullopt : near[t];
     if (rough && !poses.empty()) location.near = CompareToRough(poses, *rough);
     location.chosen = ChoosePose(poses, rough);

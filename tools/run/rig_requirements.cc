@@ -53,11 +53,11 @@ std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarge
     StatedPose& gripper = grippers.emplace_back(seen.capture->base_from_gripper[r]);
     if (!seen.capture->effects.empty()) gripper.effect = seen.capture->effects[r];
   }
-  const Outcome<RigLocation> located = LocateInRig(used, solution, {{camera, seen.observations}}, grippers);
+  const Outcome<LocatedTarget> located = LocateInRig(used, solution, {{camera, seen.observations}}, grippers);
   if (!located) return std::nullopt;
   Eigen::Matrix<double, 3, 6> by_pose;
   by_pose << Eigen::Matrix3d::Identity(), -Skew(seen.middle);
-  return by_pose * located->by_calibration * by_pose.transpose();
+  return by_pose * located->pose_covariance.by_calibration * by_pose.transpose();
 }
 
 // Returns the target moved to `place_in_camera`, with the pixels that the camera then sees; nothing if its middle is

@@ -108,7 +108,7 @@ std::string PosturesText(const std::optional<ReachingPostures>& postures) {
 }
 
 std::string PixelText(const PixelPosition& position) {
-  const Eigen::Vector3d mm = 1000 * position.point.in_base;
+  const Eigen::Vector3d mm = 1000 * position.point.in_world;
   return "  pixel " + Significant(position.pixel.x(), 6) + ", " + Significant(position.pixel.y(), 6) + ": [" +
          Fixed(mm.x(), 3) + ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
          SigmasText(position.point.covariance) + "\n" + PosturesText(position.postures);
@@ -123,7 +123,7 @@ std::string PossibleText(const std::vector<PossiblePose>& possible) {
   std::string text;
   for (size_t i = 0; i < possible.size(); ++i) {
     text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(possible.size()) +
-            ": base_from_target " + PoseText(possible[i].located.base_from_target) + "\n" +
+            ": base_from_target " + PoseText(possible[i].located.world_from_target) + "\n" +
             PosturesText(possible[i].postures);
   }
   return text + SigmaLine(possible.front().located);
@@ -163,7 +163,7 @@ std::string LocationText(const LocationRequest& request, const ImageLocation& lo
   }
   const PossiblePose& chosen = location.possible[*location.chosen];
   const double largest_sigma_mm = 1000 * std::sqrt(chosen.located.covariance.TotalM2().diagonal().maxCoeff());
-  return fit + "\n  base_from_target " + PoseText(chosen.located.base_from_target, largest_sigma_mm) + "\n" +
+  return fit + "\n  base_from_target " + PoseText(chosen.located.world_from_target, largest_sigma_mm) + "\n" +
          SigmaLine(chosen.located) + CameraMountText(request) +
          (location.possible.size() > 1 ? "  chosen by --near among the " + NearnessText(*location.near) + "\n" : "") +
          ReachTextOf(request, location) + PosturesText(chosen.postures);

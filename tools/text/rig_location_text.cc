@@ -18,8 +18,8 @@ std::string SigmasText(const Eigen::Matrix3d& covariance, double unit) {
   return Join(sigmas, ", ");
 }
 
-std::string PoseText(const RigLocation& located) {
-  const Eigen::Matrix<double, 6, 6> total = located.Total();
+std::string PoseText(const LocatedTarget& located) {
+  const Eigen::Matrix<double, 6, 6> total = located.pose_covariance.Total();
   return heba::PoseText(located.world_from_target, 1000 * std::sqrt(total.topLeftCorner<3, 3>().diagonal().maxCoeff()),
                         std::sqrt(total.bottomRightCorner<3, 3>().diagonal().maxCoeff()));
 }
@@ -30,13 +30,13 @@ std::vector<std::string> CameraNames(const RigProblem& rig, const RigTargetLocat
   return names;
 }
 
-std::string FigureLines(const RigLocation& located) {
-  const Eigen::Matrix<double, 6, 6> total = located.Total();
+std::string FigureLines(const LocatedTarget& located) {
+  const Eigen::Matrix<double, 6, 6> total = located.pose_covariance.Total();
   return "  one sigma " + SigmasText(total.topLeftCorner<3, 3>(), 1000) + " mm; " +
          SigmasText(total.bottomRightCorner<3, 3>(), RadToDeg(1.0)) + " deg (target's x, y, z)\n  calibration " +
-         SigmasText(located.by_calibration.topLeftCorner<3, 3>(), 1000) + ", images " +
-         SigmasText(located.by_image.topLeftCorner<3, 3>(), 1000) + ", arm " +
-         SigmasText(located.by_robot.topLeftCorner<3, 3>(), 1000) + " mm; the points fit with " +
+         SigmasText(located.pose_covariance.by_calibration.topLeftCorner<3, 3>(), 1000) + ", images " +
+         SigmasText(located.pose_covariance.by_image.topLeftCorner<3, 3>(), 1000) + ", arm " +
+         SigmasText(located.pose_covariance.by_robot.topLeftCorner<3, 3>(), 1000) + " mm; the points fit with " +
          Significant(located.rms_px, 2) + " px (RMS)\n";
 }
 
@@ -68,7 +68,7 @@ std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& loca
   }
   text += "\n";
   if (location.chosen) {
-    const RigLocation& chosen = location.possible[*location.chosen];
+    const LocatedTarget& chosen = location.possible[*location.chosen];
     text += "  " + PoseText(chosen) + "\n" + FigureLines(chosen);
     if (location.near) text += "  chosen by --near among the " + NearnessText(*location.near) + "\n";
     return text;
@@ -91,16 +91,16 @@ std::string RigLocationFault(const RigProblem& rig, const RigTargetLocation& loc
   return target + SymmetryText(num_poses) + ", so " + std::to_string(num_poses) + " poses fit the images equally well";
 }
 
-std::string RigPointText(const RigPoint& point) {
+std::string RigPointText(const LocatedPoint& point) {
   constexpr double kMm = 1000;
-  const double sigma_mm = kMm * std::sqrt(point.TotalM2().diagonal().maxCoeff());
+  const double sigma_mm = kMm * std::sqrt(point.covariance.TotalM2().diagonal().maxCoeff());
   const auto shown = [&](double metres) { return Fixed(kMm * metres, DecimalsFor(sigma_mm, 6)); };
   const Eigen::Vector3d& at = point.in_world;
   return "point in world: [" + shown(at.x()) + ", " + shown(at.y()) + ", " + shown(at.z()) + "] mm, one sigma " +
-         SigmasText(point.TotalM2(), kMm) + " mm along the world's x, y, z\n  calibration " +
-         SigmasText(point.by_calibration_m2, kMm) + ", images " + SigmasText(point.by_image_m2, kMm) + ", arm " +
-         SigmasText(point.by_robot_m2, kMm) + " mm; the pixels are " + Significant(point.rms_px, 2) +
-         " px from the point (RMS)\n";
+         SigmasText(point.covariance.TotalM2(), kMm) + " mm along the world's x, y, z\n  calibration " +
+         SigmasText(point.covariance.by_calibration_m2, kMm) + ", images " +
+         SigmasText(point.covariance.by_image_m2, kMm) + ", arm " + SigmasText(point.covariance.by_robot_m2, kMm) +
+         " mm; the pixels are " + Significant(point.rms_px, 2) + " px from the point (RMS)\n";
 }
 
 std::string ArmPosesText(const RigResult& result, const std::vector<RigArmPose>& arms) {

@@ -15,7 +15,7 @@ std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& loca
 // is.
 std::string RigLocationFault(const RigProblem& rig, const RigTargetLocation& location);
 // Describes a triangulated point.
-std::string RigPointText(const RigPoint& point);
+std::string RigPointText(const LocatedPoint& point);
 
 // Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or
 // why they did not; empty if there is none.

@@ -1,5 +1,5 @@
 // Locates a target that an image shows, or a pixel on a plane, in the robot's base, and states how closely the gripper
-// reaches it.
+// reaches it. The world of the types is that base.
 //
 //   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
 //   const heba::Solution& solution = *heba::FindRefined(result)->solution;
@@ -20,34 +20,9 @@
 #include "heba/data/setup.h"
 #include "heba/data/solution.h"
 #include "heba/data/stated_pose.h"
+#include "heba/location_types.h"
 
 namespace heba {
-
-// Covariance of a position along the base's axes, m^2, by its sources: the calibration (hand-eye pose, intrinsics and
-// the robot's errors that captures share, with all their correlations), the pixel noise of the image, and, if the
-// position depends on poses of the robot whose noise is known, this noise.
-struct PositionCovariance {
-  Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d by_image_m2 = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
-
-  Eigen::Matrix3d TotalM2() const { return by_calibration_m2 + by_image_m2 + by_robot_m2; }
-};
-
-// Uncertainty of a pose in the base as a motion of its frame along and about the base's axes (p' = p + v + w x p: v in
-// m, then w in rad), by its sources.
-struct MotionUncertainty {
-  Matrix6X by_unknowns;  // Derivative by the unknowns of Solution::covariance.
-  Eigen::Matrix<double, 6, 6> by_image = Eigen::Matrix<double, 6, 6>::Zero();  // Covariance.
-  Eigen::Matrix<double, 6, 6> by_robot = Eigen::Matrix<double, 6, 6>::Zero();  // Covariance.
-};
-
-struct LocatedTarget {
-  Rigid3d base_from_target;
-  double rms_px = 0;              // RMS of the target's points.
-  PositionCovariance covariance;  // Covariance of the mean of the points that were seen.
-  MotionUncertainty motion;
-};
 
 // Locates a target. `camera_mount` is the gripper's pose for a camera that the robot carries, as the robot states it
 // and with the effect of the robot's errors and the noise of its joints if the solution has estimated them, and the
@@ -71,7 +46,8 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
 // do. `command` has the effect of the robot's errors if the solution has estimated them; the noise of the robot's pose
 // counts for the command, too. The frame of the gripper is that of the calibration: it includes what no captures
 // determine, such as an offset of the arm's last joint.
-PositionCovariance CovarianceOfReach(const Solution& solution, const LocatedTarget& located, const StatedPose& command,
+PositionCovariance CovarianceOfReach(Setup setup, const Solution& solution, const LocatedTarget& located,
+                                     const StatedPose& command,
                                      const Eigen::Vector3d& point_in_gripper = Eigen::Vector3d::Zero(),
                                      const Eigen::Vector3d& point_in_target = Eigen::Vector3d::Zero());
 
@@ -93,23 +69,12 @@ double LeastDistanceM(const std::vector<Rigid3d>& possible);
 // rotation is close (kCloseRotationRad). A single pose is returned whatever `rough` is.
 std::optional<size_t> FindMeantPose(const std::vector<Rigid3d>& possible, const Rigid3d& rough);
 
-// The plane n . p = distance, for points p in the base.
-struct Plane {
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // Unit vector.
-  double distance_m = 0;
-};
-
-// The position of a pixel on a plane.
-struct LocatedPoint {
-  Eigen::Vector3d in_base = Eigen::Vector3d::Zero();
-  // A given plane counts as exact; the plane of a target has the uncertainty of the pose that its image shows.
-  PositionCovariance covariance;
-};
-
-// Intersects the ray of `pixel` with `plane`. Returns a Failure if they do not meet in front of the camera.
+// Intersects the ray of `pixel` with `plane`, which counts as exact. Returns a Failure if they do not meet in front of
+// the camera.
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
                                   const Plane& plane, const StatedPose& camera_mount);
-// Intersects the ray of `pixel` with the plane z = 0 of a target that the same image shows.
+// Intersects the ray of `pixel` with the plane z = 0 of a target that the same image shows; the plane has the
+// uncertainty of the pose that the image shows.
 Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
                                           const Observations& observations, const StatedPose& camera_mount);
 

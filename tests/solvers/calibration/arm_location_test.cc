@@ -149,7 +149,7 @@ std::map<std::string, Agreement> AgreementsOf(Setup setup, Sigmas sigmas) {
     const Sight near = SightAt(captured[seed % captured.size()], &*cell);
     const Eigen::Vector3d middle = near.seen.points_in_target.rowwise().mean();
     const auto off_m = [&](const LocatedTarget& located, const Sight& sight) -> Eigen::Vector3d {
-      return located.base_from_target * middle - sight.base_from_target * middle;
+      return located.world_from_target * middle - sight.base_from_target * middle;
     };
     const LocatedTarget located_far = locate(far);
     agreements["located from anywhere"].Add(off_m(located_far, far), located_far.covariance, dof);
@@ -163,7 +163,7 @@ std::map<std::string, Agreement> AgreementsOf(Setup setup, Sigmas sigmas) {
           Correct(cell->solution, command).base_from_mount.translation - cell->TruePose(joints).translation;
       agreements[is_flipped ? "reached in another configuration" : "reached"].Add(
           gripper_off_m - off_m(located, near),
-          CovarianceOfReach(cell->solution, located, command, Eigen::Vector3d::Zero(), middle), dof);
+          CovarianceOfReach(setup, cell->solution, located, command, Eigen::Vector3d::Zero(), middle), dof);
     }
   }
   return agreements;
@@ -200,18 +200,18 @@ TEST_P(ArmLocationTest, DerivativesByTheArmAreThoseOfDifferences) {
   const Solution& solution = cell->solution;
   const Eigen::Index first = solution.covariance.layout.Block(kRobotBlock).first;
   const auto locate = [&](const Solution& with) {
-    return LocateTarget(GetParam(), with, sight.seen, sight.camera_mount)->base_from_target.translation;
+    return LocateTarget(GetParam(), with, sight.seen, sight.camera_mount)->world_from_target.translation;
   };
   const Outcome<LocatedTarget> located = LocateTarget(GetParam(), solution, sight.seen, sight.camera_mount);
   ASSERT_TRUE(located.ok()) << located.reason();
-  const Eigen::Vector3d origin = located->base_from_target.translation;
+  const Eigen::Vector3d origin = located->world_from_target.translation;
   const StatedPose command = cell->Stated(cell->arm.joints[5]);
   const CorrectedPose corrected = Correct(solution, command);
   constexpr double kStep = 1e-6;
   for (Eigen::Index i = 0; i < solution.effects.size(); ++i) {
     Solution moved = solution;
     moved.effects[i] += kStep;
-    const Eigen::Vector3d target = PointByMotion(origin) * located->motion.by_unknowns.col(first + i);
+    const Eigen::Vector3d target = PointByMotion(origin) * located->uncertainty.by_unknowns.col(first + i);
     EXPECT_LT(((locate(moved) - origin) / kStep - target).norm(), 1e-4);
     const Tangent6 tangent =
         LocalCoordinates(corrected.base_from_mount, Correct(moved, command).base_from_mount) / kStep;

@@ -56,7 +56,7 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
     const Rigid3d truth = is_carried ? scene.hand_eye.target_mount_from_target
                                      : scene.hand_eye.camera_mount_from_camera * scene.pairs.back().camera_from_target;
     const Eigen::Vector3d middle = unseen.observations.points_in_target.rowwise().mean();
-    const Eigen::Vector3d off_m = located->base_from_target * middle - truth * middle;
+    const Eigen::Vector3d off_m = located->world_from_target * middle - truth * middle;
     const Eigen::Matrix3d covariance = located->covariance.TotalM2();
     sum += MahalanobisSquare(off_m, covariance);
     EXPECT_EQ(located->covariance.by_robot_m2.isZero(), !(is_carried && is_noisy));
@@ -73,12 +73,12 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
     ASSERT_TRUE(on_plane.ok()) << on_plane.reason();
     ASSERT_TRUE(on_target.ok()) << on_target.reason();
     const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
-      const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
+      const Eigen::VectorXd off = directions.transpose() * (point.in_world - truth * corner);
       const Eigen::MatrixXd stated = directions.transpose() * point.covariance.TotalM2() * directions;
       return MahalanobisSquare(off, stated);
     };
     // A point on a known plane has errors in two directions only.
-    EXPECT_LT(std::abs(normal.dot(on_plane->in_base) - plane.distance_m), 1e-9);
+    EXPECT_LT(std::abs(normal.dot(on_plane->in_world) - plane.distance_m), 1e-9);
     sum_on_plane += chi2(*on_plane, truth.RotationMatrix().leftCols<2>());
     sum_on_target += chi2(*on_target, Eigen::Matrix3d::Identity());
   }
@@ -174,17 +174,17 @@ TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
     const Rigid3d truth = scene.hand_eye.camera_mount_from_camera * scene.pairs[i].camera_from_target;
     // The pixels are exact: the tolerance is that of the convergence of the iteration.
     constexpr double kToleranceM = 1e-6;
-    const size_t right = AngleRad((*possible)[0].base_from_target, truth) < 1 ? 0 : 1;
-    EXPECT_LT(DistanceM((*possible)[right].base_from_target, truth), kToleranceM);
+    const size_t right = AngleRad((*possible)[0].world_from_target, truth) < 1 ? 0 : 1;
+    EXPECT_LT(DistanceM((*possible)[right].world_from_target, truth), kToleranceM);
     for (Eigen::Index k = 0; k < observations.size(); ++k) {
       const Eigen::Vector3d point = observations.points_in_target.col(k);
       const Eigen::Vector3d other = turned.points_in_target.col(k);
-      const Eigen::Vector3d in_base = (*possible)[1 - right].base_from_target * ApplyShape(other, solution.shape);
+      const Eigen::Vector3d in_base = (*possible)[1 - right].world_from_target * ApplyShape(other, solution.shape);
       EXPECT_LT((in_base - truth * ApplyShape(point, solution.shape)).norm(), kToleranceM);
     }
     for (size_t n = 0; n < 2; ++n) {
-      EXPECT_LT(DistanceM((*possible)[n].base_from_target, (*again)[n].base_from_target), kToleranceM);
-      EXPECT_LT(AngleRad((*possible)[n].base_from_target, (*again)[n].base_from_target), kToleranceM);
+      EXPECT_LT(DistanceM((*possible)[n].world_from_target, (*again)[n].world_from_target), kToleranceM);
+      EXPECT_LT(AngleRad((*possible)[n].world_from_target, (*again)[n].world_from_target), kToleranceM);
     }
   }
 }

@@ -119,10 +119,10 @@ struct Errors {
   double MeanChi2() const { return chi2 / num; }
   double RmsMm() const { return 1000 * std::sqrt(squares_m2 / num); }
   void AddPose(const SeenObject& object, const RigSolution& solution, const std::vector<StatedPose>& arms) {
-    const Outcome<RigLocation> located = LocateInRig(object.scene.rig.problem, solution, object.seen, arms);
+    const Outcome<LocatedTarget> located = LocateInRig(object.scene.rig.problem, solution, object.seen, arms);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object.world_from_object);
-    chi2 += MahalanobisSquare(error, located->Total());
+    chi2 += MahalanobisSquare(error, located->pose_covariance.Total());
     squares_m2 += error.head<3>().squaredNorm();
     ++num;
   }
@@ -131,12 +131,12 @@ struct Errors {
     for (const CameraObservations& view : object.seen) {
       pixels.push_back({view.camera, view.observations.pixels.col(5)});
     }
-    const Outcome<RigPoint> point = TriangulateInRig(object.scene.rig.problem, object.solution, pixels, arms);
+    const Outcome<LocatedPoint> point = TriangulateInRig(object.scene.rig.problem, object.solution, pixels, arms);
     ASSERT_TRUE(point) << point.reason();
     const Eigen::Vector3d error =
         point->in_world -
         object.world_from_object * Eigen::Vector3d(object.scene.rig.targets[0].points_in_target.col(5));
-    chi2 += MahalanobisSquare(error, point->TotalM2());
+    chi2 += MahalanobisSquare(error, point->covariance.TotalM2());
     squares_m2 += error.squaredNorm();
     ++num;
   }
@@ -187,11 +187,11 @@ TEST(RigArmLocation, TheCovarianceHasTheEffectOfEachErrorOfTheArm) {
   const SeenObject object = SeeBeforeTheWrist(1);
   const RigProblem& rig = object.scene.rig.problem;
   const auto locate = [&](const RigSolution& solution) {
-    const Outcome<RigLocation> located = LocateInRig(rig, solution, object.seen, object.with_errors);
+    const Outcome<LocatedTarget> located = LocateInRig(rig, solution, object.seen, object.with_errors);
     CHECK(located.ok()) << located.reason();
     return *located;
   };
-  const RigLocation at_estimate = locate(object.solution);
+  const LocatedTarget at_estimate = locate(object.solution);
   const UnknownBlock block = object.solution.covariance.layout.Block(ErrorsBlock(rig.robots[0]));
   ASSERT_GT(block.size, 0);
   constexpr double kStep = 1e-5;  // rad or m.
@@ -203,7 +203,7 @@ TEST(RigArmLocation, TheCovarianceHasTheEffectOfEachErrorOfTheArm) {
     moved.effects[0][i] += kStep;
     const Tangent6 motion = LocalCoordinates(at_estimate.world_from_target, locate(moved).world_from_target);
     const Eigen::Matrix<double, 6, 6> expected = motion * motion.transpose();
-    EXPECT_LT((locate(uncertain).by_calibration - expected).norm(), 1e-2 * expected.norm())
+    EXPECT_LT((locate(uncertain).pose_covariance.by_calibration - expected).norm(), 1e-2 * expected.norm())
         << object.solution.covariance.layout.Name(block.first + i);
   }
 }

@@ -72,7 +72,7 @@ TEST(RigLocation, FindsTheExactPoseWithoutNoise) {
   const std::optional<SeenObject> object = SeeObject(1, 0);
   ASSERT_TRUE(object.has_value());
   ASSERT_GE(object->seen.size(), 2U);
-  const Outcome<RigLocation> located =
+  const Outcome<LocatedTarget> located =
       LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
   ASSERT_TRUE(located) << located.reason();
   EXPECT_THAT(located->world_from_target, IsNearPose(object->world_from_target, 1e-7, 1e-7));
@@ -112,22 +112,23 @@ TEST(RigLocation, ErrorsAgreeWithTheCovariance) {
     ASSERT_TRUE(object.has_value());
     if (object->seen.size() < 2) continue;
     ++num_trials;
-    const Outcome<RigLocation> located =
+    const Outcome<LocatedTarget> located =
         LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += MahalanobisSquare(error, located->Total());
+    pose_sum += MahalanobisSquare(error, located->pose_covariance.Total());
     chance_sum += located->p_value;
     std::vector<CameraPixel> pixels;
     for (const CameraObservations& view : object->seen) {
       pixels.push_back({view.camera, view.observations.pixels.col(5)});
     }
-    const Outcome<RigPoint> point = TriangulateInRig(object->scene.problem, object->solution, pixels, object->reported);
+    const Outcome<LocatedPoint> point =
+        TriangulateInRig(object->scene.problem, object->solution, pixels, object->reported);
     ASSERT_TRUE(point) << point.reason();
     const Eigen::Vector3d true_point =
         object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(5));
     const Eigen::Vector3d off = point->in_world - true_point;
-    point_sum += MahalanobisSquare(off, point->TotalM2());
+    point_sum += MahalanobisSquare(off, point->covariance.TotalM2());
   }
   ASSERT_GE(num_trials, 40);
   EXPECT_NEAR(pose_sum / num_trials, 6, 4 * std::sqrt(12.0 / num_trials));
@@ -166,17 +167,17 @@ TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
       }
       pixels.push_back({view.camera, view.observations.pixels.col(id)});
     }
-    const Outcome<RigLocation> located = LocateInRig(object->scene.problem, solution, seen, object->reported);
+    const Outcome<LocatedTarget> located = LocateInRig(object->scene.problem, solution, seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += MahalanobisSquare(error, located->Total());
+    pose_sum += MahalanobisSquare(error, located->pose_covariance.Total());
     chance_sum += located->p_value;
-    const Outcome<RigPoint> point = TriangulateInRig(object->scene.problem, solution, pixels, object->reported);
+    const Outcome<LocatedPoint> point = TriangulateInRig(object->scene.problem, solution, pixels, object->reported);
     ASSERT_TRUE(point) << point.reason();
     const Eigen::Vector3d true_point =
         object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(id));
     const Eigen::Vector3d off = point->in_world - true_point;
-    point_sum += MahalanobisSquare(off, point->TotalM2());
+    point_sum += MahalanobisSquare(off, point->covariance.TotalM2());
   }
   EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
   EXPECT_NEAR(point_sum / kNumTrials, 3, 4 * 1.5 * std::sqrt(6.0 / kNumTrials));
@@ -224,9 +225,9 @@ TEST(RigLocation, NamesTheCameraThatContradictsTheOthers) {
     EXPECT_EQ(contradiction->camera, seen[wrong].camera);
     // The difference is the motion of the target between the two captures.
     ASSERT_TRUE(contradiction->difference.has_value());
-    const Outcome<RigLocation> by_others =
+    const Outcome<LocatedTarget> by_others =
         LocateInRig(scene.problem, *solution, {right.seen[(wrong + 1) % right.seen.size()]}, poses);
-    const Outcome<RigLocation> by_wrong = LocateInRig(scene.problem, *solution, {seen[wrong]}, poses);
+    const Outcome<LocatedTarget> by_wrong = LocateInRig(scene.problem, *solution, {seen[wrong]}, poses);
     ASSERT_TRUE(by_others && by_wrong);
     EXPECT_THAT(*contradiction->difference,
                 IsNearPose(Inverse(by_others->world_from_target) * by_wrong->world_from_target, 2e-3, 2e-3));
@@ -264,34 +265,68 @@ TEST(RigLocation, ReadsSymmetricTargetsOfAllCamerasInOneOrder) {
     const auto possible = LocateTargetInRig(scene.problem, *solution, 0, seen, poses);
     ASSERT_TRUE(possible) << possible.reason();
     ASSERT_EQ(possible->size(), 2U);
-    const auto along_x = [](const RigLocation& located) { return located.world_from_target.RotationMatrix()(0, 0); };
+    const auto along_x = [](const LocatedTarget& located) { return located.world_from_target.RotationMatrix()(0, 0); };
     EXPECT_GT(along_x((*possible)[0]), along_x((*possible)[1]));
     const bool is_first = (truth.rotation * Eigen::Vector3d::UnitX()).x() > 0;
     EXPECT_THAT((*possible)[is_first ? 0 : 1].world_from_target, IsNearPose(truth, 1e-6, 1e-6)) << orders;
     EXPECT_THAT((*possible)[is_first ? 1 : 0].world_from_target, IsNearPose(truth * turned, 1e-6, 1e-6)) << orders;
-    for (const RigLocation& located : *possible) EXPECT_LT(located.rms_px, 1e-3);
+    for (const LocatedTarget& located : *possible) EXPECT_LT(located.rms_px, 1e-3);
     EXPECT_FALSE(FindContradiction(scene.problem, *solution, 0, seen, poses).has_value());
   }
 }
 
-// Likewise for the camera on the wrist, whose arm is noisy: the error of the arm's pose is part of the covariance.
+// Likewise for the camera on the wrist, whose arm is noisy: the error of the arm's pose is part of the covariance. So
+// it is with a pixel on the plane of the target, which is given or seen, and with the gripper when it is sent to the
+// target.
 TEST(RigLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) {
   double pose_sum = 0;
+  double on_plane_sum = 0;
+  double on_target_sum = 0;
+  double reach_sum = 0;
   double robot_m2 = 0;
   double image_m2 = 0;
   constexpr int kNumTrials = 60;
   for (uint64_t seed = 101; seed < 101 + kNumTrials; ++seed) {
     const std::optional<SeenObject> object = SeeObject(seed, 0.1, Where::kBeforeTheWrist);
     ASSERT_TRUE(object.has_value());
-    const Outcome<RigLocation> located =
+    const Outcome<LocatedTarget> located =
         LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
     ASSERT_TRUE(located) << located.reason();
     const Tangent6 error = LocalCoordinates(located->world_from_target, object->world_from_target);
-    pose_sum += MahalanobisSquare(error, located->Total());
-    robot_m2 += located->by_robot.topLeftCorner<3, 3>().trace();
-    image_m2 += located->by_image.topLeftCorner<3, 3>().trace();
+    pose_sum += MahalanobisSquare(error, located->pose_covariance.Total());
+    robot_m2 += located->pose_covariance.by_robot.topLeftCorner<3, 3>().trace();
+    image_m2 += located->pose_covariance.by_image.topLeftCorner<3, 3>().trace();
+
+    const RigProblem& rig = object->scene.problem;
+    const Rigid3d& truth = object->world_from_target;
+    const CameraObservations& view = object->seen.front();
+    const CameraPixel pixel{view.camera, view.observations.pixels.col(5)};
+    const Eigen::Vector3d true_point = truth * Eigen::Vector3d(view.observations.points_in_target.col(5));
+    const Eigen::Vector3d normal = truth.rotation * Eigen::Vector3d::UnitZ();
+    const Plane plane{normal, normal.dot(truth.translation)};
+    const Outcome<LocatedPoint> on_plane = LocatePixelInRig(rig, object->solution, pixel, plane, object->reported);
+    ASSERT_TRUE(on_plane) << on_plane.reason();
+    const Eigen::Matrix<double, 3, 2> along = truth.RotationMatrix().leftCols<2>();
+    on_plane_sum += MahalanobisSquare(Eigen::Vector2d(along.transpose() * (on_plane->in_world - true_point)),
+                                      Eigen::Matrix2d(along.transpose() * on_plane->covariance.TotalM2() * along));
+    const Outcome<LocatedPoint> on_target =
+        LocatePixelOnTargetInRig(rig, object->solution, pixel, *located, object->reported);
+    ASSERT_TRUE(on_target) << on_target.reason();
+    on_target_sum +=
+        MahalanobisSquare(Eigen::Vector3d(on_target->in_world - true_point), on_target->covariance.TotalM2());
+    // The gripper is sent to where it was in another capture.
+    Rng rng(seed + 1000);
+    const Rigid3d there = object->scene.arms[1][0];
+    const StatedPose command(ReportedPose(there, RigSceneSetting().robot_noise, &rng));
+    const Eigen::Vector3d off_m = command.base_from_mount.translation - there.translation -
+                                  (located->world_from_target.translation - truth.translation);
+    reach_sum +=
+        MahalanobisSquare(off_m, CovarianceOfReachInRig(rig, object->solution, 0, *located, command).TotalM2());
   }
   EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
+  EXPECT_NEAR(on_plane_sum / kNumTrials, 2, 4 * std::sqrt(4.0 / kNumTrials));
+  EXPECT_NEAR(on_target_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials));
+  EXPECT_NEAR(reach_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials));
   EXPECT_GT(robot_m2, image_m2);
 }
 
@@ -299,12 +334,14 @@ TEST(RigLocation, SeveralCamerasAreBetterThanOne) {
   const std::optional<SeenObject> object = SeeObject(2, 0.1);
   ASSERT_TRUE(object.has_value());
   ASSERT_GE(object->seen.size(), 2U);
-  const Outcome<RigLocation> all = LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
+  const Outcome<LocatedTarget> all =
+      LocateInRig(object->scene.problem, object->solution, object->seen, object->reported);
   ASSERT_TRUE(all);
   for (const CameraObservations& view : object->seen) {
-    const Outcome<RigLocation> one = LocateInRig(object->scene.problem, object->solution, {view}, object->reported);
+    const Outcome<LocatedTarget> one = LocateInRig(object->scene.problem, object->solution, {view}, object->reported);
     ASSERT_TRUE(one);
-    EXPECT_LT((all->by_image.topLeftCorner<3, 3>().trace()), (one->by_image.topLeftCorner<3, 3>().trace()));
+    EXPECT_LT((all->pose_covariance.by_image.topLeftCorner<3, 3>().trace()),
+              (one->pose_covariance.by_image.topLeftCorner<3, 3>().trace()));
   }
 }
 

@@ -40,7 +40,7 @@ double ErrorM(const RigScene& scene, const RigSolution& solution, size_t camera,
   Rigid3d camera_from_target(ExpRotation({0.3, 0.2, 0.1}), Eigen::Vector3d::Zero());
   camera_from_target.translation = Inverse(truth) * place - camera_from_target * middle;
   CHECK(Predict(lens.Model(), lens.params.data(), camera_from_target, seen, &seen.pixels, nullptr));
-  const Outcome<RigLocation> located = LocateInRig(scene.problem, solution, {{camera, seen}}, {Rigid3d()});
+  const Outcome<LocatedTarget> located = LocateInRig(scene.problem, solution, {{camera, seen}}, {Rigid3d()});
   CHECK(located.ok()) << located.reason();
   return (located->world_from_target * middle - place).norm();
 }

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <utility>
+
+#include <Eigen/LU>
 
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
@@ -20,26 +23,51 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+// The poses of the grippers, corrected by the estimated errors of the arms, and the roots of the covariances of their
+// corrections (Tangent6): one of each for each arm.
+struct PlacedArms {
+  std::vector<PoseByUnknowns> grippers;
+  std::vector<Matrix6> roots;
+};
+
+// Returns a root of the covariance of an arm's correction at a pose: zero for an exact arm. The errors at other poses
+// than those of the captures are not known unless the pose has been corrected by them: those that are smooth are noise,
+// too.
+Matrix6 CorrectionRoot(const RigProblem& rig, const RigSolution& solution, size_t robot, const StatedPose& stated) {
+  if (!solution.robot_noise[robot]) return Matrix6::Zero();
+  const RobotNoise& white = *solution.robot_noise[robot];
+  const bool is_corrected = EffectsOf(rig, robot) != nullptr && stated.effect != nullptr;
+  const RobotNoise smooth = is_corrected ? RobotNoise{} : SmoothNoiseOf(solution, robot).value_or(RobotNoise{});
+  Tangent6 sigmas;
+  sigmas << Eigen::Vector3d::Constant(std::hypot(white.translation_m, smooth.translation_m)),
+      Eigen::Vector3d::Constant(std::hypot(white.rotation_rad, smooth.rotation_rad));
+  if (stated.gripper_by_joints.cols() == 0 || white.joint_rad == 0) return sigmas.asDiagonal();
+  constexpr double kExact = 1e-9;
+  sigmas = sigmas.cwiseMax(kExact);
+  const Matrix6X by_joints = white.joint_rad * sigmas.cwiseInverse().asDiagonal() * stated.gripper_by_joints;
+  const Matrix6 lower = CholeskyFactor<6>::OfIdentityPlusSquare(by_joints).lower().triangularView<Eigen::Lower>();
+  return sigmas.asDiagonal() * lower;
+}
+
+PlacedArms PlaceArms(const RigProblem& rig, const RigSolution& solution,
+                     const std::vector<StatedPose>& base_from_gripper) {
+  PlacedArms arms;
+  for (size_t r = 0; r < base_from_gripper.size(); ++r) {
+    CorrectedPose corrected = Correct(rig, solution, r, base_from_gripper[r]);
+    arms.grippers.push_back({corrected.base_from_mount, std::move(corrected.by_unknowns)});
+    arms.roots.push_back(CorrectionRoot(rig, solution, r, base_from_gripper[r]));
+  }
+  return arms;
+}
+
 // The pose of a camera in the world, with its derivatives by the unknowns of the calibration and by the corrections of
-// the arms (six columns each).
+// the arms in units of their sigmas (six columns each).
 struct PlacedCamera {
   PoseByUnknowns world_from_camera;
   Matrix6X by_corrections;
 };
 
-// Returns the poses of the grippers, corrected by the estimated errors of the arms.
-std::vector<PoseByUnknowns> PlaceGrippers(const RigProblem& rig, const RigSolution& solution,
-                                          const std::vector<StatedPose>& base_from_gripper) {
-  std::vector<PoseByUnknowns> grippers;
-  for (size_t r = 0; r < base_from_gripper.size(); ++r) {
-    CorrectedPose corrected = Correct(rig, solution, r, base_from_gripper[r]);
-    grippers.push_back({corrected.base_from_mount, std::move(corrected.by_unknowns)});
-  }
-  return grippers;
-}
-
-PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, size_t camera,
-                         const std::vector<PoseByUnknowns>& grippers) {
+PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, size_t camera, const PlacedArms& arms) {
   const UnknownLayout& layout = solution.covariance.layout;
   const Mount& mount = rig.cameras[camera].mount;
   const PoseByUnknowns mount_from_camera =
@@ -48,25 +76,18 @@ PlacedCamera PlaceCamera(const RigProblem& rig, const RigSolution& solution, siz
       UnknownPose(solution.poses.world_from_base[mount.robot], layout, BaseBlock(rig.robots[mount.robot]));
   Matrix6X by_corrections = Matrix6X::Zero(6, 6 * static_cast<Eigen::Index>(rig.robots.size()));
   if (mount.part == Mount::Part::kGripper) {
-    world_from_mount = world_from_mount * grippers[mount.robot];
+    world_from_mount = world_from_mount * arms.grippers[mount.robot];
     // The correction multiplies the pose of the gripper on the right.
-    by_corrections.middleCols<6>(6 * static_cast<Eigen::Index>(mount.robot)) = Adjoint(Inverse(mount_from_camera.pose));
+    by_corrections.middleCols<6>(6 * static_cast<Eigen::Index>(mount.robot)) =
+        Adjoint(Inverse(mount_from_camera.pose)) * arms.roots[mount.robot];
   }
   return {world_from_mount * mount_from_camera, std::move(by_corrections)};
 }
 
-// Returns one sigma of each coordinate of the corrections of all arms; zero for exact arms.
-Eigen::VectorXd CorrectionSigmas(const RigSolution& solution) {
-  Eigen::VectorXd sigmas = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(solution.robot_noise.size()));
-  for (size_t r = 0; r < solution.robot_noise.size(); ++r) {
-    if (!solution.robot_noise[r]) continue;
-    const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
-    // The errors at other poses than those of the captures are not known: those that are smooth are noise, too.
-    const RobotNoise smooth = SmoothNoiseOf(solution, r).value_or(RobotNoise{});
-    sigmas.segment<3>(first).setConstant(std::hypot(solution.robot_noise[r]->translation_m, smooth.translation_m));
-    sigmas.segment<3>(first + 3).setConstant(std::hypot(solution.robot_noise[r]->rotation_rad, smooth.rotation_rad));
-  }
-  return sigmas;
+// Returns the uncertainty of a camera's pose, without any of an image.
+PoseUncertainty UncertaintyOf(const PlacedCamera& camera) {
+  const Matrix6 adjoint = Adjoint(camera.world_from_camera.pose);
+  return {adjoint * camera.world_from_camera.by_unknowns, Matrix6::Zero(), adjoint * camera.by_corrections};
 }
 
 // The whitened rows of one camera: residuals, and their derivatives by the left perturbation of what the camera sees
@@ -103,12 +124,13 @@ struct FrameState {
   Eigen::VectorXd corrections;
 };
 
-// A pose of which some coordinates of the tangent are estimated, and their covariances by source.
+// A pose of which some coordinates of the tangent are estimated: their derivatives by the unknowns of the calibration
+// and by the errors of the arms' poses, and their covariance that the images cause.
 struct LocatedFrame {
   FrameState state;
-  Eigen::MatrixXd by_calibration;
+  Eigen::MatrixXd by_unknowns;
   Eigen::MatrixXd by_image;
-  Eigen::MatrixXd by_robot;
+  Eigen::MatrixXd by_corrections;
   double squares = 0;  // Sum of the squared whitened residuals, those of the corrections included.
 };
 
@@ -139,14 +161,14 @@ class FrameLocation {
       : rig_(rig),
         solution_(solution),
         seen_(seen),
-        grippers_(PlaceGrippers(rig, solution, base_from_gripper)),
+        arms_(PlaceArms(rig, solution, base_from_gripper)),
         num_coordinates_(num_coordinates),
-        sigmas_(CorrectionSigmas(solution)) {}
+        num_corrections_(6 * static_cast<Eigen::Index>(rig.robots.size())) {}
 
   // Returns nothing if a point has no image, or if the points do not determine the frame.
   std::optional<LocatedFrame> From(const Rigid3d& world_from_frame) const {
     constexpr int kMaxSteps = 50;
-    FrameState state{world_from_frame, Eigen::VectorXd::Zero(sigmas_.size())};
+    FrameState state{world_from_frame, Eigen::VectorXd::Zero(num_corrections_)};
     std::optional<FrameEquations> at = EquationsAt(state);
     for (int step = 0; at && step < kMaxSteps; ++step) {
       // The frame is determined if its least eigenvalue is above this share of the largest.
@@ -161,7 +183,7 @@ class FrameLocation {
       for (int halving = 0; halving < 20; ++halving, tangent *= 0.5) {
         Tangent6 of_pose = Tangent6::Zero();
         of_pose.head(num_coordinates_) = tangent.head(num_coordinates_);
-        moved = {Retract(state.world_from_frame, of_pose), state.corrections + tangent.tail(sigmas_.size())};
+        moved = {Retract(state.world_from_frame, of_pose), state.corrections + tangent.tail(num_corrections_)};
         next = EquationsAt(moved);
         if (next && next->squares <= at->squares) break;
         next.reset();
@@ -175,13 +197,11 @@ class FrameLocation {
     if (!at) return std::nullopt;
     const Eigen::MatrixXd inverse = InverseOfSymmetric(WithPrior(at->of_images));
     const auto of_frame = inverse.topRows(num_coordinates_);
-    const Eigen::MatrixXd by_unknowns = of_frame * at->by_unknowns;
-    const Eigen::MatrixXd by_prior = of_frame.rightCols(sigmas_.size());
-    return LocatedFrame{state, by_unknowns * solution_.covariance.matrix * by_unknowns.transpose(),
-                        of_frame * at->of_images * of_frame.transpose(), by_prior * by_prior.transpose(), at->squares};
+    return LocatedFrame{state, -of_frame * at->by_unknowns, of_frame * at->of_images * of_frame.transpose(),
+                        of_frame.rightCols(num_corrections_), at->squares};
   }
 
-  // Returns RigLocation::p_value, from the part of each view that another pose of the target would explain: what the
+  // Returns LocatedTarget::p_value, from the part of each view that another pose of the target would explain: what the
   // others do not, such as a point that was read wrongly, is no contradiction between cameras.
   double PValueOf(const LocatedFrame& located) const {
     const std::optional<std::vector<ViewEquations>> views = ViewsAt(located.state);
@@ -190,7 +210,7 @@ class FrameLocation {
     for (const ViewEquations& view : *views) num_rows += view.pose_part.cols();
     const Eigen::Index dof = num_rows - num_coordinates_;
     if (dof <= 0) return 1;
-    Eigen::MatrixXd by_state(num_rows, num_coordinates_ + sigmas_.size());
+    Eigen::MatrixXd by_state(num_rows, num_coordinates_ + num_corrections_);
     Eigen::MatrixXd by_unknowns(num_rows, solution_.covariance.matrix.cols());
     Eigen::VectorXd residual(num_rows);
     Eigen::VectorXd variances(num_rows);
@@ -204,7 +224,7 @@ class FrameLocation {
       row += size;
     }
     const auto by_frame = by_state.leftCols(num_coordinates_);
-    const auto by_corrections = by_state.rightCols(sigmas_.size());
+    const auto by_corrections = by_state.rightCols(num_corrections_);
     residual -= by_corrections * located.state.corrections;
     Eigen::MatrixXd covariance = by_unknowns * solution_.covariance.matrix * by_unknowns.transpose() +
                                  by_corrections * by_corrections.transpose();
@@ -220,9 +240,9 @@ class FrameLocation {
   // Returns the RMS of the distances of all points.
   double RmsPx(const LocatedFrame& located) const {
     SquaredErrors sum;
-    const std::vector<PoseByUnknowns> grippers = GrippersAt(located.state);
+    const PlacedArms arms = ArmsAt(located.state);
     for (const CameraObservations& view : seen_) {
-      const Rigid3d world_from_camera = PlaceCamera(rig_, solution_, view.camera, grippers).world_from_camera.pose;
+      const Rigid3d world_from_camera = PlaceCamera(rig_, solution_, view.camera, arms).world_from_camera.pose;
       const std::optional<SquaredErrors> errors =
           ViewErrors(solution_.cameras[view.camera], Inverse(world_from_camera) * located.state.world_from_frame,
                      view.observations);
@@ -232,20 +252,19 @@ class FrameLocation {
   }
 
  private:
-  std::vector<PoseByUnknowns> GrippersAt(const FrameState& state) const {
+  PlacedArms ArmsAt(const FrameState& state) const {
     const Eigen::Index num_unknowns = solution_.covariance.layout.size();
-    std::vector<PoseByUnknowns> corrected;
-    for (size_t r = 0; r < rig_.robots.size(); ++r) {
-      const Eigen::Index first = 6 * static_cast<Eigen::Index>(r);
-      const Tangent6 tangent = state.corrections.segment<6>(first).cwiseProduct(sigmas_.segment<6>(first));
+    PlacedArms corrected = arms_;
+    for (size_t r = 0; r < corrected.grippers.size(); ++r) {
+      const Tangent6 tangent = arms_.roots[r] * state.corrections.segment<6>(6 * static_cast<Eigen::Index>(r));
       const PoseByUnknowns correction{Retract(Rigid3d(), tangent), Matrix6X::Zero(6, num_unknowns)};
-      corrected.push_back(grippers_[r] * correction);
+      corrected.grippers[r] = corrected.grippers[r] * correction;
     }
     return corrected;
   }
 
   Eigen::MatrixXd WithPrior(Eigen::MatrixXd normal) const {
-    normal.diagonal().tail(sigmas_.size()).array() += 1;
+    normal.diagonal().tail(num_corrections_).array() += 1;
     return normal;
   }
 
@@ -254,10 +273,10 @@ class FrameLocation {
     const UnknownLayout& layout = solution_.covariance.layout;
     std::vector<ViewEquations> views;
     const FitNoise noise{solution_.pixel_sigmas_px, solution_.image_sigmas_px, {}};
-    const std::vector<PoseByUnknowns> grippers = GrippersAt(state);
+    const PlacedArms arms = ArmsAt(state);
     for (const CameraObservations& view : seen_) {
       const size_t camera = view.camera;
-      const PlacedCamera placed = PlaceCamera(rig_, solution_, camera, grippers);
+      const PlacedCamera placed = PlaceCamera(rig_, solution_, camera, arms);
       const Rigid3d camera_from_frame = Inverse(placed.world_from_camera.pose) * state.world_from_frame;
       const std::optional<CameraRows> rows = RowsOf(solution_, camera, view.observations, camera_from_frame);
       if (!rows) return std::nullopt;
@@ -268,9 +287,9 @@ class FrameLocation {
       const auto by_motion = all.leftCols<6>();
       ViewEquations& equations = views.emplace_back();
       // Another pose of the camera moves what it sees the other way.
-      equations.by_state.resize(all.rows(), num_coordinates_ + sigmas_.size());
+      equations.by_state.resize(all.rows(), num_coordinates_ + num_corrections_);
       equations.by_state << (by_motion * Adjoint(camera_from_frame)).leftCols(num_coordinates_),
-          -by_motion * placed.by_corrections * sigmas_.asDiagonal();
+          -by_motion * placed.by_corrections;
       equations.by_unknowns = -by_motion * placed.world_from_camera.by_unknowns;
       const UnknownBlock block = layout.Block(CameraBlock(rig_.cameras[camera]));
       for (Eigen::Index i = block.first; i < block.end(); ++i) {
@@ -287,11 +306,11 @@ class FrameLocation {
   std::optional<FrameEquations> EquationsAt(const FrameState& state) const {
     const std::optional<std::vector<ViewEquations>> views = ViewsAt(state);
     if (!views) return std::nullopt;
-    const Eigen::Index size = num_coordinates_ + sigmas_.size();
+    const Eigen::Index size = num_coordinates_ + num_corrections_;
     FrameEquations sum;
     sum.of_images = Eigen::MatrixXd::Zero(size, size);
     sum.gradient = Eigen::VectorXd::Zero(size);
-    sum.gradient.tail(sigmas_.size()) = state.corrections;
+    sum.gradient.tail(num_corrections_) = state.corrections;
     sum.by_unknowns = Eigen::MatrixXd::Zero(size, solution_.covariance.layout.size());
     sum.squares = state.corrections.squaredNorm();
     for (const ViewEquations& view : *views) {
@@ -306,9 +325,9 @@ class FrameLocation {
   const RigProblem& rig_;
   const RigSolution& solution_;
   const std::vector<CameraObservations>& seen_;
-  std::vector<PoseByUnknowns> grippers_;
+  PlacedArms arms_;
   Eigen::Index num_coordinates_;
-  Eigen::VectorXd sigmas_;
+  Eigen::Index num_corrections_;
 };
 
 // The points of a camera in the orders in which they can be read, one for each symmetry of the target.
@@ -339,23 +358,41 @@ std::optional<size_t> FindBestOrder(const Camera& camera, const ReadPoints& poin
   return best;
 }
 
-RigLocation LocationOf(const FrameLocation& location, const LocatedFrame& found) {
-  RigLocation result;
-  result.world_from_target = found.state.world_from_frame;
-  result.by_calibration = found.by_calibration;
-  result.by_image = found.by_image;
-  result.by_robot = found.by_robot;
-  result.rms_px = location.RmsPx(found);
-  result.p_value = location.PValueOf(found);
-  return result;
+// Returns the mean of the points that all cameras see, in the target's frame.
+Eigen::Vector3d MiddleOf(const std::vector<CameraObservations>& seen) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  Eigen::Index num_points = 0;
+  for (const CameraObservations& view : seen) {
+    sum += view.observations.points_in_target.rowwise().sum();
+    num_points += view.observations.points_in_target.cols();
+  }
+  return sum / static_cast<double>(std::max<Eigen::Index>(1, num_points));
+}
+
+LocatedTarget TargetOf(const RigSolution& solution, const FrameLocation& location, const LocatedFrame& found,
+                       const Eigen::Vector3d& middle_in_target) {
+  LocatedTarget located;
+  located.world_from_target = found.state.world_from_frame;
+  located.rms_px = location.RmsPx(found);
+  located.p_value = location.PValueOf(found);
+  const Matrix6 adjoint = Adjoint(located.world_from_target);
+  located.uncertainty = {adjoint * found.by_unknowns, adjoint * found.by_image * adjoint.transpose(),
+                         adjoint * found.by_corrections};
+  located.pose_covariance = {found.by_unknowns * solution.covariance.matrix * found.by_unknowns.transpose(),
+                             found.by_image, found.by_corrections * found.by_corrections.transpose()};
+  located.covariance =
+      CovarianceOfPoint(solution.covariance, located.uncertainty, located.world_from_target * middle_in_target);
+  return located;
 }
 
 // Locates a target for each of its symmetries. `shape`: that of the target, null if the points are as manufactured.
-Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const RigSolution& solution,
-                                                    const std::vector<CameraObservations>& seen,
-                                                    const std::vector<Rigid3d>& symmetries, const TargetShape* shape,
-                                                    const std::vector<StatedPose>& base_from_gripper) {
-  const Failure failure{"the points that the cameras see do not determine a pose of the target"};
+Outcome<std::vector<LocatedTarget>> LocateInEachOrder(const RigProblem& rig, const RigSolution& solution,
+                                                      const std::vector<CameraObservations>& seen,
+                                                      const std::vector<Rigid3d>& symmetries, const TargetShape* shape,
+                                                      const std::vector<StatedPose>& base_from_gripper) {
+  const Failure failure{seen.size() == 1 ? "the " + std::to_string(seen.front().observations.size()) +
+                                               " visible points do not determine the target's pose"
+                                         : "the points that the cameras see do not determine a pose of the target"};
   std::vector<ReadPoints> read;
   for (const CameraObservations& view : seen) {
     ReadPoints& points = read.emplace_back(ReadPoints{view.camera, {}});
@@ -363,9 +400,9 @@ Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const
       points.orders.push_back(ReadInOrder(view.observations, symmetry, shape));
     }
   }
-  const std::vector<PoseByUnknowns> grippers = PlaceGrippers(rig, solution, base_from_gripper);
+  const PlacedArms arms = PlaceArms(rig, solution, base_from_gripper);
   const auto world_from = [&](size_t camera) {
-    return PlaceCamera(rig, solution, camera, grippers).world_from_camera.pose;
+    return PlaceCamera(rig, solution, camera, arms).world_from_camera.pose;
   };
   // Each camera has up to two poses; the best for all of them is found from one of these, with the points of the other
   // cameras in the order that fits it best.
@@ -397,7 +434,7 @@ Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const
     }
   }
   if (!best) return failure;
-  std::vector<RigLocation> possible;
+  std::vector<LocatedTarget> possible;
   for (const Rigid3d& symmetry : symmetries) {
     // The target as manufactured need not have the symmetries of its design, so each order is located by itself.
     std::vector<CameraObservations> views;
@@ -407,41 +444,139 @@ Outcome<std::vector<RigLocation>> LocateInEachOrder(const RigProblem& rig, const
     const FrameLocation location(rig, solution, views, base_from_gripper, 6);
     const std::optional<LocatedFrame> found = location.From(best->found.state.world_from_frame * Inverse(symmetry));
     if (!found) return failure;
-    possible.push_back(LocationOf(location, *found));
+    possible.push_back(TargetOf(solution, location, *found, MiddleOf(views)));
   }
-  const auto along_x = [](const RigLocation& located) {
+  const auto along_x = [](const LocatedTarget& located) {
     return (located.world_from_target.rotation * Eigen::Vector3d::UnitX()).x();
   };
   std::sort(possible.begin(), possible.end(),
-            [&](const RigLocation& a, const RigLocation& b) { return along_x(a) > along_x(b); });
+            [&](const LocatedTarget& a, const LocatedTarget& b) { return along_x(a) > along_x(b); });
   return possible;
 }
 
 // Returns the smallest of the motions from a pose of one list to one of the other.
-Rigid3d SmallestDifference(const std::vector<RigLocation>& from, const std::vector<RigLocation>& to) {
+Rigid3d SmallestDifference(const std::vector<LocatedTarget>& from, const std::vector<LocatedTarget>& to) {
   const Rigid3d target_from_world = Inverse(from.front().world_from_target);
   Rigid3d smallest = target_from_world * to.front().world_from_target;
-  for (const RigLocation& other : to) {
+  for (const LocatedTarget& other : to) {
     const Rigid3d difference = target_from_world * other.world_from_target;
     if (AngleRad(Rigid3d(), difference) < AngleRad(Rigid3d(), smallest)) smallest = difference;
   }
   return smallest;
 }
 
+// Returns the covariance with zeros for variances that only rounding made negative: along the normal of a plane that
+// stands still, a position has no variance.
+Eigen::Matrix3d WithoutRounding(Eigen::Matrix3d covariance) {
+  constexpr double kRounding = 1e-12;
+  const double least = -kRounding * covariance.trace();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (covariance(i, i) < 0 && covariance(i, i) >= least) covariance(i, i) = 0;
+  }
+  return covariance;
+}
+
+// The intersection of a ray with a plane in the camera frame, and its derivatives.
+struct RayPlaneIntersection {
+  Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 3, 2> by_pixel;
+  Eigen::Vector3d by_plane = Eigen::Vector3d::Zero();  // Derivative by a shift of the plane along its normal.
+  Eigen::MatrixXd by_params;
+};
+
+Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eigen::Vector2d& pixel,
+                                                const Eigen::Vector3d& normal, double distance_m) {
+  const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixel);
+  if (!ray) return Failure{"no ray belongs to this pixel"};
+  constexpr double kGrazing = 1e-3;
+  const double slope = normal.dot(*ray);
+  const double range_m = distance_m / slope;
+  if (std::abs(slope) < kGrazing || !(range_m > 0)) return Failure{"its ray does not meet the plane"};
+  RayPlaneIntersection meeting;
+  meeting.in_camera = range_m * *ray;
+  Points3 point(3, 1);
+  point = meeting.in_camera;
+  Points2 image;
+  ProjectionJacobian jacobian;
+  if (!camera.Model().Project(camera.params.data(), point, &image, &jacobian)) {
+    return Failure{"its ray does not meet the plane in front of the camera"};
+  }
+  // The point stays on its ray and on the plane: its two pixel coordinates and its distance along the normal determine
+  // it.
+  Eigen::Matrix3d left;
+  left.row(0) = jacobian.u.topRows<3>().transpose();
+  left.row(1) = jacobian.v.topRows<3>().transpose();
+  left.row(2) = normal.transpose();
+  const Eigen::Matrix3d inverse = left.inverse();
+  meeting.by_pixel = inverse.leftCols<2>();
+  meeting.by_plane = inverse.col(2);
+  const Eigen::Index num_params = jacobian.u.rows() - 3;
+  meeting.by_params = -meeting.by_pixel.col(0) * jacobian.u.bottomRows(num_params).transpose() -
+                      meeting.by_pixel.col(1) * jacobian.v.bottomRows(num_params).transpose();
+  return meeting;
+}
+
+// Intersects the ray of a pixel with a plane, which has the uncertainty of `frame`, in which it lies.
+Outcome<LocatedPoint> PointOnPlane(const RigProblem& rig, const RigSolution& solution, const CameraPixel& pixel,
+                                   const Plane& plane, const PoseUncertainty* frame, const PlacedArms& arms) {
+  const PlacedCamera placed = PlaceCamera(rig, solution, pixel.camera, arms);
+  const Rigid3d& world_from_camera = placed.world_from_camera.pose;
+  const Eigen::Matrix3d rotation = world_from_camera.RotationMatrix();
+  const Outcome<RayPlaneIntersection> meeting =
+      IntersectRayPlane(solution.cameras[pixel.camera], pixel.pixel, rotation.transpose() * plane.normal,
+                        plane.distance_m - plane.normal.dot(world_from_camera.translation));
+  if (!meeting) return Failure{meeting.reason()};
+  LocatedPoint point;
+  point.in_world = world_from_camera * meeting->in_camera;
+  // A motion of the camera moves the point along, and the plane moves it back along its ray; a motion of the plane
+  // moves it along its ray, too.
+  const Eigen::Matrix3d by_plane = rotation * meeting->by_plane * plane.normal.transpose();
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(point.in_world);
+  const Eigen::Matrix<double, 3, 6> by_camera = by_motion - by_plane * by_motion;
+  const Eigen::Matrix<double, 3, 6> by_frame = by_plane * by_motion;
+  // The intrinsics that locate the point are those of the calibration, so their errors are correlated with its poses.
+  const PoseUncertainty camera = UncertaintyOf(placed);
+  Eigen::MatrixXd by_unknowns = by_camera * camera.by_unknowns;
+  const UnknownLayout& layout = solution.covariance.layout;
+  const UnknownBlock block = layout.Block(CameraBlock(rig.cameras[pixel.camera]));
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    by_unknowns.col(i) += rotation * meeting->by_params.col(layout[i].index);
+  }
+  Eigen::MatrixXd by_corrections = by_camera * camera.by_corrections;
+  const Eigen::Matrix<double, 3, 2> by_pixel = solution.pixel_sigmas_px[pixel.camera] * rotation * meeting->by_pixel;
+  Eigen::Matrix3d by_image_m2 = by_pixel * by_pixel.transpose();
+  if (frame != nullptr) {
+    by_unknowns += by_frame * frame->by_unknowns;
+    by_corrections += by_frame * frame->by_corrections;
+    by_image_m2 += by_frame * frame->by_image * by_frame.transpose();
+  }
+  point.covariance = {WithoutRounding(by_unknowns * solution.covariance.matrix * by_unknowns.transpose()),
+                      WithoutRounding(by_image_m2), WithoutRounding(by_corrections * by_corrections.transpose())};
+  return point;
+}
+
 }  // namespace
 
-Outcome<RigLocation> LocateInRig(const RigProblem& rig, const RigSolution& solution,
-                                 const std::vector<CameraObservations>& seen,
-                                 const std::vector<StatedPose>& base_from_gripper) {
-  Outcome<std::vector<RigLocation>> located =
+PositionCovariance CovarianceOfPoint(const Covariance& covariance, const PoseUncertainty& frame,
+                                     const Eigen::Vector3d& in_world) {
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(in_world);
+  const Eigen::MatrixXd by_unknowns = by_motion * frame.by_unknowns;
+  return {by_unknowns * covariance.matrix * by_unknowns.transpose(), by_motion * frame.by_image * by_motion.transpose(),
+          by_motion * frame.ByRobot() * by_motion.transpose()};
+}
+
+Outcome<LocatedTarget> LocateInRig(const RigProblem& rig, const RigSolution& solution,
+                                   const std::vector<CameraObservations>& seen,
+                                   const std::vector<StatedPose>& base_from_gripper) {
+  Outcome<std::vector<LocatedTarget>> located =
       LocateInEachOrder(rig, solution, seen, {Rigid3d()}, nullptr, base_from_gripper);
   if (!located) return Failure{located.reason()};
   return std::move(located->front());
 }
 
-Outcome<std::vector<RigLocation>> LocateTargetInRig(const RigProblem& rig, const RigSolution& solution, size_t target,
-                                                    const std::vector<CameraObservations>& seen,
-                                                    const std::vector<StatedPose>& base_from_gripper) {
+Outcome<std::vector<LocatedTarget>> LocateTargetInRig(const RigProblem& rig, const RigSolution& solution, size_t target,
+                                                      const std::vector<CameraObservations>& seen,
+                                                      const std::vector<StatedPose>& base_from_gripper) {
   return LocateInEachOrder(rig, solution, seen, rig.targets[target].symmetries, &solution.shapes[target],
                            base_from_gripper);
 }
@@ -449,7 +584,7 @@ Outcome<std::vector<RigLocation>> LocateTargetInRig(const RigProblem& rig, const
 std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const RigSolution& solution, size_t target,
                                                   const std::vector<CameraObservations>& seen,
                                                   const std::vector<StatedPose>& base_from_gripper) {
-  using Located = Outcome<std::vector<RigLocation>>;
+  using Located = Outcome<std::vector<LocatedTarget>>;
   const auto locate = [&](const std::vector<CameraObservations>& views) {
     return LocateTargetInRig(rig, solution, target, views, base_from_gripper);
   };
@@ -481,9 +616,9 @@ std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const R
   return contradiction;
 }
 
-Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
-                                   const std::vector<CameraPixel>& pixels,
-                                   const std::vector<StatedPose>& base_from_gripper) {
+Outcome<LocatedPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
+                                       const std::vector<CameraPixel>& pixels,
+                                       const std::vector<StatedPose>& base_from_gripper) {
   if (pixels.size() < 2) return Failure{"a point needs its pixels in at least two cameras"};
   std::vector<CameraObservations> seen;
   for (const CameraPixel& pixel : pixels) {
@@ -494,14 +629,14 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
     view.observations.pixels = pixel.pixel;
   }
   const FrameLocation location(rig, solution, seen, base_from_gripper, 3);
-  const std::vector<PoseByUnknowns> grippers = PlaceGrippers(rig, solution, base_from_gripper);
+  const PlacedArms arms = PlaceArms(rig, solution, base_from_gripper);
   // The initial guess is the point with the least sum of squared distances from the rays.
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (size_t v = 0; v < pixels.size(); ++v) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(solution.cameras[pixels[v].camera], pixels[v].pixel);
     if (!ray) return Failure{"camera " + rig.cameras[pixels[v].camera].name + " has no ray at this pixel"};
-    const Rigid3d world_from_camera = PlaceCamera(rig, solution, pixels[v].camera, grippers).world_from_camera.pose;
+    const Rigid3d world_from_camera = PlaceCamera(rig, solution, pixels[v].camera, arms).world_from_camera.pose;
     const Eigen::Vector3d direction = world_from_camera.rotation * *ray;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
     normal += across;
@@ -514,13 +649,46 @@ Outcome<RigPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& sol
   const Eigen::Vector3d guess = SolveSymmetric(normal, right);
   const std::optional<LocatedFrame> found = location.From({Eigen::Quaterniond::Identity(), guess});
   if (!found) return Failure{"the rays of the pixels do not meet in front of the cameras"};
-  RigPoint point;
+  LocatedPoint point;
+  // The frame has the axes of the world.
   point.in_world = found->state.world_from_frame.translation;
-  point.by_calibration_m2 = found->by_calibration;
-  point.by_image_m2 = found->by_image;
-  point.by_robot_m2 = found->by_robot;
+  point.covariance = {found->by_unknowns * solution.covariance.matrix * found->by_unknowns.transpose(), found->by_image,
+                      found->by_corrections * found->by_corrections.transpose()};
   point.rms_px = location.RmsPx(*found);
   return point;
+}
+
+Outcome<LocatedPoint> LocatePixelInRig(const RigProblem& rig, const RigSolution& solution, const CameraPixel& pixel,
+                                       const Plane& plane, const std::vector<StatedPose>& base_from_gripper) {
+  return PointOnPlane(rig, solution, pixel, plane, nullptr, PlaceArms(rig, solution, base_from_gripper));
+}
+
+Outcome<LocatedPoint> LocatePixelOnTargetInRig(const RigProblem& rig, const RigSolution& solution,
+                                               const CameraPixel& pixel, const LocatedTarget& target,
+                                               const std::vector<StatedPose>& base_from_gripper) {
+  const Eigen::Vector3d normal = target.world_from_target.rotation * Eigen::Vector3d::UnitZ();
+  const Plane plane{normal, normal.dot(target.world_from_target.translation)};
+  return PointOnPlane(rig, solution, pixel, plane, &target.uncertainty, PlaceArms(rig, solution, base_from_gripper));
+}
+
+PositionCovariance CovarianceOfReachInRig(const RigProblem& rig, const RigSolution& solution, size_t robot,
+                                          const LocatedTarget& located, const StatedPose& command,
+                                          const Eigen::Vector3d& point_in_gripper,
+                                          const Eigen::Vector3d& point_in_target) {
+  CorrectedPose corrected = Correct(rig, solution, robot, command);
+  const PoseByUnknowns base_from_gripper{corrected.base_from_mount, std::move(corrected.by_unknowns)};
+  const PoseByUnknowns world_from_gripper =
+      UnknownPose(solution.poses.world_from_base[robot], solution.covariance.layout, BaseBlock(rig.robots[robot])) *
+      base_from_gripper;
+  const Matrix6 adjoint = Adjoint(world_from_gripper.pose);
+  const Eigen::Matrix<double, 3, 6> by_gripper = PointByMotion(world_from_gripper.pose * point_in_gripper) * adjoint;
+  const Eigen::Matrix<double, 3, 6> by_target = PointByMotion(located.world_from_target * point_in_target);
+  const Eigen::MatrixXd by_unknowns =
+      by_gripper * world_from_gripper.by_unknowns - by_target * located.uncertainty.by_unknowns;
+  const Eigen::MatrixXd by_command = by_gripper * CorrectionRoot(rig, solution, robot, command);
+  return {by_unknowns * solution.covariance.matrix * by_unknowns.transpose(),
+          by_target * located.uncertainty.by_image * by_target.transpose(),
+          by_target * located.uncertainty.ByRobot() * by_target.transpose() + by_command * by_command.transpose()};
 }
 
 }  // namespace heba
