@@ -579,6 +579,22 @@ TEST_F(RigCommandsTest, LocateWarnsOfPixelsThatShowNoCommonPoint) {
   const CommandResult wrong = locate("left=300,200;right=310,400");
   EXPECT_THAT(wrong.err, StartsWith("heba: warning: the rays of the pixels do not meet"));
   EXPECT_THAT(Json::parse(wrong.out)["point"]["warning"].get<std::string>(), StartsWith("the rays of the pixels"));
+
+  // On a plane through the point, each pixel shows it by itself.
+  const Json at_m = Json::parse(right.out)["point"]["in_world_m"];
+  const std::string plane = "0,0,1," + Json(1000 * at_m[2].get<double>()).dump() + " mm";
+  const CommandResult on_plane = RunHeba({"locate", Path("run"), "--pixels", meeting, "--plane", plane, "--json"});
+  ASSERT_EQ(on_plane.status, 0) << on_plane.err;
+  const Json points = Json::parse(on_plane.out)["points"];
+  ASSERT_EQ(points.size(), 2U);
+  constexpr double kNearM = 5e-4;
+  for (const Json& point : points) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(point["in_world_m"][axis].get<double>(), at_m[axis].get<double>(), kNearM) << point["camera"];
+    }
+  }
+  EXPECT_EQ(points[0]["camera"], "left");
+  EXPECT_GT(points[0]["sigma"]["total_mm"][0].get<double>(), 0);
 }
 
 }  // namespace

@@ -119,7 +119,7 @@ void RefuseFlagsOfOneCamera() {
   const auto refuse = [](const std::string& name, bool is_given, const std::string& why) {
     if (is_given) throw InputError("--" + name + ": " + why + "; leave this flag out");
   };
-  refuse("plane", FLAGS_plane != "target", "a rig locates pixels of several cameras, not pixels on a plane");
+  refuse("plane", FLAGS_plane != "target" && FLAGS_pixels.empty(), "the plane is that of --pixels");
   refuse("robot", !FLAGS_robot.empty(), "joints that reach a target are not computed with a rig");
 }
 
@@ -165,7 +165,9 @@ void Print(const FinishedRig& rig, const Json& located, const std::string& text)
   std::cout << FileText(json) << std::flush;
 }
 
-std::vector<CameraPixel> PixelsOfFlag(const FinishedRig& rig) {
+// Returns the pixels of --pixels: those of one point, or of one point each.
+enum class Pixels { kOfOnePoint, kOfPoints };
+std::vector<CameraPixel> PixelsOfFlag(const FinishedRig& rig, Pixels which) {
   std::vector<CameraPixel> pixels;
   const std::string form = "CAMERA=U,V";
   for (const std::string& part : Split(FLAGS_pixels, ';')) {
@@ -174,20 +176,62 @@ std::vector<CameraPixel> PixelsOfFlag(const FinishedRig& rig) {
     const CameraPixel pixel{camera, PixelOfFlag(text, form + " is needed, several separated by semicolons")};
     CheckPixelInImage(pixel.pixel, rig.result.solution.cameras[camera], name);
     const auto is_same = [&](const CameraPixel& other) { return other.camera == pixel.camera; };
-    if (std::any_of(pixels.begin(), pixels.end(), is_same)) {
+    if (which == Pixels::kOfOnePoint && std::any_of(pixels.begin(), pixels.end(), is_same)) {
       throw InputError("--pixels: camera " + name + " is named twice; one pixel of each camera shows the point");
     }
     pixels.push_back(pixel);
   }
-  if (pixels.size() < 2) throw InputError("--pixels: a point needs its pixels in at least two cameras");
+  if (which == Pixels::kOfOnePoint && pixels.size() < 2) {
+    throw InputError(
+        "--pixels: a point needs its pixels in at least two cameras, or the plane that it lies on (--plane)");
+  }
   return pixels;
 }
 
-int LocatePoint(const FinishedRig& rig) {
-  const std::vector<CameraPixel> pixels = PixelsOfFlag(rig);
+Json PointSigmaJson(const PositionCovariance& covariance) {
+  constexpr double kMm = 1000;
+  return Json{{"total_mm", SigmasJson(covariance.TotalM2(), kMm)},
+              {"calibration_mm", SigmasJson(covariance.by_calibration_m2, kMm)},
+              {"image_mm", SigmasJson(covariance.by_image_m2, kMm)},
+              {"robot_mm", SigmasJson(covariance.by_robot_m2, kMm)}};
+}
+
+std::vector<RigArmPose> PosesForPixels(const FinishedRig& rig, const std::vector<CameraPixel>& pixels) {
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : pixels) cameras.push_back(pixel.camera);
-  const std::vector<RigArmPose> arms = PosesFor(rig, cameras);
+  return PosesFor(rig, cameras);
+}
+
+// Locates each pixel where its ray meets a plane in the world.
+int LocatePointsOnPlane(const FinishedRig& rig, const Plane& plane) {
+  const std::vector<CameraPixel> pixels = PixelsOfFlag(rig, Pixels::kOfPoints);
+  const std::vector<RigArmPose> arms = PosesForPixels(rig, pixels);
+  Json points = Json::array();
+  std::string text;
+  for (const CameraPixel& pixel : pixels) {
+    const std::string& camera = rig.result.rig.cameras[pixel.camera].name;
+    const Outcome<LocatedPoint> point =
+        LocatePixelInRig(rig.result.rig, rig.result.solution, pixel, plane, StatedPosesOf(arms));
+    if (!point) {
+      PrintError("--pixels: camera " + camera + ", " + Significant(pixel.pixel.x(), 6) + "," +
+                 Significant(pixel.pixel.y(), 6) + ": " + point.reason());
+      return kWorkFailed;
+    }
+    const Eigen::Vector3d& at = point->in_world;
+    points.push_back(Json{{"camera", camera},
+                          {"pixel", {pixel.pixel.x(), pixel.pixel.y()}},
+                          {"in_world_m", {at.x(), at.y(), at.z()}},
+                          {"sigma", PointSigmaJson(point->covariance)}});
+    text += "camera " + camera + ", pixel " + Significant(pixel.pixel.x(), 6) + ", " + Significant(pixel.pixel.y(), 6) +
+            ": " + RigPointText(*point) + "\n";
+  }
+  Print(rig, Json{{"robots", ArmPosesJson(rig, arms)}, {"points", points}}, text + ArmPosesText(rig.result, arms));
+  return kDone;
+}
+
+int LocatePoint(const FinishedRig& rig) {
+  const std::vector<CameraPixel> pixels = PixelsOfFlag(rig, Pixels::kOfOnePoint);
+  const std::vector<RigArmPose> arms = PosesForPixels(rig, pixels);
   const Outcome<LocatedPoint> point =
       TriangulateInRig(rig.result.rig, rig.result.solution, pixels, StatedPosesOf(arms));
   if (!point) {
@@ -199,18 +243,15 @@ int LocatePoint(const FinishedRig& rig) {
   constexpr double kApartPx = 3;
   const std::string warning =
       point->rms_px > kApartPx ? "the rays of the pixels do not meet: do they show one point?" : "";
-  constexpr double kMm = 1000;
   const Json json{{"robots", ArmPosesJson(rig, arms)},
                   {"point",
                    {{"in_world_m", {at.x(), at.y(), at.z()}},
                     {"rms_px", point->rms_px},
                     {"warning", warning},
-                    {"sigma",
-                     {{"total_mm", SigmasJson(point->covariance.TotalM2(), kMm)},
-                      {"calibration_mm", SigmasJson(point->covariance.by_calibration_m2, kMm)},
-                      {"image_mm", SigmasJson(point->covariance.by_image_m2, kMm)},
-                      {"robot_mm", SigmasJson(point->covariance.by_robot_m2, kMm)}}}}}};
-  Print(rig, json, RigPointText(*point) + ArmPosesText(rig.result, arms));
+                    {"sigma", PointSigmaJson(point->covariance)}}}};
+  Print(rig, json,
+        RigPointText(*point) + "; the pixels are " + Significant(point->rms_px, 2) + " px from the point (RMS)\n" +
+            ArmPosesText(rig.result, arms));
   if (!warning.empty()) std::cerr << "heba: warning: " << warning << std::endl;
   return kDone;
 }
@@ -325,7 +366,8 @@ int LocateWithRig(const std::vector<std::string>& arguments) {
   if (!FLAGS_pixels.empty()) {
     if (!FLAGS_near.empty()) throw InputError("--near: pixels have only one possible position; leave this flag out");
     if (!images.empty()) throw InputError("--pixels: needs no image; leave " + Quoted(images.front()) + " out");
-    return LocatePoint(rig);
+    const std::optional<Plane> plane = PlaneOfFlag();
+    return plane ? LocatePointsOnPlane(rig, *plane) : LocatePoint(rig);
   }
   if (images.empty()) throw InputError("a rig needs images: CAMERA=IMAGE for each camera");
   return LocateTargets(rig, images);

@@ -7,10 +7,11 @@
 namespace heba {
 
 // Locates the targets that images of the rig's cameras (CAMERA=IMAGE) show together, or the point whose pixels --pixels
-// gives. Returns the exit status. Throws InputError on wrong arguments.
+// gives, or each of these pixels on a plane (--plane). Returns the exit status. Throws InputError on wrong arguments.
 //
-// With --json, prints {"schema": "heba/rig_locations/1", "heba", "name", "robots"} with "targets", or with "point":
-// {"in_world_m", "rms_px", "warning", "sigma"}. "robots" has the pose of each arm that carries one of the cameras,
+// With --json, prints {"schema": "heba/rig_locations/1", "heba", "name", "robots"} with "targets", with "point":
+// {"in_world_m", "rms_px", "warning", "sigma"}, or with "points": [{"camera", "pixel", "in_world_m", "sigma"}].
+// "robots" has the pose of each arm that carries one of the cameras,
 // {"stated", "corrected", "arm", "reason"}: `arm` is the model whose errors are estimated, `corrected` the pose without
 // these errors, and `reason` states why it is not known. A target has {"target", "cameras", "located", "reason",
 // "pose", "rms_px", "chance", "symmetries", "sigma", "poses", "chosen"}: `chance` is LocatedTarget::p_value; `poses`

@@ -100,7 +100,7 @@ std::string RigPointText(const LocatedPoint& point) {
          SigmasText(point.covariance.TotalM2(), kMm) + " mm along the world's x, y, z\n  calibration " +
          SigmasText(point.covariance.by_calibration_m2, kMm) + ", images " +
          SigmasText(point.covariance.by_image_m2, kMm) + ", arm " + SigmasText(point.covariance.by_robot_m2, kMm) +
-         " mm; the pixels are " + Significant(point.rms_px, 2) + " px from the point (RMS)\n";
+         " mm";
 }
 
 std::string ArmPosesText(const RigResult& result, const std::vector<RigArmPose>& arms) {

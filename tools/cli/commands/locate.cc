@@ -81,30 +81,6 @@ std::optional<ReachingArm> ArmAskedFor() {
   return ReachingArm{robot->name, robot, nullptr};
 }
 
-// Parses --plane, "nx, ny, nz, 120 mm"; nothing for the plane of the target.
-std::optional<Plane> PlaneAskedFor() {
-  if (FLAGS_plane == "target") return std::nullopt;
-  const std::vector<std::string> fields = Split(FLAGS_plane, ',');
-  Plane plane;
-  bool are_numbers = fields.size() == 4;
-  for (size_t i = 0; i < 3 && are_numbers; ++i) {
-    are_numbers = ParseDouble(Trim(fields[i]), &plane.normal[static_cast<Eigen::Index>(i)]);
-  }
-  const bool is_direction = are_numbers && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
-  if (!is_direction) {
-    throw InputError(
-        "--plane: " + Quoted(FLAGS_plane) +
-        " is not a plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
-        "target" +
-        DidYouMean(FLAGS_plane, {"target"}));
-  }
-  plane.normal.normalize();
-  const ParsedQuantity distance = ParseQuantity(Trim(fields[3]), Quantity::kLength);
-  if (!distance.fault.empty()) throw InputError("--plane: " + distance.fault);
-  plane.distance_m = distance.value;
-  return plane;
-}
-
 // Sets the pixels and the plane that --pixels and --plane request.
 void SetPixels(const Camera& camera, LocationRequest* request) {
   if (FLAGS_pixels.empty()) {
@@ -113,7 +89,7 @@ void SetPixels(const Camera& camera, LocationRequest* request) {
     }
     return;
   }
-  request->plane = PlaneAskedFor();
+  request->plane = PlaneOfFlag();
   for (const std::string& pair : Split(FLAGS_pixels, ';')) {
     request->pixels.push_back(PixelOfFlag(pair, "u,v is needed, several separated by semicolons"));
     CheckPixelInImage(request->pixels.back(), camera);
