@@ -177,7 +177,11 @@ class FrameLocation {
           EigenOfSymmetric(at->of_images.topLeftCorner(num_coordinates_, num_coordinates_)).values;
       if (!(of_frame.minCoeff() > kLeast * of_frame.maxCoeff())) return std::nullopt;
       Eigen::VectorXd tangent = -SolveSymmetric(WithPrior(at->of_images), at->gradient);
+      // The decrease that the step promises is exact where that of the squares is lost in their rounding.
+      constexpr double kNoDecrease = 1e-20;
+      const bool is_last = -at->gradient.dot(tangent) <= kNoDecrease * (1 + at->squares);
       // A step that does not reduce the cost is halved.
+      constexpr double kRounding = 1e-12;
       std::optional<FrameEquations> next;
       FrameState moved;
       for (int halving = 0; halving < 20; ++halving, tangent *= 0.5) {
@@ -185,14 +189,13 @@ class FrameLocation {
         of_pose.head(num_coordinates_) = tangent.head(num_coordinates_);
         moved = {Retract(state.world_from_frame, of_pose), state.corrections + tangent.tail(num_corrections_)};
         next = EquationsAt(moved);
-        if (next && next->squares <= at->squares) break;
+        if (next && next->squares <= at->squares + kRounding * (1 + at->squares)) break;
         next.reset();
       }
       if (!next) break;
-      const bool is_done = at->squares - next->squares <= 1e-12 * (1 + at->squares);
       state = moved;
       at = std::move(next);
-      if (is_done) break;
+      if (is_last) break;
     }
     if (!at) return std::nullopt;
     const Eigen::MatrixXd inverse = InverseOfSymmetric(WithPrior(at->of_images));
