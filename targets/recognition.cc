@@ -130,6 +130,19 @@ bool IsBetter(const RecognisedTarget& a, const RecognisedTarget& b) {
   return weight(a) != weight(b) ? weight(a) > weight(b) : a.target->points().size() < b.target->points().size();
 }
 
+// Returns whether two proposals are one target: lengths that are measured in images differ by some hundredths.
+bool AreAlike(const TargetSettings& a, const TargetSettings& b) {
+  constexpr double kAlike = 1.1;
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& one, const auto& other) {
+    if (one.first != other.first || !IsLength(one.second) || !IsLength(other.second)) return one == other;
+    double length = 0;
+    double other_length = 0;
+    ParseDouble(one.second.substr(0, one.second.size() - 2), &length);
+    ParseDouble(other.second.substr(0, other.second.size() - 2), &other_length);
+    return length < kAlike * other_length && other_length < kAlike * length;
+  });
+}
+
 }  // namespace
 
 std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& images, int num_threads) {
@@ -162,7 +175,7 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     std::optional<RecognisedTarget>& best = best_of[i];
     if (!best) continue;
     auto same = std::find_if(proposals.begin(), proposals.end(),
-                             [&](const RecognisedTarget& other) { return other.settings == best->settings; });
+                             [&](const RecognisedTarget& other) { return AreAlike(other.settings, best->settings); });
     if (proposing[i].size() == images[chosen[i]].size()) {
       known.push_back({static_cast<size_t>(same - proposals.begin()), chosen[i], best->num_points});
     }

@@ -482,17 +482,25 @@ class Dots {
   Dots(const cv::Mat& grey, const std::vector<FoundEllipse>& found)
       : grey_(grey), found_(found), fitted_(found.size()) {}
 
+  // Dots from all parts of the image are read in turn; the search ends if none of the first has a ring.
   std::vector<SeenRing> RingsOf(const RingDecoder& decoder) {
     std::vector<SeenRing> rings;
-    for (size_t i = 0; i < found_.size(); ++i) {
-      const Ellipse& dot = found_[i].ellipse;
-      // Most dots of other targets are told from rings without a fit.
-      const bool is_large = dot.SemiAxesPx().y() >= RingDecoder::kLeastLikelyRadiusPx;
-      if (is_large ? !decoder.IsLikely(grey_, dot) : !decoder.MayRead(grey_, dot)) continue;
-      if (!fitted_[i]) fitted_[i] = decoder.FitDot(grey_, dot);
-      if (!*fitted_[i]) continue;
-      const std::optional<RingReading> reading = decoder.ReadAround(grey_, **fitted_[i]);
-      if (reading && reading->is_clear) rings.push_back({reading->code, dot});
+    constexpr size_t kFirst = 40;
+    const size_t stride = std::max<size_t>(1, found_.size() / kFirst);
+    size_t num_fitted = 0;
+    for (size_t start = 0; start < stride; ++start) {
+      for (size_t i = start; i < found_.size(); i += stride) {
+        if (rings.empty() && num_fitted >= kFirst) return rings;
+        const Ellipse& dot = found_[i].ellipse;
+        // Most dots of other targets are told from rings without a fit.
+        const bool is_large = dot.SemiAxesPx().y() >= RingDecoder::kLeastLikelyRadiusPx;
+        if (is_large ? !decoder.IsLikely(grey_, dot) : !decoder.MayRead(grey_, dot)) continue;
+        ++num_fitted;
+        if (!fitted_[i]) fitted_[i] = decoder.FitDot(grey_, dot);
+        if (!*fitted_[i]) continue;
+        const std::optional<RingReading> reading = decoder.ReadAround(grey_, **fitted_[i]);
+        if (reading && reading->is_clear) rings.push_back({reading->code, dot});
+      }
     }
     return rings;
   }
