@@ -16,6 +16,7 @@
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/calibration/multi_start.h"
+#include "solvers/calibration/observability.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/two_step_motion.h"
 #include "solvers/initial/intrinsics.h"
@@ -23,6 +24,7 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/initial/usable_views.h"
 #include "solvers/refine/bundle_model.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -668,7 +670,10 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
                  {"least_robot_deg", kIndustrialArmDeg[0]},
                  {"most_robot_deg", kIndustrialArmDeg[1]}}});
   }
-  add(DiagnoseWeakDirections(solved, solution, bundle));
+  const RigSolution of_all = ProblemSolution(solution);
+  const RigProblem used = WithoutRejected(HandEyeProblem(solved, bundle), of_all);
+  // A single camera of which all is well known has no such finding.
+  if (DirectionsOfCamera(used, of_all, 0).front().IsWeak()) add(DiagnoseDirections(used, of_all).front());
   add(DescribeModel(model, calibration.alternatives, solution));
   return advice;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
@@ -10,14 +9,8 @@
 #include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/choice_levels.h"
-#include "solvers/calibration/weak_directions.h"
 #include "solvers/refine/bundle_model.h"
-#include "solvers/refine/fit.h"
-#include "solvers/refine/hand_eye_problem.h"
-#include "solvers/refine/linearised_images.h"
-#include "solvers/uncertainty/robot_noise.h"
 #include "solvers/uncertainty/unknown_change.h"
-#include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
 namespace {
@@ -28,72 +21,6 @@ double DistanceOf(const Problem& problem, const Solution& solution) {
     camera_from_target.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
   }
   return WorkingDistance(camera_from_target);
-}
-
-std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
-  const UnknownLayout& layout = solution.covariance.layout;
-  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-  const double distance_m = DistanceOf(problem, solution);
-  std::vector<WeakDirection> weak_directions =
-      WorstDirections(covariance, layout.Block(kHandEyeBlock).first, solution.hand_eye.camera_mount_from_camera,
-                      CameraMountName(problem.setup), "camera", distance_m);
-  const UnknownBlock camera = layout.Block(kCameraBlock);
-  for (const std::vector<WeakDirection>& more :
-       {WorstDirections(covariance, layout.Block(kBoardBlock).first, solution.hand_eye.target_mount_from_target,
-                        TargetMountName(problem.setup), "target", distance_m),
-        IntrinsicDirections(solution.covariance, camera, solution.camera)}) {
-    weak_directions.insert(weak_directions.end(), more.begin(), more.end());
-  }
-  std::erase_if(weak_directions, [](const WeakDirection& direction) { return !direction.IsWeak(); });
-  SortByNeed(&weak_directions);
-  return weak_directions;
-}
-
-// Two additional captures, by their motion and as linearised views.
-struct SuggestedCaptures {
-  CandidateMotion motion;
-  std::vector<LinearisedView> views;
-};
-
-// Returns a view of all `points` from `camera_from_target`, or nothing if a point would lie outside the image.
-std::optional<View> ImaginedView(const Solution& solution, const Observations& points,
-                                 const Rigid3d& camera_from_target) {
-  std::optional<ImaginedPoints> imagined = ImaginePoints(solution.camera, points, camera_from_target);
-  if (!imagined || imagined->num_outside > 0) return std::nullopt;
-  View view;
-  view.camera_mount_from_target_mount = solution.hand_eye.camera_mount_from_camera * camera_from_target *
-                                        Inverse(solution.hand_eye.target_mount_from_target);
-  view.observations = std::move(imagined->inside);
-  return view;
-}
-
-std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, const Solution& solution,
-                                                     const BundleOptions& options) {
-  const View& fullest = *std::max_element(problem.views.begin(), problem.views.end(), [](const View& a, const View& b) {
-    return a.observations.size() < b.observations.size();
-  });
-  const Observations& points = fullest.observations;
-  std::vector<Rigid3d> poses;
-  for (const View& view : problem.views) {
-    poses.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
-  }
-  const RigSolution at = ProblemSolution(solution);
-  FitState state = StateOf(at);
-  state.corrections.clear();
-  std::vector<SuggestedCaptures> cures;
-  for (CandidateMotion& motion :
-       CandidateMotions(solution.camera, MeanPose(poses), points.points_in_target.rowwise().mean())) {
-    Problem imagined{solution.camera, {}, problem.setup, solution.shape};
-    for (const Rigid3d& camera_from_target : motion.camera_from_target) {
-      std::optional<View> view = ImaginedView(solution, points, camera_from_target);
-      if (view) imagined.views.push_back(std::move(*view));
-    }
-    if (imagined.views.size() < 2) continue;
-    std::optional<std::vector<LinearisedView>> views =
-        LineariseEachCapture(HandEyeProblem(imagined, options), state, NoiseOf(at), LossOf(LossKind::kNone));
-    if (views) cures.push_back({std::move(motion), std::move(*views)});
-  }
-  return cures;
 }
 
 bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group) {
@@ -148,37 +75,6 @@ Eigen::VectorXd ChangeBetween(const Solution& from, const Solution& to) {
 }
 
 }  // namespace
-
-std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
-                                              const BundleOptions& options) {
-  const UnknownLayout& layout = solution.covariance.layout;
-  const std::vector<WeakDirection> weak_directions = FindWeakDirections(problem, solution);
-  if (weak_directions.empty()) return std::nullopt;
-  const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, options);
-  // New captures have the smooth errors of other poses, too.
-  RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  const RobotNoise smooth = solution.smooth_noise.value_or(RobotNoise{});
-  robot.translation_m = std::hypot(robot.translation_m, smooth.translation_m);
-  robot.rotation_rad = std::hypot(robot.rotation_rad, smooth.rotation_rad);
-  const Eigen::MatrixXd information =
-      InvertInformation({layout, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
-  const WeakDirection& worst = weak_directions.front();
-  double best_sigma = std::numeric_limits<double>::infinity();
-  const SuggestedCaptures* best = nullptr;
-  for (const SuggestedCaptures& cure : cures) {
-    const Information with{layout, information + MarginalInformation(cure.views, CorrectionVariances(robot), 1.0)};
-    const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
-    const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
-    if (sigma >= best_sigma) continue;
-    best_sigma = sigma;
-    best = &cure;
-  }
-  Finding finding = FindingOf(weak_directions);
-  if (best != nullptr && best_sigma < kHelps * worst.sigma) {
-    finding.parts.push_back(SuggestionOf(best->motion, problem.setup == Setup::kEyeToHand, worst, best_sigma));
-  }
-  return finding;
-}
 
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution) {

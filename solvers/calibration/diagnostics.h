@@ -13,16 +13,6 @@
 
 namespace heba {
 
-// Returns the finding `weak_direction`: the parts of the result whose sigma exceeds what a robot cell usually needs (1
-// mm, 0.1 deg, 0.2 % of the focal length, 0.2 % of the image width for the principal point), the worst first. The
-// finding has a part `weak_direction_of` for each direction (named by a frame's axis if it is close to one) with its
-// sigma, and a part `suggested_captures` for the motion that would reduce the worst sigma most, with the sigma expected
-// then, unless no motion reduces it much. Candidate motions are pairs of captures: target tilted about its axes,
-// rotated in its plane, nearer and farther, towards the sides of the image, all relative to the mean pose of the
-// captures. Each pair is rated by the information that its points would add. Returns nothing if no sigma is too large.
-std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
-                                              const BundleOptions& options);
-
 // Returns the finding `model`: the error model that was chosen, and the alternative that it was preferred to, with
 // figures.
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,

@@ -13,11 +13,13 @@ RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) 
   whole.robots = {""};
   RigCamera& camera = whole.cameras.emplace_back();
   camera.mount = is_in_hand ? gripper : base;
+  camera.mount_name = CameraMountName(problem.setup);
   camera.camera = problem.camera;
   camera.free_intrinsics = options.free_intrinsics;
   camera.prior = options.camera_prior;
   RigTarget& target = whole.targets.emplace_back();
   target.mount = is_in_hand ? base : gripper;
+  target.mount_name = TargetMountName(problem.setup);
   target.shape = problem.shape;
   target.free_shape = options.free_shape;
   target.scale_sigma = options.target_scale_sigma;

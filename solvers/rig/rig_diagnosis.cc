@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "solvers/calibration/observability.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_start.h"
 
 namespace heba {
@@ -72,6 +74,11 @@ std::optional<ShiftedCamera> FindShiftedCamera(const RigProblem& problem, const 
     }
   }
   return std::nullopt;
+}
+
+std::vector<Finding> DiagnoseRigDirections(const RigCalibration& calibration) {
+  CHECK(calibration.refined.ok());
+  return DiagnoseDirections(WithoutRejected(calibration.problem, *calibration.refined), *calibration.refined);
 }
 
 }  // namespace heba

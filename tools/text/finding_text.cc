@@ -281,14 +281,15 @@ std::string MotionText(const Finding& finding) {
   return "two captures with the target at the top and bottom of the image";
 }
 
-// Returns where the motion of a rig starts: "from capture 007.png on, with target plate in camera left, "; empty for a
-// single camera.
+// Returns where a motion starts: "from capture 007.png on: ", of a rig with "target plate in camera left".
 std::string StartText(const Finding& finding) {
   const std::string capture = Name(finding, "from_capture");
   if (capture.empty()) return "";
   const std::string arm = Name(finding, "by_arm");
-  return "from capture " + capture + " on, with target " + Name(finding, "view_of_target") + " in camera " +
-         Name(finding, "view_of_camera") + (arm.empty() ? "" : ", by arm " + arm) + ": ";
+  const std::string camera = Name(finding, "view_of_camera");
+  return "from capture " + capture + " on" +
+         (camera.empty() ? "" : ", with target " + Name(finding, "view_of_target") + " in camera " + camera) +
+         (arm.empty() ? "" : ", by arm " + arm) + ": ";
 }
 
 FindingText SuggestedCapturesText(const Finding& finding) {

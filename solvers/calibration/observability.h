@@ -1,22 +1,24 @@
-// Finds the directions in which each camera of a rig is known least, and the captures that would determine it better.
+// Finds the directions in which each camera of a problem is known least, and the captures that would determine it
+// better.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "heba/rig_calibration.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
 #include "solvers/calibration/weak_directions.h"
 
 namespace heba {
 
 // Returns the directions in which the pose of a camera in its mount and its free intrinsics are known least, the worst
-// first.
+// first. Those of the targets' poses are among them if there is one camera.
 std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const RigSolution& solution, size_t camera);
 
-// Two additional captures of a rig: a motion of a target in a camera that one arm makes, starting from a capture, while
+// Two additional captures: a motion of a target in a camera that one arm makes, starting from a capture, while
 // the other arms stay.
-struct RigCandidate {
+struct CandidateCaptures {
   size_t camera = 0;
   size_t target = 0;
   size_t robot = 0;
@@ -29,11 +31,18 @@ struct RigCandidate {
 // sees a target that it saw in an image in use if all points lie in the image or as many as in one of these images,
 // and if the target shows the same side, is not seen more obliquely and is not much farther away than in these images.
 // `used` has the points in use.
-std::vector<RigCandidate> FindRigCandidates(const RigProblem& used, const RigSolution& solution);
+std::vector<CandidateCaptures> FindCandidates(const RigProblem& used, const RigSolution& solution);
 
 // Returns one sigma of each direction if a candidate were captured, too; nothing if a point would have no image.
 std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigSolution& solution,
-                                              const RigCandidate& candidate,
+                                              const CandidateCaptures& candidate,
                                               const std::vector<WeakDirection>& directions);
+
+// Returns a finding `weak_direction` for each camera, named `of_camera` if cameras have names: the directions of which
+// the sigma exceeds what a robot cell usually needs (1 mm, 0.1 deg, 0.2 % of the focal length, 0.2 % of the image width
+// for the principal point), the worst first, or the worst one if none does. It has a part `weak_direction_of` for each
+// direction (named by a frame's axis if it is close to one) with its sigma, and a part `suggested_captures` for the
+// candidate that would reduce the worst sigma most, with the sigma expected then, unless none reduces it much.
+std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolution& solution);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-#include "solvers/rig/rig_observability.h"
+#include "solvers/calibration/observability.h"
 
 #include <cmath>
 #include <set>
@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "heba/rig_calibration.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
@@ -36,7 +37,8 @@ const Finding* PartOf(const Finding& finding, const std::string& code) {
 }
 
 // The covariance of the captures in use together with more captures, from all their linearised images.
-Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& solution, const RigCandidate& candidate) {
+Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& solution,
+                               const CandidateCaptures& candidate) {
   Fit fit;
   RigProblem problem = WeightedAs(solution, used);
   fit.state = StateOf(solution);
@@ -50,7 +52,7 @@ Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& soluti
   return InvertInformation(*FitInformation(fit, LossOf(LossKind::kNone), 1), 1.0).matrix;
 }
 
-TEST(RigObservability, NamesTheWeakDirectionsOfEachCamera) {
+TEST(Observability, NamesTheWeakDirectionsOfEachCamera) {
   const RigScene scene = MixedRig(31, PoorArm());
   const RigCalibration calibration = Calibrated(scene);
   const RigSolution& solution = *calibration.refined;
@@ -79,7 +81,7 @@ TEST(RigObservability, NamesTheWeakDirectionsOfEachCamera) {
   EXPECT_GT(num_weak, 0);
 }
 
-TEST(RigObservability, ACertainRigHasNoWeakDirection) {
+TEST(Observability, ACertainRigHasNoWeakDirection) {
   for (const Finding& finding : DiagnoseRigDirections(Calibrated(FourCameraRig(32)))) {
     EXPECT_EQ(finding.grade, Grade::kGood);
     EXPECT_NE(PartOf(finding, "weak_direction_of"), nullptr);
@@ -87,7 +89,7 @@ TEST(RigObservability, ACertainRigHasNoWeakDirection) {
 }
 
 // The sigma that a suggestion states is that of the whole adjustment with these captures, for all of the rig's cameras.
-TEST(RigObservability, StatesTheSigmaOfTheLargerAdjustment) {
+TEST(Observability, StatesTheSigmaOfTheLargerAdjustment) {
   for (const RigScene& scene : {MixedRig(33, PoorArm()), TwoArmRig(34, PoorArm())}) {
     const RigCalibration calibration = Calibrated(scene);
     const RigSolution& solution = *calibration.refined;
@@ -96,7 +98,7 @@ TEST(RigObservability, StatesTheSigmaOfTheLargerAdjustment) {
     for (size_t c = 0; c < used.cameras.size(); ++c) {
       directions.push_back(DirectionsOfCamera(used, solution, c).front());
     }
-    const std::vector<RigCandidate> candidates = FindRigCandidates(used, solution);
+    const std::vector<CandidateCaptures> candidates = FindCandidates(used, solution);
     ASSERT_GE(candidates.size(), 6U);
     double most_help = 0;
     for (size_t k = 0; k < candidates.size(); k += 5) {
@@ -116,12 +118,12 @@ TEST(RigObservability, StatesTheSigmaOfTheLargerAdjustment) {
 }
 
 // The best candidate for a camera is suggested, with what the cameras see there.
-TEST(RigObservability, SuggestsTheCapturesThatHelpACameraMost) {
+TEST(Observability, SuggestsTheCapturesThatHelpACameraMost) {
   const RigScene scene = MixedRig(33, PoorArm());
   const RigCalibration calibration = Calibrated(scene);
   const RigSolution& solution = *calibration.refined;
   const RigProblem used = WithoutRejected(calibration.problem, solution);
-  const std::vector<RigCandidate> candidates = FindRigCandidates(used, solution);
+  const std::vector<CandidateCaptures> candidates = FindCandidates(used, solution);
   int num_suggested = 0;
   const std::vector<Finding> findings = DiagnoseRigDirections(calibration);
   for (size_t c = 0; c < findings.size(); ++c) {
@@ -130,7 +132,7 @@ TEST(RigObservability, SuggestsTheCapturesThatHelpACameraMost) {
     ++num_suggested;
     const WeakDirection worst = DirectionsOfCamera(used, solution, c).front();
     double least = worst.sigma;
-    for (const RigCandidate& candidate : candidates) {
+    for (const CandidateCaptures& candidate : candidates) {
       least = std::min(least, SigmasWith(used, solution, candidate, {worst})->front());
     }
     EXPECT_NEAR(*suggested->Number("sigma"), least / worst.unit_size, 1e-9);
@@ -142,13 +144,13 @@ TEST(RigObservability, SuggestsTheCapturesThatHelpACameraMost) {
 }
 
 // In a candidate, the cameras see what they would see at these poses of the arms, inside their images.
-TEST(RigObservability, CandidatesHaveTheImagesOfAllCameras) {
+TEST(Observability, CandidatesHaveTheImagesOfAllCameras) {
   const RigScene scene = FourCameraRig(36, PoorArm());
   const RigCalibration calibration = Calibrated(scene);
   const RigSolution& solution = *calibration.refined;
   const RigProblem used = WithoutRejected(calibration.problem, solution);
   std::set<size_t> most_cameras;
-  for (const RigCandidate& candidate : FindRigCandidates(used, solution)) {
+  for (const CandidateCaptures& candidate : FindCandidates(used, solution)) {
     EXPECT_EQ(candidate.captures.size(), 2U);
     for (size_t side = 0; side < candidate.captures.size(); ++side) {
       const RigCapture& capture = candidate.captures[side];

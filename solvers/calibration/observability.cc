@@ -1,4 +1,4 @@
-#include "solvers/rig/rig_observability.h"
+#include "solvers/calibration/observability.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,6 @@
 #include "heba/evaluation/metrics.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/rig/rig_outliers.h"
 
 namespace heba {
 namespace {
@@ -104,9 +103,13 @@ class Imagination {
   Imagination(const RigProblem& used, const RigSolution& solution, const Sights& sights)
       : used_(used), solution_(solution), sights_(sights), points_(PointsOfTargets(used)) {}
 
-  // `like` is a capture with similar poses, whose shared effects hold.
+  // `like` is a capture with similar poses, whose shared effects hold, but for smooth errors, which are others.
   RigCapture At(const std::vector<Rigid3d>& base_from_gripper, size_t like) const {
-    RigCapture capture{"", base_from_gripper, {}, used_.captures[like].effects};
+    RigCapture capture{"", base_from_gripper, {}, used_.captures[like].effects, used_.captures[like].postures};
+    for (size_t r = 0; r < capture.effects.size(); ++r) {
+      const SharedEffects* const effects = EffectsOf(used_, r);
+      if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) capture.effects[r] = nullptr;
+    }
     for (const auto& [pair, sight] : sights_) {
       std::optional<Observations> seen = Seen(pair.first, pair.second, sight, base_from_gripper);
       if (seen) capture.images.push_back({pair.first, pair.second, std::move(*seen)});
@@ -154,19 +157,24 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSol
   const RigProblem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
   FitState state = StateOf(solution);
   state.corrections.clear();
-  const FitNoise noise = NoiseOf(solution);
+  FitNoise noise = NoiseOf(solution);
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    const RobotNoise smooth = SmoothNoiseOf(solution, moving[k]).value_or(RobotNoise{});
+    noise.robots[k].translation_m = std::hypot(noise.robots[k].translation_m, smooth.translation_m);
+    noise.robots[k].rotation_rad = std::hypot(noise.robots[k].rotation_rad, smooth.rotation_rad);
+  }
   const std::optional<std::vector<LinearisedView>> views =
       LineariseCaptures(ImageLoops(one, {{0}}, state, noise, moving), ValuesOf(state), 1, LossOf(LossKind::kNone));
   if (!views || views->empty()) return std::nullopt;
   std::vector<size_t> all(views->size());
   for (size_t v = 0; v < all.size(); ++v) all[v] = v;
   const LinearisedView view = std::move(StackGroups(*views, {all}).front());
-  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(used, moving));
+  const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(one, moving));
   const Eigen::MatrixXd by_sigmas = view.by_effects * variances.cwiseSqrt().asDiagonal();
   return CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(by_sigmas).SolveLower(view.by_unknowns);
 }
 
-bool SeesAnything(const RigCandidate& candidate) {
+bool SeesAnything(const CandidateCaptures& candidate) {
   return std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const RigCapture& capture) {
     return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
       return image.camera == candidate.camera && image.target == candidate.target;
@@ -175,7 +183,7 @@ bool SeesAnything(const RigCandidate& candidate) {
 }
 
 // Returns what each camera sees in both captures: "left sees plate and wall, right sees plate".
-std::string SightText(const RigProblem& problem, const RigCandidate& candidate) {
+std::string SightText(const RigProblem& problem, const CandidateCaptures& candidate) {
   std::vector<std::string> texts;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     std::vector<std::string> targets;
@@ -193,7 +201,7 @@ std::string SightText(const RigProblem& problem, const RigCandidate& candidate) 
 }
 
 // Returns the suggestion of a candidate for a camera. `before` and `after` have the worst direction of each camera.
-Finding Suggest(const RigProblem& problem, const RigCandidate& candidate, size_t camera,
+Finding Suggest(const RigProblem& problem, const CandidateCaptures& candidate, size_t camera,
                 const std::vector<WeakDirection>& before, const std::vector<double>& after) {
   const bool moves_target = problem.targets[candidate.target].mount == Mount{candidate.robot, Mount::Part::kGripper};
   Finding suggested = SuggestionOf(candidate.motion, moves_target, before[camera], after[camera]);
@@ -202,11 +210,13 @@ Finding Suggest(const RigProblem& problem, const RigCandidate& candidate, size_t
   for (size_t c = 0; c < before.size(); ++c) {
     if (ratio(c) < ratio(helped)) helped = c;
   }
-  suggested.names.emplace_back("view_of_camera", problem.cameras[candidate.camera].name);
-  suggested.names.emplace_back("view_of_target", problem.targets[candidate.target].name);
   suggested.names.emplace_back("from_capture", problem.captures[candidate.capture].name);
-  if (problem.robots.size() > 1) suggested.names.emplace_back("by_arm", problem.robots[candidate.robot]);
-  suggested.names.emplace_back("seen", SightText(problem, candidate));
+  if (!problem.cameras[camera].name.empty()) {
+    suggested.names.emplace_back("view_of_camera", problem.cameras[candidate.camera].name);
+    suggested.names.emplace_back("view_of_target", problem.targets[candidate.target].name);
+    if (problem.robots.size() > 1) suggested.names.emplace_back("by_arm", problem.robots[candidate.robot]);
+    suggested.names.emplace_back("seen", SightText(problem, candidate));
+  }
   suggested.numbers.emplace_back("helps_percent", 100 * (1 - ratio(camera)));
   if (helped != camera) {
     suggested.names.emplace_back("helps_most", problem.cameras[helped].name);
@@ -221,23 +231,29 @@ Finding Suggest(const RigProblem& problem, const RigCandidate& candidate, size_t
 std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const RigSolution& solution, size_t camera) {
   const RigCamera& of_rig = problem.cameras[camera];
   const UnknownLayout& layout = solution.covariance.layout;
-  std::vector<WeakDirection> directions =
-      WorstDirections(solution.covariance.matrix, layout.Block(CameraPoseBlock(of_rig)).first,
-                      solution.poses.mount_from_camera[camera], MountText(problem, of_rig), "camera",
-                      WorkingDistance(TargetPosesOf(problem, solution.poses, solution.effects, camera)));
-  for (WeakDirection& direction :
-       IntrinsicDirections(solution.covariance, layout.Block(CameraBlock(of_rig)), solution.cameras[camera])) {
-    directions.push_back(std::move(direction));
+  const double distance_m = WorkingDistance(TargetPosesOf(problem, solution.poses, solution.effects, camera));
+  std::vector<WeakDirection> directions;
+  const auto add = [&](std::vector<WeakDirection> more) {
+    for (WeakDirection& direction : more) directions.push_back(std::move(direction));
+  };
+  add(WorstDirections(solution.covariance.matrix, layout.Block(CameraPoseBlock(of_rig)).first,
+                      solution.poses.mount_from_camera[camera], MountText(problem, of_rig), "camera", distance_m));
+  for (size_t t = 0; t < problem.targets.size() && problem.cameras.size() == 1; ++t) {
+    const RigTarget& target = problem.targets[t];
+    add(WorstDirections(solution.covariance.matrix, layout.Block(TargetPoseBlock(target)).first,
+                        solution.poses.mount_from_target[t], MountText(problem, target),
+                        target.name.empty() ? "target" : "target " + target.name, distance_m));
   }
+  add(IntrinsicDirections(solution.covariance, layout.Block(CameraBlock(of_rig)), solution.cameras[camera]));
   SortByNeed(&directions);
   return directions;
 }
 
-std::vector<RigCandidate> FindRigCandidates(const RigProblem& used, const RigSolution& solution) {
+std::vector<CandidateCaptures> FindCandidates(const RigProblem& used, const RigSolution& solution) {
   constexpr size_t kStarts = 4;
   const Sights sights = SightsOf(used, solution);
   const Imagination imagination(used, solution, sights);
-  std::vector<RigCandidate> candidates;
+  std::vector<CandidateCaptures> candidates;
   for (const auto& [pair, sight] : sights) {
     const auto [c, t] = pair;
     for (size_t r = 0; r < used.robots.size(); ++r) {
@@ -248,7 +264,7 @@ std::vector<RigCandidate> FindRigCandidates(const RigProblem& used, const RigSol
         for (CandidateMotion& motion :
              CandidateMotions(solution.cameras[c], CameraFromTarget(used, solution.poses, c, t, poses),
                               imagination.PointsOf(t).points_in_target.rowwise().mean())) {
-          RigCandidate candidate{c, t, r, i, motion, {}};
+          CandidateCaptures candidate{c, t, r, i, motion, {}};
           for (const Rigid3d& camera_from_target : motion.camera_from_target) {
             std::vector<Rigid3d> moved = poses;
             moved[r] = PoseOfArm(used, solution.poses, c, t, r, poses, camera_from_target);
@@ -263,7 +279,7 @@ std::vector<RigCandidate> FindRigCandidates(const RigProblem& used, const RigSol
 }
 
 std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigSolution& solution,
-                                              const RigCandidate& candidate,
+                                              const CandidateCaptures& candidate,
                                               const std::vector<WeakDirection>& directions) {
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
   const std::vector<size_t> moving = MovingRobots(used);
@@ -291,10 +307,7 @@ std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigS
   return sigmas;
 }
 
-std::vector<Finding> DiagnoseRigDirections(const RigCalibration& calibration) {
-  CHECK(calibration.refined.ok());
-  const RigSolution& solution = *calibration.refined;
-  const RigProblem used = WithoutRejected(calibration.problem, solution);
+std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolution& solution) {
   std::vector<std::vector<WeakDirection>> directions;
   std::vector<WeakDirection> worst;
   for (size_t c = 0; c < used.cameras.size(); ++c) {
@@ -303,21 +316,21 @@ std::vector<Finding> DiagnoseRigDirections(const RigCalibration& calibration) {
     std::erase_if(directions.back(), [](const WeakDirection& direction) { return !direction.IsWeak(); });
     if (directions.back().empty()) directions.back().push_back(worst.back());
   }
-  const std::vector<RigCandidate> candidates = FindRigCandidates(used, solution);
+  const std::vector<CandidateCaptures> candidates = FindCandidates(used, solution);
   std::vector<std::optional<std::vector<double>>> sigmas;
   sigmas.reserve(candidates.size());
-  for (const RigCandidate& candidate : candidates) sigmas.push_back(SigmasWith(used, solution, candidate, worst));
+  for (const CandidateCaptures& candidate : candidates) sigmas.push_back(SigmasWith(used, solution, candidate, worst));
   std::vector<Finding> findings;
   for (size_t c = 0; c < used.cameras.size(); ++c) {
     Finding finding = FindingOf(directions[c]);
-    finding.names.emplace_back("of_camera", used.cameras[c].name);
+    if (!used.cameras[c].name.empty()) finding.names.emplace_back("of_camera", used.cameras[c].name);
     size_t best = candidates.size();
     for (size_t k = 0; k < candidates.size(); ++k) {
       if (!sigmas[k] || (*sigmas[k])[c] >= kHelps * worst[c].sigma) continue;
       if (best == candidates.size() || (*sigmas[k])[c] < (*sigmas[best])[c]) best = k;
     }
     if (best < candidates.size()) {
-      finding.parts.push_back(Suggest(calibration.problem, candidates[best], c, worst, *sigmas[best]));
+      finding.parts.push_back(Suggest(used, candidates[best], c, worst, *sigmas[best]));
     }
     findings.push_back(std::move(finding));
   }
