@@ -14,7 +14,7 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/hand_eye_problem.h"
-#include "solvers/refine/linearised_images.h"
+#include "solvers/refine/noise_iteration.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -259,11 +259,8 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   Problem problem{cell.camera, {}, cell.options.setup, cell.shape};
   Rng rng(0);
   problem.views = MakeAllViews(exact, no_errors, &rng);
-  PoseGroups groups(cell.poses.size());
-  for (size_t i = 0; i < problem.views.size(); ++i) {
+  for (size_t i = 0; i < problem.views.size() && cell.robot; ++i) {
     const size_t pose = i / static_cast<size_t>(cell.num_repeats);
-    groups[pose].push_back(i);
-    if (!cell.robot) continue;
     problem.views[i].effect = cell.robot->effects[pose];
     problem.views[i].gripper_by_joints = cell.robot->gripper_by_joints[pose];
   }
@@ -273,21 +270,19 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   free.free_shape = ShapeGroupsOf(cell);
   free.effects = drawn;
   const RigProblem whole = HandEyeProblem(problem, free);
-  FitState state{HandEyePosesOf(cell.hand_eye), {cell.camera}, {cell.shape}, {}, {}};
-  if (drawn != nullptr) state.effects = {Eigen::VectorXd::Zero(drawn->size())};
-  const std::optional<std::vector<LinearisedView>> each =
-      LineariseEachCapture(whole, state, {{cell.pixel_sigma_px}, {0}, {}}, LossOf(LossKind::kNone));
-  CHECK(each.has_value());
-  const std::vector<LinearisedView> views = cell.num_repeats > 1 ? StackGroups(*each, groups) : *each;
+  Fit fit;
+  fit.problem = Borrowed(whole);
+  fit.groups = GroupByRobotPoses(whole);
+  fit.state = {HandEyePosesOf(cell.hand_eye), {cell.camera}, {cell.shape}, {}, {}};
+  fit.noise = {{cell.pixel_sigma_px}, {0}, {}};
   RobotNoise noise = cell.robot_noise;
   if (cell.robot) noise.joint_rad = cell.robot->joint_noise_rad;
-  Information information{RigUnknowns(whole),
-                          MarginalInformation(views, CorrectionVariances(noise, views.front().by_effects.cols()), 1.0)};
-  const UnknownBlock robot = information.layout.Block(kRobotBlock);
-  for (Eigen::Index i = robot.first; i < robot.end(); ++i) {
-    const double sigma = drawn->groups[drawn->effects[static_cast<size_t>(i - robot.first)].group].sigma;
-    information.matrix(i, i) += 1 / (sigma * sigma);
-  }
+  const bool is_exact = noise.translation_m == 0 && noise.rotation_rad == 0 && noise.joint_rad == 0;
+  if (!is_exact) fit.noise.robots = {AtLeastExact(noise)};
+  AddEffects(whole, &fit.state, &fit.noise);
+  const std::optional<Information> found = FitInformation(fit, LossOf(LossKind::kNone), 1);
+  CHECK(found.has_value());
+  const Information& information = *found;
   if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
   const Covariance covariance = InvertInformation(information, 1.0);
   StudyErrors bound = FromMeanSquares(cell, WithoutEffects(covariance.layout, covariance.matrix.diagonal()));
