@@ -151,6 +151,21 @@ TEST_F(RigCommandsTest, ReportComparesTheNoiseWithWhatTheCorrectionsLeave) {
   }
 }
 
+// The influence of a capture is stated for each camera that uses its image.
+TEST_F(RigCommandsTest, StatesTheInfluenceOfEachCapture) {
+  const Json result = Json::parse(ReadAll(Path("run/result.json")));
+  int num_used = 0;
+  for (const Json& image : result["captures"]) {
+    EXPECT_EQ(image["move_without"].is_object(), image["used"].get<bool>()) << image;
+    if (!image["used"].get<bool>()) continue;
+    ++num_used;
+    EXPECT_GE(image["move_without"]["chance"].get<double>(), 0);
+    EXPECT_LE(image["move_without"]["chance"].get<double>(), 1);
+  }
+  EXPECT_GT(num_used, 20);
+  EXPECT_THAT(ReadAll(Path("run/report.html")), HasSubstr("result changes without it, mm"));
+}
+
 TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
   const std::string page = ReadAll(Path("run/report.html"));
   const Json result = Json::parse(ReadAll(Path("run/result.json")));

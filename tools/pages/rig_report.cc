@@ -308,6 +308,7 @@ std::string ImagesTable(const RigResult& result) {
       num_points += target.num_points;
       num_rejected += target.num_rejected;
     }
+    const std::optional<CaptureMove>& move = image.move_without;
     rows.push_back({{image.capture},
                     {image.camera},
                     {image.image},
@@ -316,10 +317,17 @@ std::string ImagesTable(const RigResult& result) {
                     {std::to_string(num_points), true},
                     {std::to_string(num_rejected), true},
                     Number(RmsOf(image)),
+                    {move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true},
+                    {move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true},
+                    {move ? ShownPValue(move->p_value) : "", true},
                     {image.reason}});
   }
-  return Heading("Images") + Paragraph("The RMS is that with the poses of the arms as reported.") +
-         HtmlTable({"capture", "camera", "image", "targets", "status", "points", "left out", "rms, px", "remark"},
+  return Heading("Images") +
+         Paragraph(
+             "The RMS is that with the poses of the arms as reported. The change is that of the camera's pose if "
+             "its capture is left out.") +
+         HtmlTable({"capture", "camera", "image", "targets", "status", "points", "left out", "rms, px",
+                    "result changes without it, mm", "deg", "chance", "remark"},
                    rows);
 }
 

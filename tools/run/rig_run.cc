@@ -15,7 +15,9 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/rig_cross_validation.h"
 #include "heba/run.h"
+#include "solvers/calibration/influence.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 #include "targets/images/image.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
@@ -73,9 +75,12 @@ class Reasons {
   std::vector<std::pair<std::string, std::vector<std::string>>> all_;
 };
 
+// The changes of the pose of each camera without each capture.
+using MovesOfCameras = std::vector<std::vector<std::optional<CaptureMove>>>;
+
 // Returns the entries of all images, used or not. `seen` has the points of all images, `used` those of the estimate.
 std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigProblem& seen, const RigProblem& used,
-                                         const RigCalibration& calibration) {
+                                         const RigCalibration& calibration, const MovesOfCameras& moves) {
   const RigSolution& solution = *calibration.refined;
   std::map<std::pair<size_t, size_t>, std::string> reason_of;
   for (const UnusedRigImage& unused : calibration.unused) {
@@ -115,6 +120,7 @@ std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigPro
         }
         if (!target.reason.empty()) reasons.Add(target.reason, target.target);
       }
+      if (result.used) result.move_without = moves[c][i];
       result.reason = result.targets.empty() ? "no target was detected" : reasons.Text();
       results.push_back(std::move(result));
     }
@@ -239,6 +245,11 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
   AddChanges(of_held.changes, &output.calibration.refined->covariance);
   const RigSolution& solution = *output.calibration.refined;
+  const RigProblem used = WithoutRejected(output.calibration.problem, solution);
+  MovesOfCameras moves;
+  for (size_t c = 0; c < used.cameras.size(); ++c) {
+    moves.push_back(MoveWithoutEachCapture(used, solution, c, LossOf(LossKind::kNone)));
+  }
   result.timing.refine_s = solution.convergence.seconds;
   result.timing.seed_s = std::max(0.0, solve_watch.Seconds() - result.timing.refine_s);
 
@@ -257,8 +268,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
   result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
   result.relative_bases = RelativeBasePoses(result.rig, result.solution);
-  const RigProblem used = WithoutRejected(output.calibration.problem, solution);
-  result.images = ImageResults(dataset, seen, used, output.calibration);
+  result.images = ImageResults(dataset, seen, used, output.calibration, moves);
   for (RigImageResult& left_out : LeftOutResults(dataset)) result.images.push_back(std::move(left_out));
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     // With the errors that captures share.

@@ -55,7 +55,7 @@ struct RobotNoisePrior {
 
 // The change of a result if one of its captures is left out.
 struct CaptureMove {
-  Tangent6 tangent = Tangent6::Zero();  // Change of camera_mount_from_camera: m and rad, in the camera's frame.
+  Tangent6 tangent = Tangent6::Zero();  // Change of the camera's pose in its mount: m and rad, in the camera's frame.
   double p_value = 1;  // Probability of a change at least this large if the capture is consistent with the others.
 };
 

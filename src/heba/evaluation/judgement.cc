@@ -95,6 +95,28 @@ Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out) {
   return of_hold_out == Grade::kGood ? std::min(grade, Grade::kDoubtful) : grade;
 }
 
+std::optional<Finding> JudgeMoves(const std::vector<NamedMove>& moves, double distance_m) {
+  constexpr double kUnlikely = 0.01;
+  const auto p_value_of = [](const NamedMove& named) { return named.move.p_value; };
+  const auto strongest = std::min_element(moves.begin(), moves.end(), [&](const NamedMove& a, const NamedMove& b) {
+    return p_value_of(a) < p_value_of(b);
+  });
+  const auto num_unlikely = static_cast<double>(
+      std::count_if(moves.begin(), moves.end(), [&](const NamedMove& named) { return p_value_of(named) < kUnlikely; }));
+  const auto num_asked = static_cast<double>(moves.size());
+  constexpr double kFew = 0.2;
+  if (strongest == moves.end() || num_unlikely > std::max(1.0, kFew * num_asked)) return std::nullopt;
+  const double move_m = strongest->move.tangent.head<3>().norm();
+  const double move_rad = strongest->move.tangent.tail<3>().norm();
+  const double p_value = std::min(1.0, num_asked * strongest->move.p_value);
+  const bool matters = std::max(move_m / distance_m, move_rad) > kSigmaShare.doubtful;
+  if (p_value > kUnlikely || !matters) return std::nullopt;
+  return Finding{Grade::kDoubtful,
+                 FindingCode("influential_capture"),
+                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", p_value}},
+                 {{"image", strongest->capture}}};
+}
+
 bool IsMisfit(const Finding& finding) { return RankOf(finding) < kSymptoms.size(); }
 
 void GatherSymptoms(std::vector<Finding>* findings) {

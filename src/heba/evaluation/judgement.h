@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "heba/data/solution.h"
@@ -21,6 +22,16 @@ Grade GradeOfHeldOut(double share_of_distance, double deg, double robot_error_sh
 // Returns the grade of errors that the noise does not explain. They make a result bad only if they matter at the
 // target.
 Grade GradeOfMisfit(double chi2_per_dof, Grade of_hold_out);
+
+// A capture and the change of a camera's pose without it.
+struct NamedMove {
+  std::string capture;
+  CaptureMove move;
+};
+// Returns the finding `influential_capture` if a capture has more influence than chance explains, where the probability
+// is multiplied by the number of captures that were tested, and if its move matters at the distance of the target. If
+// many captures are improbable, the assumed noise is wrong rather than the captures.
+std::optional<Finding> JudgeMoves(const std::vector<NamedMove>& moves, double distance_m);
 
 // Returns whether a finding is what errors of the model show as. It contains the others as parts, if it says most.
 bool IsMisfit(const Finding& finding);

@@ -145,6 +145,25 @@ Finding JudgePixels(const RigResult& result) {
           {CameraName(result, static_cast<size_t>(worst - sigmas.begin()))}};
 }
 
+// Judges the influence of the captures on each camera.
+std::vector<Finding> JudgeInfluence(const RigResult& result) {
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    std::vector<NamedMove> moves;
+    for (const RigImageResult& image : result.images) {
+      if (image.camera == result.rig.cameras[c].name && image.move_without) {
+        moves.push_back({image.capture, *image.move_without});
+      }
+    }
+    std::optional<Finding> finding =
+        JudgeMoves(moves, std::max(kLeastDistanceM, result.errors[c].distance_m.value_or(kUsualDistanceM)));
+    if (!finding) continue;
+    finding->names.push_back(CameraName(result, c));
+    findings.push_back(std::move(*finding));
+  }
+  return findings;
+}
+
 // Makes the weak direction of the same camera, if there is one, part of an uncertainty that is not good: it contains
 // the remedy.
 void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
@@ -210,6 +229,7 @@ Verdict JudgeRig(const RigResult& result) {
   findings.push_back(std::move(uncertainty));
   findings.push_back(JudgeImages(result));
   findings.push_back(JudgePixels(result));
+  for (Finding& finding : JudgeInfluence(result)) findings.push_back(std::move(finding));
   GatherSymptoms(&findings);
   SortFindings(&findings);
   verdict.grade = findings.front().grade;

@@ -133,31 +133,12 @@ Finding JudgePixels(const Solution& solution) {
           {{"pixel_sigma_px", solution.pixel_sigma_px}}};
 }
 
-// Reports a capture with more influence than chance explains, where the probability is multiplied by the number of
-// captures that were tested. If many captures are improbable, the assumed noise is wrong rather than the captures;
-// JudgeModel judges the noise.
 std::optional<Finding> JudgeInfluence(const RunResult& result) {
-  constexpr double kUnlikely = 0.01;
-  const CaptureResult* strongest = nullptr;
-  int num_asked = 0;
-  int num_unlikely = 0;
+  std::vector<NamedMove> moves;
   for (const CaptureResult& capture : result.captures) {
-    if (!capture.move_without) continue;
-    ++num_asked;
-    num_unlikely += capture.move_without->p_value < kUnlikely ? 1 : 0;
-    if (strongest == nullptr || capture.move_without->p_value < strongest->move_without->p_value) strongest = &capture;
+    if (capture.move_without) moves.push_back({capture.image, *capture.move_without});
   }
-  constexpr double kFew = 0.2;
-  if (strongest == nullptr || num_unlikely > std::max(1.0, kFew * num_asked)) return std::nullopt;
-  const double move_m = strongest->move_without->tangent.head<3>().norm();
-  const double move_rad = strongest->move_without->tangent.tail<3>().norm();
-  const double p_value = std::min(1.0, num_asked * strongest->move_without->p_value);
-  const bool matters = std::max(move_m / DistanceOf(result), move_rad) > kSigmaShare.doubtful;
-  if (p_value > kUnlikely || !matters) return std::nullopt;
-  return Finding{Grade::kDoubtful,
-                 FindingCode("influential_capture"),
-                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", p_value}},
-                 {{"image", strongest->image}}};
+  return JudgeMoves(moves, DistanceOf(result));
 }
 
 // Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.

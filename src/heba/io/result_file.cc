@@ -39,13 +39,6 @@ Json ErrorsJson(const Errors& errors) {
   return json;
 }
 
-Json MoveJson(const std::optional<CaptureMove>& move) {
-  if (!move) return nullptr;
-  Json json = TangentJson(move->tangent);
-  json["chance"] = Finite(move->p_value);
-  return json;
-}
-
 // Returns the correction of the robot's pose by the refinement, in the gripper's frame (m, rad).
 std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
   if (!capture.correction) return std::nullopt;

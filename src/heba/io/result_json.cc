@@ -105,6 +105,13 @@ Json TangentJson(const std::optional<Tangent6>& tangent) {
               {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
 }
 
+Json MoveJson(const std::optional<CaptureMove>& move) {
+  if (!move) return nullptr;
+  Json json = TangentJson(move->tangent);
+  json["chance"] = Finite(move->p_value);
+  return json;
+}
+
 Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written) {
   const std::vector<std::string> names = covariance.layout.Names();
   Json order = Json::array();
@@ -202,6 +209,12 @@ std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
   Tangent6 tangent;
   tangent << t[0] / 1000, t[1] / 1000, t[2] / 1000, DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]);
   return tangent;
+}
+
+std::optional<CaptureMove> ReadMove(const JsonReader& reader) {
+  const std::optional<Tangent6> move = ReadTangent(reader, "move_without");
+  if (!move) return std::nullopt;
+  return CaptureMove{*move, ReadFinite(reader.Get("move_without"), "chance", 1)};
 }
 
 std::vector<std::string> ReadOrder(const JsonReader& covariance) {

@@ -42,6 +42,8 @@ Json CameraSigmaJson(const Camera& camera, const Covariance& covariance, const s
 Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block);
 // Returns a small motion in mm and deg.
 Json TangentJson(const std::optional<Tangent6>& tangent);
+// Returns the change of a pose without a capture, with its probability, or null.
+Json MoveJson(const std::optional<CaptureMove>& move);
 // Returns the rows and columns `written` of a covariance, with their names.
 Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written);
 Json VerdictJson(const Verdict& verdict);
@@ -62,6 +64,8 @@ double ReadFinite(const JsonReader& reader, const char* key, double otherwise);
 double ReadMagnitude(const JsonReader& reader, const char* key);
 std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key);
 std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key);
+// Reads the member `move_without` of a capture (MoveJson).
+std::optional<CaptureMove> ReadMove(const JsonReader& reader);
 std::vector<std::string> ReadOrder(const JsonReader& covariance);
 // Returns the matrix of a covariance whose names are those of the layout.
 Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout);

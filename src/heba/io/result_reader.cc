@@ -137,9 +137,7 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   if (reader.Has("holdout_target_mm")) capture.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
-  if (const std::optional<Tangent6> move = ReadTangent(reader, "move_without")) {
-    capture.move_without = CaptureMove{*move, ReadFinite(reader.Get("move_without"), "chance", 1)};
-  }
+  capture.move_without = ReadMove(reader);
   return capture;
 }
 

@@ -145,6 +145,7 @@ Json CapturesJson(const RigResult& result) {
         {"used", image.used},
         {"reason", image.reason},
         {"targets", targets},
+        {"move_without", MoveJson(image.move_without)},
         {"robot_correction",
          capture == capture_of.end() ? Json(nullptr) : CorrectionsJson(result.rig, capture->second->corrections)}});
   }
@@ -288,6 +289,7 @@ void ReadCaptures(const JsonReader& reader, RigResult* result) {
                          entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
     // Results of earlier versions lack this member.
     if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
+    if (entry.Has("move_without")) image.move_without = ReadMove(entry);
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
                                target.Get("points_rejected").Int(0, kMostCounted),

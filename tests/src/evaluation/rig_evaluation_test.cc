@@ -62,6 +62,23 @@ TEST(RigVerdictTest, NamesTheCameraWithoutHoldOut) {
   EXPECT_EQ(none.front().Name("reason"), "none_held_out");
 }
 
+// A capture without which one camera would move by more than chance explains is named with that camera.
+TEST(RigVerdictTest, NamesTheCaptureThatMovesACamera) {
+  RigResult result = GoodResult();
+  for (RigImageResult& image : result.images) image.move_without = CaptureMove{Tangent6::Constant(1e-6), 0.5};
+  EXPECT_TRUE(FindingsWith(JudgeRig(result), "influential_capture").empty());
+  RigImageResult& strong = result.images[27];
+  strong.move_without->tangent[0] = 5e-3;
+  strong.move_without->p_value = 1e-6;
+  const Verdict verdict = JudgeRig(result);
+  EXPECT_EQ(verdict.grade, Grade::kDoubtful);
+  const std::vector<Finding> found = FindingsWith(verdict, "influential_capture");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found.front().Name("of_camera"), "right");
+  EXPECT_EQ(found.front().Name("image"), "7");
+  EXPECT_NEAR(*found.front().Number("chance"), 20 * 1e-6, 1e-12);
+}
+
 // The weak direction of the camera whose uncertainty is too large belongs to it; those of others stay.
 TEST(RigVerdictTest, TheUncertaintyTakesTheWeakDirectionOfItsCamera) {
   RigResult result = GoodResult();
