@@ -134,12 +134,17 @@ bool IsBetter(const RecognisedTarget& a, const RecognisedTarget& b) {
 bool AreAlike(const TargetSettings& a, const TargetSettings& b) {
   constexpr double kAlike = 1.1;
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& one, const auto& other) {
-    if (one.first != other.first || !IsLength(one.second) || !IsLength(other.second)) return one == other;
-    double length = 0;
-    double other_length = 0;
-    ParseDouble(one.second.substr(0, one.second.size() - 2), &length);
-    ParseDouble(other.second.substr(0, other.second.size() - 2), &other_length);
-    return length < kAlike * other_length && other_length < kAlike * length;
+    // Measured are lengths and their ratios, which have a decimal point.
+    const auto figure_of = [](const std::string& value) {
+      double figure = 0;
+      const std::string number = IsLength(value) ? value.substr(0, value.size() - 2) : value;
+      const bool is_measured = number.find('.') != std::string::npos && ParseDouble(number, &figure);
+      return is_measured ? std::optional(figure) : std::nullopt;
+    };
+    const std::optional<double> figure = figure_of(one.second);
+    const std::optional<double> other_figure = figure_of(other.second);
+    if (one.first != other.first || !figure || !other_figure) return one == other;
+    return *figure < kAlike * *other_figure && *other_figure < kAlike * *figure;
   });
 }
 
@@ -170,7 +175,7 @@ std::vector<RecognisedTarget> RecogniseTargets(const std::vector<cv::Mat>& image
     size_t num_points = 0;
   };
   std::vector<RecognisedTarget> proposals;
-  std::vector<Seen> known;  // In images that were not reduced.
+  std::vector<Seen> known;  // In images that were not reduced, with the lengths that were measured there.
   for (size_t i = 0; i < best_of.size(); ++i) {
     std::optional<RecognisedTarget>& best = best_of[i];
     if (!best) continue;

@@ -84,7 +84,8 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
 
 // Returns, for each pose of each target that fits the images, the target's name, the cameras that see it,
 // world_from_target, the covariance (6 x 6, in the target's frame), the RMS in px, the number of poses that fit, and
-// LocatedTarget::p_value. Throws InputError if the images of a target contradict each other, or if no target is located.
+// LocatedTarget::p_value. Throws InputError if the images of a target contradict each other, or if no target is
+// located.
 std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, const std::vector<CameraImage>& images,
                                          const std::vector<ArmPose>& base_from_grippers,
                                          const std::vector<ArmJoints>& joints) {
@@ -126,7 +127,8 @@ std::vector<pybind11::tuple> LocateByRig(const std::filesystem::path& folder, co
     for (const size_t camera : location.cameras) by.push_back(rig.result.rig.cameras[camera].name);
     for (const LocatedTarget& located : location.possible) {
       all.push_back(pybind11::make_tuple(rig.result.rig.targets[location.target].name, by,
-                                         ArrayOf(located.world_from_target), ArrayOf(located.pose_covariance.Total()), located.rms_px,
+                                         ArrayOf(located.world_from_target),
+                                         ArrayOf(located.pose_covariance.Total()), located.rms_px,
                                          location.possible.size(), located.p_value));
     }
   }

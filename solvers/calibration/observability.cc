@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "heba/base/error.h"
 #include "heba/base/even_indices.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/text.h"

@@ -33,7 +33,8 @@ struct CandidateCaptures {
 // `used` has the points in use.
 std::vector<CandidateCaptures> FindCandidates(const RigProblem& used, const RigSolution& solution);
 
-// Returns one sigma of each direction if a candidate were captured, too; nothing if a point would have no image.
+// Returns one sigma of each direction if a candidate were captured, too; nothing if a point would have no image, or if
+// the covariance of the solution is not positive.
 std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigSolution& solution,
                                               const CandidateCaptures& candidate,
                                               const std::vector<WeakDirection>& directions);

@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/factorisation.h"
 #include "heba/data/prediction.h"
 #include "heba/data/target_shape.h"
@@ -16,6 +17,7 @@
 #include "solvers/calibration/capture_outliers.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/residuals/capture_loops.h"
+#include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 
 namespace heba {
@@ -108,7 +110,7 @@ std::optional<CameraRows> RowsOf(const RigSolution& solution, size_t camera, con
   }
   const Eigen::Index num_params = NumParams(of_camera.Model());
   const Eigen::Index num_points = predicted.cols();
-  const double weight = 1 / solution.pixel_sigmas_px[camera];
+  const double weight = 1 / std::max(kMinSigmaPx, solution.pixel_sigmas_px[camera]);
   Eigen::MatrixXd rows(2 * num_points, 6 + num_params + 1);
   for (Eigen::Index i = 0; i < num_points; ++i) {
     rows.block(2 * i, 0, 1, 6 + num_params) = weight * jacobian.u.col(i).transpose();
@@ -396,6 +398,7 @@ Outcome<std::vector<LocatedTarget>> LocateInEachOrder(const RigProblem& rig, con
   const Failure failure{seen.size() == 1 ? "the " + std::to_string(seen.front().observations.size()) +
                                                " visible points do not determine the target's pose"
                                          : "the points that the cameras see do not determine a pose of the target"};
+  CHECK(!symmetries.empty());
   std::vector<ReadPoints> read;
   for (const CameraObservations& view : seen) {
     ReadPoints& points = read.emplace_back(ReadPoints{view.camera, {}});
@@ -546,7 +549,9 @@ Outcome<LocatedPoint> PointOnPlane(const RigProblem& rig, const RigSolution& sol
     by_unknowns.col(i) += rotation * meeting->by_params.col(layout[i].index);
   }
   Eigen::MatrixXd by_corrections = by_camera * camera.by_corrections;
-  const Eigen::Matrix<double, 3, 2> by_pixel = solution.pixel_sigmas_px[pixel.camera] * rotation * meeting->by_pixel;
+  // A pixel takes part in the error of its image as a whole.
+  const double sigma_px = std::hypot(solution.pixel_sigmas_px[pixel.camera], solution.image_sigmas_px[pixel.camera]);
+  const Eigen::Matrix<double, 3, 2> by_pixel = sigma_px * rotation * meeting->by_pixel;
   Eigen::Matrix3d by_image_m2 = by_pixel * by_pixel.transpose();
   if (frame != nullptr) {
     by_unknowns += by_frame * frame->by_unknowns;

@@ -1,6 +1,7 @@
 #include "heba/target_location.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "heba/base/error.h"
 #include "heba/base/factorisation.h"
 
 namespace heba {

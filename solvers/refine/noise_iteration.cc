@@ -126,11 +126,11 @@ std::vector<VarianceGroup> GroupsOf(const Fit& fit, const Loss& loss, const RigO
                                                         options.robot_noise_prior, options.effects_avoid_zero});
   // The noise of each capture is kept from zero beside such effects, too: few captures leave little to tell it by.
   const bool has_effects = FirstEffectGroup(groups) < groups.size();
-  if (!has_effects || !options.effects_avoid_zero) return groups;
+  if (!robots_are_free || !has_effects || !options.effects_avoid_zero) return groups;
   for (VarianceGroup& group : groups) {
     if (group.kind != VarianceGroup::Kind::kEffects) continue;
     constexpr double kLeast = 1e-6;  // m or rad
-    group.avoids_zero = robots_are_free;
+    group.avoids_zero = true;
     group.variance = std::max(group.variance, kLeast * kLeast);
   }
   return groups;

@@ -6,7 +6,6 @@
 #include <tuple>
 #include <utility>
 
-#include "heba/base/error.h"
 #include "heba/base/factorisation.h"
 #include "heba/geometry/pose_block.h"
 

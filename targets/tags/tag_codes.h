@@ -98,13 +98,12 @@ class TagCodes {
   // twice. Regions in `searched` are left out, and large regions are added to it (see FindTagPlaces).
   std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched = nullptr) const;
 
-  // Returns the tags of each of several families, which must not be empty: each quad is found once and read in all of
-  // them.
+  // Returns the tags of each of several families: each quad is found once and read in all of them.
   static std::vector<std::vector<SeenTag>> DetectAll(const std::vector<const TagCodes*>& families, const cv::Mat& grey,
                                                      double decimate);
 
  private:
-  // The families must all have reversed borders, or none.
+  // Likewise for families of which all have reversed borders, or none; there must be one.
   static std::vector<std::vector<SeenTag>> DetectAlike(const std::vector<const TagCodes*>& families,
                                                        const cv::Mat& grey, double decimate,
                                                        std::vector<cv::Rect>* searched);

@@ -12,6 +12,8 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <opencv2/aruco.hpp>
@@ -93,10 +95,10 @@ SeenTag MarkerOf(int index, const Outline& outline) {
   return marker;
 }
 
-// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary. The outlines
-// that are none of them are added to `others` unless it is null.
+// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary. Unless it is
+// null, `outlines` becomes the outlines of these and of all that may be markers of other dictionaries.
 std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dictionary>& dictionary,
-                               std::vector<Outline>* others = nullptr) {
+                               std::vector<Outline>* outlines = nullptr) {
   const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
   parameters->minMarkerPerimeterRate = 0.01;
@@ -113,11 +115,14 @@ std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dic
   cv::aruco::detectMarkers(smooth, dictionary, corners, ids, parameters, rejected);
   std::vector<SeenTag> markers;
   for (size_t i = 0; i < ids.size(); ++i) markers.push_back(MarkerOf(ids[i], corners[i]));
-  if (others != nullptr) others->insert(others->end(), rejected.begin(), rejected.end());
+  if (outlines != nullptr) {
+    *outlines = std::move(corners);
+    outlines->insert(outlines->end(), rejected.begin(), rejected.end());
+  }
   return markers;
 }
 
-// Returns the marker of a dictionary within an outline, as OpenCV reads it; nothing if there is none.
+// Returns the marker of a dictionary within an outline, read by OpenCV's rules; nothing if there is none.
 std::optional<SeenTag> MarkerIn(const cv::Mat& grey, Outline outline, const cv::aruco::Dictionary& dictionary) {
   constexpr int kCellPx = 8;
   const int num_cells = dictionary.markerSize + 2;

@@ -783,7 +783,7 @@ std::vector<TargetSettings> ProposeTargets_chessboard(const cv::Mat& grey) {
     constexpr int kFewCorners = 20;
     if (grid.size.area() <= kFewCorners && !HasPaperAround(grey, grid)) return;
     for (const cv::Size& size : {grid.size, largest.SizeAround(grey, grid)}) {
-      if (std::min(size.width, size.height) < 2) continue;
+      if (std::min(size.width, size.height) < kMinSide) continue;
       TargetSettings proposal = RowsAndColumns(std::min(size.width, size.height), std::max(size.width, size.height));
       proposal.emplace_back("square", UnitLength(1, 1));
       if (std::find(proposals.begin(), proposals.end(), proposal) == proposals.end()) proposals.push_back(proposal);

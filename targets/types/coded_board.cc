@@ -486,7 +486,7 @@ class Dots {
   std::vector<SeenRing> RingsOf(const RingDecoder& decoder) {
     std::vector<SeenRing> rings;
     constexpr size_t kFirst = 40;
-    const size_t stride = std::max<size_t>(1, found_.size() / kFirst);
+    const size_t stride = std::max<size_t>(1, (found_.size() + kFirst - 1) / kFirst);
     size_t num_fitted = 0;
     for (size_t start = 0; start < stride; ++start) {
       for (size_t i = start; i < found_.size(); i += stride) {

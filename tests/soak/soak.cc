@@ -5,8 +5,8 @@
 //
 // Every subset has 6 to --most_captures captures. Its lens is chosen from the captures or held at the whole set's, and
 // so is the shape of its target. With --spoil, the poses of two captures are exchanged, a capture has the image of
-// another one, or one pose is turned by 3 deg. Nothing may end with a signal or take more than two minutes. Exit
-// status: 0 all limits below hold, 1 one does not, 77 the recorded data are not here.
+// another one, or one pose is turned by 3 deg. Nothing may end with a signal or take more than two minutes of the
+// processor. Exit status: 0 all limits below hold, 1 one does not, 77 the recorded data are not here.
 #include <poll.h>
 #include <sys/resource.h>
 #include <sys/wait.h>

@@ -70,11 +70,13 @@ DEFINE_string(camera, "",
               "PATH|the camera file; default: found, or estimated from the captures"
               "|target: the file of the camera that is to see the proposed target");
 DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agreement of images and poses");
-DEFINE_string(pixels, "",
-              "U,V;U,V|pixels to locate instead of the target; without an image if --plane names a plane in the base; "
-              "with a rig CAMERA=U,V;CAMERA=U,V, the pixels of one point, without images");
+DEFINE_string(
+    pixels, "",
+    "U,V;U,V|pixels to locate instead of the target; without an image if --plane names a plane in the base; "
+    "with a rig CAMERA=U,V;CAMERA=U,V, the pixels of one point or, with --plane, of one point each, without images");
 DEFINE_string(plane, "target",
-              "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+              "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base (in the world of a rig), such as "
+              "0,0,1,120 mm");
 DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");

@@ -36,11 +36,11 @@ std::optional<Plane> PlaneOfFlag() {
   }
   const bool is_direction = are_numbers && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
   if (!is_direction) {
-    throw InputError(
-        "--plane: " + Quoted(FLAGS_plane) +
-        " is not a plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
-        "target" +
-        DidYouMean(FLAGS_plane, {"target"}));
+    throw InputError("--plane: " + Quoted(FLAGS_plane) +
+                     " is not a plane; a normal in the base, or in the world of a rig, and the distance along it are "
+                     "needed, such as 0,0,1,120 mm, or "
+                     "target" +
+                     DidYouMean(FLAGS_plane, {"target"}));
   }
   plane.normal.normalize();
   const ParsedQuantity distance = ParseQuantity(Trim(fields[3]), Quantity::kLength);

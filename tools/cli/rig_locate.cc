@@ -165,8 +165,9 @@ void Print(const FinishedRig& rig, const Json& located, const std::string& text)
   std::cout << FileText(json) << std::flush;
 }
 
-// Returns the pixels of --pixels: those of one point, or of one point each.
+// Whether pixels show one point together, or one each.
 enum class Pixels { kOfOnePoint, kOfPoints };
+// Returns the pixels of --pixels.
 std::vector<CameraPixel> PixelsOfFlag(const FinishedRig& rig, Pixels which) {
   std::vector<CameraPixel> pixels;
   const std::string form = "CAMERA=U,V";

@@ -11,13 +11,12 @@ namespace heba {
 //
 // With --json, prints {"schema": "heba/rig_locations/1", "heba", "name", "robots"} with "targets", with "point":
 // {"in_world_m", "rms_px", "warning", "sigma"}, or with "points": [{"camera", "pixel", "in_world_m", "sigma"}].
-// "robots" has the pose of each arm that carries one of the cameras,
-// {"stated", "corrected", "arm", "reason"}: `arm` is the model whose errors are estimated, `corrected` the pose without
-// these errors, and `reason` states why it is not known. A target has {"target", "cameras", "located", "reason",
-// "pose", "rms_px", "chance", "symmetries", "sigma", "poses", "chosen"}: `chance` is LocatedTarget::p_value; `poses`
-// are all poses that fit, each
-// {"pose", "near_deg", "near_mm", "sigma"}, and `chosen` is the index of the one that is meant, whose values are `pose`
-// and `sigma`. A figure that does not exist is null.
+// "robots" has the pose of each arm that carries one of the cameras, {"stated", "corrected", "arm", "reason"}: `arm` is
+// the model whose errors are estimated, `corrected` the pose without these errors, and `reason` states why it is not
+// known. A target has {"target", "cameras", "located", "reason", "pose", "rms_px", "chance", "symmetries", "sigma",
+// "poses", "chosen"}: `chance` is LocatedTarget::p_value; `poses` are all poses that fit, each {"pose", "near_deg",
+// "near_mm", "sigma"}, and `chosen` is the index of the one that is meant, whose values are `pose` and `sigma`. A
+// figure that does not exist is null.
 int LocateWithRig(const std::vector<std::string>& arguments);
 
 }  // namespace heba

@@ -14,7 +14,7 @@ std::string RigLocationText(const RigProblem& rig, const RigTargetLocation& loca
 // Returns why a target is not located, or why none of its possible poses is chosen, as "target NAME: ..."; empty if one
 // is.
 std::string RigLocationFault(const RigProblem& rig, const RigTargetLocation& location);
-// Describes a triangulated point.
+// Describes a located point, without the end of the line.
 std::string RigPointText(const LocatedPoint& point);
 
 // Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or

@@ -35,11 +35,11 @@ Advice DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& c
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration);
 
 // Returns a finding `weak_direction` for each camera of a calibration whose adjustment succeeded. It has a part
-// `weak_direction_of` for each direction of the camera's pose or intrinsics whose sigma exceeds what a robot cell
-// usually needs, as for a single camera; if there is none, the finding is good and has the direction that comes next.
-// The part `suggested_captures` has the two captures that reduce the sigma of the first direction most, unless none
-// reduce it much. The candidates are the motions that are tried for a single camera, of every target in every camera
-// that an arm moves, starting from a few of the captures; they count with everything that all cameras would see there.
+// `weak_direction_of` for each direction of the camera's pose or intrinsics, and of the targets' poses if there is one
+// camera, whose sigma exceeds what a robot cell usually needs; if there is none, the finding is good and has the
+// direction that comes next. The part `suggested_captures` has the two captures that reduce the sigma of the first
+// direction most, unless none reduce it much. The candidates are motions of every target in every camera that an arm
+// moves, starting from a few of the captures; they count with everything that all cameras would see there.
 std::vector<Finding> DiagnoseRigDirections(const RigCalibration& calibration);
 
 }  // namespace heba

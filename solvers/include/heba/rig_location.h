@@ -79,7 +79,8 @@ Outcome<LocatedPoint> TriangulateInRig(const RigProblem& rig, const RigSolution&
 Outcome<LocatedPoint> LocatePixelInRig(const RigProblem& rig, const RigSolution& solution, const CameraPixel& pixel,
                                        const Plane& plane, const std::vector<StatedPose>& base_from_gripper);
 // Intersects the ray of a pixel with the plane z = 0 of a located target. The poses of the arms are those with which it
-// was located.
+// was located, and the noise of the pixel is independent of that of the target's points. Returns a Failure if they do
+// not meet in front of the camera.
 Outcome<LocatedPoint> LocatePixelOnTargetInRig(const RigProblem& rig, const RigSolution& solution,
                                                const CameraPixel& pixel, const LocatedTarget& target,
                                                const std::vector<StatedPose>& base_from_gripper);

@@ -153,7 +153,10 @@ TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
   Rng rng(7);
   double pose_sum = 0;
   double point_sum = 0;
+  double on_plane_sum = 0;
   double chance_sum = 0;
+  const Eigen::Matrix3d rotation = object->world_from_target.RotationMatrix();
+  const Plane plane{rotation.col(2), rotation.col(2).dot(object->world_from_target.translation)};
   for (int trial = 0; trial < kNumTrials; ++trial) {
     std::vector<CameraObservations> seen = object->seen;
     const Eigen::Index id = rng.Index(seen.front().observations.size());
@@ -178,9 +181,16 @@ TEST(RigLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
         object->world_from_target * Eigen::Vector3d(object->scene.targets[0].points_in_target.col(id));
     const Eigen::Vector3d off = point->in_world - true_point;
     point_sum += MahalanobisSquare(off, point->covariance.TotalM2());
+    const Outcome<LocatedPoint> on_plane =
+        LocatePixelInRig(object->scene.problem, solution, pixels.front(), plane, object->reported);
+    ASSERT_TRUE(on_plane) << on_plane.reason();
+    const Eigen::Matrix<double, 3, 2> along = rotation.leftCols<2>();
+    on_plane_sum += MahalanobisSquare(Eigen::Vector2d(along.transpose() * (on_plane->in_world - true_point)),
+                                      Eigen::Matrix2d(along.transpose() * on_plane->covariance.TotalM2() * along));
   }
   EXPECT_NEAR(pose_sum / kNumTrials, 6, 4 * std::sqrt(12.0 / kNumTrials));
   EXPECT_NEAR(point_sum / kNumTrials, 3, 4 * 1.5 * std::sqrt(6.0 / kNumTrials));
+  EXPECT_NEAR(on_plane_sum / kNumTrials, 2, 4 * 1.5 * std::sqrt(4.0 / kNumTrials));
   EXPECT_NEAR(chance_sum / kNumTrials, 0.5, 4 * std::sqrt(1.0 / 12 / kNumTrials));
 }
 
