@@ -32,17 +32,10 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
-#include "heba/base/parallel.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/run.h"
-#include "solvers/refine/fit.h"
-#include "solvers/refine/hand_eye_problem.h"
-#include "solvers/refine/linearised_images.h"
-#include "solvers/residuals/inliers.h"
-#include "solvers/uncertainty/information.h"
-#include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/data_sets.h"
 #include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
@@ -152,38 +145,7 @@ RecordedSet ReadSet(const fs::path& config_file) {
   return set;
 }
 
-// What each capture of a whole set tells about the unknowns, with the noise of the whole set.
-struct Told {
-  Covariance covariance;
-  std::map<fs::path, Eigen::MatrixXd> information;  // By the images.
-};
-
-Told ToldBy(const RunOutput& output) {
-  const Calibration& calibration = output.calibration;
-  const Solution& refined = *calibration.refined;
-  const RigSolution solution = ProblemSolution(refined);
-  const RigProblem problem = WeightedAs(
-      solution, WithoutRejected(HandEyeProblem({refined.camera, calibration.views, output.result.setup, refined.shape},
-                                               calibration.bundle),
-                                solution));
-  Told told{refined.covariance, {}};
-  const std::vector<size_t> captures = CapturesWithPoints(problem);
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseEachCapture(problem, StateOf(solution), NoiseOf(solution), LossOf(LossKind::kNone));
-  if (!views) return told;
-  const Eigen::VectorXd variances =
-      CorrectionVariances(NoiseOf(solution), NoisyJointsOf(problem, MovingRobots(problem)));
-  for (size_t v = 0; v < views->size(); ++v) {
-    const LinearisedView& view = (*views)[v];
-    const fs::path& image = output.dataset.captures[calibration.views[captures[v]].capture].image;
-    told.information[image] =
-        view.by_unknowns.transpose() * SolveSymmetric(MarginalCovariance(view, 1, variances), view.by_unknowns);
-  }
-  return told;
-}
-
-// `told`, unless it is null, becomes what the captures tell.
-Answer AnswerOf(const Dataset& data, const RunOptions& options, Told* told = nullptr) {
+Answer AnswerOf(const Dataset& data, const RunOptions& options) {
   Answer answer;
   try {
     const Outcome<RunOutput> output = Run(data, options);
@@ -192,7 +154,6 @@ Answer AnswerOf(const Dataset& data, const RunOptions& options, Told* told = nul
       answer.text = output.reason();
       return answer;
     }
-    if (told != nullptr) *told = ToldBy(*output);
     answer.end = Answer::End::kDone;
     const RunResult& result = output->result;
     answer.grade = result.verdict.grade;
@@ -463,14 +424,10 @@ Subset Draw(const std::vector<RecordedSet>& sets, size_t which, Rng* random) {
   return subset;
 }
 
-Tangent6 DifferenceOf(const Answer& part, const Answer& whole) {
-  return LocalCoordinates(whole.hand_eye.camera_mount_from_camera, part.hand_eye.camera_mount_from_camera);
-}
-
-// Returns the probability of so large a difference between the poses of a part and of the whole, if both are right, by
-// the covariances that they state.
-double PValueByCovariances(const Answer& part, const Answer& whole, double share) {
-  const Tangent6 difference = DifferenceOf(part, whole);
+// Returns the probability of so large a difference between the poses of a part and of the whole, if both are right.
+double PValueOfDifference(const Answer& part, const Answer& whole, double share) {
+  const Tangent6 difference =
+      LocalCoordinates(whole.hand_eye.camera_mount_from_camera, part.hand_eye.camera_mount_from_camera);
   const auto root = Cholesky(part.covariance);
   if (!root) return 0;
   // The part's errors are those of the whole and others that are independent of them: the covariance of the difference
@@ -483,46 +440,6 @@ double PValueByCovariances(const Answer& part, const Answer& whole, double share
     chi2 += coordinates[i] * coordinates[i] / std::max(eigen.values[i], std::max(1e-3, 1 - share));
   }
   return FisherTail(chi2 / 6, 6, part.dof);
-}
-
-// Likewise by the share of the part's covariance that the captures which it lacks would take away: by their information
-// about the whole's unknowns. A single capture may tell far more than the others. The size of the covariance is that
-// which the part states.
-double PValueByInformation(const Answer& part, const Answer& whole, const Told& told, const Dataset& data,
-                           double share) {
-  std::set<fs::path> has;
-  for (const Capture& capture : data.captures) has.insert(capture.image);
-  const Eigen::Index first = told.covariance.layout.Block(kHandEyeBlock).first;
-  Eigen::MatrixXd information = InvertInformation({told.covariance.layout, told.covariance.matrix}, 1).matrix;
-  for (const auto& [image, of_image] : told.information) {
-    if (!has.contains(image)) information -= of_image;
-  }
-  const Information without{told.covariance.layout, information};
-  if (CheckObservable(without)) return 0;
-  const Matrix6d of_whole = told.covariance.matrix.block<6, 6>(first, first);
-  const Matrix6d of_part = InvertInformation(without, 1).matrix.block<6, 6>(first, first);
-  const auto root = Cholesky(of_part);
-  if (!root) return 0;
-  const auto whitened = [&](const Matrix6d& covariance) {
-    const Matrix6d rows = root->SolveLower(covariance);
-    return Matrix6d(root->SolveLower(Matrix6d(rows.transpose())));
-  };
-  const double stated = whitened(part.covariance).trace() / 6;
-  const Matrix6d shares = Matrix6d::Identity() - whitened(of_whole);
-  const SymmetricEigen<6> eigen = EigenOfSymmetric(0.5 * (shares + shares.transpose()));
-  const Tangent6 coordinates = eigen.vectors.transpose() * root->SolveLower(DifferenceOf(part, whole));
-  double chi2 = 0;
-  for (Eigen::Index i = 0; i < 6; ++i) {
-    chi2 += coordinates[i] * coordinates[i] / (stated * std::max(eigen.values[i], std::max(1e-3, 1 - share)));
-  }
-  return FisherTail(chi2 / 6, 6, part.dof);
-}
-
-// Returns the larger of both: either covariance of the difference is too small where part and whole have found another
-// noise.
-double PValueOfDifference(const Answer& part, const Answer& whole, const Told& told, const Dataset& data,
-                          double share) {
-  return std::max(PValueByCovariances(part, whole, share), PValueByInformation(part, whole, told, data, share));
 }
 
 // Returns the largest ratio of the sigmas of a part to those of the whole, times the root of its share.
@@ -632,13 +549,7 @@ int Soak() {
       whole_runs.emplace_back(&data, OptionsOf(sets[s], held[s].camera ? kFixed[f] : Fixed{false, kFixed[f].shape}));
     }
   }
-  // In this process, because what the captures tell is large.
-  std::vector<Answer> whole(whole_runs.size());
-  std::vector<Told> told(whole_runs.size());
-  ParallelFor(static_cast<int>(whole_runs.size()), FLAGS_jobs, [&](int task) {
-    const auto k = static_cast<size_t>(task);
-    if (whole_runs[k].first != nullptr) whole[k] = AnswerOf(*whole_runs[k].first, whole_runs[k].second, &told[k]);
-  });
+  const std::vector<Answer> whole = AnswersOf(whole_runs, [](size_t, const Answer&) {});
 
   Rng random(static_cast<uint64_t>(FLAGS_seed));
   std::vector<Subset> subsets;
@@ -658,8 +569,7 @@ int Soak() {
   AnswersOf(runs, [&](size_t k, const Answer& answer) {
     const size_t i = chosen[k];
     const Subset& subset = subsets[i];
-    const size_t of_whole = subset.set * kFixed.size() + subset.fixed;
-    const Answer& all = whole.empty() ? unknown : whole[of_whole];
+    const Answer& all = whole.empty() ? unknown : whole[subset.set * kFixed.size() + subset.fixed];
     Counts& counts = of_set[subset.set];
     ++counts.subsets;
     counts.seconds += answer.seconds;
@@ -677,7 +587,7 @@ int Soak() {
     double ratio = 1;
     if (is_done && all.end == Answer::End::kDone) {
       const double share = static_cast<double>(subset.num_captures) / static_cast<double>(sets[subset.set].seen.size());
-      p = PValueOfDifference(answer, all, told[of_whole], subset.data, share);
+      p = PValueOfDifference(answer, all, share);
       ratio = SigmaRatio(answer, all, share);
       if (subset.spoiling != Spoiling::kNone) {
         ++counts.spoiled;
