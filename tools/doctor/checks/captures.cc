@@ -261,7 +261,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   for (size_t i = 0; i < views.size() && outside.size() < kMostOutside; ++i) {
     if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
   }
-  // Returns the other capture whose pose this image would fit, preferably one that does not fit its nuisance pose.
+  // Returns the other capture whose pose this image would fit, preferably one that does not fit its own pose.
   const auto pose_for = [&](size_t i) -> std::optional<size_t> {
     std::optional<size_t> best;
     double best_share = 1;
@@ -284,7 +284,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   std::vector<std::string> names_alone;
   for (const size_t i : outside) {
     const std::string& name = views[i].view.name;
-    const std::string evidence = "by its nuisance pose, " + name + " is off by " +
+    const std::string evidence = "by its own pose, " + name + " is off by " +
                                  Significant(1000 * consistency->misfit_m[i], 2) + " mm at the target, the others by " +
                                  Significant(1000 * consistency->typical_misfit_m, 2) + " mm";
     const auto found = belongs.find(i);
@@ -306,7 +306,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
             : Symptom{
                   Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
                   "look at the two images and at the poses file's lines for them; leave out the one that does not have "
-                  "its nuisance pose"});
+                  "its own pose"});
     symptom.captures.push_back(name);
     if (is_swapped) symptom.captures.push_back(other);
   }
