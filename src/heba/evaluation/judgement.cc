@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "heba/base/units.h"
 #include "heba/evaluation/limits.h"
@@ -38,8 +39,7 @@ void MoveInto(size_t lead, const IsPart& is_part, std::vector<Finding>* findings
   for (size_t i = 0; i < findings->size(); ++i) {
     Finding& finding = (*findings)[i];
     if (i == lead || !is_part(finding)) continue;
-    parts.push_back(std::move(finding));
-    finding.code.clear();
+    parts.push_back(std::exchange(finding, Finding()));
   }
   SortFindings(&parts);
   Finding& whole = (*findings)[lead];
