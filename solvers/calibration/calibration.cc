@@ -24,7 +24,6 @@
 #include "solvers/initial/target_pose.h"
 #include "solvers/initial/usable_views.h"
 #include "solvers/refine/bundle_model.h"
-#include "solvers/refine/hand_eye_problem.h"
 #include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -670,10 +669,7 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
                  {"least_robot_deg", kIndustrialArmDeg[0]},
                  {"most_robot_deg", kIndustrialArmDeg[1]}}});
   }
-  const RigSolution of_all = ProblemSolution(solution);
-  const RigProblem used = WithoutRejected(HandEyeProblem(solved, bundle), of_all);
-  // A single camera of which all is well known has no such finding.
-  if (DirectionsOfCamera(used, of_all, 0).front().IsWeak()) add(DiagnoseDirections(used, of_all).front());
+  add(DiagnoseWeakDirections(solved, solution, bundle));
   add(DescribeModel(model, calibration.alternatives, solution));
   return advice;
 }

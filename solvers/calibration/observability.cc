@@ -12,7 +12,9 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/refine/fit.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -157,11 +159,7 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSol
   FitState state = StateOf(solution);
   state.corrections.clear();
   FitNoise noise = NoiseOf(solution);
-  for (size_t k = 0; k < noise.robots.size(); ++k) {
-    const RobotNoise smooth = SmoothNoiseOf(solution, moving[k]).value_or(RobotNoise{});
-    noise.robots[k].translation_m = std::hypot(noise.robots[k].translation_m, smooth.translation_m);
-    noise.robots[k].rotation_rad = std::hypot(noise.robots[k].rotation_rad, smooth.rotation_rad);
-  }
+  for (size_t k = 0; k < noise.robots.size(); ++k) noise.robots[k] = NoiseElsewhere(solution, moving[k]);
   const std::optional<std::vector<LinearisedView>> views =
       LineariseCaptures(ImageLoops(one, {{0}}, state, noise, moving), ValuesOf(state), 1, LossOf(LossKind::kNone));
   if (!views || views->empty()) return std::nullopt;
@@ -334,6 +332,14 @@ std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolutio
     findings.push_back(std::move(finding));
   }
   return findings;
+}
+
+std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
+                                              const BundleOptions& options) {
+  const RigSolution of_rig = ProblemSolution(solution);
+  const RigProblem used = WithoutRejected(HandEyeProblem(problem, options), of_rig);
+  if (!DirectionsOfCamera(used, of_rig, 0).front().IsWeak()) return std::nullopt;
+  return std::move(DiagnoseDirections(used, of_rig).front());
 }
 
 }  // namespace heba

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "heba/adjustment_options.h"
+#include "heba/data/problem.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
 #include "solvers/calibration/weak_directions.h"
@@ -45,5 +47,8 @@ std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigS
 // direction (named by a frame's axis if it is close to one) with its sigma, and a part `suggested_captures` for the
 // candidate that would reduce the worst sigma most, with the sigma expected then, unless none reduces it much.
 std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolution& solution);
+// Returns that finding for a hand-eye calibration; nothing if no direction is weak.
+std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
+                                              const BundleOptions& options);
 
 }  // namespace heba

@@ -19,6 +19,7 @@
 #include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -37,16 +38,14 @@ struct PlacedArms {
 // too.
 Matrix6 CorrectionRoot(const RigProblem& rig, const RigSolution& solution, size_t robot, const StatedPose& stated) {
   if (!solution.robot_noise[robot]) return Matrix6::Zero();
-  const RobotNoise& white = *solution.robot_noise[robot];
   const bool is_corrected = EffectsOf(rig, robot) != nullptr && stated.effect != nullptr;
-  const RobotNoise smooth = is_corrected ? RobotNoise{} : SmoothNoiseOf(solution, robot).value_or(RobotNoise{});
+  const RobotNoise noise = is_corrected ? *solution.robot_noise[robot] : NoiseElsewhere(solution, robot);
   Tangent6 sigmas;
-  sigmas << Eigen::Vector3d::Constant(std::hypot(white.translation_m, smooth.translation_m)),
-      Eigen::Vector3d::Constant(std::hypot(white.rotation_rad, smooth.rotation_rad));
-  if (stated.gripper_by_joints.cols() == 0 || white.joint_rad == 0) return sigmas.asDiagonal();
+  sigmas << Eigen::Vector3d::Constant(noise.translation_m), Eigen::Vector3d::Constant(noise.rotation_rad);
+  if (stated.gripper_by_joints.cols() == 0 || noise.joint_rad == 0) return sigmas.asDiagonal();
   constexpr double kExact = 1e-9;
   sigmas = sigmas.cwiseMax(kExact);
-  const Matrix6X by_joints = white.joint_rad * sigmas.cwiseInverse().asDiagonal() * stated.gripper_by_joints;
+  const Matrix6X by_joints = noise.joint_rad * sigmas.cwiseInverse().asDiagonal() * stated.gripper_by_joints;
   const Matrix6 lower = CholeskyFactor<6>::OfIdentityPlusSquare(by_joints).lower().triangularView<Eigen::Lower>();
   return sigmas.asDiagonal() * lower;
 }

@@ -12,6 +12,7 @@
 #include "heba/data/target_shape.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -233,10 +234,9 @@ std::vector<size_t> ShorterPart(const RigProblem& problem, const Jump& jump) {
 bool IsBeyondArms(const Rigid3d& motion, const RigProblem& problem, const RigSolution& solution) {
   RobotNoise noise;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
-    const RobotNoise white = solution.robot_noise[r].value_or(RobotNoise{});
-    const RobotNoise smooth = SmoothNoiseOf(solution, r).value_or(RobotNoise{});
-    noise.translation_m = std::max(noise.translation_m, std::hypot(white.translation_m, smooth.translation_m));
-    noise.rotation_rad = std::max(noise.rotation_rad, std::hypot(white.rotation_rad, smooth.rotation_rad));
+    const RobotNoise of_arm = NoiseElsewhere(solution, r);
+    noise.translation_m = std::max(noise.translation_m, of_arm.translation_m);
+    noise.rotation_rad = std::max(noise.rotation_rad, of_arm.rotation_rad);
   }
   return motion.translation.norm() > kClear * noise.translation_m ||
          RotationAngle(motion.rotation) > kClear * noise.rotation_rad;

@@ -45,6 +45,14 @@ Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_co
   return variances;
 }
 
+RobotNoise NoiseElsewhere(const RigSolution& solution, size_t robot) {
+  RobotNoise noise = solution.robot_noise[robot].value_or(RobotNoise{});
+  const RobotNoise smooth = SmoothNoiseOf(solution, robot).value_or(RobotNoise{});
+  noise.translation_m = std::hypot(noise.translation_m, smooth.translation_m);
+  noise.rotation_rad = std::hypot(noise.rotation_rad, smooth.rotation_rad);
+  return noise;
+}
+
 RobotNoisePrior IndustrialArmPrior() {
   // The 95 % interval of the logarithm is 2 x 1.96 sigmas wide, and its bounds differ by a factor of 20.
   const double log_sigma = std::log(20.0) / (2 * 1.96);

@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 
+#include "heba/data/rig_solution.h"
 #include "heba/data/solution.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/uncertainty/linearisation.h"
@@ -29,6 +30,10 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
 // Returns the variances of the columns of LinearisedView::by_effects that are a robot's correction: m^2 and rad^2 of
 // its tangent, and those of the joints (rad^2) in the columns after them.
 Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_columns = 6);
+
+// Returns the noise of an arm at another pose than those of the captures: its smooth errors, which are not known there,
+// are noise, too. It is zero for an exact arm.
+RobotNoise NoiseElsewhere(const RigSolution& solution, size_t robot);
 
 // The sigmas of industrial arms: 95 % of them lie between these bounds.
 inline constexpr double kIndustrialArmM[] = {0.05e-3, 1e-3};

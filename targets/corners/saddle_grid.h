@@ -38,7 +38,8 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size);
 struct AnySaddleGrid {
   size_t num_seen = 0;  // The number of saddles that are linked to a grid.
   cv::Size size;
-  std::vector<cv::Point2f> corners;  // As SaddleGrid::corners; empty if saddles are missing in more than a few places.
+  // All corners, row by row, to about a pixel; the list is empty if saddles are missing in more than a few places.
+  std::vector<cv::Point2f> corners;
 };
 
 // Returns the largest grid of saddles that are linked along edges. `grey` is CV_8UC1.

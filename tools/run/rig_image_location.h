@@ -22,10 +22,10 @@ struct RigSighting {
 
 struct RigTargetLocation {
   size_t target = 0;
-  std::vector<size_t> cameras;          // Those that see enough points of it.
+  std::vector<size_t> cameras;          // The cameras that see enough points of it.
   std::vector<LocatedTarget> possible;  // LocateTargetInRig; empty if it is not located.
   std::optional<size_t> chosen;         // The index of the pose that is meant; nothing if none is.
-  std::optional<NearPoses> near;        // Of the rough pose and the possible poses.
+  std::optional<NearPoses> near;        // The distances of the possible poses from the rough one.
   std::optional<RigContradiction> contradiction;
   std::string undetermined;  // Why the points do not determine a pose; empty otherwise.
 };

@@ -1,5 +1,5 @@
-// Where a target, or a pixel, is in the world, with the uncertainty by its sources. The world is the base of the first
-// arm, and that of the only arm of a hand-eye calibration.
+// These types state where a target, or a pixel, is in the world, with the uncertainty by its sources. The world is the
+// base of the first arm, and that of the only arm of a hand-eye calibration.
 #pragma once
 
 #include <Eigen/Core>
@@ -52,7 +52,7 @@ struct LocatedTarget {
   double p_value = 1;
   PoseUncertainty uncertainty;
   PoseCovariance pose_covariance;
-  PositionCovariance covariance;  // Of the mean of the points that were seen.
+  PositionCovariance covariance;  // The covariance of the mean of the points that were seen.
 };
 
 // The plane n . p = distance, for points p in the world.
@@ -64,7 +64,7 @@ struct Plane {
 struct LocatedPoint {
   Eigen::Vector3d in_world = Eigen::Vector3d::Zero();  // m
   PositionCovariance covariance;
-  double rms_px = 0;  // Of the distances between the pixels and the projections of the point; 0 for one pixel.
+  double rms_px = 0;  // The RMS distance between the pixels and the projections of the point; 0 for one pixel.
 };
 
 }  // namespace heba

@@ -8,8 +8,6 @@
 #include "heba/bundle_adjustment.h"
 #include "heba/calibration.h"
 #include "solvers/calibration/observability.h"
-#include "solvers/refine/hand_eye_problem.h"
-#include "solvers/residuals/inliers.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -22,10 +20,7 @@ std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<Param
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
-  const RigSolution of_all = ProblemSolution(*solution);
-  const RigProblem used = WithoutRejected(HandEyeProblem(problem, options), of_all);
-  if (!DirectionsOfCamera(used, of_all, 0).front().IsWeak()) return std::nullopt;
-  return DiagnoseDirections(used, of_all).front();
+  return DiagnoseWeakDirections(problem, *solution, options);
 }
 
 // The solution of a scene in which the robot is assumed to be exact and the camera is held fixed.

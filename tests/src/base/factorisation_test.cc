@@ -36,7 +36,7 @@ TEST_P(FactorisationTest, IdentityPlusSquareIsFactorisedHoweverLargeTheSquareIs)
     const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(size, size) + b * b.transpose();
     EXPECT_LT((lower * lower.transpose() - square).norm(), 1e-12 * square.norm());
     EXPECT_GT(lower.diagonal().minCoeff(), 0.99);
-    // Of the space that B does not reach, the identity is left.
+    // The identity is what is left of the space that B does not reach.
     const Eigen::VectorXd other = RandomMatrix(size, 1, &rng);
     const Eigen::VectorXd beside =
         other - b * (scale > 0 ? Eigen::VectorXd(SolveSymmetric(b.transpose() * b, b.transpose() * other))
