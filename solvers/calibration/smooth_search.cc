@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -130,60 +131,36 @@ SmoothSearch Thinned(const SmoothSearch& search) {
   return thinned;
 }
 
-// The search for the most probable lengths. Lengths are stated in octaves from the first ones.
-class LengthSearch {
+// Lengths in octaves from those that SmoothLengths has without captures: of rotations and of translations.
+using Octaves = std::array<double, 2>;
+constexpr size_t kRotation = 0;
+constexpr size_t kTranslation = 1;
+
+SmoothLengths LengthsAt(const Octaves& octaves) {
+  SmoothLengths lengths;
+  lengths.rotation_rad *= std::exp2(octaves[kRotation]);
+  lengths.translation_m *= std::exp2(octaves[kTranslation]);
+  return lengths;
+}
+
+// The probabilities of lengths, each computed once.
+class LengthProbabilities {
  public:
-  explicit LengthSearch(const SmoothSearch& search) : search_(search), best_(search.poses, {}) {
-    best_log_likelihood_ = LikelihoodWith(search_, &best_);
-    log_probabilities_[octaves_] = best_log_likelihood_ + LogPriorAt(octaves_);
-  }
+  explicit LengthProbabilities(const SmoothSearch& search) : search_(search) {}
 
-  const SmoothErrors& best() const { return best_; }
-  double best_log_likelihood() const { return best_log_likelihood_; }
-
-  // Steps of an octave in one length at a time, as long as the probability grows.
-  void Descend() {
-    constexpr int kMostRounds = 4;
-    bool has_improved = true;
-    for (int round = 0; round < kMostRounds && has_improved; ++round) {
-      has_improved = false;
-      for (const size_t which : {kRotation, kTranslation}) {
-        has_improved |= TryStep(which, 1.0) || TryStep(which, -1.0);
-      }
+  // Returns the logarithm, but for a constant; minus infinity outside of the limits.
+  double LogAt(const Octaves& octaves) {
+    const auto [place, is_new] = logs_.try_emplace(octaves, -std::numeric_limits<double>::infinity());
+    const SmoothLengths lengths = LengthsAt(octaves);
+    if (is_new && IsWithinLimits(lengths)) {
+      SmoothErrors errors(search_.poses, lengths);
+      place->second = LikelihoodWith(search_, &errors) + LogPriorAt(octaves);
     }
-  }
-
-  // Goes to the mean of the best lengths and of those beside them, weighed by their probabilities: where they are
-  // nearly as likely, the best ones alone would jump by an octave when a capture is added.
-  void GoToMean() {
-    const Octaves centre = octaves_;
-    Octaves mean = centre;
-    for (const size_t which : {kRotation, kTranslation}) mean[which] += OffsetOfMean(centre, which);
-    if (mean == centre) return;
-    best_ = SmoothErrors(search_.poses, LengthsAt(mean));
-    best_log_likelihood_ = LikelihoodWith(search_, &best_);
-    octaves_ = mean;
+    return place->second;
   }
 
  private:
-  using Octaves = std::array<double, 2>;
-  static constexpr size_t kRotation = 0;
-  static constexpr size_t kTranslation = 1;
-
-  bool TryStep(size_t which, double step) {
-    Octaves octaves = octaves_;
-    octaves[which] += step;
-    return Try(octaves);
-  }
-
-  static SmoothLengths LengthsAt(const Octaves& octaves) {
-    SmoothLengths lengths;
-    lengths.rotation_rad *= std::exp2(octaves[kRotation]);
-    lengths.translation_m *= std::exp2(octaves[kTranslation]);
-    return lengths;
-  }
-
-  // Returns the logarithm of the prior probability, but for a constant. Lengths of arms scatter by a factor of two.
+  // Lengths of arms scatter by a factor of two.
   static double LogPriorAt(const Octaves& octaves) {
     constexpr double kSigmaOctaves = 1;
     double sum = 0;
@@ -191,44 +168,63 @@ class LengthSearch {
     return sum;
   }
 
-  // Returns whether these lengths are more probable than the best ones, which they become.
-  bool Try(const Octaves& octaves) {
-    if (log_probabilities_.count(octaves) > 0) return false;
-    const SmoothLengths lengths = LengthsAt(octaves);
-    if (!IsWithinLimits(lengths)) return false;
-    SmoothErrors other(search_.poses, lengths);
-    const double log_likelihood = LikelihoodWith(search_, &other);
-    const double log_probability = log_likelihood + LogPriorAt(octaves);
-    log_probabilities_[octaves] = log_probability;
-    if (!(log_probability > log_probabilities_.at(octaves_))) return false;
-    best_log_likelihood_ = log_likelihood;
-    best_ = std::move(other);
-    octaves_ = octaves;
-    return true;
-  }
+  const SmoothSearch& search_;
+  std::map<Octaves, double> logs_;
+};
 
-  // Returns the mean of -1, 0 and 1 octave by their probabilities.
-  double OffsetOfMean(const Octaves& centre, size_t which) const {
-    double sum = 0;
-    double weights = 0;
-    for (const double step : {-1.0, 0.0, 1.0}) {
-      Octaves octaves = centre;
+Octaves Shifted(Octaves octaves, size_t which, double step) {
+  octaves[which] += step;
+  return octaves;
+}
+
+// Returns the most probable lengths: steps of an octave in one length at a time, as long as the probability grows.
+Octaves MostProbable(LengthProbabilities* probabilities) {
+  constexpr int kMostRounds = 4;
+  Octaves best{};
+  bool has_improved = true;
+  for (int round = 0; round < kMostRounds && has_improved; ++round) {
+    has_improved = false;
+    for (const size_t which : {kRotation, kTranslation}) {
+      for (const double step : {1.0, -1.0}) {
+        const Octaves other = Shifted(best, which, step);
+        if (!(probabilities->LogAt(other) > probabilities->LogAt(best))) continue;
+        best = other;
+        has_improved = true;
+        break;
+      }
+    }
+  }
+  return best;
+}
+
+// Returns the mean of one length, with the other one at its most probable, by the probabilities of all that are not
+// negligible.
+double MeanThrough(const Octaves& most_probable, size_t which, LengthProbabilities* probabilities) {
+  constexpr double kNegligible = 0.01;
+  const double log_largest = probabilities->LogAt(most_probable);
+  double sum = most_probable[which];
+  double weights = 1;
+  for (const double step : {-1.0, 1.0}) {
+    Octaves octaves = most_probable;
+    double weight = 1;
+    while (weight > kNegligible) {
       octaves[which] += step;
-      const auto found = log_probabilities_.find(octaves);
-      if (found == log_probabilities_.end()) continue;
-      const double weight = std::exp(found->second - log_probabilities_.at(centre));
-      sum += weight * step;
+      weight = std::exp(probabilities->LogAt(octaves) - log_largest);
+      sum += weight * octaves[which];
       weights += weight;
     }
-    return sum / weights;
   }
+  return sum / weights;
+}
 
-  const SmoothSearch& search_;
-  Octaves octaves_{};
-  std::map<Octaves, double> log_probabilities_;
-  SmoothErrors best_;
-  double best_log_likelihood_ = 0;
-};
+// Returns the mean of the lengths: the most probable ones alone would jump by an octave when a capture is added.
+SmoothLengths MeanLengths(const SmoothSearch& search) {
+  LengthProbabilities probabilities(search);
+  const Octaves most_probable = MostProbable(&probabilities);
+  Octaves mean;
+  for (const size_t which : {kRotation, kTranslation}) mean[which] = MeanThrough(most_probable, which, &probabilities);
+  return LengthsAt(mean);
+}
 
 }  // namespace
 
@@ -241,10 +237,8 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.is_free = false;
   }
   const double log_likelihood_without = LikelihoodOf(search.views, &without);
-  LengthSearch lengths(search);
-  lengths.Descend();
-  lengths.GoToMean();
-  FoundSmoothErrors found{lengths.best(), lengths.best_log_likelihood() - log_likelihood_without};
+  FoundSmoothErrors found{SmoothErrors(search.poses, MeanLengths(search))};
+  found.log_likelihood_gain = LikelihoodWith(search, &found.errors) - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);
   found.odds_without = std::exp(log_likelihood_without - LikelihoodOfLeast(search, least, found.errors));
