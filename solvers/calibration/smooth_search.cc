@@ -177,53 +177,44 @@ Octaves Shifted(Octaves octaves, size_t which, double step) {
   return octaves;
 }
 
-// Returns the most probable lengths: steps of an octave in one length at a time, as long as the probability grows.
-Octaves MostProbable(LengthProbabilities* probabilities) {
+// Takes steps in one length at a time, as long as the probability grows.
+void Climb(double step_octaves, LengthProbabilities* probabilities, Octaves* best) {
   constexpr int kMostRounds = 4;
-  Octaves best{};
   bool has_improved = true;
   for (int round = 0; round < kMostRounds && has_improved; ++round) {
     has_improved = false;
     for (const size_t which : {kRotation, kTranslation}) {
-      for (const double step : {1.0, -1.0}) {
-        const Octaves other = Shifted(best, which, step);
-        if (!(probabilities->LogAt(other) > probabilities->LogAt(best))) continue;
-        best = other;
+      for (const double step : {step_octaves, -step_octaves}) {
+        const Octaves other = Shifted(*best, which, step);
+        if (!(probabilities->LogAt(other) > probabilities->LogAt(*best))) continue;
+        *best = other;
         has_improved = true;
         break;
       }
     }
   }
-  return best;
 }
 
-// Returns the mean of one length, with the other one at its most probable, by the probabilities of all that are not
-// negligible.
-double MeanThrough(const Octaves& most_probable, size_t which, LengthProbabilities* probabilities) {
-  constexpr double kNegligible = 0.01;
-  const double log_largest = probabilities->LogAt(most_probable);
-  double sum = most_probable[which];
-  double weights = 1;
-  for (const double step : {-1.0, 1.0}) {
-    Octaves octaves = most_probable;
-    double weight = 1;
-    while (weight > kNegligible) {
-      octaves[which] += step;
-      weight = std::exp(probabilities->LogAt(octaves) - log_largest);
-      sum += weight * octaves[which];
-      weights += weight;
-    }
-  }
-  return sum / weights;
+// Returns the offset of the largest value of a parabola through those at -step, 0 and step, the second of which is the
+// largest; zero if one is not finite.
+double VertexOffset(double step, double before, double middle, double after) {
+  const double curvature = before - 2 * middle + after;
+  return std::isfinite(curvature) && curvature < 0 ? 0.5 * step * (before - after) / curvature : 0;
 }
 
-// Returns the mean of the lengths: the most probable ones alone would jump by an octave when a capture is added.
-SmoothLengths MeanLengths(const SmoothSearch& search) {
+// Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow
+// them: lengths that were rounded would jump when a capture is added.
+SmoothLengths MostProbableLengths(const SmoothSearch& search) {
   LengthProbabilities probabilities(search);
-  const Octaves most_probable = MostProbable(&probabilities);
-  Octaves mean;
-  for (const size_t which : {kRotation, kTranslation}) mean[which] = MeanThrough(most_probable, which, &probabilities);
-  return LengthsAt(mean);
+  Octaves best{};
+  constexpr double kFinestStep = 0.25;
+  for (double step = 1; step >= kFinestStep; step /= 2) Climb(step, &probabilities, &best);
+  Octaves vertex = best;
+  for (const size_t which : {kRotation, kTranslation}) {
+    vertex[which] += VertexOffset(kFinestStep, probabilities.LogAt(Shifted(best, which, -kFinestStep)),
+                                  probabilities.LogAt(best), probabilities.LogAt(Shifted(best, which, kFinestStep)));
+  }
+  return LengthsAt(vertex);
 }
 
 }  // namespace
@@ -237,7 +228,7 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.is_free = false;
   }
   const double log_likelihood_without = LikelihoodOf(search.views, &without);
-  FoundSmoothErrors found{SmoothErrors(search.poses, MeanLengths(search))};
+  FoundSmoothErrors found{SmoothErrors(search.poses, MostProbableLengths(search))};
   found.log_likelihood_gain = LikelihoodWith(search, &found.errors) - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);
