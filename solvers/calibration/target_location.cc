@@ -5,8 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "heba/data/hand_eye.h"
 #include "heba/rig_location.h"
-#include "solvers/refine/hand_eye_problem.h"
 
 namespace heba {
 namespace {
@@ -16,11 +16,7 @@ struct HandEyeRig {
   RigProblem problem;
   RigSolution solution;
 
-  HandEyeRig(Setup setup, const Solution& of) : solution(ProblemSolution(of)) {
-    BundleOptions options;
-    options.effects = of.shared_effects;
-    problem = HandEyeProblem({of.camera, {}, setup, of.shape}, options);
-  }
+  HandEyeRig(Setup setup, const Solution& of) : problem(HandEyeProblem(setup, of)), solution(ProblemSolution(of)) {}
 };
 
 }  // namespace

@@ -6,21 +6,11 @@
 namespace heba {
 
 RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) {
-  const bool is_in_hand = problem.setup == Setup::kEyeInHand;
-  const Mount base{0, Mount::Part::kBase};
-  const Mount gripper{0, Mount::Part::kGripper};
-  RigProblem whole;
-  whole.robots = {""};
-  RigCamera& camera = whole.cameras.emplace_back();
-  camera.mount = is_in_hand ? gripper : base;
-  camera.mount_name = CameraMountName(problem.setup);
-  camera.camera = problem.camera;
+  RigProblem whole = HandEyeProblem(problem.setup, problem.camera, problem.shape);
+  RigCamera& camera = whole.cameras[0];
   camera.free_intrinsics = options.free_intrinsics;
   camera.prior = options.camera_prior;
-  RigTarget& target = whole.targets.emplace_back();
-  target.mount = is_in_hand ? base : gripper;
-  target.mount_name = TargetMountName(problem.setup);
-  target.shape = problem.shape;
+  RigTarget& target = whole.targets[0];
   target.free_shape = options.free_shape;
   target.scale_sigma = options.target_scale_sigma;
   const SharedEffects* const shared = options.effects.get();
@@ -44,10 +34,6 @@ RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) 
                                                      : SelectEffects(view.effect, shared->num_all, estimated));
   }
   return whole;
-}
-
-RigPoses HandEyePosesOf(const HandEye& hand_eye) {
-  return {{hand_eye.camera_mount_from_camera}, {hand_eye.target_mount_from_target}, {Rigid3d()}};
 }
 
 RigOptions AdjustmentOptionsOf(const BundleOptions& options) {
@@ -88,32 +74,6 @@ Solution HandEyeSolution(const RigSolution& whole, const BundleOptions& options)
   solution.covariance_dof = whole.covariance_dof;
   solution.convergence = whole.convergence;
   return solution;
-}
-
-RigSolution ProblemSolution(const Solution& solution) {
-  RigSolution whole;
-  whole.poses = HandEyePosesOf(solution.hand_eye);
-  whole.cameras = {solution.camera};
-  whole.shapes = {solution.shape};
-  whole.pixel_sigmas_px = {solution.pixel_sigma_px};
-  whole.image_sigmas_px = {0};
-  whole.unmodelled_sigma_px = {solution.unmodelled_sigma_px};
-  whole.robot_noise = {solution.robot_noise};
-  whole.robot_noise_stddev = {solution.robot_noise_stddev};
-  if (solution.shared_effects != nullptr) {
-    whole.effects = {solution.effects};
-    whole.effect_sigmas = {solution.effect_sigmas};
-  }
-  whole.smooth_noise = {solution.smooth_noise};
-  for (const ViewOutcome& view : solution.views) {
-    RigCaptureOutcome& capture = whole.captures.emplace_back();
-    if (view.correction) capture.corrections = {*view.correction};
-    capture.rejected_ids = {view.rejected_ids};
-  }
-  whole.covariance = solution.covariance;
-  whole.covariance_dof = solution.covariance_dof;
-  whole.convergence = solution.convergence;
-  return whole;
 }
 
 }  // namespace heba

@@ -1,7 +1,8 @@
-// A hand-eye calibration as a problem with one camera, one target and one arm, which have no names.
+// The views of a hand-eye calibration as a problem with one camera, one target and one arm (heba/data/hand_eye.h).
 #pragma once
 
 #include "heba/adjustment_options.h"
+#include "heba/data/hand_eye.h"
 #include "heba/data/rig.h"
 #include "heba/data/rig_solution.h"
 
@@ -10,12 +11,10 @@ namespace heba {
 // Returns the problem whose captures are the views, with one image each, and whose unknowns are those of the options.
 // The world is the base of the arm.
 RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options);
-RigPoses HandEyePosesOf(const HandEye& hand_eye);
 // Returns the options of its adjustment.
 RigOptions AdjustmentOptionsOf(const BundleOptions& options);
 
-// Return a solution of such a problem in its other form. The effects are those of `options`.
+// Returns a solution of such a problem in its other form (ProblemSolution). The effects are those of `options`.
 Solution HandEyeSolution(const RigSolution& solution, const BundleOptions& options);
-RigSolution ProblemSolution(const Solution& solution);
 
 }  // namespace heba

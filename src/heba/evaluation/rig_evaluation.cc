@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "heba/data/hand_eye.h"
 #include "heba/evaluation/judgement.h"
 #include "heba/evaluation/limits.h"
 
@@ -193,6 +195,46 @@ std::vector<Finding> JudgeRequirements(const RigResult& result) {
 
 std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place) {
   return errors.empty() ? std::nullopt : errors[place];
+}
+
+RigResult AsRigResult(const RunResult& result) {
+  const Estimate* const refined = FindRefined(result);
+  CHECK(refined != nullptr);
+  RigResult whole;
+  whole.name = result.name;
+  whole.about = result.about;
+  whole.rig = HandEyeProblem(result.setup, *refined->solution);
+  whole.arms = {result.robot};
+  whole.target_types = {result.target_type};
+  whole.solution = ProblemSolution(*refined->solution);
+  whole.solution.captures.clear();
+  RigErrors& errors = whole.errors.emplace_back();
+  errors.reprojection_rms_px = refined->errors.reprojection_rms_px;
+  errors.holdout_rms_px = refined->errors.holdout_rms_px;
+  errors.holdout_target_mm = refined->errors.holdout_target_mm;
+  errors.holdout_target_deg = refined->errors.holdout_target_deg;
+  if (result.working_point) errors.distance_m = result.working_point->in_camera_m.norm();
+  if (refined->errors.truth) {
+    errors.truth_mm = refined->errors.truth->hand_eye_mm;
+    errors.truth_deg = refined->errors.truth->hand_eye_deg;
+  }
+  whole.holdout_chi2 = refined->errors.holdout_chi2;
+  for (const CaptureResult& capture : result.captures) {
+    RigImageResult& image = whole.images.emplace_back();
+    image.capture = capture.image;
+    image.image = capture.image;
+    image.used = capture.used;
+    image.reason = capture.reason;
+    image.was_searched = capture.was_searched;
+    image.move_without = capture.move_without;
+    if (capture.num_points == 0) continue;
+    image.targets.push_back({"", capture.num_points, capture.num_rejected, capture.rms_px, capture.used});
+  }
+  for (const Requirement& requirement : result.requirements) whole.requirements.push_back({0, requirement});
+  whole.observations = result.observations;
+  whole.verdict = result.verdict;
+  whole.timing = result.timing;
+  return whole;
 }
 
 const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot) {

@@ -125,6 +125,10 @@ struct RigResult {
   Timing timing;
 };
 
+// Returns the result of one camera, which must have a refined estimate, as that of a rig whose parts have no names
+// (heba/data/hand_eye.h). It has no captures: the poses of the arm are not part of such a result.
+RigResult AsRigResult(const RunResult& result);
+
 // Returns the kinematics of an arm whose errors are part of the solution; null if they were not estimated.
 const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot);
 // Returns the reason why they were not, in words.
