@@ -14,6 +14,7 @@
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
 #include "tools/run/captures.h"
+#include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
 
 namespace heba {
@@ -85,40 +86,6 @@ ModelSummary SummariseModel(const Calibration& calibration) {
                                   alternative.p, std::nullopt, alternative.reason});
   }
   return model;
-}
-
-// Finds points that are in view several times but are never detected. The cause is a wrong id, marker size or pattern,
-// not a bad image.
-std::optional<Finding> FindMissingIds(const Dataset& dataset, const Calibration& calibration,
-                                      const std::vector<CaptureDetection>& detections) {
-  if (!dataset.given_detections.empty()) return std::nullopt;
-  constexpr int kOften = 5;
-  constexpr double kShare = 0.1;
-  const std::vector<TargetPoint>& points = dataset.target->points();
-  std::vector<int> num_expected(points.size(), 0);
-  std::vector<int> num_found(points.size(), 0);
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    const std::vector<int>& ids = detections[i].detection.ids;
-    if (ids.empty()) continue;
-    const std::vector<std::optional<Eigen::Vector2d>> expected =
-        ExpectedPixels(*dataset.target, *calibration.refined, PredictedPose(dataset, *calibration.refined, i));
-    for (size_t k = 0; k < points.size(); ++k) {
-      num_expected[k] += expected[k] ? 1 : 0;
-      num_found[k] += std::count(ids.begin(), ids.end(), points[k].id) > 0 ? 1 : 0;
-    }
-  }
-  int num_missing = 0;
-  int least_expected = std::numeric_limits<int>::max();
-  for (size_t k = 0; k < points.size(); ++k) {
-    if (num_found[k] > 0 || num_expected[k] < kOften) continue;
-    ++num_missing;
-    least_expected = std::min(least_expected, num_expected[k]);
-  }
-  if (num_missing < kShare * static_cast<double>(points.size()) || num_missing == 0) return std::nullopt;
-  return Finding{
-      Grade::kDoubtful,
-      FindingCode("missing_ids"),
-      {{"missing", num_missing}, {"points", static_cast<double>(points.size())}, {"images", least_expected}}};
 }
 
 // Returns the accuracy that the calibration reaches at each position for which the config requires one. A camera that
@@ -353,8 +320,9 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
   result.working_point = FindWorkingPoint(calibration, dataset.setup, advice.changes);
   result.model = SummariseModel(calibration);
-  if (std::optional<Finding> missing = FindMissingIds(dataset, calibration, detections)) {
-    result.observations.push_back(std::move(*missing));
+  for (Finding& missing : FindMissingIds(AsRigDataset(dataset), InRig(detections),
+                                         PredictCaptures(dataset, *calibration.refined, 0))) {
+    result.observations.push_back(std::move(missing));
   }
   result.requirements = ReachedRequirements(dataset, run.requirements, calibration, result);
   return result;

@@ -3,52 +3,37 @@
 
 #include <vector>
 
+#include "heba/rig_run_types.h"
 #include "heba/run_types.h"
+#include "tools/run/second_detection.h"
 
 namespace heba {
-
-// Ends a run that was cancelled. Run catches it.
-struct Cancelled {};
-
-// Reports the steps of one stage to an observer, which may be null.
-class StageReport {
- public:
-  // Throws Cancelled if the run is to end.
-  StageReport(RunStage stage, int num_steps, RunObserver* observer);
-  ~StageReport();
-  StageReport(const StageReport&) = delete;
-  StageReport& operator=(const StageReport&) = delete;
-  // Throws Cancelled if the run is to end. Not thread-safe.
-  void Step();
-
- private:
-  RunStage stage_;
-  RunObserver* observer_;
-};
-
-// Throws Cancelled if the run is to end.
-void EndIfCancelled(RunObserver* observer);
 
 // Returns whether the size of the images is known without any: whether each given detection states it, or the camera.
 bool IsImageSizeKnown(const Dataset& dataset);
 
 // Detects the target in all captures by `detect`, or returns the given detections. Throws InputError if images cannot
-// be read or differ in size.
+// be read, differ in size, or are not those of the camera.
 std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,
                                              RunObserver* observer);
 
-// Throws the InputError of FitCameraToImages by the header of the first image, before any is decoded.
-void CheckCameraByHeader(const Dataset& dataset);
-
 // Sets the size of the data set's camera, if there is one, to that of the images if it is not stated. Throws
 // InputError if the sizes differ.
-void FitCameraToImages(const CaptureDetection& first, Dataset* dataset);
+void FitCameraToImages(const std::vector<CaptureDetection>& detections, Dataset* dataset);
+
+// Returns the data set as that of a rig whose parts have no names (heba/data/hand_eye.h).
+RigDataset AsRigDataset(const Dataset& dataset);
+// Returns the detections as those of such a data set, and back.
+std::vector<RigDetection> InRig(const std::vector<CaptureDetection>& detections);
+std::vector<CaptureDetection> OutOfRig(std::vector<RigDetection> detections);
 
 // Returns the view of one capture, an index into Dataset::captures, with the observations in its image.
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations);
 
 // Returns camera_from_target of one capture as a solution predicts it from the robot's pose.
 Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture);
+// Returns PredictedImages of all captures; `rms_px` is that of the points.
+PredictedImages PredictCaptures(const Dataset& dataset, const Solution& solution, double rms_px);
 
 // Returns the views of the captures in which the target was seen.
 std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections);

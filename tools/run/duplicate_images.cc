@@ -13,9 +13,11 @@ namespace {
 constexpr double kSamePoseM = 1e-4;
 constexpr double kSamePoseRad = DegToRad(0.01);
 
-bool HaveSamePose(const Capture& a, const Capture& b) {
-  return DistanceM(a.base_from_gripper, b.base_from_gripper) <= kSamePoseM &&
-         AngleRad(a.base_from_gripper, b.base_from_gripper) <= kSamePoseRad;
+bool HaveSamePose(const PosedImage& a, const PosedImage& b) {
+  return std::equal(a.base_from_gripper.begin(), a.base_from_gripper.end(), b.base_from_gripper.begin(),
+                    [](const Rigid3d& pose, const Rigid3d& other) {
+                      return DistanceM(pose, other) <= kSamePoseM && AngleRad(pose, other) <= kSamePoseRad;
+                    });
 }
 
 template <typename T>
@@ -27,20 +29,31 @@ void RemoveAt(const std::vector<size_t>& indices, std::vector<T>* values) {
 
 }  // namespace
 
-std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
-                                          const std::vector<CaptureDetection>& detections) {
+std::vector<PosedImage> PosedImagesOf(const std::vector<Capture>& captures,
+                                      const std::vector<CaptureDetection>& detections) {
   if (detections.empty()) return {};  // There are no images.
   CHECK_EQ(captures.size(), detections.size());
-  std::map<std::string, std::vector<size_t>> captures_of;
+  std::vector<PosedImage> images;
   for (size_t i = 0; i < captures.size(); ++i) {
-    if (!detections[i].image_digest.empty()) captures_of[detections[i].image_digest].push_back(i);
+    images.push_back({captures[i].name,
+                      {captures[i].base_from_gripper},
+                      detections[i].image_digest,
+                      !detections[i].detection.ids.empty()});
+  }
+  return images;
+}
+
+std::vector<SharedImage> FindSharedImages(const std::vector<PosedImage>& images) {
+  std::map<std::string, std::vector<size_t>> images_of;
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (!images[i].digest.empty()) images_of[images[i].digest].push_back(i);
   }
   std::vector<SharedImage> all;
-  for (const auto& entry : captures_of) {
+  for (const auto& entry : images_of) {
     const std::vector<size_t>& sharing = entry.second;
     if (sharing.size() < 2) continue;
-    const bool has_one_pose = std::all_of(
-        sharing.begin(), sharing.end(), [&](size_t i) { return HaveSamePose(captures[sharing.front()], captures[i]); });
+    const bool has_one_pose = std::all_of(sharing.begin(), sharing.end(),
+                                          [&](size_t i) { return HaveSamePose(images[sharing.front()], images[i]); });
     all.push_back({sharing, has_one_pose});
   }
   std::sort(all.begin(), all.end(),
@@ -48,43 +61,73 @@ std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
   return all;
 }
 
-size_t FindOtherPose(const std::vector<Capture>& captures, const SharedImage& shared, size_t capture) {
+size_t FindOtherPose(const std::vector<PosedImage>& images, const SharedImage& shared, size_t image) {
   const auto other = std::find_if(shared.captures.begin(), shared.captures.end(),
-                                  [&](size_t i) { return !HaveSamePose(captures[i], captures[capture]); });
+                                  [&](size_t i) { return !HaveSamePose(images[i], images[image]); });
   return other == shared.captures.end() ? shared.captures.front() : *other;
+}
+
+std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images) {
+  std::vector<DuplicateImage> duplicates;
+  for (const SharedImage& shared : FindSharedImages(images)) {
+    const size_t first = shared.captures.front();
+    if (!images[first].shows_target) continue;
+    for (const size_t i : shared.captures) {
+      if (!shared.has_one_pose) {
+        duplicates.push_back({i, "",
+                              "the same image as " + images[FindOtherPose(images, shared, i)].name +
+                                  ", byte by byte, but with another pose of the robot: at most one of the poses "
+                                  "belongs to the image, so no capture with this image is used"});
+      } else if (i != first) {
+        duplicates.push_back({i, images[first].name, "the same image as " + images[first].name + ", byte by byte"});
+      }
+    }
+  }
+  std::sort(duplicates.begin(), duplicates.end(),
+            [](const DuplicateImage& a, const DuplicateImage& b) { return a.image < b.image; });
+  return duplicates;
+}
+
+std::vector<DuplicateInRig> FindDuplicates(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
+  std::vector<DuplicateInRig> duplicates;
+  for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+    std::map<size_t, PosedImage> image_of;  // By the capture.
+    for (const RigDetection& detection : detections) {
+      if (detection.camera != c) continue;
+      const RigRecording& capture = dataset.captures[detection.capture];
+      const auto [entry, is_new] = image_of.try_emplace(detection.capture);
+      PosedImage& image = entry->second;
+      if (is_new) image = {capture.name, capture.base_from_gripper, detection.detection.image_digest, false};
+      image.shows_target |= !detection.detection.detection.ids.empty();
+    }
+    std::vector<size_t> captures;
+    std::vector<PosedImage> images;
+    for (auto& [capture, image] : image_of) {
+      captures.push_back(capture);
+      images.push_back(std::move(image));
+    }
+    for (DuplicateImage& duplicate : FindDuplicates(images)) {
+      duplicates.push_back({captures[duplicate.image], c, std::move(duplicate.reason)});
+    }
+  }
+  return duplicates;
 }
 
 LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections) {
   const std::vector<Capture>& captures = dataset->captures;
-  std::map<size_t, CaptureResult> results;
-  int num_repeats = 0;
-  int num_contradictory = 0;
-  for (const SharedImage& shared : FindSharedImages(captures, *detections)) {
-    // Images that show no target, such as black ones, need not be left out.
-    if ((*detections)[shared.captures.front()].detection.ids.empty()) continue;
-    for (const size_t i : shared.captures) {
-      if (shared.has_one_pose && i == shared.captures.front()) continue;
-      CaptureResult& result = results[i];
-      result.image = captures[i].name;
-      result.role = captures[i].role;
-      result.num_points = static_cast<int>((*detections)[i].detection.ids.size());
-      if (shared.has_one_pose) {
-        ++num_repeats;
-        result.repeat_of = captures[shared.captures.front()].name;
-        result.reason = "the same image as " + result.repeat_of + ", byte by byte";
-      } else {
-        ++num_contradictory;
-        result.reason = "the same image as " + captures[FindOtherPose(captures, shared, i)].name +
-                        ", byte by byte, but with another pose of the robot: at most one of the poses belongs to the "
-                        "image, so no capture with this image is used";
-      }
-    }
-  }
   LeftOutCaptures left_out;
-  for (auto& [index, result] : results) {
-    left_out.indices.push_back(index);
-    left_out.results.push_back(std::move(result));
+  int num_repeats = 0;
+  for (const DuplicateImage& duplicate : FindDuplicates(PosedImagesOf(captures, *detections))) {
+    CaptureResult& result = left_out.results.emplace_back();
+    result.image = captures[duplicate.image].name;
+    result.role = captures[duplicate.image].role;
+    result.num_points = static_cast<int>((*detections)[duplicate.image].detection.ids.size());
+    result.repeat_of = duplicate.repeat_of;
+    result.reason = duplicate.reason;
+    left_out.indices.push_back(duplicate.image);
+    num_repeats += duplicate.repeat_of.empty() ? 0 : 1;
   }
+  const int num_contradictory = static_cast<int>(left_out.results.size()) - num_repeats;
   if (num_repeats > 0) {
     left_out.notes.push_back(
         std::to_string(num_repeats) + " of " + std::to_string(captures.size()) +

@@ -6,28 +6,54 @@
 // differ, at most one of them belongs to the image, and it is unknown which one: none of the captures is used.
 #pragma once
 
+#include <string>
 #include <vector>
 
+#include "heba/rig_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
 
-// Captures of Dataset::captures that share one image, two or more, in their order.
+// An image of one camera, and the poses of all arms at which it was taken.
+struct PosedImage {
+  std::string name;
+  std::vector<Rigid3d> base_from_gripper;
+  std::string digest;  // CaptureDetection::image_digest; images without a digest are shared by no captures.
+  bool shows_target = true;
+};
+// Returns the images of captures; `detections` are those of `captures`, or empty if there are no images.
+std::vector<PosedImage> PosedImagesOf(const std::vector<Capture>& captures,
+                                      const std::vector<CaptureDetection>& detections);
+
+// Indices of two or more images with the same bytes, in their order.
 struct SharedImage {
   std::vector<size_t> captures;
   // Whether all robot poses are equal within 0.1 mm and 0.01 deg: the readings of a robot that stands still differ a
   // little.
   bool has_one_pose = true;
 };
+std::vector<SharedImage> FindSharedImages(const std::vector<PosedImage>& images);
 
-// Finds shared images by CaptureDetection::image_digest; captures without a digest share no image. `detections` are
-// those of `captures`, or empty if there are no images.
-std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
-                                          const std::vector<CaptureDetection>& detections);
+// Returns the first image of `shared` whose pose differs from that of `image`, for images with several poses.
+size_t FindOtherPose(const std::vector<PosedImage>& images, const SharedImage& shared, size_t image);
 
-// Returns the first capture of `shared` whose pose differs from that of `capture`, for captures that share an image
-// but not the pose.
-size_t FindOtherPose(const std::vector<Capture>& captures, const SharedImage& shared, size_t capture);
+// An image that must not be used because of another one.
+struct DuplicateImage {
+  size_t image = 0;
+  std::string repeat_of;  // The name of the image that it copies; empty if the poses contradict each other.
+  std::string reason;     // One clause.
+};
+// Returns the images that must not be used, in their order. Images that show no target, such as black ones, may be
+// equal.
+std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images);
+
+// An image of one camera of several that must not be used.
+struct DuplicateInRig {
+  size_t capture = 0;
+  size_t camera = 0;
+  std::string reason;
+};
+std::vector<DuplicateInRig> FindDuplicates(const RigDataset& dataset, const std::vector<RigDetection>& detections);
 
 // Removes the captures that must not be used from `dataset` and `detections`.
 LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections);

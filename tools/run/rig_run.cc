@@ -21,13 +21,18 @@
 #include "targets/images/image.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
+#include "tools/run/duplicate_images.h"
 #include "tools/run/rig_arm_errors.h"
 #include "tools/run/rig_requirements.h"
+#include "tools/run/run_stage.h"
+#include "tools/run/second_detection.h"
 
 namespace heba {
 namespace {
 
-RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
+// Returns the problem of the detections, without the images that must not be used.
+RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+                     const std::vector<DuplicateInRig>& duplicates) {
   RigProblem rig = dataset.rig;
   FitCamerasToImages(dataset, detections, &rig);
   for (size_t t = 0; t < rig.targets.size(); ++t) {
@@ -39,7 +44,10 @@ RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>&
     rig.captures.push_back({recording.name, recording.base_from_gripper, {}});
   }
   for (const RigDetection& detection : detections) {
-    if (detection.detection.detection.ids.empty()) continue;
+    const bool is_duplicate = std::any_of(duplicates.begin(), duplicates.end(), [&](const DuplicateInRig& duplicate) {
+      return duplicate.capture == detection.capture && duplicate.camera == detection.camera;
+    });
+    if (is_duplicate || detection.detection.detection.ids.empty()) continue;
     rig.captures[detection.capture].images.push_back(
         {detection.camera, detection.target,
          ObservationsOf(*dataset.targets[detection.target], detection.detection.detection)});
@@ -55,6 +63,19 @@ std::optional<SquaredErrors> ErrorsOf(const RigProblem& rig, const RigSolution& 
       solution.cameras[image.camera],
       CameraFromTarget(rig, solution.poses, image.camera, image.target, WithErrors(capture, solution.effects)),
       ApplyShape(image.observations, solution.shapes[image.target]));
+}
+
+// Returns the errors of each camera over the images that are used, with the poses of the arms as given.
+std::vector<SquaredErrors> ErrorsOfCameras(const RigProblem& used, const RigSolution& solution) {
+  std::vector<SquaredErrors> sums(used.cameras.size());
+  for (const RigCapture& capture : used.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.observations.size() == 0) continue;
+      const std::optional<SquaredErrors> errors = ErrorsOf(used, solution, capture, image);
+      if (errors) sums[image.camera].Add(*errors);
+    }
+  }
+  return sums;
 }
 
 // The reasons why targets in an image were not used, in words.
@@ -201,14 +222,7 @@ RigPoseErrors PoseErrors(const RigProblem& rig, const RigResult& result, const R
 
 // Fills in the in-sample errors of every camera, with the poses of the arms as given, and the errors by the truth.
 void AddErrors(const RigDataset& dataset, const RigProblem& used, const RigSolution& solution, RigResult* result) {
-  std::vector<SquaredErrors> sums(dataset.rig.cameras.size());
-  for (const RigCapture& capture : used.captures) {
-    for (const RigImage& image : capture.images) {
-      if (image.observations.size() == 0) continue;
-      const std::optional<SquaredErrors> errors = ErrorsOf(used, solution, capture, image);
-      if (errors) sums[image.camera].Add(*errors);
-    }
-  }
+  const std::vector<SquaredErrors> sums = ErrorsOfCameras(used, solution);
   for (size_t c = 0; c < sums.size(); ++c) {
     RigErrors& errors = result->errors.emplace_back();
     errors.reprojection_rms_px = sums[c].RmsPx();
@@ -222,13 +236,69 @@ void AddErrors(const RigDataset& dataset, const RigProblem& used, const RigSolut
   if (dataset.truth) result->truth = PoseErrors(used, *result, *dataset.truth);
 }
 
+// The images as they were seen, and the calibration from them.
+struct SeenAndCalibrated {
+  RigProblem seen;
+  RigCalibration calibration;
+
+  PredictedImages Predicted(const std::vector<RigDetection>& detections) const {
+    std::vector<double> rms_px;
+    const RigSolution& solution = *calibration.refined;
+    for (const SquaredErrors& errors : ErrorsOfCameras(WithoutRejected(calibration.problem, solution), solution)) {
+      rms_px.push_back(errors.RmsPx().value_or(0));
+    }
+    return PredictImages(calibration.problem, solution, detections, std::move(rms_px));
+  }
+};
+
+Outcome<SeenAndCalibrated> CalibrateSeen(RigProblem seen, const RigCalibrationOptions& options) {
+  Outcome<RigCalibration> calibration = CalibrateRig(seen, options);
+  if (!calibration) return Failure{calibration.reason()};
+  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
+}
+
+// Returns whether a calibration from more points is no worse: it uses at least as many images, and the residuals of no
+// camera are more than 5 % larger than those of the first.
+bool IsAtLeastAsGood(const RigCalibration& second, const RigCalibration& first) {
+  constexpr double kMaxRise = 1.05;
+  const auto num_used = [](const RigCalibration& calibration) {
+    size_t count = 0;
+    for (const RigCapture& capture : calibration.problem.captures) {
+      count += std::count_if(capture.images.begin(), capture.images.end(),
+                             [](const RigImage& image) { return image.observations.size() > 0; });
+    }
+    return count;
+  };
+  const std::vector<double>& sigmas_px = second.refined->pixel_sigmas_px;
+  return num_used(second) >= num_used(first) &&
+         std::equal(sigmas_px.begin(), sigmas_px.end(), first.refined->pixel_sigmas_px.begin(),
+                    [](double sigma_px, double of_first) { return sigma_px <= kMaxRise * of_first; });
+}
+
+// Calibrates from the detections. The images are then searched again for the points that the calibration predicts.
+Outcome<SeenAndCalibrated> CalibrateDetections(const RigDataset& dataset, const std::vector<DuplicateInRig>& duplicates,
+                                               const RigCalibrationOptions& options,
+                                               std::vector<RigDetection>* detections, RunObserver* observer) {
+  Outcome<SeenAndCalibrated> first = CalibrateSeen(ProblemOf(dataset, *detections, duplicates), options);
+  if (!first) return first;
+  std::optional<std::vector<RigDetection>> again =
+      DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
+  if (!again) return first;
+  EndIfCancelled(observer);
+  Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates), options);
+  if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return first;
+  *detections = std::move(*again);
+  return second;
+}
+
 Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
   RigRunOutput output;
   RigResult& result = output.result;
   const Stopwatch detect_watch;
   output.detections = DetectRig(dataset, options.detect, options.num_threads, observer);
   result.timing.detect_s = detect_watch.Seconds();
-  const RigProblem seen = ProblemOf(dataset, output.detections);
+  const std::vector<DuplicateInRig> duplicates = FindDuplicates(dataset, output.detections);
   EndIfCancelled(observer);
   const Stopwatch solve_watch;
   RigCalibrationOptions calibration_options = options.calibration;
@@ -236,10 +306,13 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   calibration_options.adjustment.num_threads = options.num_threads;
   const std::vector<std::optional<ArmSetup>> arms = SetUpArms(dataset, options.kinematics);
   calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
-  Outcome<RigCalibration> calibration = CalibrateRig(seen, calibration_options);
-  if (!calibration) return Failure{calibration.reason()};
-  if (!calibration->refined) return Failure{calibration->refined.reason()};
-  output.calibration = std::move(*calibration);
+  Outcome<SeenAndCalibrated> calibrated =
+      CalibrateDetections(dataset, duplicates, calibration_options, &output.detections, observer);
+  if (!calibrated) return Failure{calibrated.reason()};
+  std::vector<Finding> missing_ids =
+      FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
+  const RigProblem seen = std::move(calibrated->seen);
+  output.calibration = std::move(calibrated->calibration);
   std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
   std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
   Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
@@ -269,6 +342,13 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
   result.relative_bases = RelativeBasePoses(result.rig, result.solution);
   result.images = ImageResults(dataset, seen, used, output.calibration, moves);
+  for (const DuplicateInRig& duplicate : duplicates) {
+    const auto entry = std::find_if(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+      return image.capture == dataset.captures[duplicate.capture].name &&
+             image.camera == dataset.rig.cameras[duplicate.camera].name;
+    });
+    entry->reason = duplicate.reason;
+  }
   for (RigImageResult& left_out : LeftOutResults(dataset)) result.images.push_back(std::move(left_out));
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     // With the errors that captures share.
@@ -302,6 +382,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : of_held.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : directions) result.observations.push_back(std::move(finding));
+  for (Finding& finding : missing_ids) result.observations.push_back(std::move(finding));
   result.requirements = ReachedInRig(options.requirements, used, solution);
   result.verdict = JudgeRig(result);
   return output;
@@ -334,95 +415,7 @@ void CheckDataset(const RigDataset& dataset) {
   if (!faults.empty()) throw InputError(faults);
 }
 
-// Throws InputError if two cameras have the same images: images of two cameras are never equal to the last bit.
-void CheckOwnImages(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
-  std::map<std::pair<size_t, std::string>, std::set<size_t>> cameras_of;  // By capture and digest.
-  std::map<size_t, std::set<size_t>> captures_of;                         // By camera.
-  for (const RigDetection& detection : detections) {
-    captures_of[detection.camera].insert(detection.capture);
-    const std::string& digest = detection.detection.image_digest;
-    if (!digest.empty()) cameras_of[{detection.capture, digest}].insert(detection.camera);
-  }
-  std::map<std::pair<size_t, size_t>, size_t> num_shared;
-  for (const auto& [image, cameras] : cameras_of) {
-    for (auto a = cameras.begin(); a != cameras.end(); ++a) {
-      for (auto b = std::next(a); b != cameras.end(); ++b) ++num_shared[{*a, *b}];
-    }
-  }
-  for (const auto& [pair, count] : num_shared) {
-    const auto [a, b] = pair;
-    // A few may be frames without content.
-    if (2 * count <= std::min(captures_of[a].size(), captures_of[b].size())) continue;
-    throw InputError("cameras " + dataset.rig.cameras[a].name + " and " + dataset.rig.cameras[b].name +
-                     " have the same images in " + std::to_string(count) + " captures; correct the images of one");
-  }
-}
-
 }  // namespace
-
-std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
-                                    int num_threads, RunObserver* observer) {
-  std::vector<RigDetection> detections;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
-      if (dataset.captures[i].images[c].empty()) continue;
-      for (size_t t = 0; t < dataset.targets.size(); ++t) detections.push_back({i, c, t, {}});
-    }
-  }
-  // The size is read from the header of each camera's first image, because one of another size may need gigabytes.
-  std::vector<std::optional<ImageSize>> expected(dataset.rig.cameras.size());
-  for (const RigDetection& detection : detections) {
-    std::optional<ImageSize>& size = expected[detection.camera];
-    if (!size) size = ReadImageSize(dataset.captures[detection.capture].images[detection.camera]);
-  }
-  {
-    StageReport report(RunStage::kDetection, static_cast<int>(detections.size()), observer);
-    std::mutex mutex;
-    ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
-      RigDetection& detection = detections[static_cast<size_t>(index)];
-      const std::filesystem::path& image = dataset.captures[detection.capture].images[detection.camera];
-      const size_t t = detection.target;
-      detection.detection = detect.empty() || !detect[t]
-                                ? DetectWithDigest(*dataset.targets[t], image, expected[detection.camera])
-                                : detect[t](image, expected[detection.camera]);
-      const std::lock_guard<std::mutex> lock(mutex);
-      report.Step();
-    });
-  }
-  std::map<size_t, const RigDetection*> first_of;
-  for (const RigDetection& detection : detections) {
-    const RigDetection* const first = first_of.emplace(detection.camera, &detection).first->second;
-    const ImageSize size{detection.detection.width_px, detection.detection.height_px};
-    const ImageSize first_size{first->detection.width_px, first->detection.height_px};
-    if (size == first_size) continue;
-    throw InputError(dataset.captures[detection.capture].images[detection.camera].string() + ": is " +
-                     ImageSizeText(size.width_px, size.height_px) + ", but other images of camera " +
-                     dataset.rig.cameras[detection.camera].name + " are " +
-                     ImageSizeText(first_size.width_px, first_size.height_px) +
-                     "; all images of a camera must have one resolution");
-  }
-  CheckOwnImages(dataset, detections);
-  return detections;
-}
-
-void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {
-  for (size_t c = 0; c < rig->cameras.size(); ++c) {
-    const auto first = std::find_if(detections.begin(), detections.end(),
-                                    [&](const RigDetection& detection) { return detection.camera == c; });
-    if (first == detections.end()) continue;
-    Camera& camera = rig->cameras[c].camera;
-    const ImageSize seen{first->detection.width_px, first->detection.height_px};
-    const ImageSize stated{camera.width_px, camera.height_px};
-    if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
-      throw InputError(dataset.camera_sources[c] + ": is for images of " +
-                       ImageSizeText(stated.width_px, stated.height_px) + ", but those of camera " +
-                       rig->cameras[c].name + " are " + ImageSizeText(seen.width_px, seen.height_px) +
-                       "; provide the intrinsics of that resolution");
-    }
-    camera.width_px = seen.width_px;
-    camera.height_px = seen.height_px;
-  }
-}
 
 std::string WhyNotToldApart(const RigDataset& dataset) {
   std::map<std::string, size_t> target_of_code;

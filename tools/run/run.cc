@@ -18,6 +18,7 @@
 #include "tools/run/digest.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/robot_errors.h"
+#include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
 
 namespace heba {
@@ -95,6 +96,24 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
          "; is it the target that the config names?";
 }
 
+// Returns the detections with the points that a calibration has shown where to search; nothing if there are no others.
+std::optional<std::vector<CaptureDetection>> DetectCapturesAgain(const Dataset& dataset,
+                                                                 const std::vector<CaptureDetection>& detections,
+                                                                 const Calibration& calibration, int num_threads,
+                                                                 RunObserver* observer) {
+  if (!calibration.refined) return std::nullopt;
+  const Solution& solution = *calibration.refined;
+  const std::optional<SquaredErrors> errors =
+      ReprojectionErrors(solution.hand_eye, solution.camera,
+                         ApplyShape(CorrectedViews(dataset.setup, calibration.views, solution), solution.shape));
+  if (!errors) return std::nullopt;
+  std::optional<std::vector<RigDetection>> again =
+      DetectAgain(AsRigDataset(dataset), InRig(detections),
+                  PredictCaptures(dataset, solution, errors->RmsPx().value_or(0)), num_threads, observer);
+  if (!again) return std::nullopt;
+  return OutOfRig(std::move(*again));
+}
+
 // A calibration that is not assessed yet, with the data and options that it ended with.
 struct Calibrated {
   Calibration calibration;
@@ -119,16 +138,13 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
   calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
   Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
   if (!calibration) return Failure{calibration.reason()};
-  if (calibration->refined) {
-    std::optional<std::vector<CaptureDetection>> again =
-        DetectAgain(dataset, *detections, *calibration, options.num_threads, observer);
-    if (again) {
-      EndIfCancelled(observer);
-      Outcome<Calibration> second = Calibrate(views_of(*again), calibrated.options);
-      if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
-        calibration = std::move(second);
-        *detections = std::move(*again);
-      }
+  if (std::optional<std::vector<CaptureDetection>> again =
+          DetectCapturesAgain(dataset, *detections, *calibration, options.num_threads, observer)) {
+    EndIfCancelled(observer);
+    Outcome<Calibration> second = Calibrate(views_of(*again), calibrated.options);
+    if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
+      calibration = std::move(second);
+      *detections = std::move(*again);
     }
   }
   const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
@@ -202,14 +218,8 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   std::vector<CaptureDetection>& detections = output.detections;
 
   const Stopwatch detect_watch;
-  CheckCameraByHeader(dataset);
-  const DetectFunction detect =
-      options.detect ? options.detect
-                     : [&](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
-                         return DetectWithDigest(*dataset.target, image, expected);
-                       };
-  detections = DetectCaptures(dataset, detect, options.num_threads, observer);
-  FitCameraToImages(detections.front(), &dataset);
+  detections = DetectCaptures(dataset, options.detect, options.num_threads, observer);
+  FitCameraToImages(detections, &dataset);
   Timing timing;
   timing.detect_s = detect_watch.Seconds();
   const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);

@@ -1,71 +1,116 @@
 #include "tools/run/second_detection.h"
 
 #include <algorithm>
+#include <limits>
 #include <mutex>
 #include <string>
+#include <utility>
 
 #include <opencv2/core.hpp>
 
 #include "heba/base/parallel.h"
-#include "heba/evaluation/metrics.h"
 #include "targets/guided_detection.h"
 #include "targets/images/image.h"
-#include "tools/run/captures.h"
+#include "tools/run/run_stage.h"
 
 namespace heba {
+namespace {
 
-std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
-                                                           const Rigid3d& camera_from_target) {
+using ExpectedPixels = std::vector<std::optional<Eigen::Vector2d>>;
+
+// Predicts the target's points in the image of a detection, px; nothing for points out of view.
+ExpectedPixels ExpectedIn(const Target& target, const PredictedImages& predicted,
+                          const std::vector<RigDetection>& detections, size_t index) {
   constexpr double kRimPx = 3;
-  std::vector<std::optional<Eigen::Vector2d>> expected;
+  const Camera& camera = predicted.cameras[detections[index].camera];
+  const TargetShape& shape = predicted.shapes[detections[index].target];
+  const Rigid3d camera_from_target = *predicted.camera_from_target[index];
+  ExpectedPixels expected;
   const bool z_out = target.Draw().y_up;
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
   for (const TargetPoint& point : target.points()) {
-    const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, solution.shape);
-    std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
+    const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, shape);
+    std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, in_camera);
     // The back of the target shows no points, and strong distortion folds far rays back into the image.
-    const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
-                            pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
-                            pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
-                            UnprojectPixel(solution.camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) >
-                                0.999 * in_camera.norm();
+    const bool is_visible =
+        pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
+        pixel->x() <= camera.width_px - 1 - kRimPx && pixel->y() <= camera.height_px - 1 - kRimPx &&
+        UnprojectPixel(camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) > 0.999 * in_camera.norm();
     expected.push_back(is_visible ? pixel : std::nullopt);
   }
   return expected;
 }
 
-std::optional<std::vector<CaptureDetection>> DetectAgain(const Dataset& dataset,
-                                                         const std::vector<CaptureDetection>& detections,
-                                                         const Calibration& calibration, int num_threads,
-                                                         RunObserver* observer) {
-  // A target with symmetries has no ids that a second pass could complete.
-  if (dataset.target->Symmetries().size() > 1 || !dataset.given_detections.empty()) return std::nullopt;
-  const Solution& solution = *calibration.refined;
-  const std::optional<SquaredErrors> errors =
-      ReprojectionErrors(solution.hand_eye, solution.camera,
-                         ApplyShape(CorrectedViews(dataset.setup, calibration.views, solution), solution.shape));
-  if (!errors) return std::nullopt;
-  constexpr double kMinTolerancePx = 2;
-  constexpr double kToleranceRatio = 4;  // Relative to the captures' RMS, which includes the robot noise.
-  const double tolerance_px = std::max(kMinTolerancePx, kToleranceRatio * errors->RmsPx().value_or(0));
+// The counts of one target's points over all images that show some of it.
+struct PointCounts {
+  std::vector<int> expected;
+  std::vector<int> found;
+};
+
+PointCounts CountPoints(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+                        const PredictedImages& predicted, size_t target) {
+  const std::vector<TargetPoint>& points = dataset.targets[target]->points();
+  PointCounts counts{std::vector<int>(points.size(), 0), std::vector<int>(points.size(), 0)};
+  for (size_t i = 0; i < detections.size(); ++i) {
+    const std::vector<int>& ids = detections[i].detection.detection.ids;
+    if (detections[i].target != target || ids.empty() || !predicted.camera_from_target[i]) continue;
+    const ExpectedPixels expected = ExpectedIn(*dataset.targets[target], predicted, detections, i);
+    for (size_t k = 0; k < points.size(); ++k) {
+      counts.expected[k] += expected[k] ? 1 : 0;
+      counts.found[k] += std::count(ids.begin(), ids.end(), points[k].id) > 0 ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
+}  // namespace
+
+PredictedImages PredictImages(const RigProblem& problem, const RigSolution& solution,
+                              const std::vector<RigDetection>& detections, std::vector<double> rms_px) {
+  PredictedImages predicted{solution.cameras, solution.shapes, {}, std::move(rms_px)};
+  for (const RigDetection& detection : detections) {
+    const RigCapture& capture = problem.captures[detection.capture];
+    std::optional<Rigid3d>& pose = predicted.camera_from_target.emplace_back();
+    const bool is_used = std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+      return image.camera == detection.camera && image.target == detection.target && image.observations.size() > 0;
+    });
+    if (!is_used && !detection.detection.detection.ids.empty()) continue;
+    pose = CameraFromTarget(problem, solution.poses, detection.camera, detection.target,
+                            WithErrors(capture, solution.effects));
+  }
+  return predicted;
+}
+
+std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
+                                                     const std::vector<RigDetection>& detections,
+                                                     const PredictedImages& predicted, int num_threads,
+                                                     RunObserver* observer) {
+  if (!dataset.given_detections.empty()) return std::nullopt;
   std::vector<size_t> incomplete;
-  std::vector<std::vector<std::optional<Eigen::Vector2d>>> expected(dataset.captures.size());
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    expected[i] = ExpectedPixels(*dataset.target, solution, PredictedPose(dataset, solution, i));
+  std::vector<ExpectedPixels> expected(detections.size());
+  for (size_t i = 0; i < detections.size(); ++i) {
+    const Target& target = *dataset.targets[detections[i].target];
+    if (target.Symmetries().size() > 1 || !predicted.camera_from_target[i]) continue;
+    expected[i] = ExpectedIn(target, predicted, detections, i);
     const auto num_expected =
         std::count_if(expected[i].begin(), expected[i].end(), [](const auto& pixel) { return pixel.has_value(); });
-    if (static_cast<size_t>(num_expected) > detections[i].detection.ids.size()) incomplete.push_back(i);
+    if (static_cast<size_t>(num_expected) > detections[i].detection.detection.ids.size()) incomplete.push_back(i);
   }
   if (incomplete.empty()) return std::nullopt;
   StageReport report(RunStage::kSecondDetection, static_cast<int>(incomplete.size()), observer);
-  std::vector<CaptureDetection> again = detections;
+  std::vector<RigDetection> again = detections;
   std::mutex mutex;
   bool has_changed = false;
   ParallelFor(static_cast<int>(incomplete.size()), num_threads, [&](int k) {
+    constexpr double kMinTolerancePx = 2;
+    constexpr double kToleranceRatio = 4;  // Relative to the camera's RMS, which includes the robot noise.
     const size_t i = incomplete[static_cast<size_t>(k)];
-    const cv::Mat grey = ReadGreyImage(dataset.captures[i].image);
+    RigDetection& detection = again[i];
+    const cv::Mat grey = ReadGreyImage(dataset.captures[detection.capture].images[detection.camera]);
     cv::theRNG() = cv::RNG(static_cast<uint64_t>(i) + 1);
-    GuidedDetection guided = DetectGuided(*dataset.target, grey, detections[i].detection, expected[i], tolerance_px);
+    GuidedDetection guided =
+        DetectGuided(*dataset.targets[detection.target], grey, detection.detection.detection, expected[i],
+                     std::max(kMinTolerancePx, kToleranceRatio * predicted.rms_px[detection.camera]));
     const std::lock_guard<std::mutex> lock(mutex);
     if (guided.num_added > 0 || guided.num_dropped > 0) {
       has_changed = true;
@@ -74,13 +119,39 @@ std::optional<std::vector<CaptureDetection>> DetectAgain(const Dataset& dataset,
                                    std::to_string(guided.num_dropped) +
                                    " points rejected that are not where the other captures predict them";
       }
-      again[i].detection = std::move(guided.detection);
-      again[i].num_second_pass = guided.num_added;
+      detection.detection.detection = std::move(guided.detection);
+      detection.detection.num_second_pass = guided.num_added;
     }
     report.Step();
   });
   if (!has_changed) return std::nullopt;
   return again;
+}
+
+std::vector<Finding> FindMissingIds(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+                                    const PredictedImages& predicted) {
+  constexpr int kOften = 5;
+  constexpr double kShare = 0.1;
+  std::vector<Finding> findings;
+  if (!dataset.given_detections.empty()) return findings;
+  for (size_t t = 0; t < dataset.targets.size(); ++t) {
+    const PointCounts counts = CountPoints(dataset, detections, predicted, t);
+    int num_missing = 0;
+    int least_expected = std::numeric_limits<int>::max();
+    for (size_t k = 0; k < counts.found.size(); ++k) {
+      if (counts.found[k] > 0 || counts.expected[k] < kOften) continue;
+      ++num_missing;
+      least_expected = std::min(least_expected, counts.expected[k]);
+    }
+    const auto num_points = static_cast<double>(counts.found.size());
+    if (num_missing < kShare * num_points || num_missing == 0) continue;
+    findings.push_back({Grade::kDoubtful,
+                        FindingCode("missing_ids"),
+                        {{"missing", num_missing}, {"points", num_points}, {"images", least_expected}}});
+    const std::string& name = dataset.rig.targets[t].name;
+    if (!name.empty()) findings.back().names.emplace_back("of_target", name);
+  }
+  return findings;
 }
 
 }  // namespace heba

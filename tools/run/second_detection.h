@@ -4,19 +4,37 @@
 #include <optional>
 #include <vector>
 
-#include "heba/run_types.h"
+#include "heba/evaluation/finding.h"
+#include "heba/rig_run_types.h"
 
 namespace heba {
 
-// Predicts the target's points in a capture, px, from the calibration; nothing for points out of view.
-std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
-                                                           const Rigid3d& camera_from_target);
+// Where a calibration predicts the targets in the images of a data set.
+struct PredictedImages {
+  std::vector<Camera> cameras;
+  std::vector<TargetShape> shapes;  // One per target.
+  // One per detection; nothing for images that contradict the calibration.
+  std::vector<std::optional<Rigid3d>> camera_from_target;
+  // RMS of the points of each camera under the calibration, px: the noise of the arms is part of it.
+  std::vector<double> rms_px;
+};
+// Predicts the images of `detections` from the poses that the arms report, with the errors that captures share.
+// `problem` has all captures of the data set; of an image that was detected, but that is not used, it has no points.
+// `rms_px` has one figure for each camera.
+PredictedImages PredictImages(const RigProblem& problem, const RigSolution& solution,
+                              const std::vector<RigDetection>& detections, std::vector<double> rms_px);
 
-// Searches again for missing points at the positions that the calibration, whose refinement succeeded, predicts.
-// Returns the detections in all captures, or nothing if none changed.
-std::optional<std::vector<CaptureDetection>> DetectAgain(const Dataset& dataset,
-                                                         const std::vector<CaptureDetection>& detections,
-                                                         const Calibration& calibration, int num_threads,
-                                                         RunObserver* observer);
+// Searches again for missing points at their predicted positions. Returns the detections in all images, or nothing if
+// none changed. Targets with symmetries, whose points have no ids that could be completed, and given detections are not
+// searched for again.
+std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
+                                                     const std::vector<RigDetection>& detections,
+                                                     const PredictedImages& predicted, int num_threads,
+                                                     RunObserver* observer);
+
+// Returns a finding `missing_ids` for each target of which a tenth of the points was never detected, although images
+// must show them: another target, or a wrong config of it. It names the target if that has a name.
+std::vector<Finding> FindMissingIds(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+                                    const PredictedImages& predicted);
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -70,10 +71,10 @@ TEST(DetectCapturesTest, AllImagesHaveOneSize) {
 
 TEST(FitCameraToImagesTest, FillsInASizeThatTheFileDoesNotState) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
-  FitCameraToImages(DetectionOf(640, 480), &dataset);
+  FitCameraToImages({DetectionOf(640, 480)}, &dataset);
   EXPECT_FALSE(dataset.camera.has_value());
   dataset.camera = Camera{"pinhole", 0, 0, {600, 600, 320, 240}};
-  FitCameraToImages(DetectionOf(640, 480), &dataset);
+  FitCameraToImages({DetectionOf(640, 480)}, &dataset);
   EXPECT_EQ(dataset.camera->width_px, 640);
   EXPECT_EQ(dataset.camera->height_px, 480);
 }
@@ -81,22 +82,29 @@ TEST(FitCameraToImagesTest, FillsInASizeThatTheFileDoesNotState) {
 TEST(FitCameraToImagesTest, RefusesTheCameraOfAnotherSize) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
   dataset.camera = Camera{"pinhole", 640, 400, {600, 600, 320, 200}};
-  EXPECT_EQ(InputErrorOf([&] { FitCameraToImages(DetectionOf(640, 480), &dataset); }),
+  EXPECT_EQ(InputErrorOf([&] { FitCameraToImages({DetectionOf(640, 480)}, &dataset); }),
             "camera.yaml: is for images of 640 x 400 px, but 0.png is 640 x 480 px; provide the intrinsics of that "
             "resolution");
 }
 
-TEST(CheckCameraByHeaderTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
+TEST(DetectCapturesTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
   const TempFolder folder;
   cv::imwrite((folder / "empty.png").string(), cv::Mat(48, 64, CV_8UC1, cv::Scalar(128)));
   Dataset dataset = DatasetOf({DetectionOf(64, 48)});
+  dataset.given_detections.clear();
   dataset.captures[0].image = folder / "empty.png";
   dataset.camera = Camera{"pinhole", 0, 0, {600, 600, 32, 24}};
-  CheckCameraByHeader(dataset);
-  EXPECT_EQ(dataset.camera->width_px, 0);
+  bool is_searched = false;
+  const DetectFunction detect = [&](const std::filesystem::path&, const std::optional<ImageSize>&) {
+    is_searched = true;
+    return DetectionOf(64, 48);
+  };
+  DetectCaptures(dataset, detect, 1, nullptr);
+  EXPECT_TRUE(std::exchange(is_searched, false));
   dataset.camera->width_px = dataset.camera->height_px = 64;
-  EXPECT_THAT(InputErrorOf([&] { CheckCameraByHeader(dataset); }),
+  EXPECT_THAT(InputErrorOf([&] { DetectCaptures(dataset, detect, 1, nullptr); }),
               HasSubstr("is for images of 64 x 64 px, but 0.png is 64 x 48 px"));
+  EXPECT_FALSE(is_searched);
 }
 
 TEST(ViewsTest, ViewsAreThoseOfTheCapturesInWhichTheTargetWasSeen) {

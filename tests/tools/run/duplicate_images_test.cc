@@ -33,7 +33,8 @@ struct Set {
     }
   }
   Rigid3d& Pose(size_t capture) { return dataset.captures[capture].base_from_gripper; }
-  std::vector<SharedImage> Find() const { return FindSharedImages(dataset.captures, detections); }
+  std::vector<SharedImage> Find() const { return FindSharedImages(Images()); }
+  std::vector<PosedImage> Images() const { return PosedImagesOf(dataset.captures, detections); }
   LeftOutCaptures LeaveOut() { return LeaveOutSharedImages(&dataset, &detections); }
   std::vector<std::string> Names() const {
     std::vector<std::string> names;
@@ -46,7 +47,7 @@ TEST(FindSharedImagesTest, DifferentImagesAreNotShared) { EXPECT_THAT(Set({"a", 
 
 TEST(FindSharedImagesTest, UnknownDigestsAreNotEqual) {
   EXPECT_THAT(Set({"", "", "c"}).Find(), IsEmpty());
-  EXPECT_THAT(FindSharedImages(Set({"a", "a"}).dataset.captures, {}), IsEmpty());
+  EXPECT_THAT(FindSharedImages(PosedImagesOf(Set({"a", "a"}).dataset.captures, {})), IsEmpty());
 }
 
 TEST(FindSharedImagesTest, ListsSharedImagesInTheOrderOfTheirFirstCaptures) {
@@ -74,8 +75,8 @@ TEST(FindOtherPoseTest, IsTheFirstCaptureWithAnotherPose) {
   Set set({"a", "a", "a"});
   set.Pose(2).translation.x() = 1;
   const SharedImage shared = set.Find().at(0);
-  EXPECT_EQ(FindOtherPose(set.dataset.captures, shared, 0), 2u);
-  EXPECT_EQ(FindOtherPose(set.dataset.captures, shared, 2), 0u);
+  EXPECT_EQ(FindOtherPose(set.Images(), shared, 0), 2u);
+  EXPECT_EQ(FindOtherPose(set.Images(), shared, 2), 0u);
 }
 
 TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {

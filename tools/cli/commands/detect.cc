@@ -140,10 +140,9 @@ struct SearchedImages {
 // Detects the target in the images of a config of one camera, and writes detections.json into the folder.
 SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
   Dataset data = config.data;
-  CheckCameraByHeader(data);
   const std::vector<CaptureDetection> detections =
       DetectCaptures(data, CachedDetection(data, config.target_used), NumThreads(), observer);
-  FitCameraToImages(detections.front(), &data);
+  FitCameraToImages(detections, &data);
   WriteFileAtomically(folder / "detections.json", DetectionsToJson(data.captures, detections));
   SearchedCamera camera;
   camera.given = data.camera;

@@ -26,7 +26,8 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   std::vector<Symptom> symptoms;
   std::set<size_t> copies;
   std::string example;
-  for (const SharedImage& shared : FindSharedImages(captures, examination->detections)) {
+  const std::vector<PosedImage> images = PosedImagesOf(captures, examination->detections);
+  for (const SharedImage& shared : FindSharedImages(images)) {
     if (shared.has_one_pose) {
       if (example.empty())
         example = captures[shared.captures[1]].name + " repeats " + captures[shared.captures[0]].name;
@@ -35,7 +36,7 @@ std::vector<Symptom> SharedImages(Examination* examination) {
     }
     for (size_t k = 1; k < shared.captures.size(); ++k) {
       const Capture& capture = captures[shared.captures[k]];
-      const Capture& other = captures[FindOtherPose(captures, shared, shared.captures[k])];
+      const Capture& other = captures[FindOtherPose(images, shared, shared.captures[k])];
       symptoms.push_back({Severity::kWrong, "same_picture",
                           capture.name + " is the same image as " + other.name +
                               ", byte by byte, but has another pose of the robot, " + ApartText(capture, other) +

@@ -11,8 +11,9 @@
 
 namespace heba {
 
-// Detects the targets in the images of all cameras. `detect`: RigRunOptions::detect. Throws InputError if an image
-// cannot be read, or if the images of one camera differ in size.
+// Detects the targets in the images of all cameras, or returns the given detections. `detect`: RigRunOptions::detect.
+// Throws InputError if an image cannot be read, if the images of one camera differ in size or a given camera is for
+// images of another size, or if two cameras have the same images.
 std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
                                     int num_threads, RunObserver* observer);
 

@@ -35,6 +35,14 @@ struct RigLeftOut {
   std::vector<std::filesystem::path> images;  // One per camera, empty if it recorded none; or an empty list.
 };
 
+// The detection of one target in one image.
+struct RigDetection {
+  size_t capture = 0;
+  size_t camera = 0;
+  size_t target = 0;
+  CaptureDetection detection;
+};
+
 // The recorded data of a rig.
 struct RigDataset {
   std::string name;
@@ -45,6 +53,10 @@ struct RigDataset {
   std::vector<std::string> camera_sources;  // One per camera: what starts the messages about it.
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<RigRecording> captures;
+  // Detections that replace the images, whose paths are then names only; or an empty list. A size of 0 x 0 stands for
+  // that of the camera.
+  std::vector<RigDetection> given_detections = {};
+  std::string detections_source = "detections";  // What starts the messages about them.
   // One per arm: its kinematics, if they are known; or an empty list.
   std::vector<std::optional<RobotArm>> arms = {};
   std::optional<RigTruth> truth;
@@ -59,14 +71,6 @@ struct RigRunOptions {
   int num_threads = 1;  // The result does not depend on it.
   // One per target; replace DetectWithDigest. Empty: none is replaced.
   std::vector<DetectFunction> detect;
-};
-
-// The detection of one target in one image.
-struct RigDetection {
-  size_t capture = 0;
-  size_t camera = 0;
-  size_t target = 0;
-  CaptureDetection detection;
 };
 
 struct RigRunOutput {
