@@ -47,22 +47,20 @@ std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
   return common ? NameOf(*common) : "";
 }
 
-// Returns the noise of the poses, with that of the joints, as one sigma of each coordinate: root mean square over the
-// captures.
-RobotNoise WithJointNoise(RobotNoise noise, const std::vector<View>& views) {
+}  // namespace
+
+RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
   double translation_m2 = 0;
   double rotation_rad2 = 0;
-  for (const View& view : views) {
-    translation_m2 += view.gripper_by_joints.topRows<3>().squaredNorm() / 3;
-    rotation_rad2 += view.gripper_by_joints.bottomRows<3>().squaredNorm() / 3;
+  for (const Matrix6X& by_joints : gripper_by_joints) {
+    translation_m2 += by_joints.topRows<3>().squaredNorm() / 3;
+    rotation_rad2 += by_joints.bottomRows<3>().squaredNorm() / 3;
   }
   const double variance_rad2 =
-      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(views.size()));
+      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
   return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
           std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
 }
-
-}  // namespace
 
 RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const std::vector<UndeterminedParam>& undetermined, const ArmEstimate& estimate) {
@@ -109,7 +107,9 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
                           const Calibration& calibration) {
   const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
   ArmEstimate estimate;
-  if (solution.robot_noise) estimate.noise_after = WithJointNoise(*solution.robot_noise, calibration.views);
+  std::vector<Matrix6X> by_joints;
+  for (const View& view : calibration.views) by_joints.push_back(view.gripper_by_joints);
+  if (solution.robot_noise) estimate.noise_after = WithJointNoise(*solution.robot_noise, by_joints);
   const bool has_arm = solution.shared_effects != nullptr && solution.shared_effects->kind == SharedEffectsKind::kArm;
   if (has_arm) {
     const UnknownBlock block = solution.covariance.layout.Block(kRobotBlock);
@@ -120,7 +120,7 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
     for (const ModelAlternative& alternative : calibration.alternatives) {
       if (alternative.model.effects == nullptr && alternative.robot_noise &&
           alternative.model.shape == calibration.bundle.free_shape) {
-        estimate.noise_before = WithJointNoise(*alternative.robot_noise, calibration.views);
+        estimate.noise_before = WithJointNoise(*alternative.robot_noise, by_joints);
       }
     }
   } else {

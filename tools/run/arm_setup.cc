@@ -175,7 +175,7 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
   return singular;
 }
 
-ArmSetup SetUpArm(const Dataset& dataset) {
+ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics) {
   ArmSetup setup;
   setup.is_recorded = std::all_of(dataset.captures.begin(), dataset.captures.end(),
                                   [](const Capture& capture) { return !capture.joints.empty(); });
@@ -183,6 +183,10 @@ ArmSetup SetUpArm(const Dataset& dataset) {
     SetUpRecorded(dataset, &setup);
   } else {
     SetUpRecovered(dataset, &setup);
+  }
+  const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.robot->arm.load == nullptr;
+  if (lacks_masses && setup.reason.empty()) {
+    setup.reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
   }
   return setup;
 }
@@ -219,6 +223,25 @@ std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& 
   if (arm.load != nullptr && num_captures >= kEnoughForGravity)
     candidates.push_back(errors_of(ArmErrorModel::kGravity));
   return candidates;
+}
+
+RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics, size_t num_captures) {
+  RigArmErrors errors;
+  errors.models = CandidateArmErrors(arm, kinematics, num_captures);
+  errors.is_chosen = kinematics == Kinematics::kAuto;
+  errors.of_branches = std::make_shared<const SharedEffects>(ArmErrors(arm, ArmErrorModel::kGeometry));
+  for (const ArmBranch& branch : setup.branches) {
+    errors.effects_of_captures.push_back(EffectsOf(arm, setup.tip_from_gripper, branch));
+    for (std::shared_ptr<const PoseEffect>& effect : errors.effects_of_captures.back()) {
+      if (effect == nullptr) effect = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
+    }
+    // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
+    std::vector<Matrix6X>& by_joints = errors.joints_of_captures.emplace_back();
+    for (const Eigen::VectorXd& joints : branch.joints) {
+      by_joints.push_back(joints.size() == 0 ? Matrix6X(6, 0) : GripperByJoints(arm, joints, setup.tip_from_gripper));
+    }
+  }
+  return errors;
 }
 
 }  // namespace heba

@@ -35,8 +35,8 @@ struct ArmSetup {
   std::string reason;
 };
 
-// `dataset.robot` must be set.
-ArmSetup SetUpArm(const Dataset& dataset);
+// `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.
+ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics);
 
 // Returns, for each configuration that has names, the joints of all captures in it. `base_from_tip`: the pose in each
 // capture; `postures`: those that reach it (PosturesOf). The configuration of a singular posture is uncertain: a
@@ -56,5 +56,9 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const R
 // they gained nothing with fewer.
 std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics,
                                                                      size_t num_captures);
+
+// Returns these errors and the noise of the joints, for captures of which `num_captures` are used. Captures whose
+// joints are missing have no effects.
+RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics, size_t num_captures);
 
 }  // namespace heba

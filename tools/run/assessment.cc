@@ -320,8 +320,8 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
   result.working_point = FindWorkingPoint(calibration, dataset.setup, advice.changes);
   result.model = SummariseModel(calibration);
-  for (Finding& missing : FindMissingIds(AsRigDataset(dataset), InRig(detections),
-                                         PredictCaptures(dataset, *calibration.refined, 0))) {
+  for (Finding& missing :
+       FindMissingIds(AsRigDataset(dataset), InRig(detections), PredictCaptures(dataset, *calibration.refined, 0))) {
     result.observations.push_back(std::move(missing));
   }
   result.requirements = ReachedRequirements(dataset, run.requirements, calibration, result);

@@ -11,17 +11,6 @@
 namespace heba {
 namespace {
 
-// Returns the effects of an arm's errors on the poses of all captures. Those of captures whose joints are missing are
-// zero.
-std::vector<std::shared_ptr<const PoseEffect>> EffectsOfCaptures(const Arm& arm, const ArmSetup& setup,
-                                                                 const ArmBranch& branch) {
-  std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsOf(arm, setup.tip_from_gripper, branch);
-  for (std::shared_ptr<const PoseEffect>& effect : effects) {
-    if (effect == nullptr) effect = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
-  }
-  return effects;
-}
-
 const RigArmChoice* FindChoice(const RigCalibration& calibration, size_t robot) {
   const auto found = std::find_if(calibration.arms.begin(), calibration.arms.end(),
                                   [&](const RigArmChoice& choice) { return choice.robot == robot; });
@@ -32,7 +21,11 @@ const RigArmChoice* FindChoice(const RigCalibration& calibration, size_t robot) 
 ArmEstimate EstimateOf(const RigCalibration& calibration, const RigArmChoice* choice, size_t robot) {
   const RigSolution& solution = *calibration.refined;
   ArmEstimate estimate;
-  estimate.noise_after = solution.robot_noise[robot];
+  std::vector<Matrix6X> by_joints;
+  for (const RigCapture& capture : calibration.problem.captures) {
+    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
+  }
+  if (solution.robot_noise[robot]) estimate.noise_after = WithJointNoise(*solution.robot_noise[robot], by_joints);
   if (choice == nullptr) return estimate;
   estimate.reason = choice->reason;
   if (choice->model == nullptr) return estimate;
@@ -64,11 +57,7 @@ std::vector<std::optional<ArmSetup>> SetUpArms(const RigDataset& dataset, Kinema
   for (size_t r = 0; r < dataset.arms.size(); ++r) {
     setups.emplace_back();
     if (!dataset.arms[r] || kinematics == Kinematics::kNone) continue;
-    setups.back() = SetUpArm(RecordingOf(dataset, r));
-    const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.arms[r]->arm.load == nullptr;
-    if (lacks_masses && setups.back()->reason.empty()) {
-      setups.back()->reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
-    }
+    setups.back() = SetUpArm(RecordingOf(dataset, r), kinematics);
   }
   return setups;
 }
@@ -78,12 +67,7 @@ std::vector<RigArmErrors> ErrorsOfArms(const RigDataset& dataset, const std::vec
   std::vector<RigArmErrors> errors(setups.size());
   for (size_t r = 0; r < setups.size(); ++r) {
     if (!setups[r] || !setups[r]->reason.empty()) continue;
-    const Arm& arm = dataset.arms[r]->arm;
-    errors[r].models = CandidateArmErrors(arm, kinematics, dataset.captures.size());
-    errors[r].is_chosen = kinematics == Kinematics::kAuto;
-    for (const ArmBranch& branch : setups[r]->branches) {
-      errors[r].effects_of_captures.push_back(EffectsOfCaptures(arm, *setups[r], branch));
-    }
+    errors[r] = ErrorsOfArm(dataset.arms[r]->arm, *setups[r], kinematics, dataset.captures.size());
   }
   return errors;
 }

@@ -74,7 +74,7 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
   if (!calibration.chain) return Failure{calibration.chain.reason()};
   std::optional<ArmSetup> arm;
   if (dataset.robot && run.kinematics != Kinematics::kNone) {
-    arm = SetUpArm(dataset);
+    arm = SetUpArm(dataset, run.kinematics);
     options.has_robot_noise = true;
     SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
     CalibratePoses(options, &calibration);
@@ -150,7 +150,7 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
   const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
   if (calibration->refined) {
     EndIfCancelled(observer);
-    if (dataset.robot && needs_arm) calibrated.arm = SetUpArm(dataset);
+    if (dataset.robot && needs_arm) calibrated.arm = SetUpArm(dataset, options.kinematics);
     calibrated.of_smooth_errors = CalibrateWithRobotErrors(options, calibrated.arm ? &*calibrated.arm : nullptr,
                                                            &calibrated.dataset, &calibrated.options, &*calibration);
   }

@@ -58,7 +58,7 @@ double DistanceRad(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
 TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   const Dataset dataset = DatasetOf(joints, false);
-  const ArmSetup setup = SetUpArm(dataset);
+  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
   EXPECT_EQ(setup.reason, "");
   const std::string name = NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
   const ArmBranch* right = nullptr;
@@ -102,7 +102,7 @@ TEST(ArmSetupTest, RegularCaptureEndsAConfigurationThatItLacks) {
 TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   const Dataset dataset = DatasetOf(joints, true);
-  const ArmSetup setup = SetUpArm(dataset);
+  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
   ASSERT_EQ(setup.branches.size(), 1U);
   EXPECT_TRUE(setup.is_recorded);
   const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches[0]);
@@ -120,7 +120,7 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
        {Case{true, true, Grade::kGood}, {false, false, Grade::kGood}, {false, true, Grade::kDoubtful}}) {
     const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
     const Dataset dataset = DatasetOf(joints, one.records_joints);
-    ArmSetup setup = SetUpArm(dataset);
+    ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
     const std::string name =
         one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
     std::erase_if(setup.branches, [&](const ArmBranch& branch) { return branch.name != name; });
@@ -135,7 +135,7 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
 TEST(ArmSetupTest, MissingJointsHaveNoEffect) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   const Dataset dataset = DatasetOf(joints, true);
-  ArmBranch branch = SetUpArm(dataset).branches[0];
+  ArmBranch branch = SetUpArm(dataset, Kinematics::kAuto).branches[0];
   EXPECT_THAT(SingularCaptures(dataset.robot->arm, {branch.name, {joints[0]}}), IsEmpty());
   branch.joints[1] = Eigen::VectorXd();
   const auto effects = EffectsOf(dataset.robot->arm, dataset.robot->tip_from_gripper, branch);
