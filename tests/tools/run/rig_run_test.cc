@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -82,41 +81,40 @@ class RigRunTest : public testing::Test {
     for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
       RigRecording capture{"capture" + std::to_string(i), scene.problem.captures[i].base_from_gripper, {}};
       for (const RigCamera& camera : scene.problem.cameras) {
-        // The size of an image is read from its file, which need not be an image.
         capture.images.push_back(folder_ / (camera.name + "_" + std::to_string(i) + ".png"));
-        WriteFileAtomically(capture.images.back(), "x");
       }
       dataset.captures.push_back(std::move(capture));
     }
     return dataset;
   }
 
-  // Runs a data set with the observations of a scene as detections.
-  static Outcome<RigRunOutput> RunOn(const RigDataset& dataset, const RigScene& scene, int folds = 0) {
-    std::vector<std::map<fs::path, CaptureDetection>> all(2);
-    for (size_t i = 0; i < dataset.captures.size(); ++i) {
+  // Returns the observations of a scene as given detections.
+  static std::vector<RigDetection> DetectionsOf(const RigScene& scene) {
+    std::vector<RigDetection> detections;
+    for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
       for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
         const Camera& camera = scene.problem.cameras[c].camera;
-        for (size_t t = 0; t < 2; ++t) {
-          CaptureDetection& found = all[t][dataset.captures[i].images[c]];
-          found.width_px = camera.width_px;
-          found.height_px = camera.height_px;
-        }
-      }
-      for (const RigImage& image : scene.problem.captures[i].images) {
-        Detection& found = all[image.target][dataset.captures[i].images[image.camera]].detection;
-        found.ids = image.observations.ids;
-        for (Eigen::Index p = 0; p < image.observations.pixels.cols(); ++p) {
-          found.pixels.emplace_back(image.observations.pixels.col(p));
+        for (size_t t = 0; t < scene.problem.targets.size(); ++t) {
+          RigDetection& found = detections.emplace_back(RigDetection{i, c, t, {}});
+          found.detection.width_px = camera.width_px;
+          found.detection.height_px = camera.height_px;
+          for (const RigImage& image : scene.problem.captures[i].images) {
+            if (image.camera != c || image.target != t) continue;
+            found.detection.detection.ids = image.observations.ids;
+            for (Eigen::Index p = 0; p < image.observations.pixels.cols(); ++p) {
+              found.detection.detection.pixels.emplace_back(image.observations.pixels.col(p));
+            }
+          }
         }
       }
     }
+    return detections;
+  }
+
+  static Outcome<RigRunOutput> RunOn(RigDataset dataset, const RigScene& scene, int folds = 0) {
+    dataset.given_detections = DetectionsOf(scene);
     RigRunOptions options;
     options.folds = folds;
-    for (size_t t = 0; t < 2; ++t) {
-      options.detect.push_back(
-          [all, t](const fs::path& image, const std::optional<ImageSize>& /*expected*/) { return all[t].at(image); });
-    }
     return RunRig(dataset, options);
   }
 
@@ -178,6 +176,24 @@ TEST_F(RigRunTest, EveryTargetOfAnImageHasItsReason) {
   EXPECT_FALSE(image.used);
   EXPECT_THAT(image.reason, AllOf(StartsWith("target plate: "),
                                   HasSubstr("; target wall: none of its points is where the estimate predicts it")));
+}
+
+// One image at two poses is named and not used; the other camera's images of these captures are.
+TEST_F(RigRunTest, AnImageAtTwoPosesIsNotUsed) {
+  const RigScene scene = MakeScene(1);
+  RigDataset dataset = DatasetOf(scene);
+  dataset.given_detections = DetectionsOf(scene);
+  for (RigDetection& detection : dataset.given_detections) {
+    const bool is_copied = detection.camera == 0 && (detection.capture == 3 || detection.capture == 9);
+    if (is_copied) detection.detection.image_digest = "copied";
+  }
+  const Outcome<RigRunOutput> run = RunRig(dataset, RigRunOptions());
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_THAT(ResultOf(run->result, "capture3", "left").reason,
+              StartsWith("the same image as capture9, byte by byte, but with another pose of the robot"));
+  EXPECT_FALSE(ResultOf(run->result, "capture9", "left").used);
+  EXPECT_TRUE(ResultOf(run->result, "capture3", "right").used);
+  EXPECT_TRUE(ResultOf(run->result, "capture9", "right").used);
 }
 
 // Images of one camera that were left out for one reason have one line.
