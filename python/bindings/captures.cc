@@ -1,6 +1,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -11,13 +12,17 @@
 #include "heba/base/text.h"
 #include "heba/detection.h"
 #include "heba/evaluation/arm_uncertainty.h"
-#include "heba/evaluation/verdict.h"
+#include "heba/data/hand_eye.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
+#include "heba/rig_run.h"
 #include "heba/run.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/config/finished_run.h"
+#include "tools/run/arm_keys.h"
+#include "tools/run/captures.h"
 #include "tools/run/image_location.h"
 #include "tools/text/finding_text.h"
 
@@ -117,53 +122,109 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
 // The detections of one capture: ids (n) and pixels (n x 2).
 using CapturePoints = std::pair<std::vector<int>, DoubleArray>;
 
-// Calibrates from detected points and returns the text of result.json.
-std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
-                      const std::vector<CapturePoints>& captures, const DoubleArray& base_from_grippers, int width_px,
-                      int height_px, const std::optional<std::pair<std::string, std::vector<double>>>& camera,
-                      int num_folds, int num_threads, const pybind11::object& progress) {
-  Dataset data;
+// One camera: its name, the points of each capture, of which the camera may have no image, the width and height of its
+// images, and the name of its model with its parameters, if they are given.
+using CameraPoints =
+    std::tuple<std::string, std::vector<std::optional<CapturePoints>>, std::pair<int, int>,
+               std::optional<std::pair<std::string, std::vector<double>>>>;
+
+CaptureDetection DetectionOf(const CapturePoints& points, const std::pair<int, int>& size) {
+  CaptureDetection detection;
+  std::tie(detection.width_px, detection.height_px) = size;
+  detection.detection.ids = points.first;
+  const auto pixels = points.second.unchecked<2>();
+  for (pybind11::ssize_t k = 0; k < pixels.shape(0); ++k) {
+    detection.detection.pixels.emplace_back(pixels(k, 0), pixels(k, 1));
+  }
+  return detection;
+}
+
+// Returns the cameras, which one arm moves against the target, and their points. The target is not set.
+RigDataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const std::vector<Rigid3d>& poses) {
+  RigDataset data;
   data.name = "arrays";
-  data.setup = *FindSetup(setup);
-  if (camera) {
-    data.camera = Camera{camera->first, width_px, height_px, camera->second};
-    const std::string faults = CheckCamera(*data.camera);
-    if (!faults.empty()) throw InputError("camera: " + faults);
+  data.rig = HandEyeProblem(setup, Camera(), TargetShape());
+  data.rig.robots = {kOnlyArm};
+  data.rig.targets[0].name = "target";
+  const RigCamera unnamed = data.rig.cameras[0];
+  data.rig.cameras.clear();
+  for (size_t i = 0; i < poses.size(); ++i) {
+    data.captures.push_back(
+        {std::to_string(i), {poses[i]}, std::vector<std::filesystem::path>(cameras.size())});
   }
-  const std::vector<Rigid3d> poses = PosesFrom(base_from_grippers);
-  for (size_t i = 0; i < captures.size(); ++i) {
-    data.captures.push_back({std::to_string(i), {}, CaptureRole::kNone, poses[i]});
-    CaptureDetection detection;
-    detection.width_px = width_px;
-    detection.height_px = height_px;
-    detection.detection.ids = captures[i].first;
-    const auto pixels = captures[i].second.unchecked<2>();
-    for (pybind11::ssize_t k = 0; k < pixels.shape(0); ++k) {
-      detection.detection.pixels.emplace_back(pixels(k, 0), pixels(k, 1));
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const auto& [name, captures, size, given] = cameras[c];
+    RigCamera& camera = data.rig.cameras.emplace_back(unnamed);
+    camera.name = name;
+    camera.camera = {given ? given->first : "", size.first, size.second,
+                     given ? given->second : std::vector<double>()};
+    camera.free_intrinsics = BundleOptions().free_intrinsics;
+    const std::string faults = given ? CheckCamera(camera.camera) : "";
+    const std::string source = name.empty() ? "camera" : "camera " + name;
+    if (!faults.empty()) throw InputError(source + ": " + faults);
+    data.has_camera.push_back(given.has_value());
+    data.camera_sources.push_back(source);
+    for (size_t i = 0; i < captures.size(); ++i) {
+      if (!captures[i]) continue;
+      data.captures[i].images[c] = data.captures[i].name;
+      data.given_detections.push_back({i, c, 0, DetectionOf(*captures[i], size)});
     }
-    data.given_detections.push_back(std::move(detection));
   }
+  return data;
+}
+
+// Returns the text of result.json. Throws InputError if the calibration fails.
+std::string ResultOfOne(Setup setup, const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
+  Dataset one;
+  one.name = data.name;
+  one.setup = setup;
+  one.target = data.targets[0];
+  if (data.has_camera[0]) one.camera = data.rig.cameras[0].camera;
+  for (const RigRecording& capture : data.captures) {
+    one.captures.push_back({capture.name, {}, CaptureRole::kNone, capture.base_from_gripper[0]});
+  }
+  one.given_detections = OutOfRig(data.given_detections);
   RunOptions options;
   options.folds = num_folds;
   options.num_threads = num_threads;
+  Outcome<RunOutput> output = Run(one, options, observer);
+  if (!output) throw InputError(output.reason());
+  DescribeAll(&output->result.verdict.findings);
+  return ResultToJson(output->result);
+}
+
+std::string ResultOfSeveral(const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
+  RigRunOptions options;
+  options.folds = num_folds;
+  options.num_threads = num_threads;
+  Outcome<RigRunOutput> output = RunRig(data, options, observer);
+  if (!output) throw InputError(output.reason());
+  DescribeAll(&output->result.verdict.findings);
+  return RigResultToJson(output->result);
+}
+
+// Calibrates from detected points and returns the text of result.json. A camera without a name is calibrated by itself,
+// as of a config with one camera.
+std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
+                            const std::vector<CameraPoints>& cameras, const DoubleArray& base_from_grippers,
+                            int num_folds, int num_threads, const pybind11::object& progress) {
+  RigDataset data = DatasetOf(*FindSetup(setup), cameras, PosesFrom(base_from_grippers));
   PythonObserver observer(progress);
   std::string text;
-  std::string reason;
+  std::optional<std::string> fault;
   {
     const pybind11::gil_scoped_release release;
-    data.target = ParseTarget(target_yaml);
-    const Outcome<RunOutput> output = Run(data, options, &observer);
-    if (output) {
-      RunResult result = output->result;
-      result.verdict = JudgeRun(result);
-      DescribeAll(&result.verdict.findings);
-      text = ResultToJson(result);
-    } else {
-      reason = output.reason();
+    data.targets = {ParseTarget(target_yaml)};
+    try {
+      text = std::get<0>(cameras.front()).empty()
+                 ? ResultOfOne(*FindSetup(setup), data, num_folds, num_threads, &observer)
+                 : ResultOfSeveral(data, num_folds, num_threads, &observer);
+    } catch (const InputError& error) {
+      fault = error.what();
     }
   }
   observer.RethrowIfRaised();
-  if (text.empty()) throw InputError(reason);
+  if (fault) throw InputError(*fault);
   return text;
 }
 
@@ -181,9 +242,8 @@ void BindCaptures(pybind11::module_& module) {
   module.def("detect_array", &DetectArray, arg("grey"), arg("target"));
   module.def("detect_file", &DetectFile, arg("image"), arg("target"));
   module.def("locate", &Locate, arg("folder"), arg("grey"), arg("file"), arg("base_from_gripper"), arg("joints"));
-  module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("captures"), arg("base_from_gripper"),
-             arg("width_px"), arg("height_px"), arg("camera"), arg("num_folds"), arg("num_threads"),
-             arg("progress"));
+  module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("cameras"), arg("base_from_gripper"),
+             arg("num_folds"), arg("num_threads"), arg("progress"));
 }
 
 }  // namespace heba

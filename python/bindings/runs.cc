@@ -19,6 +19,7 @@
 #include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/doctor.h"
+#include "tools/doctor/rig_doctor.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
 #include "tools/text/rig_table.h"
@@ -60,7 +61,9 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
   Diagnosis diagnosis;
   {
     const pybind11::gil_scoped_release release;
-    diagnosis = Diagnose(ReadRunConfig(config_path, settings), num_threads, Verbosity::kQuiet);
+    diagnosis = IsRigConfig(config_path, settings)
+                    ? Diagnose(ReadRigConfig(config_path, settings), num_threads, Verbosity::kQuiet)
+                    : Diagnose(ReadRunConfig(config_path, settings), num_threads, Verbosity::kQuiet);
   }
   std::vector<SymptomTuple> symptoms;
   for (const Symptom& symptom : diagnosis.symptoms) {

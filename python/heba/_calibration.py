@@ -226,59 +226,112 @@ def _image(image: Image, name: str) -> tuple[np.ndarray | None, str | os.PathLik
     return (grey_from(image, name), "") if isinstance(image, np.ndarray) else (None, image)
 
 
-@needs_numpy
+Lens = tuple[str, Sequence[float]]
+Size = tuple[int, int]
+
+
+@overload
 def calibrate(
     points: Sequence[Any],
     poses: Any,
     target: Mapping[str, Any] | str,
     *,
     setup: str,
-    image_size: tuple[int, int],
-    camera: tuple[str, Sequence[float]] | None = None,
+    image_size: Size,
+    camera: Lens | None = None,
     folds: int = 5,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Result:
+) -> Result: ...
+
+
+@overload
+def calibrate(
+    points: Mapping[str, Sequence[Any]],
+    poses: Any,
+    target: Mapping[str, Any] | str,
+    *,
+    setup: str,
+    image_size: Size | Mapping[str, Size],
+    camera: Mapping[str, Lens | None] | None = None,
+    folds: int = 5,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> RigResult: ...
+
+
+@needs_numpy
+def calibrate(
+    points: Sequence[Any] | Mapping[str, Sequence[Any]],
+    poses: Any,
+    target: Mapping[str, Any] | str,
+    *,
+    setup: str,
+    image_size: Size | Mapping[str, Size],
+    camera: Lens | Mapping[str, Lens | None] | None = None,
+    folds: int = 5,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Result | RigResult:
     """Calibrates from detected points, with the error model chosen, hold-outs and findings as in `run`.
 
     Args:
         points: One entry per capture: a Detection, a pair (ids, pixels), or an array of pixels of all points of the
-            target in the order of their ids (n x 2, with NaN for those that were not seen).
+            target in the order of their ids (n x 2, with NaN for those that were not seen). For several cameras that
+            recorded the same captures: a dictionary of such lists by the names of the cameras; None in a list stands
+            for a capture of which the camera has no image.
         poses: base_from_gripper of each capture, n x 4 x 4, m.
         target: As in detect.
-        setup: "eye_to_hand" or "eye_in_hand".
-        image_size: Width and height, px.
-        camera: The name of a camera model and its parameters; estimated from the points by default.
+        setup: "eye_to_hand" or "eye_in_hand", for all cameras.
+        image_size: Width and height, px; for several cameras that differ, a dictionary by their names.
+        camera: The name of a camera model and its parameters; estimated from the points by default. For several
+            cameras: a dictionary by the names of those whose parameters are given.
         folds: The number of folds of the cross-validation; 0: none.
         threads: As in run.
         progress: As in run, for the stage "hold-out": the points are detected already. An exception that it raises ends
             the calibration.
+
+    Returns:
+        A RigResult for a dictionary of cameras, otherwise a Result.
     """
     if setup not in ("eye_to_hand", "eye_in_hand"):
         raise Error(f"setup: {unknown_name(setup, ['eye_to_hand', 'eye_in_hand'])}")
     base_from_gripper = poses_from(poses, "poses")
-    if len(points) != len(base_from_gripper):
-        raise Error(f"points has {len(points)} captures, but poses has {len(base_from_gripper)}")
     if not (isinstance(folds, int) and (folds == 0 or folds >= 2)):
         raise Error("folds: must be 0 or at least 2")
-    width_px, height_px = image_size
     yaml = _target_text(target)
     ids_of_target = _heba.target_ids(yaml)
-    captures = [_capture(entry, f"points[{i}]", ids_of_target) for i, entry in enumerate(points)]
-    given = None if camera is None else (camera[0], [float(param) for param in camera[1]])
-    text = _heba.calibrate(
-        setup,
-        yaml,
-        captures,
-        base_from_gripper,
-        int(width_px),
-        int(height_px),
-        given,
-        folds,
-        _threads(threads),
-        progress,
-    )
-    return Result(text)
+    has_names = isinstance(points, Mapping)
+    cameras = []
+    for name, entries in points.items() if isinstance(points, Mapping) else [("", points)]:
+        where = f"points[{name!r}]" if has_names else "points"
+        if len(entries) != len(base_from_gripper):
+            raise Error(f"{where} has {len(entries)} captures, but poses has {len(base_from_gripper)}")
+        captures = [
+            None if entry is None and has_names else _capture(entry, f"{where}[{i}]", ids_of_target)
+            for i, entry in enumerate(entries)
+        ]
+        width_px, height_px = _of_camera(image_size, "image_size", name)
+        lens = camera.get(name) if isinstance(camera, Mapping) else camera
+        given = None if lens is None else (lens[0], [float(param) for param in lens[1]])
+        cameras.append((name, captures, (int(width_px), int(height_px)), given))
+    if not cameras or not all(name for name, *_ in cameras) and has_names:
+        raise Error("points: names of cameras are needed")
+    for key, value in (("image_size", image_size), ("camera", camera)):
+        unknown = set(value) - set(points) if isinstance(value, Mapping) and has_names else set()
+        if unknown:
+            raise Error(f"{key}: {unknown_name(min(unknown), list(points))}")
+    text = _heba.calibrate(setup, yaml, cameras, base_from_gripper, folds, _threads(threads), progress)
+    return RigResult(text) if has_names else Result(text)
+
+
+def _of_camera(value: Any, what: str, name: str) -> Any:
+    """Returns the value of a camera: one for all, or that of its name."""
+    if not isinstance(value, Mapping):
+        return value
+    if name not in value:
+        raise Error(f"{what}: has no entry of camera {name}")
+    return value[name]
 
 
 def _capture(entry: Any, name: str, ids_of_target: Sequence[int]) -> tuple[list[int], np.ndarray]:

@@ -34,11 +34,15 @@ def locate_by_rig(
 def calibrate(
     setup: str,
     target: str,
-    captures: Sequence[tuple[list[int], np.ndarray]],
+    cameras: Sequence[
+        tuple[
+            str,
+            Sequence[tuple[list[int], np.ndarray] | None],
+            tuple[int, int],
+            tuple[str, list[float]] | None,
+        ]
+    ],
     base_from_gripper: np.ndarray,
-    width_px: int,
-    height_px: int,
-    camera: tuple[str, list[float]] | None,
     num_folds: int,
     num_threads: int,
     progress: Callable[[str, int, int], object] | None,

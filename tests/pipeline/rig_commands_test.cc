@@ -261,7 +261,8 @@ TEST_F(RigCommandsTest, DetectRefusesACameraOfAnotherSizeAndWritesNothing) {
       RunHeba({"detect", Path("cell/config.yaml"), "--set", "cameras.left.intrinsics=" + Path("cell/other_size.yaml"),
                "--out", Path("refused"), "--quiet"});
   EXPECT_EQ(refused.status, 2);
-  EXPECT_THAT(refused.err, AllOf(StartsWith("heba: error: "), HasSubstr("641 x 480"), HasSubstr("camera left")));
+  EXPECT_THAT(refused.err,
+              AllOf(StartsWith("heba: error: "), HasSubstr("641 x 480"), HasSubstr("left/000.png is 640 x 480")));
   EXPECT_FALSE(fs::exists(Path("refused")));
 }
 

@@ -47,6 +47,38 @@ def test_run_writes_what_the_program_writes(rig_cell, rig_run, tmp_path):
     assert repr(result) == "<heba.RigResult 'config': good>"
 
 
+def test_cameras_are_calibrated_from_arrays(rig_cell, rig_run):
+    names, poses = conftest.read_poses(rig_cell / "poses.csv")
+    plate = (rig_cell / "plate.target.yaml").read_text()
+    seen = {camera: [heba.detect(rig_cell / camera / name, plate) for name in names] for camera in ("left", "right")}
+    seen["right"][2] = None
+    keys = {"setup": "eye_to_hand", "image_size": (640, 480), "folds": 0}
+    result = heba.calibrate(seen, poses, plate, **keys)
+    whole = heba.RigResult.read(rig_run)
+    for name in seen:
+        apart = result.cameras[name].pose[:3, 3] - whole.cameras[name].pose[:3, 3]
+        assert np.linalg.norm(apart) < 3e-3
+    assert np.abs(result.relative("left", "right").pose - whole.relative("left", "right").pose).max() < 3e-3
+    assert "camera right in camera left" in result.table()
+    calls = [
+        (r"points\['left'\] has 1 captures", lambda: heba.calibrate({"left": seen["left"][:1]}, poses, plate, **keys)),
+        ("did you mean 'left'", lambda: heba.calibrate(seen, poses, plate, camera={"lefd": None}, **keys)),
+        (
+            "image_size: has no entry of camera right",
+            lambda: heba.calibrate(seen, poses, plate, **{**keys, "image_size": {"left": (640, 480)}}),
+        ),
+    ]
+    for words, call in calls:
+        with pytest.raises(heba.Error, match=words):
+            call()
+
+
+def test_doctor_examines_rigs(rig_cell):
+    assert not [symptom for symptom in heba.doctor(rig_cell / "config.yaml") if symptom.is_wrong]
+    symptoms = heba.doctor(rig_cell / "config.yaml", settings=["captures.poses_are=gripper_from_base"])
+    assert symptoms[0].is_wrong and "captures.poses_are=base_from_gripper" in symptoms[0].settings
+
+
 def test_progress_can_end_a_run(rig_cell, tmp_path):
     class Stop(Exception):
         pass
