@@ -15,7 +15,6 @@
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/pipeline/pipeline.h"
-#include "tools/pipeline/rig_pipeline.h"
 #include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/doctor.h"
@@ -34,18 +33,18 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
   PythonObserver observer(progress);
   std::filesystem::path output;
   std::optional<std::string> failure;
-  const auto run = [&](const auto& config, const auto& pipeline) {
+  const auto run = [&](const auto& config) {
     output = out ? std::filesystem::absolute(*out) : config.output;
     Console console(Verbosity::kQuiet);
-    const auto result = pipeline(config, output, num_threads, &console, &observer);
+    const auto result = RunPipeline(config, output, num_threads, &console, &observer);
     if (!result) failure = result.reason();
   };
   {
     const pybind11::gil_scoped_release release;
     if (IsRigConfig(config_path, settings)) {
-      run(ReadRigConfig(config_path, settings), &RunRigPipeline);
+      run(ReadRigConfig(config_path, settings));
     } else {
-      run(ReadRunConfig(config_path, settings), &RunPipeline);
+      run(ReadRunConfig(config_path, settings));
     }
   }
   observer.RethrowIfRaised();

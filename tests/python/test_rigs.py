@@ -76,7 +76,7 @@ def test_cameras_are_calibrated_from_arrays(rig_cell, rig_run):
 def test_doctor_examines_rigs(rig_cell):
     assert not [symptom for symptom in heba.doctor(rig_cell / "config.yaml") if symptom.is_wrong]
     symptoms = heba.doctor(rig_cell / "config.yaml", settings=["captures.poses_are=gripper_from_base"])
-    assert symptoms[0].is_wrong and "captures.poses_are=base_from_gripper" in symptoms[0].settings
+    assert symptoms[0].is_wrong and symptoms[0].code == "pose_direction"
 
 
 def test_progress_can_end_a_run(rig_cell, tmp_path):

@@ -14,7 +14,6 @@
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
 #include "tools/pipeline/pipeline.h"
-#include "tools/pipeline/rig_pipeline.h"
 #include "tools/pipeline/run_inputs.h"
 #include "tools/text/result_text.h"
 
@@ -86,10 +85,10 @@ void RunItem(const BatchOptions& options, int num_threads, Item* item) {
     Console console(Verbosity::kQuiet);
     if (item->rig) {
       const RigConfig config = ReadRigConfig(item->config_path, options.settings);
-      if (options.resume) item->run.rig = CurrentRigResult(item->output, config);
+      if (options.resume) item->run.rig = CurrentResult(item->output, config);
       item->was_there = item->run.rig.has_value();
       if (item->was_there) return;
-      Keep(RunRigPipeline(config, item->output, num_threads, &console), &item->run.rig, item);
+      Keep(RunPipeline(config, item->output, num_threads, &console), &item->run.rig, item);
       return;
     }
     const RunConfig config = ReadRunConfig(item->config_path, options.settings);

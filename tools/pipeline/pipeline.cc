@@ -10,16 +10,21 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
+#include "heba/rig_run.h"
 #include "heba/run.h"
 #include "tools/doctor/doctor.h"
+#include "tools/doctor/rig_doctor.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/report.h"
+#include "tools/pages/rig_report.h"
 #include "tools/pipeline/run_inputs.h"
 #include "tools/run/captures.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
+#include "tools/text/run_notes.h"
 
 namespace heba {
 namespace {
@@ -65,9 +70,34 @@ std::vector<ReportedCapture> ReportedCaptures(const RunOutput& run) {
   return all;
 }
 
-ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& output) {
-  return {TimeNow(), std::filesystem::absolute(config.file).lexically_normal(), config.used,
+ReportContext ContextOf(const std::filesystem::path& config_file, const std::string& config_used,
+                        const std::filesystem::path& output) {
+  return {TimeNow(), std::filesystem::absolute(config_file).lexically_normal(), config_used,
           std::filesystem::absolute(output).lexically_normal()};
+}
+
+// The texts of a run's folder that every run has.
+struct RunTexts {
+  std::string report;
+  std::string result;
+};
+
+// Writes them, with the config as used, the log and the inputs, and commits the folder. Returns a Failure if files of
+// the config are not those of `inputs` any more.
+template <class Config>
+std::optional<Failure> WriteAndCommit(const Config& config, const std::string& inputs, const Console& console,
+                                      const RunTexts& texts, StagedFolder* folder) {
+  if (RunInputsText(config) != inputs) {
+    return Failure{"images or other input files were changed during the run; run it again"};
+  }
+  const std::filesystem::path& staging = folder->staging();
+  WriteFileAtomically(staging / "config.yaml", config.used);
+  WriteFileAtomically(staging / "log.txt", console.log());
+  WriteFileAtomically(staging / "report.html", texts.report);
+  WriteFileAtomically(staging / "inputs.json", inputs);
+  WriteFileAtomically(staging / "result.json", texts.result);
+  folder->Commit();
+  return std::nullopt;
 }
 
 // Inserts the doctor's first fault before the findings of a result that is not good.
@@ -105,21 +135,16 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   AppendDiagnosis(config, num_threads, &result);
   DescribeAll(&result.verdict.findings);
   result.timing.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   if (has_images) {
     WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(run->dataset.captures, run->detections));
   }
-  WriteFileAtomically(folder.staging() / "log.txt", console->log());
-  WriteFileAtomically(
-      folder.staging() / "report.html",
-      ReportPage(result, has_images ? ReportedCaptures(*run) : std::vector<ReportedCapture>(),
-                 has_images ? AllPoints(*data.target).points_in_target : Points3(3, 0), ContextOf(config, output)));
-  if (RunInputsText(config) != inputs) {
-    return Failure{"images or other input files were changed during the run; run it again"};
+  const std::string report = ReportPage(result, has_images ? ReportedCaptures(*run) : std::vector<ReportedCapture>(),
+                                        has_images ? AllPoints(*data.target).points_in_target : Points3(3, 0),
+                                        ContextOf(config.file, config.used, output));
+  if (std::optional<Failure> fault =
+          WriteAndCommit(config, inputs, *console, {report, ResultToJson(result)}, &folder)) {
+    return *std::move(fault);
   }
-  WriteFileAtomically(folder.staging() / "inputs.json", inputs);
-  WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
-  folder.Commit();
   return result;
 }
 
@@ -134,6 +159,42 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
   Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
   if (result || result.reason() == kCancelled) return result;
   return Failure{WithDiagnosis(result.reason(), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
+}
+
+Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
+                               Console* console, RunObserver* listener) {
+  // The folder is created first, so that a run that cannot be written fails before the work.
+  StagedFolder folder(output, "the results of a run");
+  const std::string inputs = RunInputsText(config);
+  RigDataset data = config.data;
+  if (config.truth) data.truth = ReadRigTruth(*config.truth, data.rig);
+  for (const RigLeftOut& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
+  RigRunOptions options = config.options;
+  options.num_threads = num_threads;
+  for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
+  SharedObserver<ProgressObserver> observer(listener, console->verbosity());
+  Outcome<RigRunOutput> run = RunRig(data, options, &observer);
+  const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
+  if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
+  for (const std::string& note : DetectionNotes(data, run->detections)) console->Note(note);
+  RigResult& result = run->result;
+  for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
+  if (result.verdict.grade == Grade::kBad) {
+    // A motion that the adjustment has measured is not replaced by its consequences.
+    Diagnosis diagnosis = diagnose();
+    std::erase_if(diagnosis.symptoms,
+                  [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
+    InsertCause(diagnosis, &result.observations);
+    result.verdict = JudgeRig(result);
+  }
+  DescribeAll(&result.verdict.findings);
+  WriteRigDetections(data, run->detections, folder.staging() / "detections");
+  const std::string report = RigReportPage(data, *run, ContextOf(config.file, config.used, output));
+  if (std::optional<Failure> fault =
+          WriteAndCommit(config, inputs, *console, {report, RigResultToJson(result)}, &folder)) {
+    return *std::move(fault);
+  }
+  return result;
 }
 
 }  // namespace heba

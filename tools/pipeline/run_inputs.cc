@@ -5,13 +5,16 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
 #include "tools/files/program_digest.h"
+#include "tools/run/captures.h"
 #include "tools/run/digest.h"
 
 namespace heba {
 namespace {
+namespace fs = std::filesystem;
 
-std::string DigestOrNothing(const std::filesystem::path& file) {
+std::string DigestOrNothing(const fs::path& file) {
   try {
     return DigestOfFile(file);
   } catch (const InputError&) {
@@ -19,67 +22,65 @@ std::string DigestOrNothing(const std::filesystem::path& file) {
   }
 }
 
-// Returns the beginning of the inputs of any run.
-nlohmann::ordered_json InputsOf(const std::string& config_used) {
+// Returns the text for a data set and the other files of its config.
+std::string InputsText(const std::string& config_used, const RigDataset& data, const std::vector<fs::path>& data_files,
+                       const std::optional<fs::path>& truth) {
   nlohmann::ordered_json json;
   json["schema"] = "heba/inputs/1";
   json["heba"] = Version();
   json["program"] = DigestOfProgram();
   json["config"] = DigestOf(config_used);
-  return json;
+  nlohmann::ordered_json& files = json["files"];
+  for (const fs::path& file : data_files) files["data"].push_back(DigestOrNothing(file));
+  for (size_t c = 0; c < data.has_camera.size(); ++c) {
+    if (data.has_camera[c]) files["camera"].push_back(DigestOrNothing(data.camera_sources[c]));
+  }
+  if (truth) files["truth"] = DigestOrNothing(*truth);
+  json["images"] = nlohmann::ordered_json::array();
+  for (const RigRecording& capture : data.captures) {
+    nlohmann::ordered_json entry = {capture.name};
+    for (const fs::path& image : capture.images) entry.push_back(image.empty() ? "" : DigestOrNothing(image));
+    json["images"].push_back(entry);
+  }
+  json["left_out"] = nlohmann::ordered_json::array();
+  for (const RigLeftOut& entry : data.left_out) json["left_out"].push_back(entry.name);
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+// Returns the result if `inputs` is what the folder records.
+template <class Result>
+std::optional<Result> ResultIfCurrent(const fs::path& output, const std::string& inputs,
+                                      Result (*read)(const fs::path&)) {
+  std::error_code error;
+  if (!fs::exists(output / "inputs.json", error) || !fs::exists(output / "result.json", error)) return std::nullopt;
+  try {
+    if (ReadTextFile(output / "inputs.json") != inputs) return std::nullopt;
+    return read(output / "result.json");
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace
 
 std::string RunInputsText(const RunConfig& config) {
-  nlohmann::ordered_json json = InputsOf(config.used);
-  nlohmann::ordered_json files;
-  if (!config.poses_file.empty()) files["poses"] = DigestOrNothing(config.poses_file);
-  for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
-  if (config.data.camera) files["camera"] = DigestOrNothing(config.data.camera_source);
-  if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
-  json["files"] = files;
-  json["images"] = nlohmann::ordered_json::array();
-  for (const Capture& capture : config.data.captures) {
-    json["images"].push_back({capture.name, DigestOrNothing(capture.image)});
-  }
-  json["left_out"] = nlohmann::ordered_json::array();
-  for (const LeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  RigDataset data = AsRigDataset(config.data);
+  for (const LeftOut& entry : config.data.left_out) data.left_out.push_back({entry.name, entry.reason, "", {}});
+  std::vector<fs::path> files = config.data_files;
+  if (!config.poses_file.empty()) files.push_back(config.poses_file);
+  return InputsText(config.used, data, files, config.truth);
 }
 
 std::string RunInputsText(const RigConfig& config) {
-  nlohmann::ordered_json json = InputsOf(config.used);
-  nlohmann::ordered_json files;
-  for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
-  for (size_t c = 0; c < config.data.has_camera.size(); ++c) {
-    if (config.data.has_camera[c]) files["camera"].push_back(DigestOrNothing(config.data.camera_sources[c]));
-  }
-  if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
-  json["files"] = files;
-  json["images"] = nlohmann::ordered_json::array();
-  for (const RigRecording& capture : config.data.captures) {
-    nlohmann::ordered_json entry = {capture.name};
-    for (const std::filesystem::path& image : capture.images) {
-      entry.push_back(image.empty() ? "" : DigestOrNothing(image));
-    }
-    json["images"].push_back(entry);
-  }
-  json["left_out"] = nlohmann::ordered_json::array();
-  for (const RigLeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return InputsText(config.used, config.data, config.data_files, config.truth);
 }
 
-std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config) {
-  const std::filesystem::path inputs = output / "inputs.json";
-  std::error_code error;
-  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(output / "result.json", error)) return {};
-  try {
-    if (ReadTextFile(inputs) != RunInputsText(config)) return std::nullopt;
-    return ReadResult(output / "result.json");
-  } catch (const InputError&) {
-    return std::nullopt;
-  }
+std::optional<RunResult> CurrentResult(const fs::path& output, const RunConfig& config) {
+  return ResultIfCurrent(output, RunInputsText(config), &ReadResult);
+}
+
+std::optional<RigResult> CurrentResult(const fs::path& output, const RigConfig& config) {
+  return ResultIfCurrent(output, RunInputsText(config), &ReadRigResult);
 }
 
 }  // namespace heba

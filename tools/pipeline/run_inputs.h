@@ -6,6 +6,7 @@
 #include <string>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 #include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 
@@ -16,8 +17,9 @@ namespace heba {
 std::string RunInputsText(const RunConfig& config);
 std::string RunInputsText(const RigConfig& config);
 
-// Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
+// Return the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.
 std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config);
+std::optional<RigResult> CurrentResult(const std::filesystem::path& output, const RigConfig& config);
 
 }  // namespace heba

@@ -17,8 +17,8 @@
 #include "tests/support/rig_scenes.h"
 #include "tests/support/temp_folder.h"
 #include "tools/pages/rig_report.h"
-#include "tools/pipeline/rig_pipeline.h"
 #include "tools/text/rig_table.h"
+#include "tools/text/run_notes.h"
 
 namespace heba {
 namespace {

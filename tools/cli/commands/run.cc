@@ -5,7 +5,6 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/pipeline/pipeline.h"
-#include "tools/pipeline/rig_pipeline.h"
 #include "tools/pipeline/run_inputs.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
@@ -30,10 +29,10 @@ int RunOneRig(const std::string& config_path, std::optional<Grade> fail_on) {
   const RigConfig config = ReadRigConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  const std::optional<RigResult> current = FLAGS_resume ? CurrentRigResult(output, config) : std::nullopt;
+  const std::optional<RigResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
   if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
   const Outcome<RigResult> result =
-      current ? Outcome<RigResult>(*current) : RunRigPipeline(config, output, NumThreads(), &console);
+      current ? Outcome<RigResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
   if (!result) {
     PrintError(config_path + ": " + result.reason());
     return kWorkFailed;

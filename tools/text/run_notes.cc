@@ -1,0 +1,71 @@
+#include "tools/text/run_notes.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "heba/base/text.h"
+#include "solvers/initial/usable_views.h"
+
+namespace heba {
+
+std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vector<RigDetection>& detections) {
+  std::vector<std::string> notes;
+  for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
+    for (size_t t = 0; t < data.targets.size(); ++t) {
+      int num_seen = 0;
+      int num_images = 0;
+      for (const RigDetection& detection : detections) {
+        if (detection.camera != c || detection.target != t) continue;
+        ++num_images;
+        num_seen += static_cast<int>(detection.detection.detection.ids.size()) >= kMinPosePoints ? 1 : 0;
+      }
+      notes.push_back(data.name + ": camera " + data.rig.cameras[c].name + " sees target " + data.rig.targets[t].name +
+                      " in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
+    }
+  }
+  return notes;
+}
+
+std::vector<std::string> LeftOutNotes(const std::vector<RigImageResult>& images) {
+  // The images of one camera, in the order of the captures, that were left out for the same reasons.
+  struct Group {
+    const RigImageResult* first = nullptr;
+    const RigImageResult* last = nullptr;
+    std::map<std::string, std::set<std::string>> targets_of;  // By the reason; an empty one is that of used targets.
+    int num_images = 0;
+  };
+  std::vector<Group> groups;
+  for (const RigImageResult& image : images) {
+    if (image.reason.empty() || image.targets.empty()) continue;
+    std::map<std::string, std::set<std::string>> targets_of;
+    for (const RigTargetInImage& target : image.targets) targets_of[target.reason].insert(target.target);
+    const auto known = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
+      return group.first->camera == image.camera &&
+             std::equal(group.targets_of.begin(), group.targets_of.end(), targets_of.begin(), targets_of.end(),
+                        [](const auto& a, const auto& b) { return a.first == b.first; });
+    });
+    Group& group = known == groups.end() ? groups.emplace_back(Group{&image, &image, {}, 0}) : *known;
+    group.last = &image;
+    ++group.num_images;
+    for (const auto& [reason, targets] : targets_of) group.targets_of[reason].insert(targets.begin(), targets.end());
+  }
+  std::vector<std::string> notes;
+  for (const Group& group : groups) {
+    if (group.num_images == 1) {
+      notes.push_back(group.first->capture + ", camera " + group.first->camera + ": " + group.first->reason);
+      continue;
+    }
+    std::vector<std::string> texts;
+    for (const auto& [reason, targets] : group.targets_of) {
+      const std::vector<std::string> names(targets.begin(), targets.end());
+      if (!reason.empty())
+        texts.push_back((names.size() == 1 ? "target " : "targets ") + Join(names, ", ") + ": " + reason);
+    }
+    notes.push_back("camera " + group.first->camera + ": " + std::to_string(group.num_images) + " images, from " +
+                    group.first->capture + " to " + group.last->capture + ": " + Join(texts, "; "));
+  }
+  return notes;
+}
+
+}  // namespace heba
