@@ -266,6 +266,42 @@ TEST_F(RigCommandsTest, DetectRefusesACameraOfAnotherSizeAndWritesNothing) {
   EXPECT_FALSE(fs::exists(Path("refused")));
 }
 
+// The points of all images come from the folder of an earlier run.
+TEST_F(RigCommandsTest, RunTakesTheDetectionsOfARun) {
+  std::string config;
+  for (const std::string& line : Split(ReadAll(Path("cell/config.yaml")), '\n')) {
+    if (line.find("images:") == std::string::npos) config += line + "\n";
+  }
+  WriteAll(Path("cell/given.yaml"), config);
+  const std::vector<std::string> command = {
+      "run", Path("cell/given.yaml"), "--set", "captures.detections=" + Path("run/detections"), "--quiet", "--out"};
+  const auto with = [&](std::vector<std::string> more) {
+    std::vector<std::string> whole = command;
+    whole.insert(whole.end(), more.begin(), more.end());
+    return RunHeba(whole);
+  };
+  const CommandResult given = with({Path("given"), "--set", "evaluate.folds=0"});
+  ASSERT_EQ(given.status, 0) << given.err;
+  const Json of_images = Json::parse(ReadAll(Path("run/result.json")));
+  const Json of_points = Json::parse(ReadAll(Path("given/result.json")));
+  for (const char* camera : {"left", "right", "wrist"}) {
+    for (size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(of_points["cameras"][camera]["pose"]["translation_m"][i],
+                  of_images["cameras"][camera]["pose"]["translation_m"][i].get<double>(), 1e-3);
+    }
+  }
+  fs::create_directories(Path("given_wrong"));
+  fs::copy(Path("run/detections/left.plate.json"), Path("given_wrong/left.plat.json"));
+  const CommandResult unknown = with({Path("none"), "--set", "captures.detections=" + Path("given_wrong")});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("captures.detections has no file right.TARGET.json"));
+  const CommandResult both =
+      RunHeba({"run", Path("cell/config.yaml"), "--set", "captures.detections=" + Path("run/detections"), "--out",
+               Path("none"), "--quiet"});
+  EXPECT_EQ(both.status, 2);
+  EXPECT_THAT(both.err, HasSubstr("cameras.left.images"));
+}
+
 TEST_F(RigCommandsTest, RunRefusesTheImagesOfOneCameraForTwo) {
   const CommandResult refused =
       RunHeba({"run", Path("cell/config.yaml"), "--set", "cameras.left.images=" + Path("cell/right"), "--out",

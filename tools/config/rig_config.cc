@@ -16,6 +16,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
+#include "tools/config/given_detections.h"
 #include "tools/config/image_list.h"
 #include "tools/config/requirements.h"
 #include "tools/config/rig_keys.h"
@@ -257,6 +258,7 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
     MapReader captures(root.Get("captures"));
     arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
     captures.Find("exclude");
+    if (captures.Has("detections")) captures.InputPath("detections");
     captures.Finish();
     root.Record("captures", captures.used());
     return arms;
@@ -274,7 +276,21 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
   return arms;
 }
 
-std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
+// Reads the images of a camera, or takes those in which `given` were detected before.
+CameraImages ReadImages(MapReader& reader, const std::string& camera, const std::vector<GivenDetections>& given) {
+  if (given.empty()) {
+    const ConfigValue value = reader.Get("images");
+    CameraImages images{value, FindImages(value)};
+    reader.Record("images", ImagesNode(value, images.images));
+    return images;
+  }
+  if (reader.Has("images")) reader.Get("images").Fail("leave it out: captures.detections has the points of all images");
+  CameraImages images{reader.value(), ImagesOf(camera, given)};
+  if (images.images.empty()) reader.value().Fail("captures.detections has no file " + camera + ".TARGET.json");
+  return images;
+}
+
+std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDetections>& given, RigConfig* config) {
   RigDataset& data = config->data;
   std::vector<CameraImages> images;
   MapReader refine_all = root.Section("refine");
@@ -287,9 +303,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
     RigCamera camera;
     camera.name = name;
     std::tie(camera.mount, camera.mount_name) = ReadMount(reader, data.rig.robots);
-    const ConfigValue value = reader.Get("images");
-    images.push_back({value, FindImages(value)});
-    reader.Record("images", ImagesNode(value, images.back().images));
+    images.push_back(ReadImages(reader, name, given));
     CameraKeys keys = ReadCameraKeys(reader);
     data.has_camera.push_back(keys.camera.has_value());
     data.camera_sources.push_back(keys.camera ? keys.source : name);
@@ -392,13 +406,29 @@ void ReadEvaluate(MapReader& root, RigConfig* config) {
   root.Record("evaluate", reader.used());
 }
 
+// Reads the folder `captures.detections`; returns an empty list if there is none.
+std::vector<GivenDetections> ReadDetectionsOf(MapReader& root, RigConfig* config) {
+  if (!root.Has("captures")) return {};
+  MapReader captures(root.Get("captures"));
+  if (!captures.Has("detections")) return {};
+  const fs::path folder = captures.InputPath("detections");
+  config->data.detections_source = folder.string();
+  std::vector<GivenDetections> given = ReadGivenDetections(folder);
+  for (const GivenDetections& of_pair : given) config->data_files.push_back(of_pair.file);
+  return given;
+}
+
 // Returns the names of the captures that are to be left out, of `captures.exclude`.
 std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::string>& names) {
   std::set<std::string> excluded;
   if (!root.Has("captures")) return excluded;
   MapReader captures(root.Get("captures"));
   const std::optional<ConfigValue> list = captures.Find("exclude");
-  if (root.Has("robots")) captures.Finish();
+  if (captures.Has("detections")) captures.InputPath("detections");
+  if (root.Has("robots")) {
+    captures.Finish();
+    root.Record("captures", captures.used());
+  }
   if (!list) return excluded;
   for (const ConfigValue& item : list->AsList()) {
     const std::string name = item.AsText();
@@ -407,7 +437,7 @@ std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::strin
     }
     excluded.insert(name);
   }
-  YAML::Node used = root.Has("robots") ? YAML::Node() : YAML::Clone(root.used()["captures"]);
+  YAML::Node used = YAML::Clone(root.used()["captures"]);
   used["exclude"] = list->node();
   root.Record("captures", used);
   return excluded;
@@ -441,7 +471,8 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   MapReader cameras_reader(reader.Get("cameras"));
   const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
   const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
-  const std::vector<CameraImages> images = ReadCameras(reader, &config);
+  const std::vector<GivenDetections> given = ReadDetectionsOf(reader, &config);
+  const std::vector<CameraImages> images = ReadCameras(reader, given, &config);
   ReadTargets(reader, &config);
   const ArmRows& first = arms.front();
   std::vector<std::vector<fs::path>> images_of_cameras;
@@ -491,6 +522,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     }
   }
   if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
+  data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   if (reader.Has("output")) {

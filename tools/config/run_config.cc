@@ -11,6 +11,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
+#include "tools/config/given_detections.h"
 #include "tools/config/requirements.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
@@ -57,22 +58,9 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
   }
   config->target_used = YAML::Dump(root.used()["target"]);
   if (config->are_points_in_order) NumberPoints(config);
-  std::set<int> known;
-  for (const TargetPoint& point : config->data.target->points()) known.insert(point.id);
   for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
-    std::set<int> seen;
-    for (const int id : config->data.given_detections[i].detection.ids) {
-      const std::string where = config->data.detections_source + ": " + config->data.captures[i].name + ": ";
-      if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
-      if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " is listed twice");
-    }
-    for (const Eigen::Vector2d& pixel : config->data.given_detections[i].detection.pixels) {
-      constexpr double kFarthestPx = 1e6;
-      if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
-        throw InputError(config->data.detections_source + ": " + config->data.captures[i].name +
-                         ": a point lies outside any possible image");
-      }
-    }
+    CheckGivenDetection(*config->data.target, config->data.given_detections[i].detection,
+                        config->data.detections_source + ": " + config->data.captures[i].name + ": ");
   }
 }
 
