@@ -14,7 +14,6 @@
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/data/hand_eye.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "heba/rig_run.h"
 #include "heba/run.h"
 #include "python/bindings/arrays.h"

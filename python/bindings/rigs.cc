@@ -13,7 +13,7 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/detection.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "tools/config/finished_rig.h"

@@ -11,7 +11,6 @@
 
 #include "heba/base/error.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/pipeline/pipeline.h"

@@ -1,7 +1,7 @@
 #include "tools/config/finished_rig.h"
 
 #include "heba/config/yaml_reader.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/finished_run.h"

@@ -6,7 +6,7 @@
 #include "heba/io/camera_file.h"
 #include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "targets/images/image.h"
 #include "tools/files/detection_file.h"
 

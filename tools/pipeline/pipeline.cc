@@ -10,7 +10,6 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "heba/rig_run.h"
 #include "heba/run.h"
 #include "tools/doctor/doctor.h"

@@ -7,7 +7,7 @@
 #include "heba/base/parallel.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "heba/simulation/arm_captures.h"
 #include "heba/simulation/rig_motion.h"
 #include "targets/images/image.h"

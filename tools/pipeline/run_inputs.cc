@@ -5,7 +5,6 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "tools/files/program_digest.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"

@@ -133,6 +133,7 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
     }
   }
   for (const RigCamera& camera : problem.cameras) {
+    if (camera.camera.params.empty()) continue;  // A calibration from poses alone has no camera.
     const CameraModel& model = camera.camera.Model();
     layout.AddCamera(CameraBlock(camera), PlainName("the camera's", "camera", camera.name), model,
                      FreeOf(model, camera.free_intrinsics));

@@ -200,25 +200,35 @@ std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& er
 RigResult AsRigResult(const RunResult& result) {
   const Estimate* const refined = FindRefined(result);
   CHECK(refined != nullptr);
+  return AsRigResult(result, *refined);
+}
+
+RigResult AsRigResult(const RunResult& result, const Estimate& estimate) {
+  const Estimate* const refined = FindRefined(result);
+  Solution solution;
+  solution.hand_eye = estimate.hand_eye;
+  solution.camera = estimate.camera;
+  if (estimate.solution) solution = *estimate.solution;
   RigResult whole;
   whole.name = result.name;
   whole.about = result.about;
-  whole.rig = HandEyeProblem(result.setup, *refined->solution);
-  whole.arms = {result.robot};
+  whole.rig = HandEyeProblem(result.setup, solution);
+  const bool has_arm = estimate.method == (refined != nullptr ? refined->method : kChainMethod);
+  whole.arms = {has_arm ? result.robot : std::nullopt};
   whole.target_types = {result.target_type};
-  whole.solution = ProblemSolution(*refined->solution);
+  whole.solution = ProblemSolution(solution);
   whole.solution.captures.clear();
   RigErrors& errors = whole.errors.emplace_back();
-  errors.reprojection_rms_px = refined->errors.reprojection_rms_px;
-  errors.holdout_rms_px = refined->errors.holdout_rms_px;
-  errors.holdout_target_mm = refined->errors.holdout_target_mm;
-  errors.holdout_target_deg = refined->errors.holdout_target_deg;
+  errors.reprojection_rms_px = estimate.errors.reprojection_rms_px;
+  errors.holdout_rms_px = estimate.errors.holdout_rms_px;
+  errors.holdout_target_mm = estimate.errors.holdout_target_mm;
+  errors.holdout_target_deg = estimate.errors.holdout_target_deg;
   if (result.working_point) errors.distance_m = result.working_point->in_camera_m.norm();
-  if (refined->errors.truth) {
-    errors.truth_mm = refined->errors.truth->hand_eye_mm;
-    errors.truth_deg = refined->errors.truth->hand_eye_deg;
+  if (estimate.errors.truth) {
+    errors.truth_mm = estimate.errors.truth->hand_eye_mm;
+    errors.truth_deg = estimate.errors.truth->hand_eye_deg;
   }
-  whole.holdout_chi2 = refined->errors.holdout_chi2;
+  whole.holdout_chi2 = estimate.errors.holdout_chi2;
   for (const CaptureResult& capture : result.captures) {
     RigImageResult& image = whole.images.emplace_back();
     image.capture = capture.image;
@@ -243,13 +253,12 @@ const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot) {
 }
 
 std::string WhyNotEstimated(const RigResult& result, size_t robot) {
-  const bool is_known = robot < result.arms.size() && result.arms[robot].has_value();
-  return "the kinematics of the arm " + result.rig.robots[robot] + " were not estimated" +
-         (is_known
-              ? " (" + result.arms[robot]->reason + ")"
-              : "; the config names no model of it (" +
-                    (result.rig.robots.size() == 1 ? "robot.model" : "robots." + result.rig.robots[robot] + ".model") +
-                    ")");
+  const std::string& name = result.rig.robots[robot];
+  std::string text = "the kinematics of the arm " + (name.empty() ? "" : name + " ") + "were not estimated";
+  if (robot < result.arms.size() && result.arms[robot]) return text + " (" + result.arms[robot]->reason + ")";
+  if (name.empty()) return text + "; the config names no arm (robot.model)";
+  return text + "; the config names no model of it (" +
+         (result.rig.robots.size() == 1 ? "robot.model" : "robots." + name + ".model") + ")";
 }
 
 Verdict JudgeRig(const RigResult& result) {

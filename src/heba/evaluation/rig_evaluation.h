@@ -128,6 +128,9 @@ struct RigResult {
 // Returns the result of one camera, which must have a refined estimate, as that of a rig whose parts have no names
 // (heba/data/hand_eye.h). It has no captures: the poses of the arm are not part of such a result.
 RigResult AsRigResult(const RunResult& result);
+// Likewise with one of its estimates that are ok. That of a closed form has no covariance, and that of poses alone no
+// camera. The arm is part of the refined estimate or, if there is none, of that of the poses.
+RigResult AsRigResult(const RunResult& result, const Estimate& estimate);
 
 // Returns the kinematics of an arm whose errors are part of the solution; null if they were not estimated.
 const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot);

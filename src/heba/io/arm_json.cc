@@ -10,19 +10,6 @@
 namespace heba {
 namespace {
 
-Json NumbersJson(const std::optional<RobotNoise>& noise, const char* when) {
-  const std::string prefix = when;
-  return Json{{prefix + "_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
-              {prefix + "_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)}};
-}
-
-std::optional<RobotNoise> ReadSigmas(const JsonReader& reader, const std::string& when) {
-  const std::string mm = when + "_mm";
-  const std::string deg = when + "_deg";
-  if (!reader.Has(mm.c_str())) return std::nullopt;
-  return RobotNoise{ReadMagnitude(reader, mm.c_str()) / 1000, DegToRad(ReadMagnitude(reader, deg.c_str()))};
-}
-
 // Returns the place of a parameter of the arm by its name; nothing if there is none.
 std::optional<int> FindPlace(const Arm& arm, const std::string& name) {
   for (int place = 0; place < arm.num_params(); ++place) {
@@ -65,8 +52,8 @@ Json ArmJson(const RobotSummary& robot) {
     joints.back()["mass_kg"] = link.mass_kg;
     joints.back()["centre_of_mass_m"] = {link.centre_m.x(), link.centre_m.y(), link.centre_m.z()};
   }
-  Json sigma = NumbersJson(robot.noise_before, "before");
-  sigma.update(NumbersJson(robot.noise_after, "after"));
+  Json sigma = NoiseJson(robot.noise_before, "before_");
+  sigma.update(NoiseJson(robot.noise_after, "after_"));
   return Json{{"model", robot.nominal.name},
               {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
               {"configuration", robot.configuration},
@@ -109,17 +96,16 @@ RobotSummary ReadArmJson(const JsonReader& reader) {
   robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
   for (const JsonReader& parameter : reader.Get("parameters").List()) {
     const std::string name = parameter.Get("name").Text();
-    int place = 0;
-    while (place < robot.nominal.num_params() && ArmParamName(place) != name) ++place;
-    if (place == robot.nominal.num_params()) parameter.Fail("the arm has no parameter '" + name + "'");
-    robot.errors[place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
-    robot.error_sigmas[static_cast<size_t>(place)] = ReadOptionalMagnitude(parameter, "std");
+    const std::optional<int> place = FindPlace(robot.nominal, name);
+    if (!place) parameter.Fail("the arm has no parameter '" + name + "'");
+    robot.errors[*place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
+    robot.error_sigmas[static_cast<size_t>(*place)] = ReadOptionalMagnitude(parameter, "std");
   }
   for (const JsonReader& entry : reader.Get("undetermined").List()) {
     robot.undetermined.emplace_back(entry.Get("name").Text(), entry.Get("with").Text());
   }
-  robot.noise_before = ReadSigmas(reader.Get("sigma"), "before");
-  robot.noise_after = ReadSigmas(reader.Get("sigma"), "after");
+  robot.noise_before = ReadNoise(reader.Get("sigma"), "before_");
+  robot.noise_after = ReadNoise(reader.Get("sigma"), "after_");
   return robot;
 }
 

@@ -1,7 +1,8 @@
 #include "heba/io/result_file.h"
 
-#include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -11,6 +12,44 @@
 
 namespace heba {
 namespace {
+
+// Adds the remarks on the cell, if there are any.
+void AddAbout(const std::vector<std::pair<std::string, std::string>>& about, Json* json) {
+  for (const auto& [key, value] : about) (*json)["about"][key] = value;
+}
+
+// Returns the figures of a solve, with those of the noise before the degrees of freedom and that of held-out captures
+// after them.
+Json SolveJson(const Convergence& convergence, double covariance_dof, const Json& noise, const Json& holdout) {
+  Json json{{"iterations", convergence.iterations},
+            {"initial_cost", Finite(convergence.initial_cost)},
+            {"final_cost", Finite(convergence.final_cost)}};
+  json.update(noise);
+  json["covariance_dof"] = Finite(covariance_dof);
+  json.update(holdout);
+  json["seconds"] = convergence.seconds;
+  json["message"] = convergence.message;
+  return json;
+}
+
+// Returns the kinematics of an arm with the effects that are part of the solution.
+Json ArmJson(const RobotSummary& robot, const ArmEffects& effects) {
+  Json json = ArmJson(robot);
+  json["estimated"] = ArmEffectsJson(effects);
+  return json;
+}
+
+// Returns the errors of the parameters of an arm; null if they are not known.
+Json ArmErrorsJson(const Eigen::VectorXd& errors) {
+  Json json;
+  for (Eigen::Index i = 0; i < errors.size(); ++i) json[ArmParamName(static_cast<int>(i))] = errors[i];
+  return json;
+}
+
+// Returns the correction of an arm's pose, in the gripper's frame.
+Json CorrectionJson(const Rigid3d& correction) { return TangentJson(LocalCoordinates(Rigid3d(), correction)); }
+
+// Parts of the result of one camera.
 
 Json TruthErrorsJson(const std::optional<TruthErrors>& errors) {
   if (!errors) return nullptr;
@@ -24,40 +63,27 @@ Json TruthErrorsJson(const std::optional<TruthErrors>& errors) {
 }
 
 Json ErrorsJson(const Errors& errors) {
-  Json json;
-  json["reprojection_rms_px"] = OrNull(errors.reprojection_rms_px);
-  json["holdout_rms_px"] = OrNull(errors.holdout_rms_px);
-  json["holdout_target_mm"] = OrNull(errors.holdout_target_mm);
-  json["holdout_target_deg"] = OrNull(errors.holdout_target_deg);
+  const std::optional<BoardScatter>& scatter = errors.board_scatter;
+  Json json = FiguresJson(errors);
   json["holdout_chi2_per_dof"] = OrNull(errors.holdout_chi2);
   json["holdout_sigmas"] = OrNull(errors.holdout_sigmas);
   json["axxb_mean_mm"] = OrNull(errors.axxb_mean_mm);
-  json["board_translation_rms_mm"] =
-      errors.board_scatter ? Json(errors.board_scatter->translation_rms_mm) : Json(nullptr);
-  json["board_rotation_rms_deg"] = errors.board_scatter ? Json(errors.board_scatter->rotation_rms_deg) : Json(nullptr);
+  json["board_translation_rms_mm"] = scatter ? Json(scatter->translation_rms_mm) : Json(nullptr);
+  json["board_rotation_rms_deg"] = scatter ? Json(scatter->rotation_rms_deg) : Json(nullptr);
   json["truth"] = TruthErrorsJson(errors.truth);
   return json;
 }
 
-// Returns the correction of the robot's pose by the refinement, in the gripper's frame (m, rad).
-std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
-  if (!capture.correction) return std::nullopt;
-  Tangent6 tangent;
-  tangent << capture.correction->translation, LogRotation(capture.correction->rotation);
-  return tangent;
-}
-
-// Returns the covariance of the unknowns. Smooth errors, whose basis is not written, are left out: what remains is the
-// covariance of the others.
-Json CovarianceJson(const Solution& solution) {
-  const Covariance& covariance = solution.covariance;
-  const UnknownBlock robot = covariance.layout.Block(kRobotBlock);
-  std::vector<Eigen::Index> written;
-  for (Eigen::Index i = 0; i < covariance.matrix.rows(); ++i) {
-    const bool is_smooth = solution.smooth_noise && i >= robot.first && i < robot.end();
-    if (!is_smooth) written.push_back(i);
-  }
-  return CovarianceJson(covariance, written);
+// Returns the noise of a solution, as members of its solve.
+Json NoiseJson(const Solution& solution) {
+  const std::optional<RobotNoise>& noise = solution.robot_noise;
+  const std::optional<RobotNoise>& smooth = solution.smooth_noise;
+  return Json{{"pixel_sigma", solution.pixel_sigma_px},
+              {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
+              {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
+              {"joint_sigma_deg", noise && noise->joint_rad > 0 ? Json(RadToDeg(noise->joint_rad)) : Json(nullptr)},
+              {"smooth_sigma_deg", smooth ? Json(RadToDeg(smooth->rotation_rad)) : Json(nullptr)},
+              {"smooth_sigma_mm", smooth ? Json(1000 * smooth->translation_m) : Json(nullptr)}};
 }
 
 Json EstimateJson(const Estimate& estimate, Setup setup) {
@@ -67,23 +93,16 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   json["ok"] = estimate.ok;
   json["reason"] = estimate.reason;
   const Solution* solution = estimate.solution ? &*estimate.solution : nullptr;
+  const Covariance* const covariance = solution != nullptr ? &solution->covariance : nullptr;
   if (!estimate.ok) {
     for (const char* key : {"hand_eye", "board", "camera"}) json[key] = nullptr;
   } else {
-    Json hand_eye = PoseJson(estimate.hand_eye.camera_mount_from_camera, CameraMountName(setup), "camera");
-    hand_eye["std_translation_m"] = nullptr;
-    hand_eye["std_rotation_rad"] = nullptr;
-    if (solution != nullptr) {
-      AddPoseSigmas(solution->covariance, std::string(kHandEyeBlock), &hand_eye);
-    }
-    json["hand_eye"] = hand_eye;
+    json["hand_eye"] = PoseJson(estimate.hand_eye.camera_mount_from_camera, CameraMountName(setup), "camera",
+                                covariance, std::string(kHandEyeBlock));
     json["board"] = PoseJson(estimate.hand_eye.target_mount_from_target, TargetMountName(setup), "target");
     json["camera"] = nullptr;  // Estimates from given poses of the target have no camera.
     if (!estimate.camera.params.empty()) {
-      json["camera"] = CameraJson(estimate.camera);
-      json["camera"]["std"] = solution != nullptr
-                                  ? CameraSigmaJson(estimate.camera, solution->covariance, std::string(kCameraBlock))
-                                  : Json(nullptr);
+      json["camera"] = CameraJson(estimate.camera, covariance, std::string(kCameraBlock));
     }
   }
   json["target_shape"] =
@@ -92,23 +111,11 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   json["covariance"] = nullptr;
   json["solve"] = nullptr;
   if (solution != nullptr) {
-    json["covariance"] = CovarianceJson(*solution);
-    const Convergence& convergence = solution->convergence;
-    const std::optional<RobotNoise>& noise = solution->robot_noise;
-    const std::optional<RobotNoise>& smooth = solution->smooth_noise;
-    json["solve"] =
-        Json{{"iterations", convergence.iterations},
-             {"initial_cost", Finite(convergence.initial_cost)},
-             {"final_cost", Finite(convergence.final_cost)},
-             {"pixel_sigma", solution->pixel_sigma_px},
-             {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
-             {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
-             {"joint_sigma_deg", noise && noise->joint_rad > 0 ? Json(RadToDeg(noise->joint_rad)) : Json(nullptr)},
-             {"smooth_sigma_deg", smooth ? Json(RadToDeg(smooth->rotation_rad)) : Json(nullptr)},
-             {"smooth_sigma_mm", smooth ? Json(1000 * smooth->translation_m) : Json(nullptr)},
-             {"covariance_dof", Finite(solution->covariance_dof)},
-             {"seconds", convergence.seconds},
-             {"message", convergence.message}};
+    // Smooth errors, whose basis is not written, are left out: what remains is the covariance of the others.
+    const bool has_smooth = solution->smooth_noise.has_value();
+    json["covariance"] =
+        CovarianceJson(*covariance, has_smooth ? covariance->layout.Block(kRobotBlock) : UnknownBlock());
+    json["solve"] = SolveJson(solution->convergence, solution->covariance_dof, NoiseJson(*solution), Json::object());
   }
   return json;
 }
@@ -116,14 +123,10 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
 Json WorkingPointJson(const std::optional<WorkingPoint>& point) {
   if (!point) return nullptr;
   Json std_m = Json::array();
-  Json rows = Json::array();
-  for (int i = 0; i < 3; ++i) {
-    const auto row = point->covariance_m2.row(i);
-    std_m.push_back(Finite(std::sqrt(row[i])));
-    rows.push_back({Finite(row[0]), Finite(row[1]), Finite(row[2])});
-  }
+  for (const double variance : point->covariance_m2.diagonal()) std_m.push_back(Finite(std::sqrt(variance)));
   const Eigen::Vector3d& at = point->in_camera_m;
-  return Json{{"in_camera_m", {at.x(), at.y(), at.z()}}, {"std_m", std_m}, {"covariance_m2", rows}};
+  return Json{
+      {"in_camera_m", {at.x(), at.y(), at.z()}}, {"std_m", std_m}, {"covariance_m2", MatrixJson(point->covariance_m2)}};
 }
 
 Json ModelJson(const ModelSummary& model) {
@@ -142,6 +145,21 @@ Json ModelJson(const ModelSummary& model) {
               {"alternatives", alternatives}};
 }
 
+Json CaptureJson(const CaptureResult& capture) {
+  return Json{{"image", capture.image},
+              {"role", RoleName(capture.role)},
+              {"points", capture.num_points},
+              {"points_second_pass", capture.num_second_pass},
+              {"points_rejected", capture.num_rejected},
+              {"used", capture.used},
+              {"reason", capture.reason},
+              {"repeat_of", capture.repeat_of.empty() ? Json(nullptr) : Json(capture.repeat_of)},
+              {"rms_px", OrNull(capture.rms_px)},
+              {"holdout_target_mm", OrNull(capture.holdout_target_mm)},
+              {"robot_correction", capture.correction ? CorrectionJson(*capture.correction) : Json(nullptr)},
+              {"move_without", MoveJson(capture.move_without)}};
+}
+
 // Returns the estimate that the arm is part of: that of the refinement of reprojection errors, unless only that of the
 // poses has a result. Null if there is neither.
 const Estimate* EstimateWithRobot(const RunResult& result) {
@@ -151,6 +169,133 @@ const Estimate* EstimateWithRobot(const RunResult& result) {
     if (estimate.method == kChainMethod && estimate.ok) found = &estimate;
   }
   return found;
+}
+
+// Parts of the result of several cameras.
+
+Json NoiseJson(const std::optional<RobotNoise>& noise, const std::optional<RobotNoise>& stddev) {
+  if (!noise) return nullptr;
+  Json json = NoiseJson(noise, "");
+  json.update(NoiseJson(stddev, "std_"));
+  return json;
+}
+
+Json TruthJson(const std::vector<std::optional<PoseError>>& errors, size_t place) {
+  const std::optional<PoseError> error = ErrorAt(errors, place);
+  return error ? Json{{"mm", error->mm}, {"deg", error->deg}} : Json(nullptr);
+}
+
+Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std::optional<PoseError>>& truth) {
+  Json list = Json::array();
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const RelativePose& pose = poses[i];
+    Json json = PoseJson(pose.parent_from_child, pose.parent, pose.child);
+    for (Eigen::Index r = 0; r < 6; ++r) {
+      json[r < 3 ? "std_translation_m" : "std_rotation_rad"].push_back(Finite(std::sqrt(pose.covariance(r, r))));
+    }
+    json["covariance"] = MatrixJson(pose.covariance);
+    json["truth"] = TruthJson(truth, i);
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json ErrorsJson(const RigErrors& errors) {
+  Json json = FiguresJson(errors);
+  json["truth"] = nullptr;
+  if (errors.truth_mm) json["truth"] = Json{{"mm", *errors.truth_mm}, {"deg", OrNull(errors.truth_deg)}};
+  return json;
+}
+
+Json CorrectionsJson(const RigProblem& rig, const std::vector<Rigid3d>& corrections) {
+  if (corrections.empty()) return nullptr;
+  Json json = Json::object();
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    json[rig.robots[r]] = CorrectionJson(corrections[r]);
+  }
+  return json;
+}
+
+// Returns one entry a camera and capture.
+Json CapturesJson(const RigResult& result) {
+  std::map<std::string, const RigCaptureResult*> capture_of;
+  for (const RigCaptureResult& capture : result.captures) capture_of[capture.name] = &capture;
+  Json list = Json::array();
+  for (const RigImageResult& image : result.images) {
+    Json targets = Json::array();
+    int num_points = 0;
+    int num_rejected = 0;
+    for (const RigTargetInImage& target : image.targets) {
+      num_points += target.num_points;
+      num_rejected += target.num_rejected;
+      targets.push_back(Json{{"target", target.target},
+                             {"points", target.num_points},
+                             {"points_rejected", target.num_rejected},
+                             {"used", target.used},
+                             {"rms_px", OrNull(target.rms_px)}});
+    }
+    const auto capture = capture_of.find(image.capture);
+    list.push_back(Json{
+        {"capture", image.capture},
+        {"camera", image.camera},
+        {"image", image.image},
+        {"points", num_points},
+        {"points_rejected", num_rejected},
+        {"searched", image.was_searched},
+        {"used", image.used},
+        {"reason", image.reason},
+        {"targets", targets},
+        {"move_without", MoveJson(image.move_without)},
+        {"robot_correction",
+         capture == capture_of.end() ? Json(nullptr) : CorrectionsJson(result.rig, capture->second->corrections)}});
+  }
+  return list;
+}
+
+// Returns the kinematics of an arm; null if the data set did not name them.
+Json KinematicsJson(const RigResult& result, size_t robot) {
+  if (robot >= result.arms.size() || !result.arms[robot]) return nullptr;
+  ArmEffects effects;
+  if (EffectsOf(result.rig, robot) != nullptr) {
+    effects = {result.rig.effects[robot], result.solution.effects[robot], result.solution.effect_sigmas[robot]};
+  }
+  return ArmJson(*result.arms[robot], effects);
+}
+
+Json CameraEntryJson(const RigResult& result, size_t index) {
+  const RigCamera& camera = result.rig.cameras[index];
+  const RigSolution& solution = result.solution;
+  const std::string mount = MountText(result.rig, camera);
+  return Json{{"mount", mount},
+              {"pose", PoseJson(solution.poses.mount_from_camera[index], mount, camera.name, &solution.covariance,
+                                CameraPoseBlock(camera))},
+              {"camera", CameraJson(solution.cameras[index], &solution.covariance, CameraBlock(camera))},
+              {"pixel_sigma", solution.pixel_sigmas_px[index]},
+              {"image_sigma", solution.image_sigmas_px[index]}};
+}
+
+Json TargetEntryJson(const RigResult& result, size_t index) {
+  const RigTarget& target = result.rig.targets[index];
+  const RigSolution& solution = result.solution;
+  const std::string mount = MountText(result.rig, target);
+  return Json{{"mount", mount},
+              {"type", result.target_types[index]},
+              {"pose", PoseJson(solution.poses.mount_from_target[index], mount, target.name, &solution.covariance,
+                                TargetPoseBlock(target))},
+              {"shape", ShapeJson(solution.shapes[index], solution.covariance, TargetShapeBlock(target))},
+              {"truth", TruthJson(result.truth.targets, index)}};
+}
+
+Json RobotEntryJson(const RigResult& result, size_t index) {
+  const std::string& robot = result.rig.robots[index];
+  const RigSolution& solution = result.solution;
+  const std::optional<RobotNoise> smooth = SmoothNoiseOf(solution, index);
+  return Json{{"world_from_base", PoseJson(solution.poses.world_from_base[index], "world", robot + ".base",
+                                           &solution.covariance, BaseBlock(robot))},
+              {"truth", TruthJson(result.truth.bases, index)},
+              {"noise", NoiseJson(solution.robot_noise[index], solution.robot_noise_stddev[index])},
+              {"smooth_errors", smooth ? NoiseJson(smooth, "") : Json(nullptr)},
+              {"robot", KinematicsJson(result, index)}};
 }
 
 }  // namespace
@@ -164,25 +309,9 @@ std::string ResultToJson(const RunResult& result) {
   json["name"] = result.name;
   json["setup"] = SetupName(result.setup);
   json["target"] = Json{{"type", result.target_type}, {"points", result.num_target_points}};
-  if (!result.about.empty()) {
-    json["about"] = Json::object();
-    for (const auto& [key, value] : result.about) json["about"][key] = value;
-  }
+  AddAbout(result.about, &json);
   json["captures"] = Json::array();
-  for (const CaptureResult& capture : result.captures) {
-    json["captures"].push_back(Json{{"image", capture.image},
-                                    {"role", RoleName(capture.role)},
-                                    {"points", capture.num_points},
-                                    {"points_second_pass", capture.num_second_pass},
-                                    {"points_rejected", capture.num_rejected},
-                                    {"used", capture.used},
-                                    {"reason", capture.reason},
-                                    {"repeat_of", capture.repeat_of.empty() ? Json(nullptr) : Json(capture.repeat_of)},
-                                    {"rms_px", OrNull(capture.rms_px)},
-                                    {"holdout_target_mm", OrNull(capture.holdout_target_mm)},
-                                    {"robot_correction", TangentJson(CorrectionOf(capture))},
-                                    {"move_without", MoveJson(capture.move_without)}});
-  }
+  for (const CaptureResult& capture : result.captures) json["captures"].push_back(CaptureJson(capture));
   json["verdict"] = VerdictJson(result.verdict);
   json["model"] = ModelJson(result.model);
   const Estimate* const with_robot = EstimateWithRobot(result);
@@ -190,13 +319,41 @@ std::string ResultToJson(const RunResult& result) {
   for (const Estimate& estimate : result.estimates) {
     json["estimates"].push_back(EstimateJson(estimate, result.setup));
     if (!result.robot || &estimate != with_robot) continue;
-    json["estimates"].back()["robot"] = ArmJson(*result.robot);
-    if (!result.robot->is_estimated || !estimate.solution) continue;
-    const Solution& solution = *estimate.solution;
-    json["estimates"].back()["robot"]["estimated"] =
-        ArmEffectsJson({solution.shared_effects, solution.effects, solution.effect_sigmas});
+    Json& robot = json["estimates"].back()["robot"];
+    if (!result.robot->is_estimated || !estimate.solution) {
+      robot = ArmJson(*result.robot);
+    } else {
+      const Solution& solution = *estimate.solution;
+      robot = ArmJson(*result.robot, {solution.shared_effects, solution.effects, solution.effect_sigmas});
+    }
   }
   json["working_point"] = WorkingPointJson(result.working_point);
+  json["timing_s"] = TimingJson(result.timing);
+  return FileText(json);
+}
+
+std::string RigResultToJson(const RigResult& result) {
+  const RigProblem& rig = result.rig;
+  Json json;
+  json["schema"] = kRigSchema;
+  json["heba"] = Version();
+  json["name"] = result.name;
+  AddAbout(result.about, &json);
+  json["verdict"] = VerdictJson(result.verdict);
+  for (const char* key : {"cameras", "errors", "targets", "robots"}) json[key] = Json::object();
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    json["cameras"][rig.cameras[c].name] = CameraEntryJson(result, c);
+    json["errors"][rig.cameras[c].name] = ErrorsJson(result.errors[c]);
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) json["targets"][rig.targets[t].name] = TargetEntryJson(result, t);
+  for (size_t r = 0; r < rig.robots.size(); ++r) json["robots"][rig.robots[r]] = RobotEntryJson(result, r);
+  json["relative"] = RelativeJson(result.relative_cameras, result.truth.relative_cameras);
+  json["relative_targets"] = RelativeJson(result.relative_targets, {});
+  json["relative_bases"] = RelativeJson(result.relative_bases, {});
+  json["captures"] = CapturesJson(result);
+  json["covariance"] = CovarianceJson(result.solution.covariance);
+  json["solve"] = SolveJson(result.solution.convergence, result.solution.covariance_dof, Json::object(),
+                            Json{{"holdout_chi2_per_dof", OrNull(result.holdout_chi2)}});
   json["timing_s"] = TimingJson(result.timing);
   return FileText(json);
 }
@@ -208,10 +365,35 @@ std::string TruthToJson(const Truth& truth, Setup setup) {
     json["board"] = PoseJson(*truth.target_mount_from_target, TargetMountName(setup), "target");
   }
   if (truth.camera) json["camera"] = CameraJson(*truth.camera);
-  for (Eigen::Index place = 0; place < truth.arm_errors.size(); ++place) {
-    json["robot"][ArmParamName(static_cast<int>(place))] = truth.arm_errors[place];
+  if (truth.arm_errors.size() > 0) json["robot"] = ArmErrorsJson(truth.arm_errors);
+  return FileText(json);
+}
+
+std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth) {
+  Json json;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const std::string mount = MountText(rig, rig.cameras[c]);
+    Json& entry = json["cameras"][rig.cameras[c].name];
+    entry = Json{{"mount", mount}, {"pose", PoseJson(truth.mount_from_camera[c], mount, rig.cameras[c].name)}};
+    if (truth.cameras[c]) entry["camera"] = CameraJson(*truth.cameras[c]);
   }
-  return json.dump(1) + "\n";
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    if (!truth.mount_from_target[t]) continue;
+    const std::string mount = MountText(rig, rig.targets[t]);
+    json["targets"][rig.targets[t].name] =
+        Json{{"mount", mount}, {"pose", PoseJson(*truth.mount_from_target[t], mount, rig.targets[t].name)}};
+  }
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    Json entry;
+    if (truth.world_from_base[r]) {
+      entry["world_from_base"] = PoseJson(*truth.world_from_base[r], "world", rig.robots[r] + ".base");
+    }
+    if (r < truth.arm_errors.size() && truth.arm_errors[r].size() > 0) {
+      entry["robot"] = ArmErrorsJson(truth.arm_errors[r]);
+    }
+    if (!entry.is_null()) json["robots"][rig.robots[r]] = std::move(entry);
+  }
+  return FileText(json);
 }
 
 }  // namespace heba

@@ -54,12 +54,16 @@ Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view chi
   return json;
 }
 
-void AddPoseSigmas(const Covariance& covariance, const std::string& block, Json* pose) {
-  for (const char* key : {"std_translation_m", "std_rotation_rad"}) (*pose)[key] = Json::array();
-  for (size_t i = 0; i < kTangentNames.size(); ++i) {
-    (*pose)[i < 3 ? "std_translation_m" : "std_rotation_rad"].push_back(
-        SigmaJson(covariance, block + "." + std::string(kTangentNames[i])));
+Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child, const Covariance* covariance,
+              const std::string& block) {
+  Json json = PoseJson(pose, parent, child);
+  json["std_translation_m"] = nullptr;
+  json["std_rotation_rad"] = nullptr;
+  for (size_t i = 0; covariance != nullptr && i < kTangentNames.size(); ++i) {
+    json[i < 3 ? "std_translation_m" : "std_rotation_rad"].push_back(
+        SigmaJson(*covariance, block + "." + std::string(kTangentNames[i])));
   }
+  return json;
 }
 
 Json CameraJson(const Camera& camera) {
@@ -74,12 +78,18 @@ Json CameraJson(const Camera& camera) {
   return json;
 }
 
-Json CameraSigmaJson(const Camera& camera, const Covariance& covariance, const std::string& block) {
+Json CameraJson(const Camera& camera, const Covariance* covariance, const std::string& block) {
+  Json json = CameraJson(camera);
+  json["std"] = nullptr;
+  if (covariance == nullptr) return json;
   const std::vector<std::string>& names = camera.Model().param_names();
-  Json json;
-  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaJson(covariance, block + "." + names[i]);
-  json["distortion"] = Json::array();
-  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaJson(covariance, block + "." + names[i]));
+  Json sigmas;
+  for (size_t i = 0; i < 4; ++i) sigmas[names[i]] = SigmaJson(*covariance, block + "." + names[i]);
+  sigmas["distortion"] = Json::array();
+  for (size_t i = 4; i < names.size(); ++i) {
+    sigmas["distortion"].push_back(SigmaJson(*covariance, block + "." + names[i]));
+  }
+  json["std"] = std::move(sigmas);
   return json;
 }
 
@@ -97,6 +107,11 @@ Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std
   return is_free ? json : Json(nullptr);
 }
 
+Json NoiseJson(const std::optional<RobotNoise>& noise, const std::string& prefix) {
+  return Json{{prefix + "mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
+              {prefix + "deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)}};
+}
+
 Json TangentJson(const std::optional<Tangent6>& tangent) {
   if (!tangent) return nullptr;
   const Eigen::Vector3d t = 1000 * tangent->head<3>();
@@ -112,17 +127,25 @@ Json MoveJson(const std::optional<CaptureMove>& move) {
   return json;
 }
 
-Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written) {
-  const std::vector<std::string> names = covariance.layout.Names();
-  Json order = Json::array();
+Json MatrixJson(const Eigen::MatrixXd& matrix) {
   Json rows = Json::array();
-  for (const Eigen::Index i : written) {
-    order.push_back(names[static_cast<size_t>(i)]);
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     Json row = Json::array();
-    for (const Eigen::Index j : written) row.push_back(Finite(covariance.matrix(i, j)));
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(Finite(matrix(i, j)));
     rows.push_back(std::move(row));
   }
-  return Json{{"order", std::move(order)}, {"matrix", std::move(rows)}};
+  return rows;
+}
+
+Json CovarianceJson(const Covariance& covariance, const UnknownBlock& left_out) {
+  Json order = Json::array();
+  std::vector<Eigen::Index> written;
+  for (Eigen::Index i = 0; i < covariance.layout.size(); ++i) {
+    if (i >= left_out.first && i < left_out.end()) continue;
+    order.push_back(covariance.layout.Name(i));
+    written.push_back(i);
+  }
+  return Json{{"order", std::move(order)}, {"matrix", MatrixJson(covariance.matrix(written, written))}};
 }
 
 Json VerdictJson(const Verdict& verdict) {
@@ -202,6 +225,13 @@ std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char
   return ReadMagnitude(reader, key);
 }
 
+std::optional<RobotNoise> ReadNoise(const JsonReader& reader, const std::string& prefix) {
+  const std::string mm = prefix + "mm";
+  const std::string deg = prefix + "deg";
+  if (!reader.Has(mm.c_str())) return std::nullopt;
+  return RobotNoise{ReadMagnitude(reader, mm.c_str()) / 1000, DegToRad(ReadMagnitude(reader, deg.c_str())), 0};
+}
+
 std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
   if (!reader.Has(key)) return std::nullopt;
   const std::vector<double> t = reader.Get(key).Get("translation_mm").Numbers(3);
@@ -223,17 +253,20 @@ std::vector<std::string> ReadOrder(const JsonReader& covariance) {
   return names;
 }
 
-Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout) {
-  Covariance covariance{layout, {}};
-  const std::vector<JsonReader> rows = reader.Get("matrix").List();
-  const auto size = static_cast<size_t>(layout.size());
-  if (rows.size() != size) reader.Fail("the matrix does not have one row per name");
-  covariance.matrix.resize(layout.size(), layout.size());
-  for (size_t i = 0; i < size; ++i) {
-    const std::vector<double> row = rows[i].Numbers(size);
-    covariance.matrix.row(static_cast<Eigen::Index>(i)) =
-        Eigen::Map<const Eigen::RowVectorXd>(row.data(), layout.size());
+Eigen::MatrixXd ReadMatrix(const JsonReader& reader, const char* key, Eigen::Index size, const char* fault) {
+  const std::vector<JsonReader> rows = reader.Get(key).List();
+  if (static_cast<Eigen::Index>(rows.size()) != size) reader.Fail(fault);
+  Eigen::MatrixXd matrix(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const std::vector<double> row = rows[static_cast<size_t>(i)].Numbers(static_cast<size_t>(size));
+    matrix.row(i) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), size);
   }
+  return matrix;
+}
+
+Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout) {
+  Covariance covariance{layout,
+                        ReadMatrix(reader, "matrix", layout.size(), "the matrix does not have one row per name")};
   CheckCovariance(reader, covariance);
   return covariance;
 }

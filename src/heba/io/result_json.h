@@ -1,4 +1,5 @@
-// The parts that result files have in common: poses, cameras, shapes, covariances, verdicts.
+// The parts that the result files of one camera and of several have in common: poses, cameras, shapes, noise, errors,
+// covariances, verdicts.
 #pragma once
 
 #include <array>
@@ -33,19 +34,33 @@ Json OrNull(const std::optional<T>& value) {
 inline Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child);
-// Adds one sigma of each coordinate of the pose `block` of a covariance: std_translation_m and std_rotation_rad.
-void AddPoseSigmas(const Covariance& covariance, const std::string& block, Json* pose);
+// Returns a pose with one sigma of each of its coordinates (std_translation_m, std_rotation_rad), which is the pose
+// `block` of a covariance. The covariance may be null: there are no sigmas.
+Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child, const Covariance* covariance,
+              const std::string& block);
 Json CameraJson(const Camera& camera);
-// Returns the sigmas of the camera `block`; null for parameters that were held.
-Json CameraSigmaJson(const Camera& camera, const Covariance& covariance, const std::string& block);
+// Likewise with the sigmas of its parameters (std), which are null for those that were held.
+Json CameraJson(const Camera& camera, const Covariance* covariance, const std::string& block);
 // Returns the estimated shape of the target `block`, or null if no part of it was free.
 Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block);
+// Returns the members "<prefix>mm" and "<prefix>deg" of an arm's noise, which are null if there is none.
+Json NoiseJson(const std::optional<RobotNoise>& noise, const std::string& prefix);
+// Returns the figures that the errors of one camera and of several have in common.
+template <class ErrorFigures>
+Json FiguresJson(const ErrorFigures& errors) {
+  return Json{{"reprojection_rms_px", OrNull(errors.reprojection_rms_px)},
+              {"holdout_rms_px", OrNull(errors.holdout_rms_px)},
+              {"holdout_target_mm", OrNull(errors.holdout_target_mm)},
+              {"holdout_target_deg", OrNull(errors.holdout_target_deg)}};
+}
 // Returns a small motion in mm and deg.
 Json TangentJson(const std::optional<Tangent6>& tangent);
 // Returns the change of a pose without a capture, with its probability, or null.
 Json MoveJson(const std::optional<CaptureMove>& move);
-// Returns the rows and columns `written` of a covariance, with their names.
-Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written);
+// Returns the rows of a matrix.
+Json MatrixJson(const Eigen::MatrixXd& matrix);
+// Returns a covariance with the names of its unknowns, without those of one block.
+Json CovarianceJson(const Covariance& covariance, const UnknownBlock& left_out = {});
 Json VerdictJson(const Verdict& verdict);
 Json TimingJson(const Timing& timing);
 // Returns the text of a file. File names need not be UTF-8; invalid bytes are replaced.
@@ -63,10 +78,24 @@ double ReadFinite(const JsonReader& reader, const char* key, double otherwise);
 // Read a figure that cannot be negative, such as an RMS, a sigma or a time.
 double ReadMagnitude(const JsonReader& reader, const char* key);
 std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key);
+// Reads the members that NoiseJson writes; nothing if they are null.
+std::optional<RobotNoise> ReadNoise(const JsonReader& reader, const std::string& prefix);
+// Reads what FiguresJson writes.
+template <class ErrorFigures>
+ErrorFigures ReadFigures(const JsonReader& reader) {
+  ErrorFigures errors;
+  errors.reprojection_rms_px = ReadOptionalMagnitude(reader, "reprojection_rms_px");
+  errors.holdout_rms_px = ReadOptionalMagnitude(reader, "holdout_rms_px");
+  errors.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
+  errors.holdout_target_deg = ReadOptionalMagnitude(reader, "holdout_target_deg");
+  return errors;
+}
 std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key);
 // Reads the member `move_without` of a capture (MoveJson).
 std::optional<CaptureMove> ReadMove(const JsonReader& reader);
 std::vector<std::string> ReadOrder(const JsonReader& covariance);
+// Reads a square matrix; another number of rows is this fault.
+Eigen::MatrixXd ReadMatrix(const JsonReader& reader, const char* key, Eigen::Index size, const char* fault);
 // Returns the matrix of a covariance whose names are those of the layout.
 Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout);
 // Fails if the names are not those of the layout, in its order.

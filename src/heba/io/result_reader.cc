@@ -1,8 +1,5 @@
 // The reading functions of result_file.h.
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <string>
@@ -10,9 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "heba/base/registry.h"
-#include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/data/hand_eye.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/arm_json.h"
 #include "heba/io/json_reader.h"
@@ -22,12 +18,53 @@
 namespace heba {
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr size_t kMaxBytes = size_t{256} << 20;
+constexpr size_t kMaxTruthBytes = size_t{1} << 20;
+
+// Reads the figures of a solve that both schemas have.
+template <class AnySolution>
+void ReadSolve(const JsonReader& solve, AnySolution* solution) {
+  Convergence& convergence = solution->convergence;
+  convergence.converged = true;
+  convergence.iterations = solve.Get("iterations").Int(0, kMostCounted);
+  convergence.initial_cost = ReadFinite(solve, "initial_cost", kInfinity);
+  convergence.final_cost = ReadFinite(solve, "final_cost", kInfinity);
+  convergence.seconds = ReadMagnitude(solve, "seconds");
+  convergence.message = solve.Get("message").Text();
+  solution->covariance_dof = ReadOptionalMagnitude(solve, "covariance_dof").value_or(kInfinity);
+  if (solution->covariance_dof == 0) solve.Get("covariance_dof").Fail("must be greater than 0");
+}
+
+// Reads a covariance and frees the groups of parameters of which it has a name.
+Covariance ReadCovariance(const JsonReader& reader, RigProblem* problem) {
+  const std::vector<std::string> names = ReadOrder(reader);
+  const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  const auto add = [](auto group, auto* groups) {
+    if (std::find(groups->begin(), groups->end(), group) == groups->end()) groups->push_back(group);
+  };
+  for (RigCamera& camera : problem->cameras) {
+    if (camera.camera.params.empty()) continue;
+    const std::vector<std::string>& params = camera.camera.Model().param_names();
+    for (size_t i = 0; i < params.size(); ++i) {
+      if (has(CameraBlock(camera) + "." + params[i])) add(GroupOf(static_cast<int>(i)), &camera.free_intrinsics);
+    }
+  }
+  for (RigTarget& target : problem->targets) {
+    for (size_t i = 0; i < kTargetShapeParamNames.size(); ++i) {
+      const std::string name = TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[i]);
+      if (has(name)) add(ShapeGroupOf(static_cast<int>(i)), &target.free_shape);
+    }
+  }
+  const UnknownLayout layout = RigUnknowns(*problem);
+  CheckOrder(reader.Get("order"), names, layout);
+  return ReadCovarianceMatrix(reader, layout);
+}
+
+// Parts of the result of one camera.
+
 Errors ReadErrors(const JsonReader& reader) {
-  Errors errors;
-  errors.reprojection_rms_px = ReadOptionalMagnitude(reader, "reprojection_rms_px");
-  errors.holdout_rms_px = ReadOptionalMagnitude(reader, "holdout_rms_px");
-  errors.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
-  errors.holdout_target_deg = ReadOptionalMagnitude(reader, "holdout_target_deg");
+  Errors errors = ReadFigures<Errors>(reader);
   errors.holdout_chi2 = ReadOptionalMagnitude(reader, "holdout_chi2_per_dof");
   errors.holdout_sigmas = ReadOptionalMagnitude(reader, "holdout_sigmas");
   errors.axxb_mean_mm = ReadOptionalMagnitude(reader, "axxb_mean_mm");
@@ -44,62 +81,34 @@ Errors ReadErrors(const JsonReader& reader) {
   return errors;
 }
 
-// Returns the layout of a calibration with the free parameters that are among `names`. Throws InputError if it has
-// other names than these, or has them in another order.
-UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const std::vector<std::string>& names) {
-  const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+// Returns the effects of the arm, without their groups, of which a covariance has the names; null if it has none.
+std::shared_ptr<const SharedEffects> ReadEffectNames(const JsonReader& covariance) {
   SharedEffects effects;
   const std::string of_robot = std::string(kRobotBlock) + ".";
-  for (const std::string& name : names) {
+  for (const std::string& name : ReadOrder(covariance)) {
     if (name.starts_with(of_robot)) effects.effects.push_back({name.substr(of_robot.size())});
   }
-  std::vector<bool> free;
-  for (size_t i = 0; model != nullptr && i < model->param_names().size(); ++i) {
-    free.push_back(has(std::string(kCameraBlock) + "." + model->param_names()[i]));
-  }
-  for (const std::string_view param : kTargetShapeParamNames) {
-    free.push_back(has(std::string(kTargetBlock) + "." + std::string(param)));
-  }
-  const auto shared = effects.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(std::move(effects));
-  UnknownLayout layout = model == nullptr ? HandEyePoses() : HandEyeUnknowns(*model, {free, shared});
-  CheckOrder(reader, names, layout);
-  return layout;
+  return effects.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(std::move(effects));
 }
 
-// `model` is null if the estimate has no camera.
-Covariance ReadCovariance(const JsonReader& reader, const CameraModel* model) {
-  return ReadCovarianceMatrix(reader, LayoutOf(reader.Get("order"), model, ReadOrder(reader)));
-}
-
-Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
+Solution ReadSolution(const JsonReader& reader, const Estimate& estimate, Setup setup) {
   Solution solution;
   solution.hand_eye = estimate.hand_eye;
   solution.camera = estimate.camera;
-  const CameraModel* const model = estimate.camera.params.empty() ? nullptr : &estimate.camera.Model();
-  if (reader.Has("covariance")) solution.covariance = ReadCovariance(reader.Get("covariance"), model);
-  if (reader.Has("target_shape")) {
-    solution.shape = ReadShapeJson(reader.Get("target_shape"));
+  if (reader.Has("target_shape")) solution.shape = ReadShapeJson(reader.Get("target_shape"));
+  if (reader.Has("covariance")) {
+    RigProblem problem = HandEyeProblem(setup, solution);
+    problem.effects = {ReadEffectNames(reader.Get("covariance"))};
+    solution.covariance = ReadCovariance(reader.Get("covariance"), &problem);
   }
   const JsonReader solve = reader.Get("solve");
-  solution.convergence.converged = true;
-  solution.convergence.iterations = solve.Get("iterations").Int(0, kMostCounted);
-  solution.convergence.initial_cost = ReadFinite(solve, "initial_cost", std::numeric_limits<double>::infinity());
-  solution.convergence.final_cost = ReadFinite(solve, "final_cost", std::numeric_limits<double>::infinity());
-  solution.convergence.seconds = ReadMagnitude(solve, "seconds");
-  solution.convergence.message = solve.Get("message").Text();
+  ReadSolve(solve, &solution);
   solution.pixel_sigma_px = ReadMagnitude(solve, "pixel_sigma");
-  if (solve.Has("robot_sigma_mm")) {
-    solution.robot_noise =
-        RobotNoise{ReadMagnitude(solve, "robot_sigma_mm") / 1000, DegToRad(ReadMagnitude(solve, "robot_sigma_deg"))};
+  solution.robot_noise = ReadNoise(solve, "robot_sigma_");
+  if (solution.robot_noise) {
     solution.robot_noise->joint_rad = DegToRad(ReadOptionalMagnitude(solve, "joint_sigma_deg").value_or(0));
   }
-  if (solve.Has("smooth_sigma_mm")) {
-    solution.smooth_noise =
-        RobotNoise{ReadMagnitude(solve, "smooth_sigma_mm") / 1000, DegToRad(ReadMagnitude(solve, "smooth_sigma_deg"))};
-  }
-  solution.covariance_dof =
-      ReadOptionalMagnitude(solve, "covariance_dof").value_or(std::numeric_limits<double>::infinity());
-  if (solution.covariance_dof == 0) solve.Get("covariance_dof").Fail("must be greater than 0");
+  solution.smooth_noise = ReadNoise(solve, "smooth_sigma_");
   return solution;
 }
 
@@ -115,7 +124,7 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
                        ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target")};
   if (reader.Has("camera")) estimate.camera = ReadCameraJson(reader.Get("camera"));
   if (estimate.method == "bundle" && !reader.Has("camera")) reader.Fail("'camera' is missing");
-  if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
+  if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate, setup);
   return estimate;
 }
 
@@ -147,27 +156,36 @@ ModelSummary ReadModel(const JsonReader& reader) {
   for (const JsonReader& group : reader.Get("target_shape").List()) model.target_shape.push_back(group.Text());
   model.camera = reader.Get("camera").Text();
   for (const JsonReader& entry : reader.Get("alternatives").List()) {
-    model.alternatives.push_back(
-        {entry.Get("name").Text(), ReadFinite(entry, "log_likelihood", -std::numeric_limits<double>::infinity()),
-         entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"), ReadOptional(entry, "odds"),
-         entry.Has("reason") ? entry.Get("reason").Text() : std::string()});
+    model.alternatives.push_back({entry.Get("name").Text(), ReadFinite(entry, "log_likelihood", -kInfinity),
+                                  entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"),
+                                  ReadOptional(entry, "odds"),
+                                  entry.Has("reason") ? entry.Get("reason").Text() : std::string()});
   }
   return model;
 }
 
-}  // namespace
+WorkingPoint ReadWorkingPoint(const JsonReader& reader) {
+  WorkingPoint point;
+  const std::vector<double> at = reader.Get("in_camera_m").Numbers(3);
+  point.in_camera_m = Eigen::Vector3d(at[0], at[1], at[2]);
+  point.covariance_m2 = ReadMatrix(reader, "covariance_m2", 3, "the covariance is not 3 x 3");
+  if (!(point.covariance_m2.diagonal().array() >= 0).all()) reader.Fail("a variance is negative");
+  return point;
+}
 
-RunResult ReadResult(const std::filesystem::path& path) {
-  constexpr size_t kMaxBytes = size_t{64} << 20;
-  const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
-  const JsonReader reader(json, path.string());
-  const std::string schema = reader.Get("schema").Text();
-  if (schema == "heba/rig/1") {
-    reader.Fail(
-        "is the result of a rig; this command needs that of one camera ('heba compare', 'heba export' and 'heba "
-        "locate' read both)");
-  }
-  if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
+// Reads the arm of the last estimate of a result.
+void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
+  result->robot = ReadArmJson(reader);
+  std::optional<Solution>& solution = result->estimates.back().solution;
+  if (!solution || !result->robot->is_estimated) return;
+  ArmEffects effects = ReadArmEffects(reader, *result->robot, solution->covariance.layout.Block(kRobotBlock).effects);
+  result->robot->errors_name = effects.shared->name;
+  solution->shared_effects = std::move(effects.shared);
+  solution->effects = std::move(effects.values);
+  solution->effect_sigmas = std::move(effects.sigmas);
+}
+
+RunResult ReadRunResult(const JsonReader& reader) {
   RunResult result;
   result.name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
@@ -178,30 +196,9 @@ RunResult ReadResult(const std::filesystem::path& path) {
   for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
-    if (!estimate.Has("robot")) continue;
-    result.robot = ReadArmJson(estimate.Get("robot"));
-    std::optional<Solution>& solution = result.estimates.back().solution;
-    if (!solution || !result.robot->is_estimated) continue;
-    ArmEffects effects =
-        ReadArmEffects(estimate.Get("robot"), *result.robot, solution->covariance.layout.Block(kRobotBlock).effects);
-    result.robot->errors_name = effects.shared->name;
-    solution->shared_effects = std::move(effects.shared);
-    solution->effects = std::move(effects.values);
-    solution->effect_sigmas = std::move(effects.sigmas);
+    if (estimate.Has("robot")) ReadArmOfEstimate(estimate.Get("robot"), &result);
   }
-  if (reader.Has("working_point")) {
-    const JsonReader point = reader.Get("working_point");
-    const std::vector<double> at = point.Get("in_camera_m").Numbers(3);
-    result.working_point.emplace();
-    result.working_point->in_camera_m = Eigen::Vector3d(at[0], at[1], at[2]);
-    const std::vector<JsonReader> rows = point.Get("covariance_m2").List();
-    if (rows.size() != 3) point.Fail("the covariance is not 3 x 3");
-    for (int i = 0; i < 3; ++i) {
-      const std::vector<double> row = rows[static_cast<size_t>(i)].Numbers(3);
-      result.working_point->covariance_m2.row(i) = Eigen::Map<const Eigen::RowVector3d>(row.data());
-    }
-    if (!(result.working_point->covariance_m2.diagonal().array() >= 0).all()) point.Fail("a variance is negative");
-  }
+  if (reader.Has("working_point")) result.working_point = ReadWorkingPoint(reader.Get("working_point"));
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
   // Results of versions before 0.2 contain no verdict.
   result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
@@ -209,8 +206,225 @@ RunResult ReadResult(const std::filesystem::path& path) {
   return result;
 }
 
+// Parts of the result of several cameras.
+
+std::optional<PoseError> ReadTruthOf(const JsonReader& reader) {
+  if (!reader.Has("truth")) return std::nullopt;
+  return PoseError{ReadMagnitude(reader.Get("truth"), "mm"), ReadMagnitude(reader.Get("truth"), "deg")};
+}
+
+std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std::optional<PoseError>>* truth) {
+  std::vector<RelativePose> poses;
+  for (const JsonReader& entry : reader.List()) {
+    RelativePose& pose = poses.emplace_back();
+    pose.parent = entry.Get("parent").Text();
+    pose.child = entry.Get("child").Text();
+    pose.parent_from_child = ReadPoseJson(entry, pose.parent, pose.child);
+    pose.covariance = ReadMatrix(entry, "covariance", 6, "covariance: 6 rows are needed");
+    if (truth != nullptr) truth->push_back(ReadTruthOf(entry));
+  }
+  return poses;
+}
+
+RigErrors ReadErrorsOfCamera(const JsonReader& reader) {
+  RigErrors errors = ReadFigures<RigErrors>(reader);
+  if (reader.Has("truth")) {
+    errors.truth_mm = ReadMagnitude(reader.Get("truth"), "mm");
+    errors.truth_deg = ReadOptionalMagnitude(reader.Get("truth"), "deg");
+  }
+  return errors;
+}
+
+Mount ReadMount(const JsonReader& reader, const RigProblem& rig) {
+  const std::optional<Mount> mount = FindMount(rig.robots, reader.Text());
+  if (!mount) reader.Fail("the mount '" + reader.Text() + "' is not a part of an arm of this file");
+  return *mount;
+}
+
+// Reads the kinematics of an arm, the next one of the result.
+void ReadKinematics(const JsonReader& robot, RigResult* result) {
+  RigSolution& solution = result->solution;
+  result->arms.emplace_back();
+  result->rig.effects.emplace_back();
+  solution.effects.emplace_back();
+  solution.effect_sigmas.emplace_back();
+  if (!robot.Has("robot")) return;
+  const JsonReader reader = robot.Get("robot");
+  result->arms.back() = ReadArmJson(reader);
+  if (!result->arms.back()->is_estimated) return;
+  ArmEffects effects = ReadArmEffects(reader, *result->arms.back());
+  result->arms.back()->errors_name = effects.shared->name;
+  result->rig.effects.back() = std::move(effects.shared);
+  solution.effects.back() = std::move(effects.values);
+  solution.effect_sigmas.back() = std::move(effects.sigmas);
+}
+
+// Each of these reads the next arm, camera or target of the result.
+void ReadRobot(const JsonReader& reader, const std::string& name, RigResult* result) {
+  RigSolution& solution = result->solution;
+  solution.poses.world_from_base.push_back(ReadPoseJson(reader.Get("world_from_base"), "world", name + ".base"));
+  result->truth.bases.push_back(ReadTruthOf(reader));
+  ReadKinematics(reader, result);
+  solution.smooth_noise.emplace_back();
+  if (reader.Has("smooth_errors")) solution.smooth_noise.back() = ReadNoise(reader.Get("smooth_errors"), "");
+  solution.robot_noise.emplace_back();
+  solution.robot_noise_stddev.emplace_back();
+  if (!reader.Has("noise")) return;
+  solution.robot_noise.back() = ReadNoise(reader.Get("noise"), "");
+  solution.robot_noise_stddev.back() = ReadNoise(reader.Get("noise"), "std_");
+}
+
+void ReadCameraEntry(const JsonReader& reader, const std::string& name, RigResult* result) {
+  RigSolution& solution = result->solution;
+  RigCamera camera{name, ReadMount(reader.Get("mount"), result->rig), ReadCameraJson(reader.Get("camera"))};
+  camera.mount_name = reader.Get("mount").Text();
+  solution.poses.mount_from_camera.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, camera), name));
+  solution.cameras.push_back(camera.camera);
+  solution.pixel_sigmas_px.push_back(ReadMagnitude(reader, "pixel_sigma"));
+  solution.image_sigmas_px.push_back(ReadMagnitude(reader, "image_sigma"));
+  result->rig.cameras.push_back(std::move(camera));
+}
+
+void ReadTargetEntry(const JsonReader& reader, const std::string& name, RigResult* result) {
+  RigSolution& solution = result->solution;
+  RigTarget target{name, ReadMount(reader.Get("mount"), result->rig), TargetShape()};
+  target.mount_name = reader.Get("mount").Text();
+  result->target_types.push_back(reader.Get("type").Text());
+  solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, target), name));
+  solution.shapes.push_back(reader.Has("shape") ? ReadShapeJson(reader.Get("shape")) : TargetShape());
+  result->truth.targets.push_back(ReadTruthOf(reader));
+  result->rig.targets.push_back(std::move(target));
+}
+
+// Reads all members of a section of the file.
+void ReadSection(const JsonReader& section, void (*read)(const JsonReader&, const std::string&, RigResult*),
+                 RigResult* result) {
+  for (const auto& [name, entry] : section.Members()) {
+    if (!entry) section.Fail(name + " is null");
+    read(*entry, name, result);
+  }
+}
+
+void ReadCaptures(const JsonReader& reader, RigResult* result) {
+  for (const JsonReader& entry : reader.List()) {
+    RigImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
+                         entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
+    // Results of earlier versions lack this member.
+    if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
+    if (entry.Has("move_without")) image.move_without = ReadMove(entry);
+    for (const JsonReader& target : entry.Get("targets").List()) {
+      image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
+                               target.Get("points_rejected").Int(0, kMostCounted),
+                               ReadOptionalMagnitude(target, "rms_px"), target.Get("used").Bool()});
+    }
+    result->images.push_back(std::move(image));
+  }
+}
+
+RigResult ReadRigResult(const JsonReader& reader) {
+  RigResult result;
+  result.name = reader.Get("name").Text();
+  for (const auto& [name, robot] : reader.Get("robots").Members()) result.rig.robots.push_back(name);
+  ReadSection(reader.Get("robots"), ReadRobot, &result);
+  ReadSection(reader.Get("cameras"), ReadCameraEntry, &result);
+  ReadSection(reader.Get("targets"), ReadTargetEntry, &result);
+  result.solution.covariance = ReadCovariance(reader.Get("covariance"), &result.rig);
+  for (const RigCamera& camera : result.rig.cameras) {
+    result.errors.push_back(ReadErrorsOfCamera(reader.Get("errors").Get(camera.name.c_str())));
+  }
+  result.relative_cameras = ReadRelative(reader.Get("relative"), &result.truth.relative_cameras);
+  result.relative_targets = ReadRelative(reader.Get("relative_targets"), nullptr);
+  result.relative_bases = ReadRelative(reader.Get("relative_bases"), nullptr);
+  ReadCaptures(reader.Get("captures"), &result);
+  ReadSolve(reader.Get("solve"), &result.solution);
+  result.holdout_chi2 = ReadOptionalMagnitude(reader.Get("solve"), "holdout_chi2_per_dof");
+  result.verdict = ReadVerdict(reader.Get("verdict"));
+  result.timing = ReadTiming(reader.Get("timing_s"));
+  return result;
+}
+
+// Returns the estimate that stands for the whole result: the refined one or, if there is none, that of the poses.
+const Estimate* FindMain(const RunResult& result) {
+  if (const Estimate* const refined = FindRefined(result)) return refined;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.ok && estimate.method == kChainMethod) return &estimate;
+  }
+  return nullptr;
+}
+
+// Reads the pose of a camera or a target of `rig`, whose mount may be called by any of its names.
+template <typename Mounted>
+Rigid3d ReadPoseInMount(const JsonReader& pose, const RigProblem& rig, const Mounted& mounted) {
+  std::string mount = MountText(rig, mounted);
+  const std::string parent = pose.Get("parent").Text();
+  if (FindMount(rig.robots, parent) == mounted.mount) mount = parent;
+  return ReadPoseJson(pose, mount, mounted.name);
+}
+
+// Returns the entry of this name in a section; nothing if there is none.
+std::optional<JsonReader> FindEntry(const JsonReader& reader, const char* section, const std::string& name) {
+  if (!reader.Has(section) || !reader.Get(section).Has(name.c_str())) return std::nullopt;
+  return reader.Get(section).Get(name.c_str());
+}
+
+// Reads the errors of all parameters of an arm.
+Eigen::VectorXd ReadArmErrors(const JsonReader& reader) {
+  std::vector<double> values;
+  for (const auto& [name, value] : reader.Members()) {
+    // Files of earlier versions have no compliances.
+    const int compliance = static_cast<int>(ArmParam::kCompliance);
+    if (static_cast<int>(values.size()) % kNumArmParams == compliance &&
+        name != ArmParamName(static_cast<int>(values.size()))) {
+      values.push_back(0);
+    }
+    if (name != ArmParamName(static_cast<int>(values.size())) || !value) {
+      reader.Fail("the errors of all parameters of the arm are needed, in their order");
+    }
+    values.push_back(value->Number());
+  }
+  while (values.size() % kNumArmParams != 0) values.push_back(0);
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+}  // namespace
+
+bool IsRigResult(const std::filesystem::path& path) {
+  const Json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader reader(json, path.string());
+  return reader.Has("schema") && reader.Get("schema").Text() == kRigSchema;
+}
+
+RunResult ReadResult(const std::filesystem::path& path) {
+  const Json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader reader(json, path.string());
+  const std::string schema = reader.Get("schema").Text();
+  if (schema == kRigSchema) {
+    reader.Fail(
+        "is the result of a rig; this command needs that of one camera ('heba compare', 'heba export' and 'heba "
+        "locate' read both)");
+  }
+  if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
+  return ReadRunResult(reader);
+}
+
+RigResult ReadRigResult(const std::filesystem::path& path) {
+  const Json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader reader(json, path.string());
+  const std::string schema = reader.Get("schema").Text();
+  if (schema != kRigSchema) reader.Fail("has the schema '" + schema + "', not '" + kRigSchema + "'");
+  return ReadRigResult(reader);
+}
+
+RigResult ReadWholeResult(const std::filesystem::path& path) {
+  if (IsRigResult(path)) return ReadRigResult(path);
+  const RunResult result = ReadResult(path);
+  const Estimate* const estimate = FindMain(result);
+  if (estimate == nullptr) throw InputError(path.string() + ": contains no refined estimate");
+  return AsRigResult(result, *estimate);
+}
+
 Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
-  const nlohmann::ordered_json json = ReadJsonFile(path, 1 << 20);
+  const Json json = ReadJsonFile(path, kMaxTruthBytes);
   const JsonReader reader(json, path.string());
   Truth truth;
   truth.camera_mount_from_camera = ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera");
@@ -218,23 +432,32 @@ Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
     truth.target_mount_from_target = ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target");
   }
   if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
-  if (reader.Has("robot")) {
-    const std::vector<std::pair<std::string, std::optional<JsonReader>>> errors = reader.Get("robot").Members();
-    std::vector<double> values;
-    for (const auto& [name, value] : errors) {
-      // Files of earlier versions have no compliances.
-      const int compliance = static_cast<int>(ArmParam::kCompliance);
-      if (static_cast<int>(values.size()) % kNumArmParams == compliance &&
-          name != ArmParamName(static_cast<int>(values.size()))) {
-        values.push_back(0);
-      }
-      if (name != ArmParamName(static_cast<int>(values.size())) || !value) {
-        reader.Fail("robot: the errors of all parameters of the arm are needed, in their order");
-      }
-      values.push_back(value->Number());
+  if (reader.Has("robot")) truth.arm_errors = ReadArmErrors(reader.Get("robot"));
+  return truth;
+}
+
+RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) {
+  const Json json = ReadJsonFile(path, kMaxTruthBytes);
+  const JsonReader reader(json, path.string());
+  RigTruth truth;
+  for (const RigCamera& camera : rig.cameras) {
+    const JsonReader entry = reader.Get("cameras").Get(camera.name.c_str());
+    truth.mount_from_camera.push_back(ReadPoseInMount(entry.Get("pose"), rig, camera));
+    truth.cameras.emplace_back();
+    if (entry.Has("camera")) truth.cameras.back() = ReadCameraJson(entry.Get("camera"));
+  }
+  for (const RigTarget& target : rig.targets) {
+    const std::optional<JsonReader> entry = FindEntry(reader, "targets", target.name);
+    truth.mount_from_target.emplace_back();
+    if (entry) truth.mount_from_target.back() = ReadPoseInMount(entry->Get("pose"), rig, target);
+  }
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    const std::optional<JsonReader> entry = FindEntry(reader, "robots", rig.robots[r]);
+    truth.world_from_base.emplace_back();
+    if (r == 0) truth.world_from_base.back() = Rigid3d();
+    if (r > 0 && entry && entry->Has("world_from_base")) {
+      truth.world_from_base.back() = ReadPoseJson(entry->Get("world_from_base"), "world", rig.robots[r] + ".base");
     }
-    while (values.size() % kNumArmParams != 0) values.push_back(0);
-    truth.arm_errors = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
   }
   return truth;
 }

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/files.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 #include "tools/config/rig_config.h"

@@ -12,7 +12,7 @@
 
 #include "heba/base/files.h"
 #include "heba/base/units.h"
-#include "heba/io/rig_result_file.h"
+#include "heba/io/result_file.h"
 #include "tests/support/matchers.h"
 #include "tests/support/rig_scenes.h"
 #include "tests/support/temp_folder.h"

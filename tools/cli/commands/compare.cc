@@ -6,7 +6,6 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/finished_run.h"

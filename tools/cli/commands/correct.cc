@@ -15,7 +15,6 @@
 #include "heba/evaluation/pose_correction.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/capture_section.h"

@@ -10,7 +10,6 @@
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
 #include "heba/io/rig_export.h"
-#include "heba/io/rig_result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"

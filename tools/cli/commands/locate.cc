@@ -9,7 +9,6 @@
 #include "heba/detection.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
 #include "tools/cli/command.h"
