@@ -412,6 +412,8 @@ TEST(ExportTest, WritesTheResultOfTheRun) {
   const CommandResult over = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
   EXPECT_EQ(over.status, 2);
   EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: was not exported by heba"));
+  const CommandResult one = RunHeba({"export", run.string(), "--to", "camera_info", "--out", all.string()});
+  EXPECT_EQ(one.status, 2);
   EXPECT_EQ(ReadAll(all / "camera_info.yaml"), "mine");
   EXPECT_THAT(RunHeba({"locate", run.string(), "none.png", "--robot", "ur5f"}).err, HasSubstr("did you mean 'ur5'?"));
   EXPECT_THAT(RunHeba({"locate", run.string(), "none.png", "--pixels", "1,1", "--plane", "taget"}).err,

@@ -331,6 +331,27 @@ TEST_F(RigCommandsTest, ExportWritesAUrdfForEachRoot) {
   EXPECT_EQ(printed.out, fragment);
 }
 
+// The frames of the only camera have the names that are asked for; those of several are called by the cameras.
+TEST_F(RigCommandsTest, ExportOfOneCameraNamesItsFrames) {
+  WriteAll(Path("cell/one.yaml"), "base: config.yaml\ncameras: {right: , wrist: }\ntargets: {wall: }\n");
+  const CommandResult run =
+      RunHeba({"run", Path("cell/one.yaml"), "--out", Path("one"), "--quiet", "--set", "evaluate.folds=0"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const auto exported = [](const char* folder, const std::string& format, const std::vector<std::string>& flags) {
+    std::vector<std::string> words = {"export", Path(folder), "--to", format};
+    words.insert(words.end(), flags.begin(), flags.end());
+    return RunHeba(words);
+  };
+  EXPECT_THAT(exported("one", "urdf", {}).out, HasSubstr("<joint name=\"base_link_to_left_optical_frame\""));
+  const CommandResult named =
+      exported("one", "urdf", {"--method", "bundle", "--parent", "cell", "--child", "eye", "--child-is", "body"});
+  EXPECT_THAT(named.out, HasSubstr("<joint name=\"cell_to_eye\"")) << named.err;
+  EXPECT_THAT(exported("one", "urdf", {"--method", "park"}).err, HasSubstr("no estimate of 'park'; it has: bundle"));
+  EXPECT_THAT(exported("run", "urdf", {"--parent", "cell"}).err, HasSubstr("--parent: is for results of one camera"));
+  EXPECT_THAT(exported("run", "urdf", {"--units", "mm"}).err, HasSubstr("--units: format urdf has a fixed unit"));
+  EXPECT_THAT(exported("run", "matrix", {"--units", "mm"}).err, testing::IsEmpty());
+}
+
 // Captures that the config leaves out have entries too.
 TEST_F(RigCommandsTest, TheResultListsWhatWasLeftOut) {
   const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--set", "captures.exclude=[001.png]", "--set",

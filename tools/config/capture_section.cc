@@ -345,6 +345,19 @@ PoseReading ReadPoseReading(MapReader& reader) {
   return {format, direction == "base_from_gripper"};
 }
 
+std::optional<ConfigValue> FindPoseSection(const fs::path& run, const std::string& arm) {
+  const fs::path file = run / "config.yaml";
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) return std::nullopt;
+  MapReader config(ReadYamlFile(file));
+  std::optional<ConfigValue> section = config.Find("captures");
+  if (!arm.empty() && config.Has("robots")) {
+    MapReader robots(config.Get("robots"));
+    section = robots.Find(arm);
+  }
+  return section && section->IsMap() ? section : std::nullopt;
+}
+
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
   return reading.is_base_from_gripper ? pose : Inverse(pose);
 }

@@ -15,6 +15,10 @@ namespace heba {
 PoseReading ReadPoseReading(MapReader& captures);
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
+// Returns the section with the poses of an arm in the config next to the result of a run: `captures`, or robots.NAME of
+// an arm with this name. Returns nothing if there is none.
+std::optional<ConfigValue> FindPoseSection(const std::filesystem::path& run, const std::string& arm);
+
 // A file or folder of poses, and where in it they are.
 struct PoseSource {
   std::filesystem::path path;

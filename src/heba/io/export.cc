@@ -89,9 +89,8 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
 // Returns why the format cannot represent the request; an empty text if it can.
 std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
   if (holds == ExportHolds::kArm) {
-    return request.arm ? ""
-                       : "the estimate '" + request.method +
-                             "' has no kinematics of the arm, which this format holds (robot.model)";
+    if (request.arm || !request.why_no_arm.empty()) return request.why_no_arm;
+    return "the estimate '" + request.method + "' has no kinematics of the arm, which this format holds (robot.model)";
   }
   if (holds == ExportHolds::kLens && request.camera.params.empty()) {
     return "an estimate from poses alone has no camera, which this format needs; use urdf, ros2 or a robot's format, "
@@ -135,29 +134,6 @@ std::string SigmasText(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Ind
 
 }  // namespace
 
-ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate, bool is_ur_controller) {
-  const bool is_fixed = result.setup == Setup::kEyeToHand;
-  ExportRequest request;
-  request.name = result.name;
-  request.method = estimate.method;
-  request.setup = result.setup;
-  request.parent_from_child = estimate.hand_eye.camera_mount_from_camera;
-  request.parent = is_fixed ? ExportFrame::kBase : ExportFrame::kGripper;
-  request.parent_frame = is_fixed ? (is_ur_controller ? "base" : "base_link") : "tool0";
-  request.child_frame = "camera_optical_frame";
-  if (estimate.solution) request.covariance = PoseCovarianceOf(estimate.solution->covariance, "hand_eye");
-  request.is_ur_controller = is_ur_controller;
-  request.grade = result.verdict.grade;
-  request.camera = estimate.camera;
-  // The errors of the arm belong to the refined estimate: that of the images, or of the poses if there are none.
-  const Estimate* const refined = FindRefined(result);
-  const bool has_arm = estimate.method == (refined != nullptr ? refined->method : kChainMethod);
-  if (result.robot && result.robot->is_estimated && has_arm) {
-    request.arm = WithChanges(result.robot->nominal, result.robot->errors);
-  }
-  return request;
-}
-
 ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d& optical_from_child) {
   // The covariance is transformed by the adjoint: T exp(xi) C = (T C) exp(Adjoint(C^-1) xi).
   const Eigen::Matrix<double, 6, 6> child_by_optical = Adjoint(Inverse(optical_from_child));
@@ -166,7 +142,8 @@ ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d&
     request.covariance = child_by_optical * *request.covariance * child_by_optical.transpose();
   }
   request.child = child;
-  request.child_frame = "camera_link";
+  const std::string name = request.child_frame.substr(0, request.child_frame.rfind("_optical_frame"));
+  request.child_frame = name + "_link";
   return request;
 }
 

@@ -1,29 +1,24 @@
 // Export of a result to the formats of other software: those of export_formats.def, and the camera's pose in every
 // robot pose format (pose_formats.def).
 //
-//   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
-//   const heba::ExportRequest request = heba::MakeExportRequest(result, *heba::FindRefined(result));
+//   const heba::RigResult result = heba::ReadWholeResult("runs/cell/result.json");
+//   const heba::ExportRequest request = heba::MakeExportRequests(result).cameras[0];  // heba/io/export_files.h
 //   for (const heba::ExportFormat& format : heba::ExportFormats()) {
 //     const heba::Outcome<std::string> text = heba::ExportText(format, request);
 //     if (text) std::ofstream(format.file_name) << *text;
 //   }
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/evaluation/evaluation.h"
 #include "heba/io/export_request.h"
 
 namespace heba {
 
-// Returns the pose of the camera's optical frame for an estimate that is ok, with the usual frame names: base_link
-// (`base` for a Universal Robots controller) or tool0, and camera_optical_frame.
-ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate, bool is_ur_controller = false);
 // Replaces the optical frame by another frame of the camera; `optical_from_child` is the pose of that frame in the
-// optical frame.
+// optical frame. NAME_optical_frame becomes NAME_link.
 ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d& optical_from_child);
 // Exchanges parent and child: the result is the pose of the parent in the child.
 ExportRequest Inverted(ExportRequest request);

@@ -20,6 +20,7 @@ enum class ExportFrame {
 // The data to export, with the names that they have in the other software.
 struct ExportRequest {
   std::string name;    // Name of the run.
+  std::string part;    // Name of the camera or of the arm in the run; empty if it has none.
   std::string method;  // Method of the estimate.
   Setup setup = Setup::kEyeToHand;
   Rigid3d parent_from_child;
@@ -34,6 +35,7 @@ struct ExportRequest {
   bool is_ur_controller = false;
   Camera camera;
   std::optional<Arm> arm;         // With its estimated errors; nothing if they were not estimated.
+  std::string why_no_arm;         // The reason why they were not, in words; empty if it is not known.
   std::optional<Grade> grade;     // The grade of the run's verdict; nothing if it is not known.
   std::string length_unit = "m";  // For the format `matrix`: m or mm.
 };

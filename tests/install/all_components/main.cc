@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "heba/io/export.h"
+#include "heba/io/export_files.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/run.h"
 
@@ -60,9 +60,11 @@ int main(int /*argc*/, char** argv) {
   const heba::Estimate& refined = *heba::FindRefined(run->result);
   const double error_m = heba::DistanceM(refined.hand_eye.camera_mount_from_camera, truth.camera_mount_from_camera);
   std::printf("%zu captures, %.3f mm from the truth\n", run->result.captures.size(), 1000 * error_m);
-  const heba::ExportRequest request = heba::MakeExportRequest(run->result, refined);
+  const heba::ExportRequests requests = heba::MakeExportRequests(heba::AsRigResult(run->result));
   int num_formats = 0;
-  for (const heba::ExportFormat& format : heba::ExportFormats()) num_formats += ExportText(format, request) ? 1 : 0;
+  for (const heba::ExportFormat& format : heba::ExportFormats()) {
+    for (const heba::ExportedFile& file : ExportFiles(format, requests)) num_formats += file.text.empty() ? 0 : 1;
+  }
   std::printf("%d formats, %zu arms\n", num_formats, heba::UrRobots().size());
   return error_m < 1e-3 && num_formats > 5 && !heba::UrRobots().empty() ? 0 : 1;
 }

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/io/camera_file.h"
+#include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
 #include "heba/robot/arm_table.h"
@@ -19,14 +20,14 @@ namespace {
 
 using testing::HasSubstr;
 
-ExportRequest TestRequest(const Rigid3d& pose, const std::string& model = "brown5") {
+ExportRequest TestRequest(const Rigid3d& pose, const std::string& model = "brown5", bool is_ur_controller = false) {
   RunResult result;
   result.name = "cell_7";
   Estimate estimate;
   estimate.ok = true;
   estimate.hand_eye.camera_mount_from_camera = pose;
   estimate.camera = TestCamera(model);
-  return MakeExportRequest(result, estimate);
+  return MakeExportRequests(AsRigResult(result, estimate), "park", {is_ur_controller}).cameras[0];
 }
 
 std::string Exported(const std::string& format, const ExportRequest& request) {
@@ -309,10 +310,7 @@ TEST(ExportTest, InverseIsNotOfferedToTheController) {
 
 // The base frame of the teach pendant is `base`, which is rotated by 180 deg about z from base_link.
 TEST(ExportTest, UniversalRobotsPosesAreInTheControllersBase) {
-  RunResult result;
-  Estimate estimate;
-  estimate.camera = TestCamera("brown5");
-  const ExportRequest request = MakeExportRequest(result, estimate, true);
+  const ExportRequest request = TestRequest(Rigid3d(), "brown5", true);
   EXPECT_EQ(request.parent_frame, "base");
   EXPECT_THAT(Exported("ros2", request), HasSubstr("rotated by 180 deg about z"));
   EXPECT_THAT(Exported("ros2", TestRequest(Rigid3d())), testing::Not(HasSubstr("180 deg")));

@@ -11,7 +11,6 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/result_file.h"
@@ -32,51 +31,24 @@ struct Form {
   bool joints_are_deg = false;
 };
 
-// Returns the form of the poses in a section of the config next to the result: `captures`, or robots.NAME of an arm.
 Form FormOf(const fs::path& run, const std::string& arm) {
-  const fs::path file = run / "config.yaml";
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) return {};
-  MapReader config(ReadYamlFile(file));
-  std::optional<ConfigValue> section = config.Find("captures");
-  if (!arm.empty() && config.Has("robots")) {
-    MapReader robots(config.Get("robots"));
-    section = robots.Find(arm);
-  }
-  if (!section || !section->IsMap()) return {};
+  const std::optional<ConfigValue> section = FindPoseSection(run, arm);
+  if (!section) return {};
   MapReader poses(*section);
   return {ReadPoseReading(poses), ReadJointsAreDeg(poses)};
 }
 
-// The arm whose poses are corrected.
-struct ArmAskedFor {
-  Grade grade = Grade::kGood;         // The grade of the run's verdict.
-  std::string name;                   // Empty if the run has one camera.
-  std::optional<RobotSummary> robot;  // Nothing if its errors were not estimated.
-  std::string reason;                 // Why not.
-};
-
-ArmAskedFor FindArm(const fs::path& result_file) {
-  if (!IsRigResult(result_file)) {
-    if (!FLAGS_arm.empty()) throw InputError("--arm: the run has one arm without a name; leave this flag out");
-    RunResult result = ReadResult(result_file);
-    const Grade grade = result.verdict.grade;
-    if (result.robot && result.robot->is_estimated) return {grade, "", std::move(result.robot), ""};
-    return {grade, "", std::nullopt,
-            "the kinematics of the arm were not estimated" +
-                (result.robot ? " (" + result.robot->reason + ")" : "; the config names no arm (robot.model)")};
+// Returns the index of the arm whose poses are corrected.
+size_t FindArm(const std::vector<std::string>& robots) {
+  if (robots.size() == 1 && robots.front().empty() && !FLAGS_arm.empty()) {
+    throw InputError("--arm: the run has one arm without a name; leave this flag out");
   }
-  const RigResult result = ReadRigResult(result_file);
-  const std::vector<std::string>& robots = result.rig.robots;
   if (FLAGS_arm.empty() && robots.size() > 1) {
     throw InputError("--arm NAME: the rig has several arms, one of which is needed: " + Join(robots, ", "));
   }
   const auto found = FLAGS_arm.empty() ? robots.begin() : std::find(robots.begin(), robots.end(), FLAGS_arm);
   if (found == robots.end()) throw InputError("--arm: " + UnknownName(FLAGS_arm, robots));
-  const auto index = static_cast<size_t>(found - robots.begin());
-  const RobotSummary* const robot = FindEstimatedArm(result, index);
-  if (robot == nullptr) return {result.verdict.grade, *found, std::nullopt, WhyNotEstimated(result, index)};
-  return {result.verdict.grade, *found, *robot, ""};
+  return static_cast<size_t>(found - robots.begin());
 }
 
 // Returns the corrected pose, or the one to command. `joints` are empty if the file does not have them.
@@ -85,6 +57,26 @@ Outcome<Rigid3d> Corrected(const RobotSummary& robot, const Rigid3d& given, cons
   if (joints.empty()) return FLAGS_inverse ? CommandFor(robot, given) : TruePose(robot, given);
   const Eigen::VectorXd positions = PositionsOf(robot.nominal, joints, joints_are_deg);
   return FLAGS_inverse ? CommandFor(robot, given, positions) : TruePose(robot, given, positions);
+}
+
+// The largest change of a pose.
+struct Change {
+  double m = 0;
+  double rad = 0;
+};
+
+// Corrects the poses of a file.
+Change CorrectAll(const fs::path& file, const RobotSummary& robot, const Form& form, std::vector<PoseRow>* rows) {
+  Change largest;
+  for (PoseRow& row : *rows) {
+    const Rigid3d given = BaseFromGripper(form.reading, row.pose);
+    const Outcome<Rigid3d> corrected = Corrected(robot, given, row.extras, form.joints_are_deg);
+    if (!corrected) throw InputError(file.string() + ":" + std::to_string(row.line) + ": " + corrected.reason());
+    largest.m = std::max(largest.m, DistanceM(given, *corrected));
+    largest.rad = std::max(largest.rad, AngleRad(given, *corrected));
+    row.pose = BaseFromGripper(form.reading, *corrected);
+  }
+  return largest;
 }
 
 }  // namespace
@@ -98,18 +90,21 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   if (fs::equivalent(FLAGS_out, poses_file, no_file) || fs::equivalent(out_folder, run, no_file)) {
     throw InputError("--out: " + FLAGS_out + " would replace the poses or a file of the run; name another file");
   }
-  const ArmAskedFor arm = FindArm(run / "result.json");
-  if (!arm.robot) {
-    PrintError((run / "result.json").string() + ": " + arm.reason);
+  const fs::path file = run / "result.json";
+  const RigResult result = ReadWholeResult(file);
+  const size_t index = FindArm(result.rig.robots);
+  const RobotSummary* const arm = FindEstimatedArm(result, index);
+  if (arm == nullptr) {
+    PrintError(file.string() + ": " + WhyNotEstimated(result, index));
     return kWorkFailed;
   }
-  if (arm.grade == Grade::kBad && !FLAGS_force) {
-    PrintError((run / "result.json").string() +
+  if (result.verdict.grade == Grade::kBad && !FLAGS_force) {
+    PrintError(file.string() +
                ": the verdict of this run is bad, and a robot would move by these poses; --force writes them");
     return kWorkFailed;
   }
-  const RobotSummary& robot = *arm.robot;
-  const Form form = FormOf(run, arm.name);
+  const RobotSummary& robot = *arm;
+  const Form form = FormOf(run, result.rig.robots[index]);
   const PoseReading& reading = form.reading;
   if (reading.format.rotation == "joints") {
     throw InputError((run / "config.yaml").string() +
@@ -126,18 +121,7 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
                (form.joints_are_deg ? "deg" : "rad") + ") tell them");
     return kWorkFailed;
   }
-  double largest_m = 0;
-  double largest_rad = 0;
-  for (size_t i = 0; i < rows.size(); ++i) {
-    const Rigid3d given = BaseFromGripper(reading, rows[i].pose);
-    const Outcome<Rigid3d> corrected = Corrected(robot, given, rows[i].extras, form.joints_are_deg);
-    if (!corrected) {
-      throw InputError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": " + corrected.reason());
-    }
-    largest_m = std::max(largest_m, DistanceM(given, *corrected));
-    largest_rad = std::max(largest_rad, AngleRad(given, *corrected));
-    rows[i].pose = BaseFromGripper(reading, *corrected);
-  }
+  const Change largest = CorrectAll(poses_file, robot, form, &rows);
   // A pose to command has other joints than those near it.
   const bool writes_joints = has_joints && !FLAGS_inverse;
   if (!writes_joints) {
@@ -148,8 +132,8 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   if (!FLAGS_quiet) {
     std::cout << ForTerminal(FLAGS_out + ": " + std::to_string(rows.size()) +
                              (FLAGS_inverse ? " poses to command" : " true poses of the gripper") +
-                             "; the corrections are up to " + Significant(1000 * largest_m, 2) + " mm and " +
-                             Significant(RadToDeg(largest_rad), 2) + " deg")
+                             "; the corrections are up to " + Significant(1000 * largest.m, 2) + " mm and " +
+                             Significant(RadToDeg(largest.rad), 2) + " deg")
               << std::endl;
   }
   return kDone;

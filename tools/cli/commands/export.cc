@@ -6,14 +6,14 @@
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "heba/config/yaml_reader.h"
+#include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_export.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
+#include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
 
 namespace heba {
@@ -28,20 +28,46 @@ const ExportFormat& FormatAskedFor() {
   throw InputError("--to: format " + UnknownName(FLAGS_to, names));
 }
 
-// Returns the refined estimate, or the one that --method names.
-const Estimate& EstimateAskedFor(const RunResult& result, const std::string& where) {
+// A result of one camera or of several, with the estimate of one method.
+struct ResultOfMethod {
+  RigResult result;
+  std::string method;
+};
+
+// Returns the error of a result that has only other estimates than the one asked for.
+InputError NoEstimate(const std::string& where, const std::vector<std::string>& names) {
+  return InputError((FLAGS_method.empty() ? where + ": has no refined estimate; name another with --method"
+                                          : "--method: " + where + " has no estimate of " + Quoted(FLAGS_method)) +
+                    "; it has: " + Join(names, ", ") + DidYouMean(FLAGS_method, names));
+}
+
+// Refuses the flags that are for one camera.
+void CheckFlagsOfSeveral() {
+  for (const auto& [flag, value] :
+       {std::pair{"--method", FLAGS_method}, std::pair{"--parent", FLAGS_parent}, std::pair{"--child", FLAGS_child}}) {
+    if (value.empty()) continue;
+    throw InputError(std::string(flag) + ": is for results of one camera; the frames of a rig are called by its names");
+  }
+}
+
+// Returns the result; of one camera that of the refined estimate, or of the one that --method names.
+ResultOfMethod ReadResultAskedFor(const fs::path& file) {
+  if (IsRigResult(file)) {
+    const RigResult result = ReadRigResult(file);
+    if (result.rig.cameras.size() > 1) CheckFlagsOfSeveral();
+    if (!FLAGS_method.empty() && FLAGS_method != kBundleMethod) throw NoEstimate(file.string(), {kBundleMethod});
+    return {result, kBundleMethod};
+  }
+  const RunResult result = ReadResult(file);
+  const Estimate* const refined = FindRefined(result);
+  if (FLAGS_method.empty() && refined != nullptr) return {AsRigResult(result, *refined), refined->method};
   std::vector<std::string> names;
   for (const Estimate& estimate : result.estimates) {
-    if (estimate.ok) names.push_back(estimate.method);
+    if (!estimate.ok) continue;
+    if (estimate.method == FLAGS_method) return {AsRigResult(result, estimate), estimate.method};
+    names.push_back(estimate.method);
   }
-  const Estimate* refined = FindRefined(result);
-  if (FLAGS_method.empty() && refined != nullptr) return *refined;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.ok && estimate.method == FLAGS_method) return estimate;
-  }
-  throw InputError((FLAGS_method.empty() ? where + ": has no refined estimate; name another with --method"
-                                         : "--method: " + where + " has no estimate of " + Quoted(FLAGS_method)) +
-                   "; it has: " + Join(names, ", ") + DidYouMean(FLAGS_method, names));
+  throw NoEstimate(file.string(), names);
 }
 
 // Sets the name of a frame. The names go into files of many languages; the characters that ROS allows are safe in all.
@@ -57,18 +83,13 @@ void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
   *frame = given;
 }
 
-// Returns whether the run's poses are those of a Universal Robots controller, according to the config next to the
-// result.
-bool PosesAreOfUrController(const fs::path& run) {
-  const fs::path file = run / "config.yaml";
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) return false;
-  MapReader config(ReadYamlFile(file));
-  const std::optional<ConfigValue> section = config.Find("captures");
-  if (!section || !section->IsMap()) return false;
-  MapReader captures(*section);
+// Returns whether the poses of an arm are those of a Universal Robots controller, by the config next to the result.
+bool PosesAreOfUrController(const fs::path& run, const std::string& arm) {
+  const std::optional<ConfigValue> section = FindPoseSection(run, arm);
+  if (!section) return false;
+  MapReader poses(*section);
   const auto text_of = [&](const std::string& key) {
-    const std::optional<ConfigValue> value = captures.Find(key);
+    const std::optional<ConfigValue> value = poses.Find(key);
     return value && value->IsText() ? value->AsText() : std::string();
   };
   const std::string format = text_of("pose_format");
@@ -87,18 +108,22 @@ ExportRequest WithChildAskedFor(const ExportRequest& request) {
   return WithChild(request, ExportFrame::kLink, Inverse(link_from_optical));
 }
 
-ExportRequest RequestAskedFor(const fs::path& run) {
-  const fs::path file = run / "result.json";
-  const RunResult result = ReadResult(file);
-  ExportRequest request = WithChildAskedFor(
-      MakeExportRequest(result, EstimateAskedFor(result, file.string()), PosesAreOfUrController(run)));
-  ReadFrame("parent", FLAGS_parent, &request.parent_frame);
-  ReadFrame("child", FLAGS_child, &request.child_frame);
-  if (request.parent_frame == request.child_frame) {
-    throw InputError("--parent and --child are both " + Quoted(request.parent_frame) +
+// Gives the frames of the only camera the names of --parent and --child.
+void NameFrames(ExportRequests* requests) {
+  ExportRequest& camera = requests->cameras.front();
+  const std::string usual_parent = camera.parent_frame;
+  ReadFrame("parent", FLAGS_parent, &camera.parent_frame);
+  ReadFrame("child", FLAGS_child, &camera.child_frame);
+  for (ExportRequest& base : requests->bases) {
+    for (std::string* const frame : {&base.parent_frame, &base.child_frame}) {
+      if (*frame == usual_parent) *frame = camera.parent_frame;
+    }
+  }
+  if (camera.parent_frame == camera.child_frame) {
+    throw InputError("--parent and --child are both " + Quoted(camera.parent_frame) +
                      "; a frame has no pose in itself");
   }
-  if (request.is_ur_controller && request.parent_frame == "base_link" && request.setup == Setup::kEyeToHand) {
+  if (camera.is_ur_controller && camera.parent_frame == "base_link" && camera.setup == Setup::kEyeToHand) {
     std::cerr << "heba: warning: the run's poses are those of a Universal Robots controller, in its frame base; "
                  "base_link of ROS is rotated by 180 deg about z relative to it, so name the parent base"
               << std::endl;
@@ -108,188 +133,156 @@ ExportRequest RequestAskedFor(const fs::path& run) {
               << "is the pose of the optical frame (z forward): --child-is body exports that of the body frame, and "
               << "--child-is optical confirms the optical one" << std::endl;
   }
-  if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
-    std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
-              << "/report.html gives the reasons" << std::endl;
-  }
-  if (FLAGS_units != "m" && FLAGS_units != "mm") throw InputError("--units: " + UnknownName(FLAGS_units, {"m", "mm"}));
-  request.length_unit = FLAGS_units;
-  return FLAGS_inverse ? Inverted(request) : request;
 }
 
-// Returns why a calibrated arm is not written; empty if it is.
-std::string WhyNoArm(const ExportFormat& format, Grade grade) {
-  if (FLAGS_force || grade != Grade::kBad || HeldBy(format) != ExportHolds::kArm) return "";
-  return "the verdict of this run is bad, and a robot would move by it; --force writes it";
+// Returns the poses and arms to export, in the frames that the flags ask for.
+ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from) {
+  std::vector<bool> is_ur_controller;
+  for (const std::string& arm : from.result.rig.robots) is_ur_controller.push_back(PosesAreOfUrController(run, arm));
+  ExportRequests requests = MakeExportRequests(from.result, from.method, is_ur_controller);
+  for (ExportRequest& camera : requests.cameras) {
+    camera = WithChildAskedFor(camera);
+    camera.length_unit = FLAGS_units;
+  }
+  if (requests.cameras.size() == 1) NameFrames(&requests);
+  for (std::vector<ExportRequest>* const poses : {&requests.cameras, &requests.bases}) {
+    for (ExportRequest& pose : *poses) pose = FLAGS_inverse ? Inverted(pose) : pose;
+  }
+  return requests;
 }
 
-// Writes every format that can hold this result into the folder --out.
-int ExportAll(const ExportRequest& request) {
-  if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
-  const fs::path folder = FLAGS_out;
-  std::error_code error;
-  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
-    throw InputError("--out: " + folder.string() + " is a file; --to all needs a folder");
-  }
-  // Only an earlier export is replaced, because the user did not choose the file names.
-  for (const ExportFormat& format : ExportFormats()) {
-    const fs::path file = folder / format.file_name;
-    if (fs::exists(file, error) && ReadTextFile(file).find(kExportMark) == std::string::npos) {
-      throw InputError(file.string() + ": was not exported by heba and is not replaced; name another folder");
-    }
-  }
-  fs::create_directories(folder, error);
-  for (const ExportFormat& format : ExportFormats()) {
-    const std::string why_not = WhyNoArm(format, request.grade.value_or(Grade::kGood));
-    const Outcome<std::string> text = why_not.empty() ? ExportText(format, request) : Failure{why_not};
-    if (text) {
-      WriteFileAtomically(folder / format.file_name, *text);
-    } else {
-      fs::remove(folder / format.file_name, error);  // It would be an earlier export of another result.
-    }
-    if (FLAGS_quiet) continue;
-    std::cout << (text ? (folder / format.file_name).string() + ": " + format.description +
-                             (FLAGS_inverse ? ", inverted" : "")
-                       : "not " + format.name + ": " + text.reason())
-              << "\n";
-  }
-  std::cout << std::flush;
-  return kDone;
-}
-
-// Writes the files of a rig into the folder --out, or those of one format with all cameras to standard output.
-int ExportOfRig(const fs::path& file) {
-  const RigResult result = ReadRigResult(file);
-  for (const auto& [flag, value] :
-       {std::pair{"--method", FLAGS_method}, std::pair{"--parent", FLAGS_parent}, std::pair{"--child", FLAGS_child}}) {
-    if (!value.empty()) {
-      throw InputError(std::string(flag) +
-                       ": is for results of one camera; the frames of a rig are called by its names");
-    }
-  }
-  if (FLAGS_units != "m" && FLAGS_units != "mm") throw InputError("--units: " + UnknownName(FLAGS_units, {"m", "mm"}));
-  std::vector<ExportRequest> cameras;
-  for (const ExportRequest& camera : RigExportRequests(result)) {
-    // The frames of several cameras must keep names of their own.
-    ExportRequest request = WithChildAskedFor(camera);
-    if (request.child != camera.child) request.child_frame = camera.child_frame;
-    if (request.child == ExportFrame::kBody) {
-      request.child_frame.replace(request.child_frame.rfind("_optical_frame"), std::string::npos, "_link");
-    }
-    request.length_unit = FLAGS_units;
-    cameras.push_back(FLAGS_inverse ? Inverted(request) : request);
-  }
-  std::vector<ExportRequest> bases;
-  for (const ExportRequest& base : BaseExportRequests(result)) bases.push_back(FLAGS_inverse ? Inverted(base) : base);
-  if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
-    std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
-              << "/report.html gives the reasons" << std::endl;
-  }
+// Returns the files of the formats. A calibrated arm of a run that is bad is not written.
+std::vector<ExportedFile> FilesOf(const std::vector<ExportFormat>& formats, const ExportRequests& requests,
+                                  Grade grade) {
   std::vector<ExportedFile> files;
-  for (const ExportFormat& format : ExportFormats()) {
-    if (FLAGS_to != "all" && format.name != FormatAskedFor().name) continue;
-    const std::string why_not = WhyNoArm(format, result.verdict.grade);
-    if (!why_not.empty() && FLAGS_to != "all") {
-      PrintError(file.string() + ": " + why_not);
-      return kWorkFailed;
+  for (const ExportFormat& format : formats) {
+    for (ExportedFile& file : ExportFiles(format, requests)) {
+      if (file.content == ExportedContent::kArm && !file.text.empty() && grade == Grade::kBad && !FLAGS_force) {
+        file.text.clear();
+        file.reason = "the verdict of this run is bad, and a robot would move by it; --force writes it";
+      }
+      files.push_back(std::move(file));
     }
-    if (!why_not.empty()) continue;
-    for (ExportedFile& exported : ExportRig(format, cameras, bases, result)) files.push_back(std::move(exported));
   }
-  // A format that was asked for by its name must hold every camera, as with one camera.
-  std::vector<std::string> refused;
-  std::string reason;
-  for (const ExportedFile& exported : files) {
-    if (!exported.text.empty() || exported.camera.empty()) continue;
-    if (refused.empty()) reason = exported.reason;
-    refused.push_back(exported.camera);
+  return files;
+}
+
+// Returns the files of this content that have a text, or none.
+std::vector<ExportedFile> Select(const std::vector<ExportedFile>& files, ExportedContent content, bool has_text) {
+  std::vector<ExportedFile> selected;
+  for (const ExportedFile& file : files) {
+    if (file.content == content && !file.text.empty() == has_text) selected.push_back(file);
   }
-  if (FLAGS_to != "all" && !refused.empty()) {
-    const std::vector<std::string> others(refused.begin() + 1, refused.end());
-    PrintError(file.string() + ": camera " + refused.front() + ": " + reason +
-               (others.empty() ? "" : "; nor does the format hold " + Join(others, ", ")));
-    return kWorkFailed;
+  return selected;
+}
+
+// Returns why a format that was asked for by its name is refused: it must hold every camera, or an arm.
+std::string WhyRefused(const std::vector<ExportedFile>& files) {
+  const std::vector<ExportedFile> cameras = Select(files, ExportedContent::kCamera, false);
+  if (!cameras.empty()) {
+    const std::string& name = cameras.front().part;
+    std::vector<std::string> others;
+    for (const ExportedFile& other : cameras) others.push_back(other.part);
+    others.erase(others.begin());
+    return (name.empty() ? "" : "camera " + name + ": ") + cameras.front().reason +
+           (others.empty() ? "" : "; nor does the format hold " + Join(others, ", "));
   }
-  const auto holds_arm = [](const ExportedFile& exported) { return !exported.arm.empty() && !exported.text.empty(); };
-  const auto num_arms = std::count_if(files.begin(), files.end(), holds_arm);
-  if (FLAGS_to != "all" && num_arms == 0 && !files.front().arm.empty()) {
-    std::vector<std::string> reasons;
-    for (const ExportedFile& exported : files) reasons.push_back(exported.reason);
-    PrintError(file.string() + ": " + Join(reasons, "; "));
-    return kWorkFailed;
-  }
-  if (FLAGS_out.empty() && num_arms > 1 && FLAGS_to != "all") {
+  if (!Select(files, ExportedContent::kArm, true).empty()) return "";
+  std::vector<std::string> reasons;
+  for (const ExportedFile& arm : Select(files, ExportedContent::kArm, false)) reasons.push_back(arm.reason);
+  reasons.erase(std::unique(reasons.begin(), reasons.end()), reasons.end());
+  return Join(reasons, "; ");
+}
+
+// Prints the file with all poses of a format or, if it has none, all of its files.
+void PrintFiles(const std::vector<ExportedFile>& files) {
+  const size_t num_arms = Select(files, ExportedContent::kArm, true).size();
+  if (num_arms > 1) {
     throw InputError("--to " + FLAGS_to + ": each of the " + std::to_string(num_arms) +
                      " arms has a file of its own; --out FOLDER is needed");
   }
-  if (FLAGS_out.empty() && FLAGS_to != "all") {
-    for (const ExportedFile& exported : files) {
-      if (!exported.holds_all || exported.text.empty()) continue;
-      std::cout << exported.text << std::flush;
-      return kDone;
-    }
-    for (const ExportedFile& exported : files) std::cout << exported.text;
-    std::cout << std::flush;
-    return kDone;
+  const std::vector<ExportedFile> with_all = Select(files, ExportedContent::kAllPoses, true);
+  if (!with_all.empty()) {
+    std::cout << with_all.front().text << std::flush;
+  } else {
+    for (const ExportedFile& file : files) std::cout << file.text << std::flush;
   }
-  if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
-  const fs::path folder = FLAGS_out;
+}
+
+// Returns whether this is the file of a camera or an arm without a name, the only one of its format.
+bool IsOnlyFile(const ExportedFile& file) { return file.part.empty() && !file.format.name.empty(); }
+
+// Writes or removes a file, and prints which.
+void WriteFile(const fs::path& path, const ExportedFile& file) {
   std::error_code error;
-  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
-    throw InputError("--out: " + folder.string() + " is a file; the export of a rig needs a folder");
+  if (!file.text.empty()) {
+    WriteFileAtomically(path, file.text);
+  } else {
+    fs::remove(path, error);  // It would be an earlier export of another result.
   }
-  for (const ExportedFile& exported : files) {
-    const fs::path path = folder / exported.name;
+  if (FLAGS_quiet) return;
+  const bool is_only = IsOnlyFile(file);
+  const bool is_inverted = FLAGS_inverse && file.content == ExportedContent::kCamera;
+  const std::string description = is_only ? ": " + file.format.description + (is_inverted ? ", inverted" : "") : "";
+  std::cout << (file.text.empty() ? "not " + (is_only ? file.format.name : file.name) + ": " + file.reason
+                                  : path.string() + description)
+            << std::endl;
+}
+
+// Writes the files into the folder --out; the only file of one format also to a file of that name.
+void WriteFiles(const std::vector<ExportedFile>& files) {
+  const fs::path out = FLAGS_out;
+  std::error_code error;
+  const bool is_folder = fs::is_directory(out, error);
+  if (files.size() == 1 && IsOnlyFile(files.front()) && !is_folder) {
+    WriteFile(out, files.front());
+    return;
+  }
+  if (!is_folder && fs::exists(out, error)) {
+    throw InputError("--out: " + out.string() + " is a file; " +
+                     (FLAGS_to == "all" ? "--to all needs a folder" : "the export of a rig needs a folder"));
+  }
+  // Only an earlier export is replaced, because the user did not choose the file names.
+  for (const ExportedFile& file : files) {
+    const fs::path path = out / file.name;
     if (fs::exists(path, error) && ReadTextFile(path).find(kExportMark) == std::string::npos) {
       throw InputError(path.string() + ": was not exported by heba and is not replaced; name another folder");
     }
   }
-  fs::create_directories(folder, error);
-  for (const ExportedFile& exported : files) {
-    const fs::path path = folder / exported.name;
-    if (!exported.text.empty()) {
-      WriteFileAtomically(path, exported.text);
-    } else {
-      fs::remove(path, error);  // It would be an earlier export of another result.
-    }
-    if (FLAGS_quiet) continue;
-    std::cout << (exported.text.empty() ? "not " + exported.name + ": " + exported.reason : path.string()) << "\n";
-  }
-  std::cout << std::flush;
-  return kDone;
+  fs::create_directories(out, error);
+  for (const ExportedFile& file : files) WriteFile(out / file.name, file);
 }
 
 }  // namespace
 
 int RunCommand_export(const std::vector<std::string>& arguments) {
   const bool all = FLAGS_to == "all";
-  const ExportFormat* format = all ? nullptr : &FormatAskedFor();
+  const std::vector<ExportFormat> formats = all ? ExportFormats() : std::vector<ExportFormat>{FormatAskedFor()};
+  if (FLAGS_units != "m" && FLAGS_units != "mm") throw InputError("--units: " + UnknownName(FLAGS_units, {"m", "mm"}));
   const fs::path run = RunFolderOf(arguments[0]);
-  if (IsRigResult(run / "result.json")) return ExportOfRig(run / "result.json");
-  const ExportRequest request = RequestAskedFor(run);
-  if (all) return ExportAll(request);
-  if (FLAGS_units != "m" && format->name != "matrix") {
-    throw InputError("--units: format " + format->name + " has a fixed unit; only matrix can be written in both");
+  const fs::path file = run / "result.json";
+  const ResultOfMethod from = ReadResultAskedFor(file);
+  if (FLAGS_units != "m" && !all && FLAGS_to != "matrix") {
+    throw InputError("--units: format " + FLAGS_to + " has a fixed unit; only matrix can be written in both");
   }
-  const std::string why_not = WhyNoArm(*format, request.grade.value_or(Grade::kGood));
-  if (!why_not.empty()) {
-    PrintError((run / "result.json").string() + ": " + why_not);
+  const ExportRequests requests = RequestsAskedFor(run, from);
+  const Grade grade = from.result.verdict.grade;
+  if (grade == Grade::kBad && !FLAGS_quiet) {
+    std::cerr << "heba: warning: the verdict of this run is bad: " << run.string() << "/report.html gives the reasons"
+              << std::endl;
+  }
+  const std::vector<ExportedFile> files = FilesOf(formats, requests, grade);
+  const std::string why_refused = all ? "" : WhyRefused(files);
+  if (!why_refused.empty()) {
+    PrintError(file.string() + ": " + why_refused);
     return kWorkFailed;
   }
-  const Outcome<std::string> text = ExportText(*format, request);
-  if (!text) {
-    PrintError((run / "result.json").string() + ": " + text.reason());
-    return kWorkFailed;
-  }
+  if (FLAGS_out.empty() && all) throw InputError("--to all needs --out FOLDER");
   if (FLAGS_out.empty()) {
-    std::cout << *text << std::flush;
-    return kDone;
+    PrintFiles(files);
+  } else {
+    WriteFiles(files);
   }
-  std::error_code error;
-  const fs::path out = FLAGS_out;
-  const fs::path path = fs::is_directory(out, error) ? out / format->file_name : out;
-  WriteFileAtomically(path, *text);
-  if (!FLAGS_quiet) std::cout << path.string() << ": " << format->description << std::endl;
   return kDone;
 }
 

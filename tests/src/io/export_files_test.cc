@@ -1,4 +1,4 @@
-#include "heba/io/rig_export.h"
+#include "heba/io/export_files.h"
 
 #include <algorithm>
 #include <memory>
@@ -13,6 +13,7 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/io/export_format.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
 #include "tests/support/matchers.h"
@@ -50,12 +51,11 @@ constexpr Mount kWorld{0, Mount::Part::kBase};
 constexpr Mount kGripper{0, Mount::Part::kGripper};
 
 std::vector<ExportedFile> FilesOf(const std::string& format, const RigResult& result, bool is_inverted = false) {
-  std::vector<ExportRequest> cameras = RigExportRequests(result);
-  std::vector<ExportRequest> bases = BaseExportRequests(result);
-  for (std::vector<ExportRequest>* const poses : {&cameras, &bases}) {
+  ExportRequests requests = MakeExportRequests(result);
+  for (std::vector<ExportRequest>* const poses : {&requests.cameras, &requests.bases}) {
     for (ExportRequest& pose : *poses) pose = is_inverted ? Inverted(pose) : pose;
   }
-  return ExportRig(*FindEntry(ExportFormats(), format), cameras, bases, result);
+  return ExportFiles(*FindEntry(ExportFormats(), format), requests);
 }
 
 const ExportedFile& FileOf(const std::vector<ExportedFile>& files, const std::string& name) {
@@ -84,7 +84,7 @@ std::vector<std::string> LinksOf(const urdf::ModelInterface& model) {
   return links;
 }
 
-TEST(RigExportTest, AUrdfOfCamerasWithOneRootIsLoaded) {
+TEST(ExportFilesTest, AUrdfOfCamerasWithOneRootIsLoaded) {
   const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files),
@@ -98,7 +98,7 @@ TEST(RigExportTest, AUrdfOfCamerasWithOneRootIsLoaded) {
 }
 
 // The gripper has no constant pose in the base, so that a URDF of both has two roots, which parsers refuse.
-TEST(RigExportTest, EachRootHasAUrdfThatIsLoaded) {
+TEST(ExportFilesTest, EachRootHasAUrdfThatIsLoaded) {
   const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}, {"side", kWorld}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files),
@@ -116,7 +116,7 @@ TEST(RigExportTest, EachRootHasAUrdfThatIsLoaded) {
 }
 
 // The fragment has the links of the cameras only; together with an arm that has the others, it is one URDF.
-TEST(RigExportTest, TheFragmentCompletesTheUrdfOfTheArm) {
+TEST(ExportFilesTest, TheFragmentCompletesTheUrdfOfTheArm) {
   const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}});
   const std::string fragment = FileOf(FilesOf("urdf", rig), "cameras.urdf.xacro").text;
   EXPECT_THAT(fragment, HasSubstr("must define base_link, tool0"));
@@ -131,7 +131,7 @@ TEST(RigExportTest, TheFragmentCompletesTheUrdfOfTheArm) {
 }
 
 // The bases of all arms have constant poses in the first one, and are exported with the cameras, even with one camera.
-TEST(RigExportTest, BasesAreExported) {
+TEST(ExportFilesTest, BasesAreExported) {
   const RigResult rig = RigOf({"left-arm", "right"}, {{"top", {1, Mount::Part::kBase}}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files), ElementsAre("top.camera.urdf", "cameras.urdf", "cameras.urdf.xacro"));
@@ -149,13 +149,45 @@ TEST(RigExportTest, BasesAreExported) {
   EXPECT_THAT(NamesOf(FilesOf("kalibr", rig)), ElementsAre("top.camchain.yaml"));
 }
 
+// A camera and an arm without names have the usual names of files and frames.
+TEST(ExportFilesTest, ACameraWithoutANameHasTheUsualNames) {
+  for (const Mount& mount : {kWorld, kGripper}) {
+    const RigResult result = RigOf({""}, {{"", mount}});
+    const ExportRequests requests = MakeExportRequests(result);
+    EXPECT_EQ(requests.cameras[0].parent_frame, mount == kWorld ? "base_link" : "tool0");
+    EXPECT_EQ(requests.cameras[0].child_frame, "camera_optical_frame");
+    EXPECT_TRUE(requests.cameras[0].covariance.has_value());
+    EXPECT_THAT(NamesOf(FilesOf("urdf", result)), ElementsAre("camera.urdf"));
+    EXPECT_THAT(NamesOf(FilesOf("dh_csv", result)), ElementsAre("not arm_dh.csv"));
+    EXPECT_THAT(FilesOf("dh_csv", result)[0].reason, HasSubstr("the estimate 'bundle' has no kinematics of the arm"));
+  }
+}
+
+TEST(ExportFilesTest, BasesOfUniversalRobotsAreThoseOfTheirControllers) {
+  const RigResult rig = RigOf({"left", "right"}, {{"top", kWorld}, {"side", {1, Mount::Part::kBase}}});
+  const ExportRequests requests = MakeExportRequests(rig, kBundleMethod, {false, true});
+  EXPECT_EQ(requests.cameras[0].parent_frame, "left_base_link");
+  EXPECT_EQ(requests.cameras[1].parent_frame, "right_base");
+  EXPECT_EQ(requests.bases[0].child_frame, "right_base");
+  const ExportFormat& ros2 = *FindEntry(ExportFormats(), "ros2");
+  EXPECT_THAT(FileOf(ExportFiles(ros2, requests), "side.camera.launch.py").text, HasSubstr("rotated by 180 deg"));
+}
+
+// Other frames of several cameras keep names of their own.
+TEST(ExportFilesTest, LinksAreCalledByTheirCameras) {
+  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
+  const ExportRequest camera = MakeExportRequests(rig).cameras[1];
+  EXPECT_EQ(WithChild(camera, ExportFrame::kBody, OpticalFromBody()).child_frame, "far_side_link");
+  EXPECT_EQ(WithChild(camera, ExportFrame::kLink, Rigid3d()).child_frame, "far_side_link");
+}
+
 // With one arm and one camera, the camera's file has all poses.
-TEST(RigExportTest, OnePoseHasNoFileOfAll) {
+TEST(ExportFilesTest, OnePoseHasNoFileOfAll) {
   EXPECT_THAT(NamesOf(FilesOf("urdf", RigOf({"robot"}, {{"top", kWorld}}))), ElementsAre("top.camera.urdf"));
 }
 
 // Inverted, both cameras are the parent of the base.
-TEST(RigExportTest, AFrameWithTwoParentsIsRefused) {
+TEST(ExportFilesTest, AFrameWithTwoParentsIsRefused) {
   const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
   EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf").reason, HasSubstr("base_link would have two"));
   EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf.xacro").reason, HasSubstr("base_link would have two"));
@@ -163,7 +195,7 @@ TEST(RigExportTest, AFrameWithTwoParentsIsRefused) {
 }
 
 // A file with all cameras is refused if the format cannot hold one of them, by its name.
-TEST(RigExportTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
+TEST(ExportFilesTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
   RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
   const std::vector<ExportedFile> inverted = FilesOf("kalibr", rig, true);
   EXPECT_THAT(FileOf(inverted, "cameras.camchain.yaml").text, IsEmpty());
@@ -202,7 +234,7 @@ double SecondLengthM(const std::string& table) {
   return row == std::string::npos ? 0 : std::stod(Split(table.substr(row + 1), ',')[3]);
 }
 
-TEST(RigExportTest, EachEstimatedArmHasAFile) {
+TEST(ExportFilesTest, EachEstimatedArmHasAFile) {
   const double nominal_m = FindArm("ur10e")->joints[1].a_m;
   const std::vector<ExportedFile> one = FilesOf("dh_csv", WithArms(RigOf({"robot"}, {{"top", kWorld}}), {true}));
   EXPECT_THAT(NamesOf(one), ElementsAre("arm_dh.csv"));
@@ -212,7 +244,7 @@ TEST(RigExportTest, EachEstimatedArmHasAFile) {
   EXPECT_THAT(NamesOf(tables), ElementsAre("left.arm_dh.csv", "not right.arm_dh.csv", "third.arm_dh.csv"));
   EXPECT_EQ(tables[1].reason, "the kinematics of the arm right were not estimated (they are not significantly better)");
   EXPECT_NEAR(SecondLengthM(tables[2].text), nominal_m + 3e-3, 1e-12);
-  EXPECT_EQ(tables[2].arm, "third");
+  EXPECT_EQ(tables[2].part, "third");
   const std::vector<ExportedFile> urdfs = FilesOf("robot_urdf", rig);
   const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(FileOf(urdfs, "left.robot.urdf").text);
   ASSERT_NE(model, nullptr);
@@ -220,7 +252,7 @@ TEST(RigExportTest, EachEstimatedArmHasAFile) {
   EXPECT_THAT(FileOf(FilesOf("ur_kinematics", rig), "third.ur_kinematics.yaml").text, HasSubstr("forearm:"));
 }
 
-TEST(RigExportTest, AnArmWithoutEstimatedErrorsHasNoFile) {
+TEST(ExportFilesTest, AnArmWithoutEstimatedErrorsHasNoFile) {
   const std::vector<ExportedFile> files = FilesOf("robot_urdf", RigOf({"robot"}, {{"top", kWorld}}));
   EXPECT_THAT(NamesOf(files), ElementsAre("not robot.urdf"));
   EXPECT_EQ(files[0].reason,
@@ -230,16 +262,16 @@ TEST(RigExportTest, AnArmWithoutEstimatedErrorsHasNoFile) {
 }
 
 // The errors of the arm are unknowns before those of the cameras: each pose keeps its own covariance.
-TEST(RigExportTest, PosesKeepTheirCovariancesBesideTheErrorsOfArms) {
+TEST(ExportFilesTest, PosesKeepTheirCovariancesBesideTheErrorsOfArms) {
   const RigResult rig = WithArms(RigOf({"left", "right"}, {{"top", kWorld}, {"side", kWorld}}), {true, true});
-  const std::vector<ExportRequest> cameras = RigExportRequests(rig);
+  const std::vector<ExportRequest> cameras = MakeExportRequests(rig).cameras;
   for (size_t c = 0; c < 2; ++c) {
     ASSERT_TRUE(cameras[c].covariance.has_value());
     for (Eigen::Index i = 0; i < 6; ++i) {
       EXPECT_NEAR((*cameras[c].covariance)(i, i), 1e-6 * static_cast<double>(6 * c + i + 1), 1e-15);
     }
   }
-  const std::vector<ExportRequest> bases = BaseExportRequests(rig);
+  const std::vector<ExportRequest> bases = MakeExportRequests(rig).bases;
   ASSERT_TRUE(bases[0].covariance.has_value());
   EXPECT_NEAR((*bases[0].covariance)(0, 0), 13e-6, 1e-15);
 }
