@@ -6,8 +6,8 @@
 namespace heba {
 
 void BindPosePairs(pybind11::module_& module);  // Hand-eye poses from pairs of poses.
-void BindCaptures(pybind11::module_& module);   // Detection, location, and calibration from detected points.
+void BindCaptures(pybind11::module_& module);   // Detection, and calibration from detected points.
 void BindRuns(pybind11::module_& module);       // Runs of configs, and the doctor.
-void BindRigs(pybind11::module_& module);       // Location with the result of a rig.
+void BindLocations(pybind11::module_& module);  // Location of targets with the result of a run.
 
 }  // namespace heba

@@ -11,7 +11,6 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/detection.h"
-#include "heba/evaluation/arm_uncertainty.h"
 #include "heba/data/hand_eye.h"
 #include "heba/io/result_file.h"
 #include "heba/rig_run.h"
@@ -19,10 +18,8 @@
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
-#include "tools/config/finished_run.h"
 #include "tools/run/arm_keys.h"
 #include "tools/run/captures.h"
-#include "tools/run/image_location.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {
@@ -58,64 +55,6 @@ pybind11::tuple DetectFile(const std::filesystem::path& image, const std::string
     seen = DetectCapture(*target, image);
   }
   return Detected(*target, seen.detection);
-}
-
-// Returns the pose of what carries the camera.
-StatedPose CameraMount(const FinishedRun& run, const std::optional<Rigid3d>& base_from_gripper,
-                       const std::vector<double>& joints) {
-  const bool is_carried = run.result.setup == Setup::kEyeInHand;
-  if (is_carried != base_from_gripper.has_value()) {
-    throw InputError(is_carried ? "the robot carries the camera: pose, the robot pose of the image, is needed"
-                                : "the camera is stationary; leave pose out");
-  }
-  if (!is_carried) return {};
-  std::optional<Eigen::VectorXd> positions;
-  if (!joints.empty()) {
-    positions = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
-  }
-  const Outcome<StatedPose> stated = WithErrorsOfArm(run.FindArm(), *base_from_gripper, positions);
-  if (stated) return *stated;
-  if (positions) throw InputError("joints: " + stated.reason());
-  throw InputError("pose: " + stated.reason() + "; joints, those of the arm, would tell them");
-}
-
-// Returns, for each pose of the target that fits the image, base_from_target, the covariance of its position in the
-// base (m^2) and the RMS in px.
-std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const std::optional<GreyArray>& grey,
-                                    const std::filesystem::path& file,
-                                    const std::optional<DoubleArray>& base_from_gripper,
-                                    const std::vector<double>& joints) {
-  std::optional<Rigid3d> gripper;
-  if (base_from_gripper) gripper = PosesFrom(*base_from_gripper).front();
-  ImageLocation location;
-  {
-    const cv::Mat image = grey ? MatOf(*grey) : cv::Mat();
-    const pybind11::gil_scoped_release release;
-    const FinishedRun run = ReadFinishedRun(folder);
-    LocationRequest request;
-    request.result = &run.result;
-    request.target = run.target.get();
-    request.camera_mount = CameraMount(run, gripper, joints);
-    CaptureDetection seen;
-    if (grey) {
-      seen.width_px = image.cols;
-      seen.height_px = image.rows;
-      seen.detection = run.target->Detect(image);
-    } else {
-      seen = DetectCapture(*run.target, file);
-    }
-    const std::string name = grey ? "image" : file.string();
-    CheckImageSize(run, seen, name);
-    location = LocateInImage(request, name, seen.detection);
-  }
-  if (!location.fault.empty()) throw InputError(location.fault);
-  std::vector<pybind11::tuple> all;
-  for (const PossiblePose& pose : location.possible) {
-    const LocatedTarget& located = pose.located;
-    all.push_back(pybind11::make_tuple(ArrayOf(located.world_from_target), ArrayOf(located.covariance.TotalM2()),
-                                       located.rms_px));
-  }
-  return all;
 }
 
 // The detections of one capture: ids (n) and pixels (n x 2).
@@ -240,7 +179,6 @@ void BindCaptures(pybind11::module_& module) {
   });
   module.def("detect_array", &DetectArray, arg("grey"), arg("target"));
   module.def("detect_file", &DetectFile, arg("image"), arg("target"));
-  module.def("locate", &Locate, arg("folder"), arg("grey"), arg("file"), arg("base_from_gripper"), arg("joints"));
   module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("cameras"), arg("base_from_gripper"),
              arg("num_folds"), arg("num_threads"), arg("progress"));
 }

@@ -25,5 +25,5 @@ PYBIND11_MODULE(_heba, module) {
   heba::BindPosePairs(module);
   heba::BindCaptures(module);
   heba::BindRuns(module);
-  heba::BindRigs(module);
+  heba::BindLocations(module);
 }

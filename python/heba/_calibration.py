@@ -61,6 +61,7 @@ class RigLocation:
         rms_px: The RMS of the points of all cameras.
         num_symmetries: The number of orientations in which the target looks the same. It has a location for each.
         chance: The probability that images of cameras that agree differ by as much as these; 1 for one camera.
+        centre_covariance: The covariance of the position of its points, 3 x 3, m^2, along the axes of the world.
     """
 
     target: str
@@ -70,6 +71,7 @@ class RigLocation:
     rms_px: float
     num_symmetries: int
     chance: float
+    centre_covariance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -185,33 +187,28 @@ def locate(
     folder = Path(run_folder) if isinstance(run_folder, (str, os.PathLike)) else run_folder.folder
     if folder is None:
         raise Error("a result of arrays has no folder; locate needs one of a run")
-    if isinstance(run_folder, RigResult) or _heba.is_rig_run(folder):
-        return _locate_by_rig(folder, image, pose, joints)
-    if isinstance(image, Mapping):
-        raise Error("image: the run has one camera; one image is needed, no dictionary")
-    if isinstance(joints, Mapping):
-        raise Error("joints: the run has one arm; its joints are needed, no dictionary")
-    base_from_gripper = None if pose is None else _one_pose(pose, "pose")
-    return [Location(*found) for found in _heba.locate(folder, *_image(image, "image"), base_from_gripper, list(joints))]
-
-
-def _locate_by_rig(
-    folder: Path,
-    images: Image | Mapping[str, Image],
-    pose: Any,
-    joints: Sequence[float] | Mapping[str, Sequence[float]],
-) -> list[RigLocation]:
-    if not isinstance(images, Mapping) or not images:
+    is_rig = isinstance(run_folder, RigResult) or _heba.is_rig_run(folder)
+    if is_rig and not (isinstance(image, Mapping) and image):
         raise Error("image: the run is that of a rig; a dictionary of images by the names of its cameras is needed")
+    if not is_rig and isinstance(image, Mapping):
+        raise Error("image: the run has one camera; one image is needed, no dictionary")
+    if not is_rig and isinstance(joints, Mapping):
+        raise Error("joints: the run has one arm; its joints are needed, no dictionary")
+    if not is_rig and isinstance(pose, Mapping):
+        raise Error("pose: the run has one arm; its pose is needed, no dictionary")
+    # A single camera and its arm have no names.
+    images = image if isinstance(image, Mapping) else {"": image}
     positions = joints if isinstance(joints, Mapping) else {"": joints} if len(joints) > 0 else {}
     poses = pose if isinstance(pose, Mapping) else {} if pose is None else {"": pose}
-    found = _heba.locate_by_rig(
+    found = _heba.locate(
         folder,
-        [(name, *_image(image, f"image of camera {name}")) for name, image in images.items()],
+        [(name, *_image(one, f"image of camera {name}" if is_rig else "image")) for name, one in images.items()],
         [(name, _one_pose(one, f"pose {name}".rstrip())) for name, one in poses.items()],
         [(name, list(one)) for name, one in positions.items()],
     )
-    return [RigLocation(target, tuple(cameras), *figures) for target, cameras, *figures in found]
+    if is_rig:
+        return [RigLocation(target, tuple(cameras), *figures) for target, cameras, *figures in found]
+    return [Location(pose_in_base, centre, rms_px) for _, _, pose_in_base, _, rms_px, _, _, centre in found]
 
 
 def _one_pose(value: Any, name: str) -> np.ndarray:

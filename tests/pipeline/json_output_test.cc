@@ -83,6 +83,7 @@ TEST_F(JsonOutputTest, LocateListsAllPosesThatFit) {
   EXPECT_EQ(image["image"], image_);
   EXPECT_FALSE(image["located"].get<bool>());
   EXPECT_TRUE(image["chosen"].is_null());
+  EXPECT_THAT(image["reason"].get<std::string>(), HasSubstr("so 2 poses fit an image equally well; --near x,y,z,"));
   EXPECT_EQ(image["points"], 35);
   EXPECT_EQ(image["target_points"], 35);
   EXPECT_THAT(text, HasSubstr("rms " + Significant(image["rms_px"], 2) + " px"));
@@ -128,6 +129,7 @@ TEST_F(JsonOutputTest, LocateStatesSigmasAndTheirParts) {
   const Json& sigma = image["poses"][1]["sigma"];
   EXPECT_THAT(text, HasSubstr(Listed(sigma["total_mm"]) + " mm (calibration " + Listed(sigma["calibration_mm"]) +
                               "; image " + Listed(sigma["image_mm"])));
+  EXPECT_THAT(text, HasSubstr("one sigma of its rotation about the same axes: " + Listed(sigma["total_deg"]) + " deg"));
   EXPECT_TRUE(image["poses"][1]["postures"].is_null());
   for (const std::string unit : {"_mm", "_deg"}) {
     for (size_t i = 0; i < 3; ++i) {

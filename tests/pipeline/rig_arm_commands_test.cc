@@ -144,6 +144,38 @@ TEST_F(RigArmCommandsTest, LocateCorrectsThePoseOfTheArmThatCarriesTheCamera) {
               HasSubstr("the pose of the arm right was not corrected by its estimated errors, whose uncertainty is "));
 }
 
+// Each arm has the poses to command in its own base, and the joints of the arm that is named in its place.
+TEST_F(RigArmCommandsTest, LocateStatesThePosesToCommand) {
+  const std::string joints = "--joints=right=" + NumbersOf("right_joints.csv", CaptureOfWall());
+  const Json located = Wall(LocateWall({joints, "--robot=right=ur10e"}));
+  ASSERT_EQ(located["reach"].size(), 2U);
+  // The captures of the first arm are in one configuration, and those of the second in several.
+  const Json& left = located["reach"]["left"];
+  EXPECT_EQ(left["command_reason"], "");
+  EXPECT_TRUE(left["commands"].is_null());
+  EXPECT_GT(left["command"]["sigma"]["total_mm"][0], 0);
+  const Json& right = located["reach"]["right"];
+  EXPECT_TRUE(right["command"].is_null());
+  ASSERT_FALSE(right["commands"].empty());
+  // The commands differ from the pose by the errors of the arm. The base of the second arm is not the world.
+  constexpr double kMostMm = 10;
+  for (const Json& command : right["commands"]) {
+    if (command["reason"] != "") continue;
+    EXPECT_GT(command["from_target_mm"], 0);
+    EXPECT_LT(command["from_target_mm"], kMostMm);
+    const double x_m = command["base_from_gripper"]["translation_m"][0];
+    EXPECT_GT(std::abs(x_m - located["pose"]["translation_m"][0].get<double>()), 0.1);
+  }
+  const Json& postures = located["poses"][0]["postures"];
+  ASSERT_EQ(postures.size(), 1U);
+  EXPECT_EQ(postures["right"]["arm"], "ur10e");
+  EXPECT_FALSE(postures["right"]["postures"].empty());
+  // Without the joints of the pose, the target is located with an uncorrected pose.
+  const Json plain = Wall(LocateWall({}));
+  EXPECT_THAT(plain["reach"]["left"]["command_reason"].get<std::string>(), HasSubstr("a pose that was not corrected"));
+  EXPECT_TRUE(plain["poses"][0]["postures"].empty());
+}
+
 TEST_F(RigArmCommandsTest, WrongJointsAreRefusedInOneLine) {
   const std::string image = CaptureOfWall();
   const std::string joints = NumbersOf("right_joints.csv", image);

@@ -530,7 +530,8 @@ TEST_F(RigCommandsTest, LocateTakesTheFileOfTheResult) {
   const std::string pose = "--pose=" + first.substr(0, first.find('\n'));
   const CommandResult of_folder = RunHeba({"locate", Path("run"), image, pose});
   EXPECT_EQ(of_folder.status, 0) << of_folder.err;
-  EXPECT_THAT(of_folder.out, StartsWith("target plate in world, by wrist\n"));
+  EXPECT_THAT(of_folder.out, StartsWith("target plate in world, by wrist: "));
+  EXPECT_THAT(of_folder.out, HasSubstr(" of 35 points, rms "));
   const CommandResult of_file = RunHeba({"locate", Path("run/result.json"), image, pose});
   EXPECT_EQ(of_file.status, 0) << of_file.err;
   EXPECT_EQ(of_file.out, of_folder.out);
@@ -572,6 +573,22 @@ TEST_F(RigCommandsTest, LocateRefusesImagesThatContradictEachOther) {
   EXPECT_GT(plate["chance"].get<double>(), 1e-3);
   EXPECT_EQ(plate["chosen"], 0);
   EXPECT_EQ(plate["poses"][0]["pose"], plate["pose"]);
+  EXPECT_TRUE(plate["poses"][0]["postures"].empty());
+  EXPECT_EQ(plate["points"], 2 * kNumPoints);
+  // The sigmas along the world's axes are those of the text.
+  const Json& in_world = plate["poses"][0]["sigma_in_world"];
+  std::string sigmas;
+  for (const Json& sigma : in_world["total_mm"]) sigmas += (sigmas.empty() ? "" : ", ") + Significant(sigma, 2);
+  EXPECT_THAT(Unbroken(RunHeba({"locate", Path("run"), image("left", first), image("right", first)}).out),
+              HasSubstr("one sigma of its centre, along the world's x, y, z: " + sigmas + " mm (calibration "));
+  // The rotation is the same one, whose axes do not change the size of its covariance.
+  double in_target_deg2 = 0;
+  double in_world_deg2 = 0;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    in_target_deg2 += std::pow(plate["sigma"]["total"]["deg"][axis].get<double>(), 2);
+    in_world_deg2 += std::pow(in_world["total_deg"][axis].get<double>(), 2);
+  }
+  EXPECT_NEAR(in_world_deg2, in_target_deg2, 1e-9 * in_target_deg2);
 
   const CommandResult of_two = RunHeba({"locate", Path("run"), image("left", first), image("right", other), "--json"});
   EXPECT_EQ(of_two.status, 1);
@@ -606,7 +623,8 @@ TEST_F(RigCommandsTest, LocateRefusesWhatItWouldIgnore) {
   };
   const Call calls[] = {
       {{"--pixels", pixels, "--plane", "rubbish"}, "--plane: "},
-      {{"--pixels", pixels, "--robot", "nonsense"}, "--robot: "},
+      {{"--pixels", pixels, "--robot", "nonsense"}, "--robot: 'nonsense' is unknown"},
+      {{"--pixels", pixels, "--robot", "ur5"}, "--robot: the point of several pixels has no orientation"},
       {{"--pixels", pixels, "--joints", "1,2"}, "--joints: "},
       {{"--pixels", pixels, "--near", "x"}, "--near: "},
       {{"--pixels", pixels, "--pose", pose}, "--pose: the arm robot carries none of the cameras"},
@@ -668,6 +686,16 @@ TEST_F(RigCommandsTest, LocateWarnsOfPixelsThatShowNoCommonPoint) {
   }
   EXPECT_EQ(points[0]["camera"], "left");
   EXPECT_GT(points[0]["sigma"]["total_mm"][0].get<double>(), 0);
+  EXPECT_TRUE(points[0]["postures"].empty());
+  // An arm's flange can point at the plane there.
+  const CommandResult reached =
+      RunHeba({"locate", Path("run"), "--pixels", meeting, "--plane", plane, "--json", "--robot", "ur10e"});
+  ASSERT_EQ(reached.status, 0) << reached.err;
+  EXPECT_EQ(Json::parse(reached.out)["points"][0]["postures"]["robot"]["arm"], "ur10e");
+  // A plane behind the cameras has no point.
+  const CommandResult behind = RunHeba({"locate", Path("run"), "--pixels", meeting, "--plane", "0,0,1,30 m"});
+  EXPECT_EQ(behind.status, 1);
+  EXPECT_THAT(behind.err, HasSubstr(" of camera left: its ray does not meet the plane"));
 }
 
 }  // namespace

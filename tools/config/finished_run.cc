@@ -1,19 +1,27 @@
 #include "tools/config/finished_run.h"
-#include "tools/config/common_keys.h"
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/detection.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_result_file.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
 #include "tools/config/robot_section.h"
 
 namespace heba {
+namespace {
 
-const RobotSummary* FinishedRun::FindArm() const {
-  const bool is_estimated = result.robot && result.robot->is_estimated && solution().shared_effects != nullptr;
-  return is_estimated ? &*result.robot : nullptr;
+RigResult ReadAnyResult(const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "result.json";
+  if (IsRigResult(file)) return ReadRigResult(file);
+  const RunResult result = ReadResult(file);
+  if (FindRefined(result) != nullptr) return AsRigResult(result);
+  throw InputError(folder.string() + ": contains no refined estimate; a calibration from images or corners is needed");
 }
+
+}  // namespace
 
 std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
   std::error_code error;
@@ -25,23 +33,36 @@ std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
 FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
   const std::filesystem::path folder = RunFolderOf(path);
   FinishedRun run;
-  run.result = ReadResult(folder / "result.json");
-  if (FindRefined(run.result) == nullptr) {
-    throw InputError(folder.string() +
-                     ": contains no refined estimate; a calibration from images or corners is needed");
-  }
+  run.result = ReadAnyResult(folder);
   MapReader config(ReadYamlFile(folder / "config.yaml"));
-  run.target = ReadTarget(config, "target");
-  MapReader captures(config.Get("captures"));
-  run.pose_reading = ReadPoseReading(captures);
-  run.joints_are_deg = ReadJointsAreDeg(captures);
+  for (RigTarget& target : run.result.rig.targets) {
+    if (target.name.empty()) {
+      run.targets.push_back(ReadTarget(config, "target"));
+    } else {
+      MapReader targets(config.Get("targets"));
+      MapReader reader(targets.Get(target.name));
+      run.targets.push_back(ReadTarget(reader, "target"));
+    }
+    target.symmetries = run.targets.back()->Symmetries();
+  }
+  for (const std::string& robot : run.result.rig.robots) {
+    MapReader section(config.Get(config.Has("robots") ? "robots" : "captures"));
+    MapReader reader(config.Has("robots") ? section.Get(robot) : section.value());
+    run.pose_readings.push_back(ReadPoseReading(reader));
+    run.joints_are_deg.push_back(ReadJointsAreDeg(reader));
+  }
   return run;
 }
 
-void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image) {
-  const Camera& camera = FindRefined(run.result)->camera;
-  if (seen.width_px == camera.width_px && seen.height_px == camera.height_px) return;
-  throw InputError(image + ": is " + ImageSizeText(seen.width_px, seen.height_px) + ", but the calibration is for " +
+Detection DetectFor(const Camera& camera, const Target& target, const std::filesystem::path& image) {
+  CaptureDetection seen = DetectCapture(target, image);
+  CheckImageSize(camera, {seen.width_px, seen.height_px}, image.string());
+  return std::move(seen.detection);
+}
+
+void CheckImageSize(const Camera& camera, const ImageSize& size, const std::string& image) {
+  if (size.width_px == camera.width_px && size.height_px == camera.height_px) return;
+  throw InputError(image + ": is " + ImageSizeText(size.width_px, size.height_px) + ", but the calibration is for " +
                    ImageSizeText(camera.width_px, camera.height_px));
 }
 

@@ -4,32 +4,32 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
-#include "heba/detection.h"
-#include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 #include "heba/target.h"
 #include "tools/config/run_config.h"
 
 namespace heba {
 
 struct FinishedRun {
-  RunResult result;
-  std::shared_ptr<const Target> target;
-  PoseReading pose_reading;
-  bool joints_are_deg = false;
-
-  const Solution& solution() const { return *FindRefined(result)->solution; }
-  // Returns the arm, or null if its errors were not estimated.
-  const RobotSummary* FindArm() const;
+  RigResult result;  // That of a single camera is AsRigResult. The symmetries of its targets are set.
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<PoseReading> pose_readings;  // One per arm.
+  std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.
 };
 
 // Returns the folder of a run that is named by its folder or by the result.json in it.
 std::filesystem::path RunFolderOf(const std::filesystem::path& run);
 
-// Throws InputError if the folder has no refined estimate from images or corners.
+// Throws InputError if the run cannot be read, or if that of a single camera has no refined estimate from images or
+// corners.
 FinishedRun ReadFinishedRun(const std::filesystem::path& path);
 
-// Throws InputError, which begins with `image`, if an image does not have the size of those of the run.
-void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image);
+// Returns the detection of a target in an image of a camera. Throws InputError, which begins with the image, if it
+// cannot be read or does not have the size of those of the calibration.
+Detection DetectFor(const Camera& camera, const Target& target, const std::filesystem::path& image);
+// Throws InputError, which begins with `image`, unless it has the size of those of the calibration.
+void CheckImageSize(const Camera& camera, const ImageSize& size, const std::string& image);
 
 }  // namespace heba

@@ -3,31 +3,28 @@
 #include <cmath>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
+#include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/data/setup.h"
 #include "heba/io/result_file.h"
+#include "heba/io/result_json.h"
 #include "tools/text/location_text.h"
 
 namespace heba {
 namespace {
 
-using Json = nlohmann::ordered_json;
+Json VectorJson(const Eigen::Vector3d& vector) {
+  return {Finite(vector.x()), Finite(vector.y()), Finite(vector.z())};
+}
 
-Json VectorJson(const Eigen::Vector3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
-
-Json PoseJson(const Rigid3d& pose, const char* parent, const char* child) {
-  // q and -q are the same rotation; w is kept non-negative, as in result.json.
-  const double sign = pose.rotation.w() < 0 ? -1.0 : 1.0;
-  const Eigen::Vector4d xyzw = sign * pose.rotation.coeffs();
+Json MatrixPoseJson(const Rigid3d& pose, const std::string& parent, const std::string& child) {
+  Json json = PoseJson(pose, parent, child);
   const Eigen::Matrix4d matrix = pose.Matrix();
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < 4; ++i) rows.push_back({matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3)});
-  return Json{{"parent", parent},
-              {"child", child},
-              {"translation_m", VectorJson(pose.translation)},
-              {"quaternion_xyzw", {xyzw[0], xyzw[1], xyzw[2], xyzw[3]}},
-              {"matrix", rows}};
+  json["matrix"] = Json::array();
+  for (Eigen::Index i = 0; i < 4; ++i) {
+    json["matrix"].push_back({matrix(i, 0), matrix(i, 1), matrix(i, 2), matrix(i, 3)});
+  }
+  return json;
 }
 
 Json SigmaMm(const Eigen::Matrix3d& covariance_m2) { return VectorJson(1000 * covariance_m2.diagonal().cwiseSqrt()); }
@@ -39,37 +36,55 @@ Json SigmasJson(const PositionCovariance& covariance) {
               {"robot_mm", SigmaMm(covariance.by_robot_m2)}};
 }
 
+// Returns the sigmas of a target along and about the axes of the world.
 Json SigmasJson(const PoseSigmasBySource& sigmas) {
   Json json;
-  const std::pair<const char*, const PoseSigmas*> parts[] = {{"total", &sigmas.total},
+  const std::pair<std::string, const PoseSigmas*> parts[] = {{"total", &sigmas.total},
                                                              {"calibration", &sigmas.by_calibration},
                                                              {"image", &sigmas.by_image},
                                                              {"robot", &sigmas.by_robot}};
-  for (const auto& [name, part] : parts) json[std::string(name) + "_mm"] = VectorJson(1000 * part->translation_m);
-  for (const auto& [name, part] : parts) {
-    json[std::string(name) + "_deg"] = VectorJson(RadToDeg(1) * part->rotation_rad);
-  }
+  for (const auto& [name, part] : parts) json[name + "_mm"] = VectorJson(1000 * part->translation_m);
+  for (const auto& [name, part] : parts) json[name + "_deg"] = VectorJson(RadToDeg(1) * part->rotation_rad);
   return json;
+}
+
+// Returns the sigmas of a target along and about its own axes.
+Json SigmasJson(const PoseCovariance& covariance) {
+  const auto of_source = [](const Eigen::Matrix<double, 6, 6>& part) {
+    const Eigen::Matrix<double, 6, 1> sigmas = part.diagonal().cwiseSqrt();
+    return Json{{"mm", VectorJson(1000 * sigmas.head<3>())}, {"deg", VectorJson(RadToDeg(1) * sigmas.tail<3>())}};
+  };
+  return Json{{"total", of_source(covariance.Total())},
+              {"calibration", of_source(covariance.by_calibration)},
+              {"image", of_source(covariance.by_image)},
+              {"robot", of_source(covariance.by_robot)}};
 }
 
 const char* UnitOf(bool is_turning) { return is_turning ? "deg" : "m"; }
 double InUnit(double joint, bool is_turning) { return is_turning ? RadToDeg(joint) : joint; }
 
-Json PosturesJson(const std::optional<ReachingPostures>& found) {
-  if (!found) return nullptr;
+Json PosturesJson(const ReachingPostures& found) {
   Json joints = Json::array();
-  for (size_t i = 0; i < found->joint_names.size(); ++i) {
-    joints.push_back(Json{{"name", found->joint_names[i]}, {"unit", UnitOf(found->are_turning[i])}});
+  for (size_t i = 0; i < found.joint_names.size(); ++i) {
+    joints.push_back(Json{{"name", found.joint_names[i]}, {"unit", UnitOf(found.are_turning[i])}});
   }
   Json postures = Json::array();
-  for (const ReachingPostures::Posture& posture : found->postures) {
+  for (const ReachingPostures::Posture& posture : found.postures) {
     Json values = Json::array();
     for (size_t i = 0; i < posture.joints.size(); ++i) {
-      values.push_back(InUnit(posture.joints[i], found->are_turning[i]));
+      values.push_back(InUnit(posture.joints[i], found.are_turning[i]));
     }
     postures.push_back(Json{{"joints", values}, {"singularity", posture.singularity}});
   }
-  return Json{{"arm", found->arm}, {"reason", found->reason}, {"joints", joints}, {"postures", postures}};
+  return Json{{"arm", found.arm}, {"reason", found.reason}, {"joints", joints}, {"postures", postures}};
+}
+
+// Returns the postures of the arm of a single camera, or those of each arm by its name.
+Json PosturesJson(const RigProblem& rig, const std::vector<ReachingPostures>& all) {
+  if (IsSingleCamera(rig)) return all.empty() ? Json(nullptr) : PosturesJson(all.front());
+  Json json = Json::object();
+  for (const ReachingPostures& postures : all) json[rig.robots[postures.robot]] = PosturesJson(postures);
+  return json;
 }
 
 Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachCommand& command) {
@@ -88,7 +103,7 @@ Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachComma
                           {"value", InUnit(command.joints[i], is_turning)},
                           {"unit", UnitOf(is_turning)}});
   }
-  json["base_from_gripper"] = PoseJson(command.base_from_gripper, "base", "gripper");
+  json["base_from_gripper"] = MatrixPoseJson(command.base_from_gripper, "base", "gripper");
   json["joints"] = joints;
   json["from_target_mm"] = 1000 * DistanceM(command.base_from_gripper, reach.wanted);
   json["from_target_deg"] = RadToDeg(AngleRad(command.base_from_gripper, reach.wanted));
@@ -97,62 +112,127 @@ Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachComma
   return json;
 }
 
-Json CameraMountJson(const LocationRequest& request) {
-  if (request.result->setup == Setup::kEyeToHand) return nullptr;
-  const StatedPose& stated = request.camera_mount;
-  const bool is_corrected = request.robot != nullptr && stated.effect != nullptr;
-  const Rigid3d corrected = Correct(*FindRefined(*request.result)->solution, stated).base_from_mount;
-  return Json{{"stated", PoseJson(stated.base_from_mount, "base", "gripper")},
-              {"corrected", is_corrected ? PoseJson(corrected, "base", "gripper") : Json(nullptr)},
-              {"arm", request.robot == nullptr ? Json(nullptr) : Json(request.robot->nominal.name)},
-              {"reason", request.why_not_corrected}};
+// Returns the commands of an arm, and why there is none; all are empty if `reach` is null.
+Json ReachJson(const RigResult& result, const Reach* reach) {
+  Json json{{"command", nullptr}, {"commands", nullptr}, {"command_reason", ""}};
+  if (reach == nullptr) return json;
+  const RobotSummary& robot = *FindEstimatedArm(result, reach->robot);
+  if (reach->command) json["command"] = CommandJson(robot, *reach, *reach->command);
+  if (reach->has_each) {
+    json["commands"] = Json::array();
+    for (const ReachCommand& command : reach->in_each) json["commands"].push_back(CommandJson(robot, *reach, command));
+  }
+  json["command_reason"] = reach->command ? reach->command->reason : reach->reason;
+  return json;
 }
 
-// Returns why there is no pose to command; empty if there is one, or if the run has not estimated the errors of an arm.
-std::string WhyNoCommand(const LocationRequest& request, const ImageLocation& location) {
-  if (request.robot == nullptr || !location.chosen) return "";
-  if (!location.reach) return kNoCommandReason;
-  return location.reach->command ? location.reach->command->reason : location.reach->reason_of_each;
+Json ArmPoseJson(const LocationRequest& request, size_t robot) {
+  const RigResult& result = *request.result;
+  const StatedPose& stated = request.arms[robot].stated;
+  const RobotSummary* const arm = FindEstimatedArm(result, robot);
+  const Rigid3d corrected = Correct(result.rig, result.solution, robot, stated).base_from_mount;
+  return Json{{"stated", MatrixPoseJson(stated.base_from_mount, "base", "gripper")},
+              {"corrected", stated.effect != nullptr ? MatrixPoseJson(corrected, "base", "gripper") : Json(nullptr)},
+              {"arm", arm == nullptr ? Json(nullptr) : Json(arm->nominal.name)},
+              {"reason", request.arms[robot].why_not_corrected}};
+}
+
+// Returns a pose of the target that fits, named `key`, with its sigmas in the world named `sigma_key`.
+Json PossibleJson(const LocationRequest& request, const TargetLocation& location, size_t i, const std::string& key,
+                  const std::string& sigma_key) {
+  const RigResult& result = *request.result;
+  const PossiblePose& possible = location.possible[i];
+  const std::string& name = result.rig.targets[location.target].name;
+  return Json{{key, MatrixPoseJson(possible.located.world_from_target, WorldName(result.rig),
+                                   name.empty() ? "target" : name)},
+              {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
+              {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
+              {sigma_key, SigmasJson(SigmasOf(result.solution, possible.located))},
+              {"postures", PosturesJson(result.rig, possible.postures)}};
+}
+
+// Adds the position of a pixel in the world, named `key`, with its sigmas and the postures that reach it.
+void AddPosition(const RigProblem& rig, const PixelPosition& position, const std::string& key, Json* json) {
+  (*json)["pixel"] = {position.pixel.pixel.x(), position.pixel.pixel.y()};
+  (*json)[key] = VectorJson(position.point.in_world);
+  (*json)["sigma"] = SigmasJson(position.point.covariance);
+  (*json)["postures"] = PosturesJson(rig, position.postures);
 }
 
 Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
+  const TargetLocation target = location.targets.empty() ? TargetLocation() : location.targets.front();
   Json json{{"image", location.image},
             {"located", location.IsLocated()},
-            {"reason", LocationFault(location)},
-            {"points", location.num_points},
-            {"target_points", location.num_target_points},
-            {"rms_px", location.possible.empty() ? Json(nullptr) : Json(location.possible.front().located.rms_px)},
+            {"reason", Join(LocationFaults(request, location), "; ")},
+            {"points", target.num_points},
+            {"target_points", request.targets.front()->points().size()},
+            {"rms_px", target.possible.empty() ? Json(nullptr) : Json(target.possible.front().located.rms_px)},
             {"poses", Json::array()},
-            {"chosen", location.chosen ? Json(*location.chosen) : Json(nullptr)},
-            {"command", nullptr},
-            {"commands", nullptr},
-            {"command_reason", WhyNoCommand(request, location)},
-            {"pixels", Json::array()}};
-  const Solution& solution = *FindRefined(*request.result)->solution;
-  for (size_t i = 0; i < location.possible.size(); ++i) {
-    const PossiblePose& possible = location.possible[i];
-    json["poses"].push_back(
-        Json{{"base_from_target", PoseJson(possible.located.world_from_target, "base", "target")},
-             {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
-             {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
-             {"sigma", SigmasJson(SigmasOf(solution, possible.located))},
-             {"postures", PosturesJson(possible.postures)}});
-  }
-  if (location.reach) {
-    const Reach& reach = *location.reach;
-    if (reach.command) json["command"] = CommandJson(*request.robot, reach, *reach.command);
-    if (reach.has_each) {
-      json["commands"] = Json::array();
-      for (const ReachCommand& command : reach.in_each) {
-        json["commands"].push_back(CommandJson(*request.robot, reach, command));
-      }
-    }
+            {"chosen", target.chosen ? Json(*target.chosen) : Json(nullptr)}};
+  json.update(ReachJson(*request.result, target.reaches.empty() ? nullptr : &target.reaches.front()));
+  json["pixels"] = Json::array();
+  for (size_t i = 0; i < target.possible.size(); ++i) {
+    json["poses"].push_back(PossibleJson(request, target, i, "base_from_target", "sigma"));
   }
   for (const PixelPosition& position : location.pixels) {
-    json["pixels"].push_back(Json{{"pixel", {position.pixel.x(), position.pixel.y()}},
-                                  {"in_base_m", VectorJson(position.point.in_world)},
-                                  {"sigma", SigmasJson(position.point.covariance)},
-                                  {"postures", PosturesJson(position.postures)}});
+    AddPosition(request.result->rig, position, "in_base_m", &json["pixels"].emplace_back());
+  }
+  return json;
+}
+
+Json TargetJson(const LocationRequest& request, const TargetLocation& location) {
+  const RigProblem& rig = request.result->rig;
+  const RigTarget& target = rig.targets[location.target];
+  const bool is_seen = !location.possible.empty();
+  Json json{{"target", target.name},
+            {"cameras", Json::array()},
+            {"located", location.chosen.has_value()},
+            {"reason", TargetFault(request, location)},
+            {"points", location.num_points},
+            {"target_points", request.targets[location.target]->points().size()},
+            {"pose", nullptr},
+            {"rms_px", is_seen ? Json(location.possible.front().located.rms_px) : Json(nullptr)},
+            {"chance", is_seen ? Json(location.possible.front().located.p_value) : Json(nullptr)},
+            {"symmetries", target.symmetries.size()},
+            {"sigma", nullptr},
+            {"poses", Json::array()},
+            {"chosen", location.chosen ? Json(*location.chosen) : Json(nullptr)},
+            {"reach", Json::object()}};
+  for (const size_t camera : location.cameras) json["cameras"].push_back(rig.cameras[camera].name);
+  for (size_t i = 0; i < location.possible.size(); ++i) {
+    json["poses"].push_back(PossibleJson(request, location, i, "pose", "sigma_in_world"));
+    json["poses"].back()["sigma"] = SigmasJson(location.possible[i].located.pose_covariance);
+  }
+  if (location.chosen) {
+    for (const char* const key : {"pose", "sigma"}) json[key] = json["poses"][*location.chosen][key];
+  }
+  for (const Reach& reach : location.reaches) json["reach"][rig.robots[reach.robot]] = ReachJson(*request.result, &reach);
+  return json;
+}
+
+// Returns the members of the document of several cameras.
+Json RigJson(const LocationRequest& request, const ImageLocation& location) {
+  const RigProblem& rig = request.result->rig;
+  Json json{{"reason", location.fault}, {"robots", Json::object()}};
+  for (size_t r = 0; r < request.arms.size(); ++r) {
+    if (request.arms[r].carries_camera) json["robots"][rig.robots[r]] = ArmPoseJson(request, r);
+  }
+  if (request.pixels.empty()) {
+    json["targets"] = Json::array();
+    for (const TargetLocation& target : location.targets) json["targets"].push_back(TargetJson(request, target));
+  } else if (request.plane) {
+    json["points"] = Json::array();
+    for (const PixelPosition& position : location.pixels) {
+      Json& point = json["points"].emplace_back(Json{{"camera", rig.cameras[position.pixel.camera].name}});
+      AddPosition(rig, position, "in_world_m", &point);
+    }
+  } else {
+    const std::optional<LocatedPoint>& point = location.point;
+    json["point"] = point ? Json{{"in_world_m", VectorJson(point->in_world)},
+                                 {"rms_px", point->rms_px},
+                                 {"warning", PointWarning(*point)},
+                                 {"sigma", SigmasJson(point->covariance)}}
+                          : Json(nullptr);
   }
   return json;
 }
@@ -160,19 +240,32 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
 }  // namespace
 
 std::string LocationsToJson(const LocationRequest& request, const std::vector<ImageLocation>& locations) {
+  const RigProblem& rig = request.result->rig;
+  const bool is_single = IsSingleCamera(rig);
+  Json json{{"schema", is_single ? "heba/locations/1" : "heba/rig_locations/1"},
+            {"heba", Version()},
+            {"name", request.result->name}};
+  if (is_single) {
+    const bool is_carried = rig.cameras.front().mount.part == Mount::Part::kGripper;
+    json["setup"] = SetupName(is_carried ? Setup::kEyeInHand : Setup::kEyeToHand);
+    json["camera_mount"] = is_carried ? ArmPoseJson(request, 0) : Json(nullptr);
+  }
   // A confidence region is one of Fisher's F with so many degrees of freedom in the denominator; null if the noise was
   // given.
-  const double dof = FindRefined(*request.result)->solution->covariance_dof;
-  Json json;
-  json["schema"] = "heba/locations/1";
-  json["heba"] = Version();
-  json["name"] = request.result->name;
-  json["setup"] = SetupName(request.result->setup);
-  json["camera_mount"] = CameraMountJson(request);
-  json["covariance_dof"] = std::isfinite(dof) ? Json(dof) : Json(nullptr);
+  json["covariance_dof"] = Finite(request.result->solution.covariance_dof);
+  if (!is_single) {
+    json.update(RigJson(request, locations.front()));
+    return FileText(json);
+  }
   json["images"] = Json::array();
   for (const ImageLocation& location : locations) json["images"].push_back(ImageJson(request, location));
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return FileText(json);
+}
+
+std::string PointWarning(const LocatedPoint& point) {
+  // Pixels that a user reads from an image may be as far from the point that they show.
+  constexpr double kApartPx = 3;
+  return point.rms_px > kApartPx ? "the rays of the pixels do not meet: do they show one point?" : "";
 }
 
 }  // namespace heba

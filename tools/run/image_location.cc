@@ -1,21 +1,30 @@
 #include "tools/run/image_location.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "heba/base/text.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/robot/arm_postures.h"
+#include "heba/target_location.h"
 
 namespace heba {
 namespace {
 
 constexpr const char* kNotKnown = "the position or its uncertainty is not a finite number; do not use this result";
+constexpr const char* kNotCorrected = "the target was located with a pose that was not corrected";
 
 // Returns whether the figures of a position can be shown. The covariance in a result file may be invalid.
-bool IsKnown(const Eigen::Vector3d& place_m, const PositionCovariance& covariance) {
+bool IsKnown(const Eigen::Vector3d& position_m, const PositionCovariance& covariance) {
   const Eigen::Vector3d variances = covariance.TotalM2().diagonal();
-  return place_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
+  return position_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
+}
+
+std::vector<StatedPose> StatedPosesOf(const LocationRequest& request) {
+  std::vector<StatedPose> poses;
+  for (const ArmPose& arm : request.arms) poses.push_back(arm.stated);
+  return poses;
 }
 
 std::string NameOfConfiguration(const RobotSummary& robot, const Eigen::VectorXd& joints) {
@@ -23,83 +32,83 @@ std::string NameOfConfiguration(const RobotSummary& robot, const Eigen::VectorXd
   return configuration ? NameOf(*configuration) : "";
 }
 
-ReachCommand CommandNear(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
+// Returns the command near these joints with which arm `robot` brings its gripper to `wanted`, a pose in its base.
+ReachCommand CommandNear(const RigResult& result, size_t robot, const LocatedTarget& located, const Rigid3d& wanted,
                          const Eigen::VectorXd& near) {
+  const RobotSummary& arm = *FindEstimatedArm(result, robot);
   ReachCommand found;
-  const Outcome<Rigid3d> command = CommandFor(robot, located.world_from_target, near);
+  const Outcome<Rigid3d> command = CommandFor(arm, wanted, near);
   if (!command) {
     found.reason = command.reason();
     return found;
   }
-  const Outcome<Eigen::VectorXd> joints = PostureNear(robot.nominal, *command * Inverse(robot.tip_from_gripper), near);
+  const Outcome<Eigen::VectorXd> joints = PostureNear(arm.nominal, *command * Inverse(arm.tip_from_gripper), near);
   if (!joints) {
     found.reason = joints.reason();
     return found;
   }
   found.base_from_gripper = *command;
   found.joints = *joints;
-  found.configuration = NameOfConfiguration(robot, *joints);
-  found.covariance = CovarianceOfReach(setup, solution, located, WithArmErrors(robot, *command, *joints));
+  found.configuration = NameOfConfiguration(arm, *joints);
+  found.covariance =
+      CovarianceOfReachInRig(result.rig, result.solution, robot, located, WithArmErrors(arm, *command, *joints));
   return found;
 }
 
-// Returns the flange pose that points at a plane: its z axis opposes the normal, its x axis is as close to the base's
-// x axis as possible (to the base's y axis if the normal is nearly along x).
-Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
-  const Eigen::Vector3d z = -normal;
-  const bool is_along_x = std::abs(z.x()) > 0.9;
-  const Eigen::Vector3d other = is_along_x ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX();
-  const Eigen::Vector3d x = (other - other.dot(z) * z).normalized();
-  Eigen::Matrix3d rotation;
-  rotation << x, z.cross(x), z;
-  return Rigid3d(rotation, point);
-}
-
-// Sets the pixels of `location`, or its fault.
-void LocatePixels(const LocationRequest& request, const Solution& solution, const Detection& detection,
-                  ImageLocation* location) {
-  const Setup setup = request.result->setup;
-  const std::optional<Plane>& plane = request.plane;
-  const Observations observations = ObservationsOf(*request.target, detection);
-  Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
-  if (!plane) {
-    const Outcome<LocatedTarget> target = LocateTarget(setup, solution, observations, request.camera_mount);
-    if (!target) {
-      location->fault = detection.reason.empty() ? target.reason() : detection.reason;
-      return;
+// Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
+// in any case if those of the captures are several.
+Reach FindReach(const RigResult& result, size_t robot, const LocatedTarget& located, bool in_each) {
+  const RobotSummary& arm = *FindEstimatedArm(result, robot);
+  Reach reach;
+  reach.robot = robot;
+  reach.captured_configuration = arm.configuration;
+  reach.wanted = Inverse(result.solution.poses.world_from_base[robot]) * located.world_from_target;
+  if (!arm.configuration.empty()) {
+    const Outcome<Eigen::VectorXd> joints = JointsAt(arm, reach.wanted);
+    reach.command = ReachCommand();
+    if (joints) {
+      reach.command = CommandNear(result, robot, located, reach.wanted, *joints);
+    } else {
+      reach.command->reason = joints.reason();
     }
-    // The normal on the side that the camera sees.
-    normal = target->world_from_target.rotation * Eigen::Vector3d::UnitZ();
+    reach.command->is_extrapolated = reach.command->reason.empty() && reach.command->configuration != arm.configuration;
   }
-  const Rigid3d base_from_camera =
-      Correct(solution, request.camera_mount).base_from_mount * solution.hand_eye.camera_mount_from_camera;
-  std::vector<PixelPosition> positions;
-  for (const Eigen::Vector2d& pixel : request.pixels) {
-    const Outcome<LocatedPoint> located =
-        plane ? LocatePixel(setup, solution, pixel, *plane, request.camera_mount)
-              : LocatePixelOnTarget(setup, solution, pixel, observations, request.camera_mount);
-    if (!located || !IsKnown(located->in_world, located->covariance)) {
-      location->fault =
-          located ? kNotKnown
-                  : "pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason();
-      return;
-    }
-    PixelPosition position{pixel, *located, {}};
-    if (request.arm) {
-      const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_world) > 0;
-      position.postures =
-          FindPostures(*request.arm, PointingAt(located->in_world, is_seen_side ? normal : Eigen::Vector3d(-normal)));
-    }
-    positions.push_back(std::move(position));
+  reach.has_each = in_each || arm.configuration.empty();
+  if (!reach.has_each) return reach;
+  const Outcome<std::vector<Eigen::VectorXd>> postures =
+      PosturesOf(arm.nominal, reach.wanted * Inverse(arm.tip_from_gripper));
+  if (!postures) {
+    reach.reason = postures.reason();
+    return reach;
   }
-  location->pixels = std::move(positions);
+  for (const Eigen::VectorXd& posture : *postures) {
+    ReachCommand command = CommandNear(result, robot, located, reach.wanted, posture);
+    command.configuration = NameOfConfiguration(arm, posture);
+    command.is_extrapolated =
+        command.reason.empty() && !arm.configuration.empty() && command.configuration != arm.configuration;
+    reach.in_each.push_back(std::move(command));
+  }
+  return reach;
 }
 
-PoseSigmas SigmasOf(const Eigen::Matrix3d& position_m2, const Eigen::Matrix3d& rotation_rad2) {
-  return {position_m2.diagonal().cwiseSqrt(), rotation_rad2.diagonal().cwiseSqrt()};
+// Returns the reach by each arm whose errors are estimated. A pose that was not corrected has other errors than these.
+std::vector<Reach> FindReaches(const LocationRequest& request, const LocatedTarget& located) {
+  const bool is_corrected = std::all_of(request.arms.begin(), request.arms.end(),
+                                        [](const ArmPose& arm) { return arm.why_not_corrected.empty(); });
+  std::vector<Reach> reaches;
+  for (size_t r = 0; r < request.result->rig.robots.size(); ++r) {
+    if (FindEstimatedArm(*request.result, r) == nullptr) continue;
+    if (is_corrected) {
+      const bool in_each = !request.reaching.empty() && request.reaching[r].has_value();
+      reaches.push_back(FindReach(*request.result, r, located, in_each));
+    } else {
+      Reach& reach = reaches.emplace_back();
+      reach.robot = r;
+      reach.reason = kNotCorrected;
+    }
+  }
+  return reaches;
 }
-
-}  // namespace
 
 ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_tip) {
   ReachingPostures found;
@@ -129,38 +138,78 @@ ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_t
   return found;
 }
 
-Reach FindReach(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
-                bool in_each) {
-  Reach reach;
-  reach.captured_configuration = robot.configuration;
-  reach.wanted = located.world_from_target;
-  if (!robot.configuration.empty()) {
-    const Outcome<Eigen::VectorXd> joints = JointsAt(robot, reach.wanted);
-    reach.command = ReachCommand();
-    if (joints) {
-      reach.command = CommandNear(setup, robot, solution, located, *joints);
-    } else {
-      reach.command->reason = joints.reason();
+// Returns the postures of the arms that the request names.
+std::vector<ReachingPostures> FindAllPostures(const LocationRequest& request, const Rigid3d& world_from_tip) {
+  std::vector<ReachingPostures> all;
+  for (size_t r = 0; r < request.reaching.size(); ++r) {
+    if (!request.reaching[r]) continue;
+    const Rigid3d& world_from_base = request.result->solution.poses.world_from_base[r];
+    all.push_back(FindPostures(*request.reaching[r], Inverse(world_from_base) * world_from_tip));
+    all.back().robot = r;
+  }
+  return all;
+}
+
+// Returns the flange pose that points at a plane: its z axis opposes the normal, its x axis is as close to the world's
+// x axis as possible (to the world's y axis if the normal is nearly along x).
+Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
+  const Eigen::Vector3d z = -normal;
+  const bool is_along_x = std::abs(z.x()) > 0.9;
+  const Eigen::Vector3d other = is_along_x ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d x = (other - other.dot(z) * z).normalized();
+  Eigen::Matrix3d rotation;
+  rotation << x, z.cross(x), z;
+  return Rigid3d(rotation, point);
+}
+
+// Returns the position of a camera in the world.
+Eigen::Vector3d PositionOf(const LocationRequest& request, size_t camera) {
+  const RigResult& result = *request.result;
+  std::vector<Rigid3d> base_from_gripper;
+  for (size_t r = 0; r < request.arms.size(); ++r) {
+    base_from_gripper.push_back(Correct(result.rig, result.solution, r, request.arms[r].stated).base_from_mount);
+  }
+  const Mount& mount = result.rig.cameras[camera].mount;
+  const RigPoses& poses = result.solution.poses;
+  return WorldFromMount(mount, poses.world_from_base, base_from_gripper) * poses.mount_from_camera[camera].translation;
+}
+
+// Sets the pixels of `location`, or its fault. `target`: the one whose plane they are on; null if the request has a
+// plane.
+void LocatePixels(const LocationRequest& request, const LocatedTarget* target, ImageLocation* location) {
+  const RigProblem& rig = request.result->rig;
+  const RigSolution& solution = request.result->solution;
+  const std::vector<StatedPose> poses = StatedPosesOf(request);
+  const Eigen::Vector3d normal =
+      target == nullptr ? request.plane->normal : target->world_from_target.rotation * Eigen::Vector3d::UnitZ();
+  std::vector<PixelPosition> positions;
+  for (const CameraPixel& pixel : request.pixels) {
+    const Outcome<LocatedPoint> located = target == nullptr
+                                              ? LocatePixelInRig(rig, solution, pixel, *request.plane, poses)
+                                              : LocatePixelOnTargetInRig(rig, solution, pixel, *target, poses);
+    if (!located || !IsKnown(located->in_world, located->covariance)) {
+      const std::string& camera = rig.cameras[pixel.camera].name;
+      location->fault = located ? kNotKnown
+                                : "pixel " + Significant(pixel.pixel.x(), 6) + ", " + Significant(pixel.pixel.y(), 6) +
+                                      (camera.empty() ? "" : " of camera " + camera) + ": " + located.reason();
+      return;
     }
-    reach.command->is_extrapolated =
-        reach.command->reason.empty() && reach.command->configuration != robot.configuration;
+    const bool is_seen_side = normal.dot(PositionOf(request, pixel.camera) - located->in_world) > 0;
+    const Rigid3d tip = PointingAt(located->in_world, is_seen_side ? normal : Eigen::Vector3d(-normal));
+    positions.push_back({pixel, *located, FindAllPostures(request, tip)});
   }
-  reach.has_each = in_each || robot.configuration.empty();
-  if (!reach.has_each) return reach;
-  const Outcome<std::vector<Eigen::VectorXd>> postures =
-      PosturesOf(robot.nominal, reach.wanted * Inverse(robot.tip_from_gripper));
-  if (!postures) {
-    reach.reason_of_each = postures.reason();
-    return reach;
+  location->pixels = std::move(positions);
+}
+
+// Sets the point of `location`, or its fault.
+void LocatePoint(const LocationRequest& request, ImageLocation* location) {
+  const Outcome<LocatedPoint> located =
+      TriangulateInRig(request.result->rig, request.result->solution, request.pixels, StatedPosesOf(request));
+  if (!located || !IsKnown(located->in_world, located->covariance)) {
+    location->fault = located ? kNotKnown : located.reason();
+  } else {
+    location->point = *located;
   }
-  for (const Eigen::VectorXd& posture : *postures) {
-    ReachCommand command = CommandNear(setup, robot, solution, located, posture);
-    command.configuration = NameOfConfiguration(robot, posture);
-    command.is_extrapolated =
-        command.reason.empty() && !robot.configuration.empty() && command.configuration != robot.configuration;
-    reach.in_each.push_back(std::move(command));
-  }
-  return reach;
 }
 
 NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& rough) {
@@ -173,51 +222,142 @@ NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& ro
   return near;
 }
 
+// Returns the index of the pose that is meant: the only one, or the one that `rough` is near to (FindMeantPose).
+// Returns nothing if that does not decide.
 std::optional<size_t> ChoosePose(const std::vector<Rigid3d>& possible, const std::optional<Rigid3d>& rough) {
   if (possible.size() == 1) return 0;
   return rough ? FindMeantPose(possible, *rough) : std::nullopt;
 }
 
-ImageLocation LocateInImage(const LocationRequest& request, const std::string& image, const Detection& detection) {
-  const Solution& solution = *FindRefined(*request.result)->solution;
-  ImageLocation location;
-  location.image = image;
-  location.num_points = detection.ids.size();
-  location.num_target_points = request.target->points().size();
-  if (!request.pixels.empty()) {
-    LocatePixels(request, solution, detection, &location);
-    return location;
+// Returns the points of a target that cameras see, and sets what is known of the target without its pose. Empty if no
+// image shows enough of them.
+std::vector<CameraObservations> SeenOf(const LocationRequest& request, const std::vector<Sighting>& sightings,
+                                       TargetLocation* location) {
+  const size_t fewest_points = IsSingleCamera(request.result->rig) ? 0 : 4;
+  std::vector<CameraObservations> seen;
+  for (const Sighting& sighting : sightings) {
+    const size_t num_points = sighting.detection.ids.size();
+    if (sighting.target != location->target || num_points < fewest_points) continue;
+    seen.push_back({sighting.camera, ObservationsOf(*request.targets[sighting.target], sighting.detection)});
+    location->cameras.push_back(sighting.camera);
+    location->num_points += num_points;
   }
-  const Outcome<std::vector<LocatedTarget>> possible =
-      LocateSymmetricTarget(request.result->setup, solution, ObservationsOf(*request.target, detection),
-                            request.target->Symmetries(), request.camera_mount);
+  return seen;
+}
+
+// Sets the poses of a target that fit these images, and the one that is meant.
+void LocateSeen(const LocationRequest& request, const std::vector<CameraObservations>& seen, TargetLocation* location) {
+  const RigProblem& rig = request.result->rig;
+  const RigSolution& solution = request.result->solution;
+  const std::vector<StatedPose> arms = StatedPosesOf(request);
+  location->contradiction = FindContradiction(rig, solution, location->target, seen, arms);
+  if (location->contradiction) return;
+  const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInRig(rig, solution, location->target, seen, arms);
   if (!possible) {
-    location.fault = detection.reason.empty() ? possible.reason() : detection.reason;
-    return location;
-  }
-  for (const LocatedTarget& located : *possible) {
-    if (IsKnown(located.world_from_target.translation, located.covariance)) continue;
-    location.fault = kNotKnown;
-    return location;
+    location->undetermined = possible.reason();
+    return;
   }
   std::vector<Rigid3d> poses;
   for (const LocatedTarget& located : *possible) {
-    PossiblePose pose{located, {}};
-    if (request.arm) pose.postures = FindPostures(*request.arm, located.world_from_target);
-    location.possible.push_back(std::move(pose));
+    if (!IsKnown(located.world_from_target.translation, located.covariance)) location->undetermined = kNotKnown;
     poses.push_back(located.world_from_target);
   }
-  if (request.near) location.near = CompareToRough(poses, *request.near);
-  location.chosen = ChoosePose(poses, request.near);
-  const bool is_corrected = request.result->setup == Setup::kEyeToHand || request.camera_mount.effect != nullptr;
-  if (location.chosen && request.robot != nullptr && is_corrected) {
-    location.reach = FindReach(request.result->setup, *request.robot, solution, (*possible)[*location.chosen],
-                               request.arm.has_value());
+  if (!location->undetermined.empty()) return;
+  for (const LocatedTarget& located : *possible) location->possible.push_back({located, {}});
+  const std::optional<Rigid3d> rough = request.near.empty() ? std::nullopt : request.near[location->target];
+  if (rough) location->near = CompareToRough(poses, *rough);
+  location->chosen = ChoosePose(poses, rough);
+}
+
+PoseSigmas SigmasOf(const Eigen::Matrix3d& position_m2, const Eigen::Matrix3d& rotation_rad2) {
+  return {position_m2.diagonal().cwiseSqrt(), rotation_rad2.diagonal().cwiseSqrt()};
+}
+
+}  // namespace
+
+bool IsSingleCamera(const RigProblem& rig) { return rig.cameras.size() == 1 && rig.cameras.front().name.empty(); }
+
+bool ImageLocation::IsLocated() const {
+  return point || !pixels.empty() ||
+         std::any_of(targets.begin(), targets.end(),
+                     [](const TargetLocation& target) { return target.chosen.has_value(); });
+}
+
+std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+                                     const std::vector<GivenArmPose>& given, const std::string& pose_name,
+                                     const std::string& joints_name) {
+  const RigProblem& rig = result.rig;
+  std::vector<ArmPose> arms;
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    const bool is_named = !rig.robots[r].empty();
+    const std::string robot = is_named ? "the arm " + rig.robots[r] : "the robot";
+    const auto carrier = std::find_if(cameras.begin(), cameras.end(), [&](size_t camera) {
+      return rig.cameras[camera].mount == Mount{r, Mount::Part::kGripper};
+    });
+    ArmPose& arm = arms.emplace_back();
+    arm.carries_camera = carrier != cameras.end();
+    if (arm.carries_camera && !given[r].base_from_gripper) {
+      throw InputError(pose_name + ": " + (is_named ? "camera " + rig.cameras[*carrier].name : "the camera") +
+                       " is carried by " + robot + ", whose pose is needed");
+    }
+    if (!arm.carries_camera && (given[r].base_from_gripper || given[r].joints)) {
+      const bool is_pose = given[r].base_from_gripper.has_value();
+      throw InputError((is_pose ? pose_name : joints_name) + ": " +
+                       (is_named ? robot + " carries none of the cameras" : "the camera is stationary") +
+                       "; leave its " + (is_pose ? "pose" : "joints") + " out");
+    }
+    if (!arm.carries_camera) continue;
+    const Outcome<StatedPose> stated =
+        WithErrorsOfArm(FindEstimatedArm(result, r), *given[r].base_from_gripper, given[r].joints);
+    if (!stated && given[r].joints) {
+      throw InputError(joints_name + ": " + (is_named ? "arm " + rig.robots[r] + ": " : "") + stated.reason());
+    }
+    arm.stated = stated ? *stated : StatedPose(*given[r].base_from_gripper);
+    if (!stated) arm.why_not_corrected = stated.reason();
   }
+  return arms;
+}
+
+ImageLocation LocateInImages(const LocationRequest& request, const std::string& image,
+                             const std::vector<Sighting>& sightings) {
+  ImageLocation location;
+  location.image = image;
+  const bool is_on_target = !request.pixels.empty() && !request.plane && !sightings.empty();
+  std::vector<TargetLocation> targets;
+  for (size_t t = 0; t < request.targets.size(); ++t) {
+    TargetLocation target;
+    target.target = t;
+    const std::vector<CameraObservations> seen = SeenOf(request, sightings, &target);
+    if (seen.empty()) continue;
+    if (request.pixels.empty() || is_on_target) LocateSeen(request, seen, &target);
+    const std::string& why_few = sightings.front().detection.reason;
+    if (!target.undetermined.empty() && sightings.size() == 1 && !why_few.empty()) target.undetermined = why_few;
+    targets.push_back(std::move(target));
+  }
+  if (targets.empty() && (request.pixels.empty() || is_on_target)) {
+    location.fault = "no target was detected in these images";
+  } else if (is_on_target) {
+    TargetLocation& target = targets.front();
+    location.fault = target.undetermined;
+    if (location.fault.empty()) LocatePixels(request, &target.possible.front().located, &location);
+    target.possible.clear();
+    target.chosen.reset();
+  } else if (request.plane) {
+    LocatePixels(request, nullptr, &location);
+  } else if (!request.pixels.empty()) {
+    LocatePoint(request, &location);
+  }
+  for (TargetLocation& target : targets) {
+    for (PossiblePose& pose : target.possible) {
+      pose.postures = FindAllPostures(request, pose.located.world_from_target);
+    }
+    if (target.chosen) target.reaches = FindReaches(request, target.possible[*target.chosen].located);
+  }
+  location.targets = std::move(targets);
   return location;
 }
 
-PoseSigmasBySource SigmasOf(const Solution& solution, const LocatedTarget& located) {
+PoseSigmasBySource SigmasOf(const RigSolution& solution, const LocatedTarget& located) {
   const PoseUncertainty& uncertainty = located.uncertainty;
   const Eigen::MatrixXd by_unknowns = uncertainty.by_unknowns.bottomRows<3>();
   const Eigen::Matrix3d by_calibration = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();

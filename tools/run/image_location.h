@@ -1,5 +1,6 @@
-// Locates the target, or pixels, of an image in the robot's base, with the sigmas and with the joints of an arm that
-// reaches it: all values that `heba locate` states.
+// Locates the targets, or pixels, that images of one moment show in the world, with the sigmas and with the joints of
+// arms that reach them: all values that `heba locate` states. The images are one of a single camera, whose world is the
+// base of its robot, or one of each of several cameras.
 #pragma once
 
 #include <memory>
@@ -10,13 +11,16 @@
 
 #include "heba/base/error.h"
 #include "heba/detection.h"
-#include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/rig_location.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
 #include "heba/target.h"
-#include "heba/target_location.h"
 
 namespace heba {
+
+// Returns whether a problem is that of a single camera, whose parts have no names (heba/data/hand_eye.h).
+bool IsSingleCamera(const RigProblem& rig);
 
 // An arm whose joints are to be found: one of the built-in table, or a URDF's from its root to its only tip.
 struct ReachingArm {
@@ -25,12 +29,13 @@ struct ReachingArm {
   std::shared_ptr<const UrdfArm> urdf = nullptr;
 };
 
-// The joints with which an arm brings its flange (its tip for a URDF) to a pose in the base.
+// The joints with which an arm brings its flange (its tip for a URDF) to a pose in its base.
 struct ReachingPostures {
   struct Posture {
     std::vector<double> joints;  // rad or m.
     std::string singularity;     // UrPosture::singularity.
   };
+  size_t robot = 0;  // The arm of the result in whose place the arm stands.
   std::string arm;
   bool is_urdf = false;
   std::vector<std::string> joint_names;
@@ -38,7 +43,6 @@ struct ReachingPostures {
   std::vector<Posture> postures;
   std::string reason;  // Why there is none.
 };
-ReachingPostures FindPostures(const ReachingArm& arm, const Rigid3d& base_from_tip);
 
 // A pose to command so that the gripper of an arm with estimated errors truly reaches a target.
 struct ReachCommand {
@@ -46,35 +50,32 @@ struct ReachCommand {
   std::string reason;         // Why there is none; the fields below are then not set.
   Rigid3d base_from_gripper;
   Eigen::VectorXd joints;         // At which the controller reports the pose, rad or m.
-  PositionCovariance covariance;  // CovarianceOfReach.
+  PositionCovariance covariance;  // CovarianceOfReachInRig.
   // Whether no capture is in this configuration, so that the arm's errors are extrapolated.
   bool is_extrapolated = false;
 };
 struct Reach {
+  size_t robot = 0;                     // The arm, whose errors are estimated.
   std::string captured_configuration;   // RobotSummary::configuration.
-  Rigid3d wanted;                       // The pose to reach.
+  Rigid3d wanted;                       // The pose to reach, in the base of the arm.
   std::optional<ReachCommand> command;  // Nothing if the captures are in several configurations.
   std::vector<ReachCommand> in_each;    // In each configuration, if they were asked for.
   bool has_each = false;
-  std::string reason_of_each;  // Why there are none in any configuration.
+  std::string reason;  // Why there are none in any configuration.
 };
-// Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
-// in any case if those of the captures are several.
-Reach FindReach(Setup setup, const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
-                bool in_each);
 
-// One of the poses of the target that fit an image.
+// One of the poses of a target that fit the images.
 struct PossiblePose {
   LocatedTarget located;
-  std::optional<ReachingPostures> postures;  // Nothing if no arm was named.
+  std::vector<ReachingPostures> postures;  // Of the arms that were named.
 };
 
 // A pixel on a plane.
 struct PixelPosition {
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  CameraPixel pixel;
   LocatedPoint point;
-  // With the flange pointing at the plane: its z axis opposes the normal. Nothing if no arm was named.
-  std::optional<ReachingPostures> postures;
+  // With the flange pointing at the plane: its z axis opposes the normal.
+  std::vector<ReachingPostures> postures;
 };
 
 // How far a rough pose is from each of the poses of a target that fit.
@@ -83,42 +84,77 @@ struct NearPoses {
   std::vector<double> distances_m;
   double least_distance_m = 0;  // LeastDistanceM of the poses.
 };
-NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& rough);
-// Returns the index of the pose that is meant: the only one, or the one that `rough` is near to (FindMeantPose).
-// Returns nothing if that does not decide.
-std::optional<size_t> ChoosePose(const std::vector<Rigid3d>& possible, const std::optional<Rigid3d>& rough);
+
+// The pose and the joints of an arm at which images were taken, as far as they are given.
+struct GivenArmPose {
+  std::optional<Rigid3d> base_from_gripper;
+  std::optional<Eigen::VectorXd> joints;  // rad or m.
+};
+// The pose of an arm at which images were taken.
+struct ArmPose {
+  bool carries_camera = false;    // Whether it carries one of the cameras.
+  StatedPose stated;              // With its errors, if they are estimated and known; the identity if it carries none.
+  std::string why_not_corrected;  // If the errors of the arm are estimated, but not those of this pose.
+};
+// Returns the pose of each arm for images of these cameras. Throws InputError, which begins with `pose_name` or
+// `joints_name`, if an arm that carries one of the cameras has no pose, if one that carries none of them has one, or if
+// the joints are not those of the arm at its pose.
+std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+                                     const std::vector<GivenArmPose>& given, const std::string& pose_name,
+                                     const std::string& joints_name);
 
 // The request for the images of one call.
 struct LocationRequest {
-  const RunResult* result = nullptr;
-  const Target* target = nullptr;
-  const RobotSummary* robot = nullptr;  // The arm whose errors are estimated, or null.
-  StatedPose camera_mount;
-  std::string why_not_corrected;        // If the errors of the arm are estimated, but not those of this pose.
-  std::vector<Eigen::Vector2d> pixels;  // Empty: the target is located.
-  std::optional<Plane> plane;           // The plane of the pixels; that of the target by default.
-  std::optional<Rigid3d> near;          // A rough base_from_target.
-  std::optional<ReachingArm> arm;
+  const RigResult* result = nullptr;  // The symmetries of its targets are set.
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<ArmPose> arms;           // One per arm (PosesForCameras).
+  std::vector<CameraPixel> pixels;     // Empty: the targets are located.
+  std::optional<Plane> plane;          // The plane of the pixels.
+  std::vector<std::optional<Rigid3d>> near = {};  // A rough world_from_target of each target; an empty list: none.
+  std::string near_form = {};  // How a user gives such a pose, for messages: "--near x,y,z,qx,qy,qz,qw".
+  std::vector<std::optional<ReachingArm>> reaching = {};  // One per arm; an empty list: none.
 };
 
-struct ImageLocation {
-  std::string image;
-  size_t num_points = 0;  // The number of the target's points in the image.
-  size_t num_target_points = 0;
-  std::vector<PossiblePose> possible;  // Empty if the target cannot be located, or if pixels are asked for.
+// The detection of one target in the image of one camera.
+struct Sighting {
+  size_t camera = 0;
+  size_t target = 0;
+  Detection detection;
+};
+
+struct TargetLocation {
+  size_t target = 0;
+  std::vector<size_t> cameras;         // The cameras that see enough points of it.
+  size_t num_points = 0;               // The number of its points in their images.
+  std::vector<PossiblePose> possible;  // Empty if it is not located, or if pixels are asked for.
   std::optional<size_t> chosen;        // The index of the pose that is meant; nothing if none is.
   std::optional<NearPoses> near;       // Of LocationRequest::near and the possible poses.
-  std::optional<Reach> reach;          // The reach of the chosen pose, if the run has estimated the errors of an arm.
-  std::vector<PixelPosition> pixels;
-  std::string fault;  // Why nothing is located; empty otherwise.
-
-  bool IsLocated() const { return chosen || !pixels.empty(); }
+  std::vector<Reach> reaches;          // The reach of the chosen pose by each arm whose errors are estimated.
+  std::optional<RigContradiction> contradiction;
+  std::string undetermined;  // Why the points do not determine a pose; empty otherwise.
 };
 
-// Locates the target, or pixels, in one image with the refined estimate of a run.
-ImageLocation LocateInImage(const LocationRequest& request, const std::string& image, const Detection& detection);
+// What the images of one moment show.
+struct ImageLocation {
+  std::string image;  // The name of the image of a single camera; empty if there is none.
+  std::vector<TargetLocation> targets;
+  std::vector<PixelPosition> pixels;
+  std::optional<LocatedPoint> point;  // The point that the pixels show together.
+  std::string fault;                  // Why nothing is located; empty otherwise.
 
-// One sigma of a pose as a motion along and about the base's axes.
+  bool IsLocated() const;
+};
+
+// Locates each target of which a camera sees at least four points; that of a single camera is stated in any case. Images
+// that contradict each other locate nothing.
+//
+// Pixels are located on LocationRequest::plane if there is one, otherwise on the target of the only sighting, in which
+// case the normal is on the side that the camera sees. Without both, they show one point together. A pixel that cannot
+// be located is a fault of all.
+ImageLocation LocateInImages(const LocationRequest& request, const std::string& image,
+                             const std::vector<Sighting>& sightings);
+
+// One sigma of a pose as a motion along and about the world's axes.
 struct PoseSigmas {
   Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();
@@ -130,6 +166,6 @@ struct PoseSigmasBySource {
   PoseSigmas by_robot;
 };
 // Returns the sigmas of a located target: those of its centre (LocatedTarget::covariance) and of its rotation.
-PoseSigmasBySource SigmasOf(const Solution& solution, const LocatedTarget& located);
+PoseSigmasBySource SigmasOf(const RigSolution& solution, const LocatedTarget& located);
 
 }  // namespace heba

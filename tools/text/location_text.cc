@@ -1,20 +1,22 @@
 #include "tools/text/location_text.h"
 
 #include <cmath>
-#include <vector>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/target_location.h"
 #include "tools/text/result_text.h"
 #include "tools/text/target_symmetry.h"
 
 namespace heba {
 namespace {
 
+std::string Listed(const Eigen::Vector3d& numbers) {
+  return ShownAmount(numbers.x(), 2) + ", " + ShownAmount(numbers.y(), 2) + ", " + ShownAmount(numbers.z(), 2);
+}
+
 std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
-  std::vector<std::string> parts;
-  for (int i = 0; i < 3; ++i) parts.push_back(Significant(1000 * std::sqrt(covariance_m2(i, i)), 2));
-  return Join(parts, ", ");
+  return Listed(1000 * covariance_m2.diagonal().cwiseSqrt());
 }
 
 // Formats a covariance as "sx, sy, sz mm (calibration ...; image ...; robot ...)".
@@ -28,25 +30,48 @@ std::string DifferenceText(const Rigid3d& a, const Rigid3d& b) {
   return Significant(1000 * DistanceM(a, b), 3) + " mm and " + Significant(RadToDeg(AngleRad(a, b)), 3) + " deg";
 }
 
-// Returns a line on the correction of the pose that the robot states.
-std::string CameraMountText(const LocationRequest& request) {
-  if (request.robot == nullptr || request.result->setup == Setup::kEyeToHand) return "";
-  const std::string& arm = request.robot->nominal.name;
-  if (request.camera_mount.effect == nullptr) {
-    return "  the robot's pose was not corrected by the estimated errors of the arm " + arm +
-           ", whose uncertainty is missing in the sigmas: " + request.why_not_corrected +
-           "; --joints, the positions of the joints at that pose, would tell them\n";
-  }
-  const Solution& solution = *FindRefined(*request.result)->solution;
-  return "  the robot's pose was corrected by the estimated errors of the arm " + arm + ", by " +
-         DifferenceText(request.camera_mount.base_from_mount, Correct(solution, request.camera_mount).base_from_mount) +
-         "\n";
+// Returns " along the base's x, y, z".
+std::string AlongWorld(const RigProblem& rig) { return " along the " + WorldName(rig) + "'s x, y, z"; }
+
+// Returns " of the arm NAME"; empty if it has no name.
+std::string OfArm(const RigProblem& rig, size_t robot) {
+  return rig.robots[robot].empty() ? "" : " of the arm " + rig.robots[robot];
 }
 
-std::string InEachConfiguration(const Reach& reach) {
+std::vector<std::string> NamesOf(const RigProblem& rig, const std::vector<size_t>& cameras) {
+  std::vector<std::string> names;
+  for (const size_t camera : cameras) names.push_back(rig.cameras[camera].name);
+  return names;
+}
+
+// Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or why
+// they did not.
+std::string ArmPosesText(const LocationRequest& request) {
+  const RigResult& result = *request.result;
+  std::string text;
+  for (size_t r = 0; r < request.arms.size(); ++r) {
+    const RobotSummary* const arm = FindEstimatedArm(result, r);
+    if (!request.arms[r].carries_camera || arm == nullptr) continue;
+    const bool is_named = !result.rig.robots[r].empty();
+    const std::string pose = "  the " + (is_named ? "pose" + OfArm(result.rig, r) : "robot's pose") + " was ";
+    const std::string errors = is_named ? "its estimated errors" : "the estimated errors of the arm " + arm->nominal.name;
+    const StatedPose& stated = request.arms[r].stated;
+    if (stated.effect == nullptr) {
+      text += pose + "not corrected by " + errors + ", whose uncertainty is missing in the sigmas: " +
+              request.arms[r].why_not_corrected + "; --joints, the positions of the joints at that pose, would tell them\n";
+      continue;
+    }
+    const Rigid3d corrected = Correct(result.rig, result.solution, r, stated).base_from_mount;
+    text += pose + "corrected by " + errors + ", by " + DifferenceText(stated.base_from_mount, corrected) + "\n";
+  }
+  return text;
+}
+
+std::string InEachConfiguration(const std::string& of_arm, const Reach& reach) {
+  if (!reach.reason.empty()) return "  no pose" + of_arm + " to command: " + reach.reason + "\n";
   if (!reach.has_each) return "";
-  if (!reach.reason_of_each.empty()) return "  no pose to command: " + reach.reason_of_each + "\n";
-  std::string text = "  poses to command in each configuration, with one sigma of the gripper against the target:\n";
+  std::string text =
+      "  poses" + of_arm + " to command in each configuration, with one sigma of the gripper against the target:\n";
   for (const ReachCommand& command : reach.in_each) {
     text += "    " + (command.configuration.empty() ? "" : command.configuration + ": ");
     if (!command.reason.empty()) {
@@ -62,75 +87,74 @@ std::string InEachConfiguration(const Reach& reach) {
   return text;
 }
 
-// Returns lines on the pose to command so that the gripper truly reaches the target.
-std::string ReachText(const Reach& reach) {
+// Returns lines on the pose to command so that the gripper of an arm truly reaches the target.
+std::string ReachText(const RigProblem& rig, const Reach& reach) {
+  const std::string of_arm = OfArm(rig, reach.robot);
   std::string text;
   if (reach.command && !reach.command->reason.empty()) {
-    text = "  no pose to command: " + reach.command->reason + "\n";
+    text = "  no pose" + of_arm + " to command: " + reach.command->reason + "\n";
   } else if (reach.command) {
     const ReachCommand& command = *reach.command;
-    text =
-        "  pose to command so that the gripper truly reaches it, " +
-        DifferenceText(command.base_from_gripper, reach.wanted) + " from it: base_from_gripper " +
-        PoseText(command.base_from_gripper) +
-        "\n  one sigma of the gripper against the target, along the base's x, y, z: " + SigmasText(command.covariance) +
-        "\n";
+    text = "  pose" + of_arm + " to command so that the gripper truly reaches it, " +
+           DifferenceText(command.base_from_gripper, reach.wanted) + " from it: base_from_gripper " +
+           PoseText(command.base_from_gripper) + "\n  one sigma of the gripper against the target," + AlongWorld(rig) +
+           ": " + SigmasText(command.covariance) + "\n";
     if (command.is_extrapolated) {
       text += "  the pose to command is not in the configuration of the captures (" + reach.captured_configuration +
               "), so that the arm's errors are extrapolated\n";
     }
   }
-  return text + InEachConfiguration(reach);
+  return text + InEachConfiguration(of_arm, reach);
 }
 
-std::string ReachTextOf(const LocationRequest& request, const ImageLocation& location) {
-  if (request.robot == nullptr) return "";
-  if (location.reach) return ReachText(*location.reach);
-  return "  no pose to command: " + std::string(kNoCommandReason) + "\n";
-}
-
-std::string PosturesText(const std::optional<ReachingPostures>& postures) {
-  if (!postures) return "";
-  if (!postures->reason.empty()) return "  " + postures->arm + ": " + postures->reason + "\n";
-  std::string text = "  " + postures->arm + ": " + std::to_string(postures->postures.size()) +
-                     (postures->is_urdf ? " postures found that align the tip's frame with the target's; " +
-                                              Join(postures->joint_names, ", ") + " in deg or m:\n"
-                                        : " postures align the flange's frame with the target's; joints in deg:\n");
-  for (const ReachingPostures::Posture& posture : postures->postures) {
-    text += "   ";
-    for (size_t i = 0; i < posture.joints.size(); ++i) {
-      const double joint = posture.joints[i];
-      text += PadLeft(postures->are_turning[i] ? Fixed(RadToDeg(joint), 3) : Fixed(joint, 5), 10);
+std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostures>& all) {
+  std::string text;
+  for (const ReachingPostures& postures : all) {
+    const std::string& robot = rig.robots[postures.robot];
+    text += "  " + (robot.empty() ? "" : "arm " + robot + ", ") + postures.arm + ": ";
+    if (!postures.reason.empty()) {
+      text += postures.reason + "\n";
+      continue;
     }
-    text += (posture.singularity.empty() ? "" : "  (" + posture.singularity + ")") + "\n";
+    text += std::to_string(postures.postures.size()) +
+            (postures.is_urdf ? " postures found that align the tip's frame with the target's; " +
+                                    Join(postures.joint_names, ", ") + " in deg or m:\n"
+                              : " postures align the flange's frame with the target's; joints in deg:\n");
+    for (const ReachingPostures::Posture& posture : postures.postures) {
+      text += "   ";
+      for (size_t i = 0; i < posture.joints.size(); ++i) {
+        const double joint = posture.joints[i];
+        text += PadLeft(postures.are_turning[i] ? Fixed(RadToDeg(joint), 3) : Fixed(joint, 5), 10);
+      }
+      text += (posture.singularity.empty() ? "" : "  (" + posture.singularity + ")") + "\n";
+    }
   }
   return text;
 }
 
-std::string PixelText(const PixelPosition& position) {
-  const Eigen::Vector3d mm = 1000 * position.point.in_world;
-  return "  pixel " + Significant(position.pixel.x(), 6) + ", " + Significant(position.pixel.y(), 6) + ": [" +
-         Fixed(mm.x(), 3) + ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
-         SigmasText(position.point.covariance) + "\n" + PosturesText(position.postures);
+// Returns ": [x, y, z] mm in the base; one sigma ...".
+std::string PointText(const RigProblem& rig, const LocatedPoint& point) {
+  const Eigen::Vector3d mm = 1000 * point.in_world;
+  return ": [" + Fixed(mm.x(), 3) + ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the " +
+         WorldName(rig) + "; one sigma " + SigmasText(point.covariance);
 }
 
-std::string SigmaLine(const LocatedTarget& located) {
-  return "  one sigma of its centre, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
-}
-
-// Lists all poses that fit an image of a target with symmetries.
-std::string PossibleText(const std::vector<PossiblePose>& possible) {
-  std::string text;
-  for (size_t i = 0; i < possible.size(); ++i) {
-    text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(possible.size()) +
-            ": base_from_target " + PoseText(possible[i].located.world_from_target) + "\n" +
-            PosturesText(possible[i].postures);
+std::string PixelsText(const LocationRequest& request, const ImageLocation& location) {
+  const RigProblem& rig = request.result->rig;
+  std::string text = (location.image.empty() ? "pixels" : location.image) + ":\n" + ArmPosesText(request);
+  for (const PixelPosition& position : location.pixels) {
+    const std::string& camera = rig.cameras[position.pixel.camera].name;
+    const Eigen::Vector2d& pixel = position.pixel.pixel;
+    text += "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) +
+            (camera.empty() ? "" : " of camera " + camera) + PointText(rig, position.point) + "\n" +
+            PosturesText(rig, position.postures);
   }
-  return text + SigmaLine(possible.front().located);
+  if (!location.point) return text;
+  return text + "  point" + PointText(rig, *location.point) + "; the pixels are " +
+         Significant(location.point->rms_px, 2) + " px from it (RMS)\n";
 }
 
-}  // namespace
-
+// Returns "2 possible poses, from which it is 144, 3.2 mm and 178, 3.1 deg away".
 std::string NearnessText(const NearPoses& near) {
   std::vector<std::string> distances;
   std::vector<std::string> angles;
@@ -140,6 +164,7 @@ std::string NearnessText(const NearPoses& near) {
          " mm and " + Join(angles, ", ") + " deg away";
 }
 
+// Returns why a rough pose does not decide between the poses that fit.
 std::string NearFault(const NearPoses& near) {
   return "--near does not decide between the " + NearnessText(near) + "; it must be within " +
          Significant(1000 * kRoughPositionShare * near.least_distance_m, 2) + " mm of one of them, or within " +
@@ -147,31 +172,105 @@ std::string NearFault(const NearPoses& near) {
          Significant(RadToDeg(kMinRotationGapRad), 2) + " deg";
 }
 
-std::string LocationText(const LocationRequest& request, const ImageLocation& location) {
-  if (!location.fault.empty()) return "";
-  if (!location.pixels.empty()) {
-    std::string text = (location.image.empty() ? "pixels" : location.image) + ":\n" + CameraMountText(request);
-    for (const PixelPosition& position : location.pixels) text += PixelText(position);
-    return text;
-  }
-  const std::string fit = location.image + ": " + std::to_string(location.num_points) + " of " +
-                          std::to_string(location.num_target_points) + " points, rms " +
-                          Significant(location.possible.front().located.rms_px, 2) + " px";
-  if (!location.chosen) {
-    return fit + "; " + SymmetryText(*request.target) + "\n" + PossibleText(location.possible) +
-           CameraMountText(request);
-  }
-  const PossiblePose& chosen = location.possible[*location.chosen];
-  const double largest_sigma_mm = 1000 * std::sqrt(chosen.located.covariance.TotalM2().diagonal().maxCoeff());
-  return fit + "\n  base_from_target " + PoseText(chosen.located.world_from_target, largest_sigma_mm) + "\n" +
-         SigmaLine(chosen.located) + CameraMountText(request) +
-         (location.possible.size() > 1 ? "  chosen by --near among the " + NearnessText(*location.near) + "\n" : "") +
-         ReachTextOf(request, location) + PosturesText(chosen.postures);
+// Returns lines on the sigmas of a target's centre and of its rotation.
+std::string SigmaLines(const RigResult& result, const LocatedTarget& located) {
+  return "  one sigma of its centre," + AlongWorld(result.rig) + ": " + SigmasText(located.covariance) +
+         "\n  one sigma of its rotation about the same axes: " +
+         Listed(RadToDeg(1) * SigmasOf(result.solution, located).total.rotation_rad) + " deg\n";
 }
 
-std::string LocationFault(const ImageLocation& location) {
-  if (!location.fault.empty() || location.IsLocated() || !location.near) return location.fault;
-  return NearFault(*location.near);
+// Describes the pose of a target, or all possible poses if none is chosen. `image`: the name of that of a single camera.
+std::string TargetText(const LocationRequest& request, const std::string& image, const TargetLocation& location) {
+  if (location.possible.empty()) return "";
+  const RigResult& result = *request.result;
+  const std::string& name = result.rig.targets[location.target].name;
+  const std::string from_target = "  " + WorldName(result.rig) + "_from_target ";
+  const LocatedTarget& first = location.possible.front().located;
+  const size_t num_target_points = location.cameras.size() * request.targets[location.target]->points().size();
+  std::string text =
+      (name.empty() ? image : "target " + name + " in world, by " + Join(NamesOf(result.rig, location.cameras), ", ")) +
+      ": " + std::to_string(location.num_points) + " of " + std::to_string(num_target_points) + " points, rms " +
+      Significant(first.rms_px, 2) + " px";
+  if (location.cameras.size() > 1) text += "; chance of their differences " + Significant(first.p_value, 2);
+  if (location.chosen) {
+    const PossiblePose& chosen = location.possible[*location.chosen];
+    const double largest_sigma_mm = 1000 * std::sqrt(chosen.located.covariance.TotalM2().diagonal().maxCoeff());
+    text += "\n" + from_target + PoseText(chosen.located.world_from_target, largest_sigma_mm) + "\n" +
+            SigmaLines(result, chosen.located);
+    if (location.possible.size() > 1) text += "  chosen by --near among the " + NearnessText(*location.near) + "\n";
+    for (const Reach& reach : location.reaches) text += ReachText(result.rig, reach);
+    return text + PosturesText(result.rig, chosen.postures);
+  }
+  const size_t num_poses = location.possible.size();
+  text += "; " + SymmetryText(num_poses) + "\n";
+  for (size_t i = 0; i < num_poses; ++i) {
+    const PossiblePose& pose = location.possible[i];
+    text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(num_poses) + ":" + from_target.substr(1) +
+            PoseText(pose.located.world_from_target) + "\n" + PosturesText(result.rig, pose.postures);
+  }
+  return text + SigmaLines(result, first);
+}
+
+std::string ContradictionText(const RigProblem& rig, const TargetLocation& location) {
+  const RigContradiction& contradiction = *location.contradiction;
+  const std::string difference =
+      contradiction.difference ? DifferenceText(Rigid3d(), *contradiction.difference) : "";
+  const std::string cause =
+      "; the images or the poses of the arms are not those of one moment, or a camera has moved since the calibration";
+  if (contradiction.camera) {
+    return "camera " + rig.cameras[*contradiction.camera].name + " contradicts the others" +
+           (difference.empty() ? "" : ", which see the target " + difference + " from where it does") + cause;
+  }
+  return "the cameras " + Join(NamesOf(rig, location.cameras), ", ") + " contradict each other" +
+         (difference.empty() ? "" : ": they see the target " + difference + " apart") + cause;
+}
+
+// Returns why none of the poses that fit is chosen.
+std::string UndecidedText(const LocationRequest& request, const TargetLocation& location) {
+  if (location.near) return NearFault(*location.near);
+  const RigProblem& rig = request.result->rig;
+  const std::string num_poses = std::to_string(location.possible.size());
+  return SymmetryText(location.possible.size()) + ", so " + num_poses + " poses fit " +
+         (IsSingleCamera(rig) ? "an image" : "the images") + " equally well; " + request.near_form + ", a rough " +
+         WorldName(rig) + "_from_target, decides between them";
+}
+
+}  // namespace
+
+std::string WorldName(const RigProblem& rig) { return IsSingleCamera(rig) ? "base" : "world"; }
+
+std::string LocationText(const LocationRequest& request, const ImageLocation& location) {
+  if (!location.fault.empty()) return "";
+  if (!request.pixels.empty()) return PixelsText(request, location);
+  std::string text;
+  std::string of_undetermined;
+  for (const TargetLocation& target : location.targets) {
+    text += TargetText(request, location.image, target);
+    if (!target.undetermined.empty()) of_undetermined += TargetFault(request, target) + "\n";
+  }
+  if (!text.empty()) text += ArmPosesText(request);
+  return location.IsLocated() ? text + of_undetermined : text;
+}
+
+std::string TargetFault(const LocationRequest& request, const TargetLocation& location) {
+  if (location.chosen) return "";
+  const RigProblem& rig = request.result->rig;
+  const std::string& name = rig.targets[location.target].name;
+  return (name.empty() ? "" : "target " + name + ": ") +
+         (location.contradiction          ? ContradictionText(rig, location)
+          : location.possible.empty() ? location.undetermined
+                                      : UndecidedText(request, location));
+}
+
+std::vector<std::string> LocationFaults(const LocationRequest& request, const ImageLocation& location) {
+  if (!location.fault.empty()) return {location.fault};
+  std::vector<std::string> faults;
+  if (!request.pixels.empty()) return faults;
+  for (const TargetLocation& target : location.targets) {
+    const bool is_beside_others = !target.undetermined.empty() && location.IsLocated();
+    if (!target.chosen && !is_beside_others) faults.push_back(TargetFault(request, target));
+  }
+  return faults;
 }
 
 }  // namespace heba

@@ -3,25 +3,24 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "tools/run/image_location.h"
 
 namespace heba {
 
-// Why there is no pose to command if the errors of the arm are estimated, but not those of the pose of the camera.
-inline constexpr const char* kNoCommandReason = "the target was located with a pose that was not corrected";
+// Returns what the world is called: "base" for a single camera, "world" for several.
+std::string WorldName(const RigProblem& rig);
 
-// Returns "2 possible poses, from which it is 144, 3.2 mm and 178, 3.1 deg away".
-std::string NearnessText(const NearPoses& near);
-// Returns why a rough pose does not decide between the poses that fit.
-std::string NearFault(const NearPoses& near);
-
-// Describes where an image shows the target, or pixels; lists all possible poses if none is chosen. Empty if nothing is
-// located.
+// Describes what the images of one moment show; lists all possible poses of a target if none is chosen. Empty if nothing
+// is located.
 std::string LocationText(const LocationRequest& request, const ImageLocation& location);
 
-// Returns why nothing is located in an image, or why LocationRequest::near does not decide between the possible poses;
-// empty otherwise.
-std::string LocationFault(const ImageLocation& location);
+// Returns why a target is not located, or why none of its possible poses is chosen, as "target NAME: ..." if it has a
+// name; empty if one is.
+std::string TargetFault(const LocationRequest& request, const TargetLocation& location);
+// Returns why something is not located. A target of which the images show too little is no fault beside others, like one
+// that they do not show.
+std::vector<std::string> LocationFaults(const LocationRequest& request, const ImageLocation& location);
 
 }  // namespace heba

@@ -1,188 +1,305 @@
-#include <cmath>
+#include <algorithm>
 #include <iostream>
+#include <optional>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
-#include "heba/detection.h"
-#include "heba/evaluation/arm_uncertainty.h"
-#include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pixel_flag.h"
 #include "tools/cli/pose_flag.h"
-#include "tools/cli/rig_locate.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
-#include "tools/config/run_config.h"
 #include "tools/files/location_file.h"
 #include "tools/run/image_location.h"
 #include "tools/text/console.h"
 #include "tools/text/location_text.h"
-#include "tools/text/target_symmetry.h"
 
 namespace heba {
 namespace {
 
-// Returns the joints that --joints gives, or --pose if the run's poses are joints; nothing otherwise.
-std::optional<Eigen::VectorXd> JointsAskedFor(const FinishedRun& run, const RobotSummary& robot) {
-  if (!FLAGS_joints.empty()) return JointsOfFlag("joints", FLAGS_joints, robot.nominal, run.joints_are_deg);
-  const PoseFormat& format = run.pose_reading.format;
-  if (format.robot.empty()) return std::nullopt;
-  return JointsOfFlag("pose", FLAGS_pose, robot.nominal, format.angle_unit == "deg");
+// The images of one moment: one of a single camera, which gives the moment its name, or one of each of several cameras.
+struct Moment {
+  std::string name;
+  std::vector<std::pair<size_t, std::string>> images;  // The camera and the path.
+};
+
+// Splits NAME=VALUE, where the name is one of `names`, and returns its index and the value. The only part of a kind
+// whose name is empty is meant without a name.
+std::pair<size_t, std::string> NamedValue(const std::string& what, const std::string& text,
+                                          const std::vector<std::string>& names, const std::string& form) {
+  if (names.size() == 1 && names.front().empty()) return {0, text};
+  const size_t end = text.find('=');
+  if (end == std::string::npos) throw InputError(what + ": " + Quoted(text) + ": " + form + " is needed");
+  const std::string name = Trim(text.substr(0, end));
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) throw InputError(what + ": " + UnknownName(name, names));
+  return {static_cast<size_t>(found - names.begin()), text.substr(end + 1)};
 }
 
-// Sets the pose of the gripper that carries the camera, with the errors of the arm if the run has estimated them and
-// the joints are known.
-void SetCameraMount(const FinishedRun& run, LocationRequest* request) {
-  const PoseReading& reading = run.pose_reading;
-  const Rigid3d stated = BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
-  std::optional<Eigen::VectorXd> joints;
-  if (request->robot != nullptr) {
-    joints = JointsAskedFor(run, *request->robot);
-  } else if (!FLAGS_joints.empty()) {
-    joints = Eigen::VectorXd();
-  }
-  const Outcome<StatedPose> with_errors = WithErrorsOfArm(request->robot, stated, joints);
-  if (with_errors) {
-    request->camera_mount = *with_errors;
-    return;
-  }
-  if (joints) throw InputError((FLAGS_joints.empty() ? "--pose: " : "--joints: ") + with_errors.reason());
-  request->camera_mount = stated;
-  request->why_not_corrected = with_errors.reason();
+template <class Part>
+std::vector<std::string> NamesOf(const std::vector<Part>& parts) {
+  std::vector<std::string> names;
+  for (const Part& part : parts) names.push_back(part.name);
+  return names;
 }
 
-// Returns the pose that --near expects, base_from_target; nothing without the flag.
-std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
-  if (FLAGS_near.empty()) return std::nullopt;
+// Returns what a flag gives for each arm, empty if nothing: the value of the only arm, or ARM=VALUE;ARM=VALUE.
+std::vector<std::string> ValuesByArm(const std::string& flag, const std::string& value,
+                                     const std::vector<std::string>& robots, const std::string& form) {
+  std::vector<std::string> values(robots.size());
+  if (value.empty()) return values;
+  if (robots.size() == 1 && (robots.front().empty() || value.find('=') == std::string::npos)) return {value};
+  for (const std::string& part : Split(value, ';')) {
+    const auto [robot, text] = NamedValue(flag, part, robots, form);
+    if (!values[robot].empty()) throw InputError(flag + ": the arm " + robots[robot] + " is named twice");
+    if (Trim(text).empty()) throw InputError(flag + ": " + Quoted(part) + ": " + form + " is needed");
+    values[robot] = text;
+  }
+  return values;
+}
+
+// Returns the poses and joints of the arms that --pose and --joints give; the joints are those of --pose if the poses
+// of the arm are joints.
+std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run) {
+  const std::vector<std::string>& robots = run.result.rig.robots;
+  const std::vector<std::string> poses = ValuesByArm("--pose", FLAGS_pose, robots, "ARM=NUMBERS");
+  const std::vector<std::string> joints = ValuesByArm("--joints", FLAGS_joints, robots, "ARM=NUMBERS");
+  std::vector<GivenArmPose> given(robots.size());
+  for (size_t r = 0; r < robots.size(); ++r) {
+    const PoseReading& reading = run.pose_readings[r];
+    const RobotSummary* const arm = FindEstimatedArm(run.result, r);
+    if (!poses[r].empty()) {
+      given[r].base_from_gripper = BaseFromGripper(reading, PoseOfFlag("pose", poses[r], reading.format));
+    }
+    if (!joints[r].empty()) {
+      if (arm == nullptr) {
+        throw InputError("--joints: the run has not estimated the errors of " +
+                         (robots[r].empty() ? "an arm" : "the arm " + robots[r]) + "; leave them out");
+      }
+      given[r].joints = JointsOfFlag("joints", joints[r], arm->nominal, run.joints_are_deg[r]);
+    } else if (arm != nullptr && !poses[r].empty() && !reading.format.robot.empty()) {
+      given[r].joints = JointsOfFlag("pose", poses[r], arm->nominal, reading.format.angle_unit == "deg");
+    }
+  }
+  return given;
+}
+
+// Returns the poses of the arms for images of these cameras.
+std::vector<ArmPose> PosesFor(const FinishedRun& run, const std::vector<size_t>& cameras, size_t num_images) {
+  const RigProblem& rig = run.result.rig;
+  if (IsSingleCamera(rig) && rig.cameras.front().mount.part == Mount::Part::kGripper &&
+      (FLAGS_pose.empty() || num_images > 1)) {
+    throw InputError("the robot carries the camera: one IMAGE, with --pose " +
+                     Join(run.pose_readings.front().format.columns, ",") +
+                     ", the robot pose of that image, is needed");
+  }
+  return PosesForCameras(run.result, cameras, PosesOfFlags(run), "--pose",
+                         FLAGS_joints.empty() ? "--pose" : "--joints");
+}
+
+// Returns the rough poses of the targets that --near gives, empty without the flag: the numbers of the only target with
+// a symmetry, or TARGET=NUMBERS;TARGET=NUMBERS.
+std::vector<std::optional<Rigid3d>> NearOfFlag(const FinishedRun& run) {
+  if (FLAGS_near.empty()) return {};
   if (!FLAGS_pixels.empty()) {
-    throw InputError("--near: the target's plane is the same for all of its possible poses; leave this flag out");
+    throw InputError("--near: the target's plane is the same for all of its possible poses, so that a pixel has only "
+                     "one position; leave this flag out");
   }
-  if (run.target->Symmetries().size() == 1) {
-    throw InputError("--near: the target has no symmetry and only one possible pose; leave this flag out");
+  const std::vector<RigTarget>& targets = run.result.rig.targets;
+  const std::vector<std::string> names = NamesOf(targets);
+  std::vector<size_t> symmetric;
+  for (size_t t = 0; t < targets.size(); ++t) {
+    if (targets[t].symmetries.size() > 1) symmetric.push_back(t);
   }
-  return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading.format));
+  if (symmetric.empty()) {
+    throw InputError("--near: no target has a symmetry, and each has only one possible pose; leave this flag out");
+  }
+  std::vector<std::optional<Rigid3d>> near(targets.size());
+  const PoseFormat& format = FormatOfNear(run.pose_readings.front().format);
+  if (symmetric.size() == 1 && FLAGS_near.find('=') == std::string::npos) {
+    near[symmetric.front()] = PoseOfFlag("near", FLAGS_near, format);
+    return near;
+  }
+  for (const std::string& part : Split(FLAGS_near, ';')) {
+    const auto [t, numbers] = NamedValue("--near", part, names, "TARGET=NUMBERS");
+    if (targets[t].symmetries.size() == 1) {
+      throw InputError("--near: target " + names[t] + " has no symmetry and only one possible pose; leave it out");
+    }
+    if (near[t]) throw InputError("--near: target " + names[t] + " is named twice");
+    near[t] = PoseOfFlag("near", numbers, format);
+  }
+  return near;
 }
 
-// Returns the arm of --robot; nothing without the flag.
-std::optional<ReachingArm> ArmAskedFor() {
-  if (FLAGS_robot.empty()) return std::nullopt;
-  if (FLAGS_robot.ends_with(".urdf")) return ReachingArm{FLAGS_robot, nullptr, UrdfArm::Read(FLAGS_robot)};
-  const UrRobot* robot = FindUrRobot(FLAGS_robot);
-  if (robot == nullptr) {
-    throw InputError("--robot: " + UnknownName(FLAGS_robot, UrRobotNames()) + "; or a .urdf file");
+// Returns the arms of --robot, in whose place they stand; empty without the flag.
+std::vector<std::optional<ReachingArm>> ReachingArmsOfFlag(const std::vector<std::string>& robots) {
+  if (FLAGS_robot.empty()) return {};
+  std::vector<std::optional<ReachingArm>> arms;
+  for (const std::string& name : ValuesByArm("--robot", FLAGS_robot, robots, "ARM=MODEL")) {
+    const UrRobot* const robot = FindUrRobot(name);
+    if (name.ends_with(".urdf")) {
+      arms.push_back(ReachingArm{name, nullptr, UrdfArm::Read(name)});
+    } else if (robot != nullptr) {
+      arms.push_back(ReachingArm{robot->name, robot, nullptr});
+    } else if (name.empty()) {
+      arms.emplace_back();
+    } else {
+      throw InputError("--robot: " + UnknownName(name, UrRobotNames()) + "; or a .urdf file");
+    }
   }
-  return ReachingArm{robot->name, robot, nullptr};
+  return arms;
+}
+
+// Returns the pixels of --pixels. Those of several cameras show one point together, unless there is a plane.
+std::vector<CameraPixel> PixelsOfFlag(const FinishedRun& run, bool has_plane) {
+  const RigProblem& rig = run.result.rig;
+  const bool is_one_point = !IsSingleCamera(rig) && !has_plane;
+  const std::string form = IsSingleCamera(rig) ? "u,v" : "CAMERA=U,V";
+  std::vector<CameraPixel> pixels;
+  for (const std::string& part : Split(FLAGS_pixels, ';')) {
+    const auto [camera, text] = NamedValue("--pixels", part, NamesOf(rig.cameras), form);
+    const std::string& name = rig.cameras[camera].name;
+    const CameraPixel pixel{camera, PixelOfFlag(text, form + " is needed, several separated by semicolons")};
+    CheckPixelInImage(pixel.pixel, run.result.solution.cameras[camera], name);
+    const auto is_same = [camera = camera](const CameraPixel& other) { return other.camera == camera; };
+    if (is_one_point && std::any_of(pixels.begin(), pixels.end(), is_same)) {
+      throw InputError("--pixels: camera " + name + " is named twice; one pixel of each camera shows the point");
+    }
+    pixels.push_back(pixel);
+  }
+  if (is_one_point && pixels.size() < 2) {
+    throw InputError(
+        "--pixels: a point needs its pixels in at least two cameras, or the plane that it lies on (--plane)");
+  }
+  return pixels;
 }
 
 // Sets the pixels and the plane that --pixels and --plane request.
-void SetPixels(const Camera& camera, LocationRequest* request) {
+void SetPixels(const FinishedRun& run, const std::vector<std::string>& images, LocationRequest* request) {
   if (FLAGS_pixels.empty()) {
-    if (FLAGS_plane != "target") {
-      throw InputError("--plane: requires --pixels; without that flag the target itself is located");
-    }
-    return;
+    if (FLAGS_plane == "target") return;
+    throw InputError("--plane: requires --pixels; without that flag the target itself is located");
+  }
+  const bool is_single = IsSingleCamera(run.result.rig);
+  if (!is_single && !images.empty()) {
+    throw InputError("--pixels: needs no image; leave " + Quoted(images.front()) + " out");
   }
   request->plane = PlaneOfFlag();
-  for (const std::string& pair : Split(FLAGS_pixels, ';')) {
-    request->pixels.push_back(PixelOfFlag(pair, "u,v is needed, several separated by semicolons"));
-    CheckPixelInImage(request->pixels.back(), camera);
+  if (is_single && !request->plane && images.empty()) {
+    throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
   }
+  request->pixels = PixelsOfFlag(run, request->plane.has_value());
+  if (!is_single && !request->plane && !request->reaching.empty()) {
+    throw InputError("--robot: the point of several pixels has no orientation; name its plane (--plane), or leave this "
+                     "flag out");
+  }
+}
+
+std::vector<Moment> MomentsOf(const RigProblem& rig, const std::vector<std::string>& images) {
+  std::vector<Moment> moments;
+  if (IsSingleCamera(rig) && !images.empty()) {
+    for (const std::string& image : images) moments.push_back({image, {{0, image}}});
+    return moments;
+  }
+  Moment& moment = moments.emplace_back();
+  for (const std::string& text : images) {
+    const auto [camera, path] = NamedValue("an image", text, NamesOf(rig.cameras), "CAMERA=IMAGE");
+    for (const auto& [other, other_path] : moment.images) {
+      if (other != camera) continue;
+      throw InputError("camera " + rig.cameras[camera].name + " is named twice; one image of each is located");
+    }
+    moment.images.emplace_back(camera, path);
+  }
+  return moments;
 }
 
 // Returns the request that the flags state for a run.
-LocationRequest RequestFor(const FinishedRun& run, size_t num_images) {
+LocationRequest RequestFor(const FinishedRun& run, const std::vector<std::string>& images,
+                           const std::vector<Moment>& moments) {
   LocationRequest request;
   request.result = &run.result;
-  request.target = run.target.get();
-  request.robot = run.FindArm();
-  request.arm = ArmAskedFor();
-  const bool is_carried = run.result.setup == Setup::kEyeInHand;
-  if (is_carried && (FLAGS_pose.empty() || num_images > 1)) {
-    throw InputError("the robot carries the camera: one IMAGE, with --pose " +
-                     Join(run.pose_reading.format.columns, ",") + ", the robot pose of that image, is needed");
-  }
-  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera is stationary; leave this flag out");
-  if (!is_carried && !FLAGS_joints.empty()) {
-    throw InputError("--joints: the camera is stationary; leave this flag out");
-  }
-  if (is_carried) SetCameraMount(run, &request);
-  SetPixels(FindRefined(run.result)->camera, &request);
-  request.near = NearAskedFor(run);
+  request.targets = run.targets;
+  request.reaching = ReachingArmsOfFlag(run.result.rig.robots);
+  request.near_form = "--near " + Join(FormatOfNear(run.pose_readings.front().format).columns, ",");
+  SetPixels(run, images, &request);
+  request.near = NearOfFlag(run);
+  std::vector<size_t> cameras;
+  for (const CameraPixel& pixel : request.pixels) cameras.push_back(pixel.camera);
+  for (const auto& [camera, image] : moments.front().images) cameras.push_back(camera);
+  request.arms = PosesFor(run, cameras, images.size());
   return request;
 }
 
-// Locates the target, or pixels, in an image. An image that cannot be read, or has another size than the camera's, is
-// a fault of this image alone.
-ImageLocation LocateInFile(const FinishedRun& run, const LocationRequest& request, const std::string& image,
+// Locates what the images of a moment show. An image of a single camera that cannot be read, or has another size than
+// the camera's, is a fault of this image alone.
+ImageLocation LocateMoment(const FinishedRun& run, const LocationRequest& request, const Moment& moment,
                            bool* is_readable) {
+  std::vector<Sighting> sightings;
   try {
-    const CaptureDetection seen = DetectCapture(*run.target, image);
-    CheckImageSize(run, seen, image);
-    return LocateInImage(request, image, seen.detection);
+    for (const auto& [camera, image] : moment.images) {
+      for (size_t t = 0; t < run.targets.size(); ++t) {
+        sightings.push_back({camera, t, DetectFor(run.result.solution.cameras[camera], *run.targets[t], image)});
+      }
+    }
   } catch (const InputError& error) {
+    if (moment.name.empty()) throw;
     *is_readable = false;
     ImageLocation location;
-    location.image = image;
-    location.num_target_points = run.target->points().size();
+    location.image = moment.name;
     const std::string fault = error.what();
-    const std::string prefix = image + ": ";  // The fault of an image is stated beside its name.
+    const std::string prefix = moment.name + ": ";  // The fault of an image is stated beside its name.
     location.fault = fault.starts_with(prefix) ? fault.substr(prefix.size()) : fault;
     return location;
   }
+  return LocateInImages(request, moment.name, sightings);
+}
+
+// Returns whether --near is all that a target in the image of a single camera lacks.
+bool LacksNear(const ImageLocation& location) {
+  return !location.image.empty() && !location.IsLocated() && !location.targets.empty() &&
+         !location.targets.front().possible.empty() && !location.targets.front().near;
 }
 
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
   const std::vector<std::string> images(arguments.begin() + 1, arguments.end());
-  const auto require_image = [&] {
-    if (images.empty()) {
-      throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
-    }
-  };
-  if (FLAGS_pixels.empty()) require_image();
-  if (IsRigResult(RunFolderOf(arguments[0]) / "result.json")) return LocateWithRig(arguments);
-  if (FLAGS_plane == "target") require_image();
+  if (images.empty() && FLAGS_pixels.empty()) {
+    throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
+  }
   const FinishedRun run = ReadFinishedRun(arguments[0]);
-  const LocationRequest request = RequestFor(run, images.size());
+  const std::vector<Moment> moments = MomentsOf(run.result.rig, images);
+  const LocationRequest request = RequestFor(run, images, moments);
   std::vector<ImageLocation> locations;
   std::vector<std::string> undecided;
+  std::string why_undecided;
   int status = kDone;
-  // Pixels on a plane in the base need no image.
-  if (images.empty()) {
-    locations.push_back(LocateInImage(request, "", {}));
-    const ImageLocation& location = locations.back();
-    if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
-    if (!location.IsLocated()) {
-      PrintError(LocationFault(location));
-      status = kWorkFailed;
-    }
-  }
-  for (const std::string& image : images) {
+  for (const Moment& moment : moments) {
     bool is_readable = true;
-    locations.push_back(LocateInFile(run, request, image, &is_readable));
-    const ImageLocation& location = locations.back();
+    const ImageLocation& location = locations.emplace_back(LocateMoment(run, request, moment, &is_readable));
     if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
-    if (location.IsLocated()) continue;
+    if (location.point && !PointWarning(*location.point).empty()) {
+      std::cerr << "heba: warning: " << PointWarning(*location.point) << std::endl;
+    }
+    const std::string fault = Join(LocationFaults(request, location), "; ");
+    if (fault.empty()) continue;
     if (status != kInputWrong) status = is_readable ? kWorkFailed : kInputWrong;
-    if (const std::string fault = LocationFault(location); !fault.empty()) {
-      PrintError(image + ": " + fault);
+    if (LacksNear(location)) {
+      undecided.push_back(moment.name);
+      why_undecided = fault;
     } else {
-      undecided.push_back(image);
+      PrintError((moment.name.empty() ? "" : moment.name + ": ") + fault);
     }
   }
   if (FLAGS_json) std::cout << LocationsToJson(request, locations);
   if (!undecided.empty()) {
     PrintError((undecided.size() == 1 ? undecided[0] : std::to_string(undecided.size()) + " images") + ": " +
-               SymmetryText(*run.target) + ", so " + std::to_string(run.target->Symmetries().size()) +
-               " poses fit an image equally well; --near " + Join(FormatOfNear(run.pose_reading.format).columns, ",") +
-               ", a rough base_from_target, decides between them");
+               why_undecided);
   }
   std::cout << std::flush;
   return status;
