@@ -58,7 +58,9 @@ DEFINE_string(
     "if that contains joints): decides between the poses of a target with a symmetry, by its position or by its "
     "rotation, one of which may be unknown; of several targets: TARGET=NUMBERS;TARGET=NUMBERS");
 DEFINE_string(arm, "", "NAME|the arm of a rig with several arms whose poses are corrected");
-DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
+DEFINE_string(robot, "",
+              "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file; of several "
+              "arms: as --pose");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
 DEFINE_string(target, "",
               "TARGET.yaml|the target in the images of a folder without a known format"

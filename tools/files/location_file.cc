@@ -13,9 +13,7 @@
 namespace heba {
 namespace {
 
-Json VectorJson(const Eigen::Vector3d& vector) {
-  return {Finite(vector.x()), Finite(vector.y()), Finite(vector.z())};
-}
+Json VectorJson(const Eigen::Vector3d& vector) { return {Finite(vector.x()), Finite(vector.y()), Finite(vector.z())}; }
 
 Json MatrixPoseJson(const Rigid3d& pose, const std::string& parent, const std::string& child) {
   Json json = PoseJson(pose, parent, child);
@@ -143,12 +141,12 @@ Json PossibleJson(const LocationRequest& request, const TargetLocation& location
   const RigResult& result = *request.result;
   const PossiblePose& possible = location.possible[i];
   const std::string& name = result.rig.targets[location.target].name;
-  return Json{{key, MatrixPoseJson(possible.located.world_from_target, WorldName(result.rig),
-                                   name.empty() ? "target" : name)},
-              {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
-              {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
-              {sigma_key, SigmasJson(SigmasOf(result.solution, possible.located))},
-              {"postures", PosturesJson(result.rig, possible.postures)}};
+  return Json{
+      {key, MatrixPoseJson(possible.located.world_from_target, WorldName(result.rig), name.empty() ? "target" : name)},
+      {"near_deg", location.near ? Json(RadToDeg(location.near->angles_rad[i])) : Json(nullptr)},
+      {"near_mm", location.near ? Json(1000 * location.near->distances_m[i]) : Json(nullptr)},
+      {sigma_key, SigmasJson(SigmasOf(result.solution, possible.located))},
+      {"postures", PosturesJson(result.rig, possible.postures)}};
 }
 
 // Adds the position of a pixel in the world, named `key`, with its sigmas and the postures that reach it.
@@ -206,7 +204,9 @@ Json TargetJson(const LocationRequest& request, const TargetLocation& location) 
   if (location.chosen) {
     for (const char* const key : {"pose", "sigma"}) json[key] = json["poses"][*location.chosen][key];
   }
-  for (const Reach& reach : location.reaches) json["reach"][rig.robots[reach.robot]] = ReachJson(*request.result, &reach);
+  for (const Reach& reach : location.reaches) {
+    json["reach"][rig.robots[reach.robot]] = ReachJson(*request.result, &reach);
+  }
   return json;
 }
 

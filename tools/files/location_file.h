@@ -21,13 +21,13 @@ namespace heba {
 //
 // Of several cameras: {"schema": "heba/rig_locations/1", "heba", "name", "covariance_dof", "reason", "robots": {NAME:
 // ARM}} of the arms that carry one of the cameras, with "targets", with "point": {"in_world_m", "rms_px", "warning",
-// "sigma"}, or with "points": [{"camera", "pixel", "in_world_m", "sigma", "postures"}]. `reason` is why there is none of
-// them. A target has {"target", "cameras", "located", "reason", "points", "target_points", "pose", "rms_px", "chance",
-// "symmetries", "sigma", "poses", "chosen", "reach"}: `chance` is LocatedTarget::p_value; `poses` are all poses that
-// fit, each {"pose", "near_deg", "near_mm", "sigma", "sigma_in_world": SIGMAS, "postures"}, and `pose` and `sigma` are
-// those of the one that is meant. `sigma` is along and about the axes of the target's frame: {"total": {"mm", "deg"},
-// "calibration", "image", "robot"}. `postures` and `reach`, which has the members of an image's commands, are objects by
-// the names of the arms.
+// "sigma"}, or with "points": [{"camera", "pixel", "in_world_m", "sigma", "postures"}]. `reason` is why there is none
+// of them. A target has {"target", "cameras", "located", "reason", "points", "target_points", "pose", "rms_px",
+// "chance", "symmetries", "sigma", "poses", "chosen", "reach"}: `chance` is LocatedTarget::p_value; `poses` are all
+// poses that fit, each {"pose", "near_deg", "near_mm", "sigma", "sigma_in_world": SIGMAS, "postures"}, and `pose` and
+// `sigma` are those of the one that is meant. `sigma` is along and about the axes of the target's frame: {"total":
+// {"mm", "deg"}, "calibration", "image", "robot"}. `postures` and `reach`, which has the members of an image's
+// commands, are objects by the names of the arms.
 //
 // ARM: {"stated": POSE, "corrected": POSE or null, "arm", "reason"}: the pose base_from_gripper of the images, the same
 // corrected by the estimated errors of the arm, its model, and why it was not corrected. POSE: {"parent", "child",

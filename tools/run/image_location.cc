@@ -278,9 +278,9 @@ PoseSigmas SigmasOf(const Eigen::Matrix3d& position_m2, const Eigen::Matrix3d& r
 bool IsSingleCamera(const RigProblem& rig) { return rig.cameras.size() == 1 && rig.cameras.front().name.empty(); }
 
 bool ImageLocation::IsLocated() const {
-  return point || !pixels.empty() ||
-         std::any_of(targets.begin(), targets.end(),
-                     [](const TargetLocation& target) { return target.chosen.has_value(); });
+  return point || !pixels.empty() || std::any_of(targets.begin(), targets.end(), [](const TargetLocation& target) {
+           return target.chosen.has_value();
+         });
 }
 
 std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,

@@ -107,9 +107,9 @@ std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<
 struct LocationRequest {
   const RigResult* result = nullptr;  // The symmetries of its targets are set.
   std::vector<std::shared_ptr<const Target>> targets;
-  std::vector<ArmPose> arms;           // One per arm (PosesForCameras).
-  std::vector<CameraPixel> pixels;     // Empty: the targets are located.
-  std::optional<Plane> plane;          // The plane of the pixels.
+  std::vector<ArmPose> arms;                      // One per arm (PosesForCameras).
+  std::vector<CameraPixel> pixels;                // Empty: the targets are located.
+  std::optional<Plane> plane;                     // The plane of the pixels.
   std::vector<std::optional<Rigid3d>> near = {};  // A rough world_from_target of each target; an empty list: none.
   std::string near_form = {};  // How a user gives such a pose, for messages: "--near x,y,z,qx,qy,qz,qw".
   std::vector<std::optional<ReachingArm>> reaching = {};  // One per arm; an empty list: none.
@@ -145,8 +145,8 @@ struct ImageLocation {
   bool IsLocated() const;
 };
 
-// Locates each target of which a camera sees at least four points; that of a single camera is stated in any case. Images
-// that contradict each other locate nothing.
+// Locates each target of which a camera sees at least four points; that of a single camera is stated in any case.
+// Images that contradict each other locate nothing.
 //
 // Pixels are located on LocationRequest::plane if there is one, otherwise on the target of the only sighting, in which
 // case the normal is on the side that the camera sees. Without both, they show one point together. A pixel that cannot

@@ -44,8 +44,8 @@ std::vector<std::string> NamesOf(const RigProblem& rig, const std::vector<size_t
   return names;
 }
 
-// Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or why
-// they did not.
+// Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or
+// why they did not.
 std::string ArmPosesText(const LocationRequest& request) {
   const RigResult& result = *request.result;
   std::string text;
@@ -54,11 +54,13 @@ std::string ArmPosesText(const LocationRequest& request) {
     if (!request.arms[r].carries_camera || arm == nullptr) continue;
     const bool is_named = !result.rig.robots[r].empty();
     const std::string pose = "  the " + (is_named ? "pose" + OfArm(result.rig, r) : "robot's pose") + " was ";
-    const std::string errors = is_named ? "its estimated errors" : "the estimated errors of the arm " + arm->nominal.name;
+    const std::string errors =
+        is_named ? "its estimated errors" : "the estimated errors of the arm " + arm->nominal.name;
     const StatedPose& stated = request.arms[r].stated;
     if (stated.effect == nullptr) {
-      text += pose + "not corrected by " + errors + ", whose uncertainty is missing in the sigmas: " +
-              request.arms[r].why_not_corrected + "; --joints, the positions of the joints at that pose, would tell them\n";
+      text += pose + "not corrected by " + errors +
+              ", whose uncertainty is missing in the sigmas: " + request.arms[r].why_not_corrected +
+              "; --joints, the positions of the joints at that pose, would tell them\n";
       continue;
     }
     const Rigid3d corrected = Correct(result.rig, result.solution, r, stated).base_from_mount;
@@ -179,7 +181,8 @@ std::string SigmaLines(const RigResult& result, const LocatedTarget& located) {
          Listed(RadToDeg(1) * SigmasOf(result.solution, located).total.rotation_rad) + " deg\n";
 }
 
-// Describes the pose of a target, or all possible poses if none is chosen. `image`: the name of that of a single camera.
+// Describes the pose of a target, or all possible poses if none is chosen. `image`: the name of that of a single
+// camera.
 std::string TargetText(const LocationRequest& request, const std::string& image, const TargetLocation& location) {
   if (location.possible.empty()) return "";
   const RigResult& result = *request.result;
@@ -205,16 +208,16 @@ std::string TargetText(const LocationRequest& request, const std::string& image,
   text += "; " + SymmetryText(num_poses) + "\n";
   for (size_t i = 0; i < num_poses; ++i) {
     const PossiblePose& pose = location.possible[i];
-    text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(num_poses) + ":" + from_target.substr(1) +
-            PoseText(pose.located.world_from_target) + "\n" + PosturesText(result.rig, pose.postures);
+    text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(num_poses) + ":" +
+            from_target.substr(1) + PoseText(pose.located.world_from_target) + "\n" +
+            PosturesText(result.rig, pose.postures);
   }
   return text + SigmaLines(result, first);
 }
 
 std::string ContradictionText(const RigProblem& rig, const TargetLocation& location) {
   const RigContradiction& contradiction = *location.contradiction;
-  const std::string difference =
-      contradiction.difference ? DifferenceText(Rigid3d(), *contradiction.difference) : "";
+  const std::string difference = contradiction.difference ? DifferenceText(Rigid3d(), *contradiction.difference) : "";
   const std::string cause =
       "; the images or the poses of the arms are not those of one moment, or a camera has moved since the calibration";
   if (contradiction.camera) {
@@ -256,10 +259,10 @@ std::string TargetFault(const LocationRequest& request, const TargetLocation& lo
   if (location.chosen) return "";
   const RigProblem& rig = request.result->rig;
   const std::string& name = rig.targets[location.target].name;
-  return (name.empty() ? "" : "target " + name + ": ") +
-         (location.contradiction          ? ContradictionText(rig, location)
-          : location.possible.empty() ? location.undetermined
-                                      : UndecidedText(request, location));
+  return (name.empty() ? "" : "target " + name + ": ") + (location.contradiction ? ContradictionText(rig, location)
+                                                          : location.possible.empty()
+                                                              ? location.undetermined
+                                                              : UndecidedText(request, location));
 }
 
 std::vector<std::string> LocationFaults(const LocationRequest& request, const ImageLocation& location) {

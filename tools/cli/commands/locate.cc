@@ -95,8 +95,7 @@ std::vector<ArmPose> PosesFor(const FinishedRun& run, const std::vector<size_t>&
   if (IsSingleCamera(rig) && rig.cameras.front().mount.part == Mount::Part::kGripper &&
       (FLAGS_pose.empty() || num_images > 1)) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +
-                     Join(run.pose_readings.front().format.columns, ",") +
-                     ", the robot pose of that image, is needed");
+                     Join(run.pose_readings.front().format.columns, ",") + ", the robot pose of that image, is needed");
   }
   return PosesForCameras(run.result, cameras, PosesOfFlags(run), "--pose",
                          FLAGS_joints.empty() ? "--pose" : "--joints");
@@ -107,8 +106,9 @@ std::vector<ArmPose> PosesFor(const FinishedRun& run, const std::vector<size_t>&
 std::vector<std::optional<Rigid3d>> NearOfFlag(const FinishedRun& run) {
   if (FLAGS_near.empty()) return {};
   if (!FLAGS_pixels.empty()) {
-    throw InputError("--near: the target's plane is the same for all of its possible poses, so that a pixel has only "
-                     "one position; leave this flag out");
+    throw InputError(
+        "--near: the target's plane is the same for all of its possible poses, so that a pixel has only "
+        "one position; leave this flag out");
   }
   const std::vector<RigTarget>& targets = run.result.rig.targets;
   const std::vector<std::string> names = NamesOf(targets);
@@ -195,8 +195,9 @@ void SetPixels(const FinishedRun& run, const std::vector<std::string>& images, L
   }
   request->pixels = PixelsOfFlag(run, request->plane.has_value());
   if (!is_single && !request->plane && !request->reaching.empty()) {
-    throw InputError("--robot: the point of several pixels has no orientation; name its plane (--plane), or leave this "
-                     "flag out");
+    throw InputError(
+        "--robot: the point of several pixels has no orientation; name its plane (--plane), or leave this "
+        "flag out");
   }
 }
 
