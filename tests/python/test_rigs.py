@@ -158,6 +158,8 @@ def test_location_is_that_of_the_program(rig_cell, rig_run):
     assert np.allclose(1000 * sigmas[:3], expected["sigma"]["total"]["mm"], rtol=1e-9)
     assert np.allclose(np.rad2deg(sigmas[3:]), expected["sigma"]["total"]["deg"], rtol=1e-9)
     assert located[0].rms_px == pytest.approx(expected["rms_px"])
+    centre_mm = 1000 * np.sqrt(np.diag(located[0].centre_covariance))
+    assert np.allclose(centre_mm, expected["poses"][0]["sigma_in_world"]["total_mm"], rtol=1e-9)
     # The target is where the arm holds it.
     names, poses = conftest.read_poses(rig_cell / "poses.csv")
     held = poses[names.index(name)] @ heba.RigResult.read(rig_run).targets["plate"].pose
