@@ -10,8 +10,8 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
-#include "heba/detection.h"
 #include "heba/data/hand_eye.h"
+#include "heba/detection.h"
 #include "heba/io/result_file.h"
 #include "heba/rig_run.h"
 #include "heba/run.h"

@@ -5,7 +5,6 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/robot_section.h"
