@@ -3,6 +3,7 @@
 #include <string>
 #include <tuple>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <pybind11/functional.h>
@@ -10,17 +11,13 @@
 #include <pybind11/stl/filesystem.h>
 
 #include "heba/base/error.h"
-#include "heba/io/result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
-#include "tools/pipeline/pipeline.h"
-#include "tools/config/rig_config.h"
-#include "tools/config/run_config.h"
 #include "tools/doctor/doctor.h"
 #include "tools/doctor/rig_doctor.h"
+#include "tools/pipeline/any_run.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
-#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
@@ -32,19 +29,13 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
   PythonObserver observer(progress);
   std::filesystem::path output;
   std::optional<std::string> failure;
-  const auto run = [&](const auto& config) {
-    output = out ? std::filesystem::absolute(*out) : config.output;
-    Console console(Verbosity::kQuiet);
-    const auto result = RunPipeline(config, output, num_threads, &console, &observer);
-    if (!result) failure = result.reason();
-  };
   {
     const pybind11::gil_scoped_release release;
-    if (IsRigConfig(config_path, settings)) {
-      run(ReadRigConfig(config_path, settings));
-    } else {
-      run(ReadRunConfig(config_path, settings));
-    }
+    const AnyConfig config = ReadAnyConfig(config_path, settings);
+    output = out ? std::filesystem::absolute(*out) : OutputOf(config);
+    Console console(Verbosity::kQuiet);
+    const Outcome<AnyResult> result = RunAny(config, output, num_threads, &console, &observer);
+    if (!result) failure = result.reason();
   }
   observer.RethrowIfRaised();
   if (failure) throw InputError(config_path.string() + ": " + *failure);
@@ -59,9 +50,9 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
   Diagnosis diagnosis;
   {
     const pybind11::gil_scoped_release release;
-    diagnosis = IsRigConfig(config_path, settings)
-                    ? Diagnose(ReadRigConfig(config_path, settings), num_threads, Verbosity::kQuiet)
-                    : Diagnose(ReadRunConfig(config_path, settings), num_threads, Verbosity::kQuiet);
+    diagnosis =
+        std::visit([&](const auto& config) { return Diagnose(config, num_threads, Verbosity::kQuiet); },
+                   ReadAnyConfig(config_path, settings));
   }
   std::vector<SymptomTuple> symptoms;
   for (const Symptom& symptom : diagnosis.symptoms) {
@@ -75,8 +66,7 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
 
 std::string TableOf(const std::filesystem::path& result_file) {
   const pybind11::gil_scoped_release release;
-  if (IsRigResult(result_file)) return RigTable(ReadRigResult(result_file), Colour::kPlain);
-  return ResultTable(ReadResult(result_file), Colour::kPlain);
+  return std::visit([](const auto& result) { return ResultTable(result, Colour::kPlain); }, ReadAnyResult(result_file));
 }
 
 }  // namespace

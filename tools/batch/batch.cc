@@ -10,11 +10,9 @@
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
-#include "heba/io/result_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
-#include "tools/pipeline/pipeline.h"
-#include "tools/pipeline/run_inputs.h"
+#include "tools/pipeline/any_run.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -24,14 +22,10 @@ constexpr const char* kLockName = ".heba.lock";
 
 struct Item {
   std::string config_path;
-  // One of them; neither if the config is wrong: run.reason then says why.
-  std::optional<RunConfig> config;
-  std::optional<RigConfig> rig;
+  bool is_wrong = false;  // Whether the config cannot be read: run.reason says why.
   std::filesystem::path output;
   BatchRun run;
   bool was_there = false;
-
-  bool is_wrong() const { return !config && !rig; }
 };
 
 Item MakeItem(const std::string& path, const BatchOptions& options) {
@@ -39,18 +33,11 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
   item.config_path = path;
   item.run.name = std::filesystem::path(path).stem().string();
   try {
-    std::filesystem::path own_output;
-    if (IsRigConfig(path, options.settings)) {
-      item.rig = ReadRigConfig(path, options.settings);
-      item.run.name = item.rig->data.name;
-      own_output = item.rig->output;
-    } else {
-      item.config = ReadRunConfig(path, options.settings);
-      item.run.name = item.config->data.name;
-      own_output = item.config->output;
-    }
-    item.output = options.output.empty() ? own_output : options.output / item.run.name;
+    const AnyConfig config = ReadAnyConfig(path, options.settings);
+    item.run.name = NameOf(config);
+    item.output = options.output.empty() ? OutputOf(config) : options.output / item.run.name;
   } catch (const std::exception& error) {
+    item.is_wrong = true;
     item.run.reason = error.what();
   }
   return item;
@@ -59,7 +46,7 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
 void CheckNames(const std::vector<Item>& items) {
   std::map<std::filesystem::path, const Item*> seen;
   for (const Item& item : items) {
-    if (item.is_wrong()) continue;
+    if (item.is_wrong) continue;
     const auto [other, is_new] = seen.emplace(item.output.lexically_normal(), &item);
     if (!is_new) {
       throw InputError(item.config_path + ": its results would overwrite those of " + other->second->config_path +
@@ -68,36 +55,21 @@ void CheckNames(const std::vector<Item>& items) {
   }
 }
 
-// Keeps the result of a run, or the reason of its failure.
-template <class Result>
-void Keep(const Outcome<Result>& result, std::optional<Result>* kept, Item* item) {
-  if (result) {
-    *kept = *result;
-  } else {
-    item->run.reason = item->config_path + ": " + result.reason();
-  }
-}
-
 void RunItem(const BatchOptions& options, int num_threads, Item* item) {
-  if (item->is_wrong()) return;
+  if (item->is_wrong) return;
   try {
     // The config is read again, because the batch may have run for hours.
+    const AnyConfig config = ReadAnyConfig(item->config_path, options.settings);
+    if (options.resume) item->run.result = CurrentResult(item->output, config);
+    item->was_there = item->run.result.has_value();
+    if (item->was_there) return;
     Console console(Verbosity::kQuiet);
-    if (item->rig) {
-      const RigConfig config = ReadRigConfig(item->config_path, options.settings);
-      if (options.resume) item->run.rig = CurrentResult(item->output, config);
-      item->was_there = item->run.rig.has_value();
-      if (item->was_there) return;
-      Keep(RunPipeline(config, item->output, num_threads, &console), &item->run.rig, item);
-      return;
+    const Outcome<AnyResult> result = RunAny(config, item->output, num_threads, &console);
+    if (result) {
+      item->run.result = *result;
+    } else {
+      item->run.reason = item->config_path + ": " + result.reason();
     }
-    const RunConfig config = ReadRunConfig(item->config_path, options.settings);
-    if (options.resume) {
-      item->run.result = CurrentResult(item->output, config);
-      item->was_there = item->run.result.has_value();
-      if (item->was_there) return;
-    }
-    Keep(RunPipeline(config, item->output, num_threads, &console), &item->run.result, item);
   } catch (const std::exception& error) {
     item->run.reason = error.what();
   }

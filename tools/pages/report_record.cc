@@ -53,7 +53,7 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
   if (errors.holdout_rms_px) add("hold-out RMS", FigureText(errors.holdout_rms_px) + " px");
   add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
   if (solution.robot_noise) {
-    add("robot noise", RobotNoiseText(solution));
+    add("robot noise", RobotNoiseText(*solution.robot_noise, solution.smooth_noise));
   }
   return tiles + "</dl>\n";
 }

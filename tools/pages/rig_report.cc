@@ -13,7 +13,6 @@
 #include "tools/pages/page.h"
 #include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
-#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {

@@ -1,129 +1,180 @@
 #include "tools/pages/summary.h"
 
 #include <algorithm>
-#include <cmath>
-#include <functional>
-#include <set>
+#include <tuple>
 
 #include "heba/base/text.h"
-#include "heba/base/units.h"
 #include "tools/pages/page.h"
 #include "tools/pages/static_chart.h"
+#include "tools/text/camera_figures.h"
+#include "tools/text/figure_columns.h"
 #include "tools/text/result_text.h"
-#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
 
-// A figure of an estimate, with its names in the CSV file and on pages.
+// A figure, with its names in the CSV file and on pages.
 struct Figure {
   const char* name;
   const char* title;
-  std::function<std::optional<double>(const Estimate&)> value;
+  std::optional<double> CameraFigures::*value;
 };
 
-const std::vector<Figure>& Figures() {
-  static const std::vector<Figure> figures = {
-      {"reprojection_rms_px", "in-sample, px", [](const Estimate& e) { return e.errors.reprojection_rms_px; }},
-      {"holdout_rms_px", "hold-out, px", [](const Estimate& e) { return e.errors.holdout_rms_px; }},
-      {"holdout_target_mm", "hold-out, mm", [](const Estimate& e) { return e.errors.holdout_target_mm; }},
-      {"holdout_target_deg", "hold-out, deg", [](const Estimate& e) { return e.errors.holdout_target_deg; }},
-      {"holdout_chi2_per_dof", "hold-out chi-square", [](const Estimate& e) { return e.errors.holdout_chi2; }},
-      {"axxb_mean_mm", "AX-XB, mm", [](const Estimate& e) { return e.errors.axxb_mean_mm; }},
-      {"board_translation_rms_mm", "board, mm",
-       [](const Estimate& e) {
-         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->translation_rms_mm)
-                                       : std::nullopt;
-       }},
-      {"board_rotation_rms_deg", "board, deg",
-       [](const Estimate& e) {
-         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->rotation_rms_deg) : std::nullopt;
-       }},
-      {"std_translation_mm", "sigma, mm", [](const Estimate& e) { return TranslationSigmaMm(e); }},
-      {"std_rotation_deg", "sigma, deg", [](const Estimate& e) { return RotationSigmaDeg(e); }},
-      {"pixel_sigma", "pixel noise, px",
-       [](const Estimate& e) { return e.solution ? std::optional<double>(e.solution->pixel_sigma_px) : std::nullopt; }},
-      {"truth_hand_eye_mm", "true error, mm",
-       [](const Estimate& e) {
-         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_mm) : std::nullopt;
-       }},
-      {"truth_hand_eye_deg", "true error, deg",
-       [](const Estimate& e) {
-         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_deg) : std::nullopt;
-       }},
-  };
-  return figures;
-}
+constexpr Figure kFigures[] = {
+    {"reprojection_rms_px", "in-sample, px", &CameraFigures::reprojection_rms_px},
+    {"holdout_rms_px", "hold-out, px", &CameraFigures::holdout_rms_px},
+    {"holdout_target_mm", "hold-out, mm", &CameraFigures::holdout_target_mm},
+    {"holdout_target_deg", "hold-out, deg", &CameraFigures::holdout_target_deg},
+    {"holdout_chi2_per_dof", "hold-out chi-square", &CameraFigures::holdout_chi2},
+    {"axxb_mean_mm", "AX-XB, mm", &CameraFigures::axxb_mean_mm},
+    {"board_translation_rms_mm", "board, mm", &CameraFigures::board_mm},
+    {"board_rotation_rms_deg", "board, deg", &CameraFigures::board_deg},
+    {"std_translation_mm", "sigma, mm", &CameraFigures::sigma_mm},
+    {"std_rotation_deg", "sigma, deg", &CameraFigures::sigma_deg},
+    {"pixel_sigma", "pixel noise, px", &CameraFigures::pixel_sigma_px},
+    {"truth_hand_eye_mm", "true error, mm", &CameraFigures::truth_mm},
+    {"truth_hand_eye_deg", "true error, deg", &CameraFigures::truth_deg},
+};
 
-// Returns the figures of one camera of a rig, in the order of Figures().
-std::vector<std::optional<double>> RigFigures(const RigResult& result, size_t camera) {
-  const RigErrors& errors = result.errors[camera];
-  const auto covariance = PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(result.rig.cameras[camera]));
-  return {errors.reprojection_rms_px,
-          errors.holdout_rms_px,
-          errors.holdout_target_mm,
-          errors.holdout_target_deg,
-          result.holdout_chi2,
-          std::nullopt,
-          std::nullopt,
-          std::nullopt,
-          1000 * std::sqrt(covariance->topLeftCorner<3, 3>().trace()),
-          RadToDeg(std::sqrt(covariance->bottomRightCorner<3, 3>().trace())),
-          result.solution.pixel_sigmas_px[camera],
-          errors.truth_mm,
-          errors.truth_deg};
-}
+// What a method has estimated of a single camera, or the result for one camera of a rig.
+struct Row {
+  std::string setup;       // Or the mount of a camera of a rig.
+  std::string target;      // The type, or those of a rig.
+  std::string num_points;  // Of the target; empty for a rig.
+  int num_used = 0;        // Number of captures, or of images of a camera of a rig.
+  int num_all = 0;
+  std::string method;  // Or the name of a camera of a rig.
+  EstimateKind kind = EstimateKind::kRefined;
+  bool ok = true;
+  std::string reason;  // Reason of a failure.
+  CameraFigures figures;
+};
 
-// Returns the number of captures of which an image was used.
-size_t NumUsedCaptures(const RigResult& result) {
-  std::set<std::string> used;
-  for (const RigImageResult& image : result.images) {
-    if (image.used) used.insert(image.capture);
+std::vector<Row> RowsOf(const RunResult& result) {
+  std::vector<Row> rows;
+  for (const Estimate& estimate : result.estimates) {
+    rows.push_back({std::string(SetupName(result.setup)), result.target_type, std::to_string(result.num_target_points),
+                    NumUsedCaptures(result), static_cast<int>(result.captures.size()), estimate.method, estimate.kind,
+                    estimate.ok, estimate.reason, FiguresOf(estimate.ok ? &estimate : nullptr)});
   }
-  return used.size();
+  return rows;
 }
 
-// Returns the types of a rig's targets.
-std::string TargetTypes(const RigResult& result) { return Join(result.target_types, " "); }
+std::vector<Row> RowsOf(const RigResult& result) {
+  std::vector<Row> rows;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = result.rig.cameras[c];
+    Row& row = rows.emplace_back();
+    row.setup = MountText(result.rig, camera);
+    row.target = Join(result.target_types, " ");
+    std::tie(row.num_used, row.num_all) = CountImages(result, camera.name);
+    row.method = camera.name;
+    row.figures = FiguresOf(result, c);
+  }
+  return rows;
+}
 
-std::string RigCsvLine(const std::string& name, const RigResult& result, size_t camera) {
-  const RigCamera& of_rig = result.rig.cameras[camera];
-  const auto [used, all] = CountImages(result, of_rig.name);
-  std::string line = CsvField(name) + ",true,," + CsvField(MountText(result.rig, of_rig)) + "," +
-                     CsvField(TargetTypes(result)) + ",," + std::to_string(all) + "," + std::to_string(used) + "," +
-                     CsvField(of_rig.name) + ",refined,true," + std::string(GradeName(result.verdict.grade));
-  for (const std::optional<double>& value : RigFigures(result, camera)) line += "," + (value ? RoundTrip(*value) : "");
-  return line + "\n";
+std::vector<Row> RowsOf(const AnyResult& any) {
+  return std::visit([](const auto& result) { return RowsOf(result); }, any);
+}
+
+bool IsRig(const AnyResult& any) { return std::holds_alternative<RigResult>(any); }
+
+// A run as one line: its refined estimate or, of a rig, the worst camera.
+struct RunLine {
+  std::string name;
+  std::string target;
+  std::string captures;
+  std::optional<double> closed_px = {};  // Of the best closed form; a rig has none.
+  std::optional<double> refined_px = {};
+  std::optional<double> sigma_mm = {};
+};
+
+RunLine LineOf(const std::string& name, const RunResult& result) {
+  const CameraFigures refined = FiguresOf(FindRefined(result));
+  return {name,
+          result.target_type,
+          std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()),
+          FiguresOf(FindBestClosedForm(result, &HoldOutPx)).holdout_rms_px,
+          refined.holdout_rms_px,
+          refined.sigma_mm};
+}
+
+RunLine LineOf(const std::string& name, const RigResult& result) {
+  const size_t num_cameras = result.rig.cameras.size();
+  RunLine line{name, "rig, " + std::to_string(num_cameras) + (num_cameras == 1 ? " camera" : " cameras"),
+               std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size())};
+  for (const Row& row : RowsOf(result)) {
+    line.refined_px = std::max(line.refined_px, row.figures.holdout_rms_px);
+    line.sigma_mm = std::max(line.sigma_mm, row.figures.sigma_mm);
+  }
+  return line;
+}
+
+RunLine LineOf(const BatchRun& run) {
+  return std::visit([&](const auto& result) { return LineOf(run.name, result); }, *run.result);
+}
+
+// Returns the chart of the hold-out errors of the runs that have a result.
+std::string HoldOutFigure(const std::vector<BatchRun>& runs) {
+  using Json = nlohmann::ordered_json;
+  Json bars = Json::array();
+  std::vector<FigureRow> charted;
+  for (const BatchRun& run : runs) {
+    if (!run.result) continue;
+    const RunLine line = LineOf(run);
+    bars.push_back(Json{{"label", line.name}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
+    charted.push_back({line.name, line.refined_px, line.closed_px});
+  }
+  return ViewFigure("dumbbells", "Hold-out RMS of every run; that of a rig is the one of its worst camera.",
+                    Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                    DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted));
+}
+
+std::vector<PageCell> PageRow(const BatchRun& run, const Row& row) {
+  const bool is_rig = IsRig(*run.result);
+  std::vector<PageCell> cells = {
+      {run.name, false, LinkTo(run.name + "/report.html")},
+      {std::string(GradeName(run.verdict()->grade))},
+      {row.setup},
+      {row.target},
+      {std::to_string(row.num_used) + " of " + std::to_string(row.num_all) + (is_rig ? " images" : " captures")},
+      {(is_rig ? "camera " : "") + row.method}};
+  for (const Figure& figure : kFigures) {
+    const std::optional<double>& value = row.figures.*figure.value;
+    cells.push_back({value ? Significant(*value, 4) : "", true});
+  }
+  cells.push_back({row.reason});
+  return cells;
 }
 
 }  // namespace
 
 std::string SummaryCsv(const std::vector<BatchRun>& runs) {
-  std::string csv = "run,ok,reason,setup,target,target_points,captures,captures_used,method,kind,method_ok,verdict";
-  for (const Figure& figure : Figures()) csv += "," + std::string(figure.name);
-  csv += "\n";
+  std::vector<std::string> head = {"run",           "ok",       "reason",        "setup",  "target",
+                                   "target_points", "captures", "captures_used", "method", "kind",
+                                   "method_ok",     "verdict"};
+  for (const Figure& figure : kFigures) head.emplace_back(figure.name);
+  std::string csv = Join(head, ",") + "\n";
   for (const BatchRun& run : runs) {
-    if (run.rig) {
-      for (size_t c = 0; c < run.rig->rig.cameras.size(); ++c) csv += RigCsvLine(run.name, *run.rig, c);
-      continue;
-    }
     if (!run.result) {
-      csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,,";
-      csv += std::string(Figures().size(), ',') + "\n";
+      std::vector<std::string> fields = {CsvField(run.name), "false", CsvField(run.reason)};
+      fields.resize(head.size());
+      csv += Join(fields, ",") + "\n";
       continue;
     }
-    const RunResult& result = *run.result;
-    for (const Estimate& estimate : result.estimates) {
-      csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
-             "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
-             std::to_string(result.captures.size()) + "," + std::to_string(NumUsedCaptures(result)) + "," +
-             estimate.method + "," + std::string(EstimateKindName(estimate.kind)) + "," +
-             (estimate.ok ? "true" : "false") + "," + std::string(GradeName(result.verdict.grade));
-      for (const Figure& figure : Figures()) {
-        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
-        csv += "," + (value ? RoundTrip(*value) : "");
+    for (const Row& row : RowsOf(*run.result)) {
+      std::vector<std::string> fields = {CsvField(run.name),          "true",
+                                         CsvField(row.reason),        CsvField(row.setup),
+                                         CsvField(row.target),        row.num_points,
+                                         std::to_string(row.num_all), std::to_string(row.num_used),
+                                         CsvField(row.method),        std::string(EstimateKindName(row.kind)),
+                                         row.ok ? "true" : "false",   std::string(GradeName(run.verdict()->grade))};
+      for (const Figure& figure : kFigures) {
+        const std::optional<double>& value = row.figures.*figure.value;
+        fields.push_back(value ? RoundTrip(*value) : "");
       }
-      csv += "\n";
+      csv += Join(fields, ",") + "\n";
     }
   }
   return csv;
@@ -131,113 +182,50 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
 
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
   std::vector<std::string> head = {"run", "verdict", "setup or mount", "target", "used", "method or camera"};
-  for (const Figure& figure : Figures()) head.emplace_back(figure.title);
+  for (const Figure& figure : kFigures) head.emplace_back(figure.title);
   head.emplace_back("remark");
   std::vector<std::vector<PageCell>> rows;
   std::vector<std::vector<PageCell>> failed;
   for (const BatchRun& run : runs) {
-    for (size_t c = 0; run.rig && c < run.rig->rig.cameras.size(); ++c) {
-      const RigResult& rig = *run.rig;
-      const auto [used, all] = CountImages(rig, rig.rig.cameras[c].name);
-      std::vector<PageCell> row = {{run.name, false, LinkTo(run.name + "/report.html")},
-                                   {std::string(GradeName(rig.verdict.grade))},
-                                   {MountText(rig.rig, rig.rig.cameras[c])},
-                                   {TargetTypes(rig)},
-                                   {std::to_string(used) + " of " + std::to_string(all) + " images"},
-                                   {"camera " + rig.rig.cameras[c].name}};
-      for (const std::optional<double>& value : RigFigures(rig, c)) {
-        row.push_back({value ? Significant(*value, 4) : "", true});
-      }
-      row.push_back({""});
-      rows.push_back(std::move(row));
-    }
-    if (run.rig) continue;
     if (!run.result) {
       failed.push_back({{run.name}, {run.reason}});
       continue;
     }
-    for (const Estimate& estimate : run.result->estimates) {
-      std::vector<PageCell> row = {{run.name, false, LinkTo(run.name + "/report.html")},
-                                   {std::string(GradeName(run.result->verdict.grade))},
-                                   {std::string(SetupName(run.result->setup))},
-                                   {run.result->target_type},
-                                   {std::to_string(NumUsedCaptures(*run.result)) + " of " +
-                                    std::to_string(run.result->captures.size()) + " captures"},
-                                   {estimate.method}};
-      for (const Figure& figure : Figures()) {
-        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
-        row.push_back({value ? Significant(*value, 4) : "", true});
-      }
-      row.push_back({estimate.reason});
-      rows.push_back(std::move(row));
-    }
+    for (const Row& row : RowsOf(*run.result)) rows.push_back(PageRow(run, row));
   }
-  const size_t num_failed = failed.size();
   const std::string counts =
       std::to_string(runs.size()) + " runs" +
-      (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
-      ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that "
-      "it has not seen. Sigma: one sigma of the whole position or orientation of the camera, which is the root of the "
-      "sum of "
-      "the variances along or about its three axes.";
-  using Json = nlohmann::ordered_json;
-  Json bars = Json::array();
-  std::vector<FigureRow> charted;
-  for (const BatchRun& run : runs) {
-    if (!run.result) continue;
-    const Estimate* refined = FindRefined(*run.result);
-    const Estimate* closed = FindBestClosedForm(*run.result, &HoldOutPx);
-    const FigureRow row{run.name, refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt,
-                        closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt};
-    bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
-    charted.push_back(row);
-  }
-  return HtmlPage(
-      title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
-                 ViewFigure("dumbbells", "Hold-out RMS of every run.",
-                            Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                            DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted)) +
-                 (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
-                 Heading("Runs and methods") + HtmlTable(head, rows));
+      (failed.empty() ? "" : ", " + std::to_string(failed.size()) + " of them failed") +
+      ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that it has not seen. "
+      "Sigma: one sigma of the whole position or orientation of the camera, which is the root of the sum of the "
+      "variances along or about its three axes.";
+  return HtmlPage(title,
+                  "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) + HoldOutFigure(runs) +
+                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
+                      Heading("Runs and methods") + HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {
   constexpr size_t kNameWidth = 24;
-  std::string table = PadRight("run", kNameWidth) + PadRight(" target or rig", 15) + PadLeft("captures", 9) +
-                      PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 15 + 9) +
-                      PadLeft("closed", 9) + PadLeft("refined", 9) + "\n";
+  constexpr size_t kTargetWidth = 15;
+  constexpr size_t kCapturesWidth = 9;
+  const std::vector<FigureColumn<RunLine>> columns = {{"", "closed", 9, 3, &RunLine::closed_px},
+                                                      {"hold-out px", "refined", 9, 3, &RunLine::refined_px},
+                                                      {"sigma mm", "", 10, 3, &RunLine::sigma_mm}};
+  const std::string head =
+      PadRight("run", kNameWidth) + PadRight(" target or rig", kTargetWidth) + PadLeft("captures", kCapturesWidth);
+  std::string table = ColumnHeads(head, std::string(head.size(), ' '), columns);
   bool has_rig = false;
   for (const BatchRun& run : runs) {
-    const std::string name =
-        run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
-    table += name;
-    if (run.rig) {
-      std::optional<double> worst_px;
-      std::optional<double> worst_mm;
-      for (size_t c = 0; c < run.rig->rig.cameras.size(); ++c) {
-        const std::vector<std::optional<double>> figures = RigFigures(*run.rig, c);
-        worst_px = std::max(worst_px, figures[1]);
-        worst_mm = std::max(worst_mm, figures[8]);
-      }
-      has_rig = true;
-      const size_t num_cameras = run.rig->rig.cameras.size();
-      table += PadRight(" rig, " + std::to_string(num_cameras) + " camera" + (num_cameras == 1 ? "" : "s"), 15) +
-               PadLeft(std::to_string(NumUsedCaptures(*run.rig)) + "/" + std::to_string(run.rig->captures.size()), 9) +
-               PadLeft("-", 9) + PadLeft(FigureText(worst_px), 9) + PadLeft(FigureText(worst_mm), 10) + "\n";
-      continue;
-    }
-    const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
-    if (refined == nullptr) {
+    table += run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
+    if (!run.result) {
       table += " failed: " + run.reason + "\n";
       continue;
     }
-    const RunResult& result = *run.result;
-    const Estimate* closed = FindBestClosedForm(result, &HoldOutPx);
-    table += PadRight(" " + result.target_type, 15) +
-             PadLeft(std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()), 9) +
-             PadLeft(FigureText(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
-             PadLeft(FigureText(refined->errors.holdout_rms_px), 9) +
-             PadLeft(FigureText(TranslationSigmaMm(*refined)), 10) + "\n";
+    has_rig = has_rig || IsRig(*run.result);
+    const RunLine line = LineOf(run);
+    table += PadRight(" " + line.target, kTargetWidth) + PadLeft(line.captures, kCapturesWidth) +
+             FigureCells(columns, line) + "\n";
   }
   if (has_rig) table += "of a rig: captures with a used image; hold-out px and sigma mm of the worst camera\n";
   return table;

@@ -5,20 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "tools/files/any_result.h"
 
 namespace heba {
 
 // One run of a batch: its result, or the reason why it failed.
 struct BatchRun {
   std::string name;
-  std::optional<RunResult> result;
-  std::optional<RigResult> rig;  // Instead of `result`, if the config is that of a rig.
+  std::optional<AnyResult> result;
   std::string reason;
 
   // Returns the verdict; null if the run failed.
-  const Verdict* verdict() const { return result ? &result->verdict : rig ? &rig->verdict : nullptr; }
+  const Verdict* verdict() const { return result ? &VerdictOf(*result) : nullptr; }
 };
 
 // Returns a header and one line for each run and method, or for each run and camera of a rig; a failed run has one line

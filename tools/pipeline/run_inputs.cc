@@ -1,9 +1,11 @@
 #include "tools/pipeline/run_inputs.h"
 
+#include <filesystem>
+#include <optional>
+
 #include <nlohmann/json.hpp>
 
 #include "heba/base/error.h"
-#include "heba/base/files.h"
 #include "heba/io/result_file.h"
 #include "tools/files/program_digest.h"
 #include "tools/run/captures.h"
@@ -46,20 +48,6 @@ std::string InputsText(const std::string& config_used, const RigDataset& data, c
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-// Returns the result if `inputs` is what the folder records.
-template <class Result>
-std::optional<Result> ResultIfCurrent(const fs::path& output, const std::string& inputs,
-                                      Result (*read)(const fs::path&)) {
-  std::error_code error;
-  if (!fs::exists(output / "inputs.json", error) || !fs::exists(output / "result.json", error)) return std::nullopt;
-  try {
-    if (ReadTextFile(output / "inputs.json") != inputs) return std::nullopt;
-    return read(output / "result.json");
-  } catch (const InputError&) {
-    return std::nullopt;
-  }
-}
-
 }  // namespace
 
 std::string RunInputsText(const RunConfig& config) {
@@ -72,14 +60,6 @@ std::string RunInputsText(const RunConfig& config) {
 
 std::string RunInputsText(const RigConfig& config) {
   return InputsText(config.used, config.data, config.data_files, config.truth);
-}
-
-std::optional<RunResult> CurrentResult(const fs::path& output, const RunConfig& config) {
-  return ResultIfCurrent(output, RunInputsText(config), &ReadResult);
-}
-
-std::optional<RigResult> CurrentResult(const fs::path& output, const RigConfig& config) {
-  return ResultIfCurrent(output, RunInputsText(config), &ReadRigResult);
 }
 
 }  // namespace heba

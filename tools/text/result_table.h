@@ -1,17 +1,22 @@
-// Formats a run's result as a table for the terminal.
+// Formats a run's result as tables for the terminal.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
 
-// Returns a table of the methods, closed-form and refined, below the verdict, followed by the refined pose and its
-// uncertainty. At most 80 columns wide, except for long texts. `asked_for`: the methods that the config names, which
-// are listed even if they do not suit the motion.
+// Return tables below the verdict, and the refined poses with their uncertainty. At most 80 columns wide, except for
+// long texts.
+
+// The table is that of the methods, closed-form and refined. `asked_for`: the methods that the config names, which are
+// listed even if they do not suit the motion.
 std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for = {});
+// The table is that of the cameras; the poses are those of cameras, targets and arms, and those between cameras.
+std::string ResultTable(const RigResult& result, Colour colour);
 
 }  // namespace heba

@@ -3,34 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/hand_eye_method.h"
 
 namespace heba {
-namespace {
-
-// Returns the length of the sigmas along three coordinates of the hand-eye pose, from `first` on.
-std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
-  if (!estimate.solution) return std::nullopt;
-  const auto covariance = PoseCovarianceOf(estimate.solution->covariance, kHandEyeBlock);
-  if (!covariance) return std::nullopt;
-  return std::sqrt(covariance->diagonal().segment<3>(first).sum());
-}
-
-}  // namespace
-
-std::optional<double> TranslationSigmaMm(const Estimate& estimate) {
-  const std::optional<double> sigma_m = SigmaOf(estimate, 0);
-  return sigma_m ? std::optional<double>(1000 * *sigma_m) : std::nullopt;
-}
-
-std::optional<double> RotationSigmaDeg(const Estimate& estimate) {
-  const std::optional<double> sigma_rad = SigmaOf(estimate, 3);
-  return sigma_rad ? std::optional<double>(RadToDeg(*sigma_rad)) : std::nullopt;
-}
-
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named) {
   std::vector<std::pair<std::string, std::string>> names_of;
   for (const auto& [name, reason] : named) {
@@ -63,12 +42,27 @@ int NumUsedCaptures(const RunResult& result) {
                                         [](const CaptureResult& capture) { return capture.used; }));
 }
 
-std::string HandEyePoseText(const Estimate& estimate) {
-  const Rigid3d& pose = estimate.hand_eye.camera_mount_from_camera;
-  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return PoseText(pose);
-  const Eigen::VectorXd variances = estimate.solution->covariance.matrix.diagonal();
-  return PoseText(pose, 1000 * std::sqrt(variances.segment<3>(0).maxCoeff()),
-                  std::sqrt(variances.segment<3>(3).maxCoeff()));
+int NumUsedCaptures(const RigResult& result) {
+  std::set<std::string> used;
+  for (const RigImageResult& image : result.images) {
+    if (image.used) used.insert(image.capture);
+  }
+  return static_cast<int>(used.size());
+}
+
+std::pair<int, int> CountImages(const RigResult& result, const std::string& camera) {
+  int used = 0;
+  int all = 0;
+  for (const RigImageResult& image : result.images) {
+    if (image.camera != camera || !image.was_searched) continue;
+    ++all;
+    used += image.used ? 1 : 0;
+  }
+  return {used, all};
+}
+
+std::pair<double, double> LargestSigmas(const Eigen::Matrix<double, 6, 6>& covariance) {
+  return {std::sqrt(covariance.diagonal().head<3>().maxCoeff()), std::sqrt(covariance.diagonal().tail<3>().maxCoeff())};
 }
 
 std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
@@ -85,15 +79,13 @@ std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
 
 std::string FigureText(const std::optional<double>& value) { return value ? Significant(*value, 3) : "-"; }
 
-std::string RobotNoiseText(const Solution& solution) {
-  const auto sigmas = [](const RobotNoise& noise) {
-    return ShownAmount(1000 * noise.translation_m, 2) + " mm and " + ShownAmount(RadToDeg(noise.rotation_rad), 2) +
-           " deg";
+std::string RobotNoiseText(const RobotNoise& noise, const std::optional<RobotNoise>& smooth_noise) {
+  const auto sigmas = [](const RobotNoise& of) {
+    return ShownNoise(1000 * of.translation_m) + " mm and " + ShownNoise(RadToDeg(of.rotation_rad)) + " deg";
   };
-  std::string text = sigmas(*solution.robot_noise);
-  const double joint_rad = solution.robot_noise->joint_rad;
-  if (joint_rad > 0) text += ", each joint " + ShownAmount(RadToDeg(joint_rad), 2) + " deg";
-  if (solution.smooth_noise) text += ", smooth errors " + sigmas(*solution.smooth_noise);
+  std::string text = sigmas(noise);
+  if (noise.joint_rad > 0) text += ", each joint " + ShownNoise(RadToDeg(noise.joint_rad)) + " deg";
+  if (smooth_noise) text += ", smooth errors " + sigmas(*smooth_noise);
   return text;
 }
 

@@ -7,13 +7,9 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 
 namespace heba {
-
-// Return the sigma of the hand-eye pose as a whole (the root of the sum of variances over the axes); nothing without a
-// covariance.
-std::optional<double> TranslationSigmaMm(const Estimate& estimate);
-std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
 // Returns each reason once, with the names that have it, separated by commas. `named`: each name and its reason, such
 // as a method and why it has no result.
@@ -25,12 +21,16 @@ std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunR
                                                                       const std::vector<std::string>& asked_for = {});
 
 int NumUsedCaptures(const RunResult& result);
+// Returns how many captures of a rig have an image that was used.
+int NumUsedCaptures(const RigResult& result);
+// Returns how many images of a camera were used, and how many there are.
+std::pair<int, int> CountImages(const RigResult& result, const std::string& camera);
+// Returns the largest sigma of a pose along and about its axes: m and rad.
+std::pair<double, double> LargestSigmas(const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Formats a pose as "[x, y, z] mm, quaternion xyzw [...]" with w not negative. The sigmas of position and rotation
 // determine the number of decimals.
 std::string PoseText(const Rigid3d& pose, double sigma_mm = 0.01, double sigma_rad = 1e-5);
-// Formats an estimate's hand-eye pose with the decimals that its sigmas determine.
-std::string HandEyePoseText(const Estimate& estimate);
 // Formats a figure with three significant digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 
@@ -41,9 +41,9 @@ enum class Colour { kPlain, kAnsi };
 // Returns the grade, then the findings that keep it from being good, each with its action.
 std::string VerdictLines(const Verdict& verdict, Colour colour);
 
-// Describes the noise of the robot's poses: "0.3 mm and 0.02 deg", and that of the joints and the smooth errors if they
-// are modelled. `solution.robot_noise` must be set.
-std::string RobotNoiseText(const Solution& solution);
+// Describes the noise of a robot's poses: "0.3 mm and 0.02 deg", and that of the joints and the smooth errors if they
+// are modelled.
+std::string RobotNoiseText(const RobotNoise& noise, const std::optional<RobotNoise>& smooth_noise);
 
 // Returns the error message of a run that --fail-on fails.
 std::string VerdictFailure(const Verdict& verdict);

@@ -17,7 +17,7 @@
 #include "tests/support/rig_scenes.h"
 #include "tests/support/temp_folder.h"
 #include "tools/pages/rig_report.h"
-#include "tools/text/rig_table.h"
+#include "tools/text/result_table.h"
 #include "tools/text/run_notes.h"
 
 namespace heba {
@@ -240,7 +240,7 @@ TEST_F(RigRunTest, TruthOfTargetsAndBasesIsCompared) {
     ASSERT_EQ(result.truth.relative_cameras.size(), 1U);
     EXPECT_LT(result.truth.relative_cameras[0]->mm, 2);
   }
-  const std::string table = RigTable(run->result, Colour::kPlain);
+  const std::string table = ResultTable(run->result, Colour::kPlain);
   const std::string base = table.substr(table.find("base of arm two in world"));
   EXPECT_THAT(base.substr(0, base.find("camera ")), HasSubstr("\n  true error "));
 }

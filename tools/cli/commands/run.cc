@@ -4,61 +4,45 @@
 #include "tools/batch/batch.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/pipeline/pipeline.h"
-#include "tools/pipeline/run_inputs.h"
+#include "tools/pipeline/any_run.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
 #include "tools/text/result_text.h"
-#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
 
-// Ends a run: prints the table, and returns the exit status.
-int Finish(const std::string& config_path, const std::string& table, const std::filesystem::path& output,
-           const Verdict& verdict, std::optional<Grade> fail_on) {
-  if (!FLAGS_quiet) std::cout << ForTerminal(table) << "results: " << output.string() << std::endl;
-  if (fail_on && verdict.grade >= *fail_on) {
-    PrintError(config_path + ": " + VerdictFailure(verdict));
-    return kWorkFailed;
-  }
-  return kDone;
-}
-
-int RunOneRig(const std::string& config_path, std::optional<Grade> fail_on) {
-  const RigConfig config = ReadRigConfig(config_path, Settings());
-  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
-  Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  const std::optional<RigResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
-  if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
-  const Outcome<RigResult> result =
-      current ? Outcome<RigResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
-  if (!result) {
-    PrintError(config_path + ": " + result.reason());
-    return kWorkFailed;
-  }
-  return Finish(config_path, RigTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain), output, result->verdict,
-                fail_on);
+std::string TableOf(const AnyResult& result, const AnyConfig& config) {
+  const Colour colour = UseColour() ? Colour::kAnsi : Colour::kPlain;
+  const auto* const single = std::get_if<RunResult>(&result);
+  if (single == nullptr) return ResultTable(std::get<RigResult>(result), colour);
+  // A method that the config names is one that the user expects.
+  const RunOptions& options = std::get<RunConfig>(config).options;
+  std::vector<std::string> asked_for = options.methods;
+  asked_for.push_back(options.seed);
+  return ResultTable(*single, colour, asked_for);
 }
 
 int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
-  if (IsRigConfig(config_path, Settings())) return RunOneRig(config_path, fail_on);
-  const RunConfig config = ReadRunConfig(config_path, Settings());
-  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
+  const AnyConfig config = ReadAnyConfig(config_path, Settings());
+  const std::filesystem::path output = FLAGS_out.empty() ? OutputOf(config) : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
-  if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
-  const Outcome<RunResult> result =
-      current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
+  const std::optional<AnyResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
+  if (current) console.Note(NameOf(config) + ": the inputs have not changed since these results");
+  const Outcome<AnyResult> result =
+      current ? Outcome<AnyResult>(*current) : RunAny(config, output, NumThreads(), &console);
   if (!result) {
     PrintError(config_path + ": " + result.reason());
     return kWorkFailed;
   }
-  // A method that the config names is one that the user expects.
-  std::vector<std::string> asked_for = config.options.methods;
-  asked_for.push_back(config.options.seed);
-  return Finish(config_path, ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain, asked_for), output,
-                result->verdict, fail_on);
+  if (!FLAGS_quiet) {
+    std::cout << ForTerminal(TableOf(*result, config)) << "results: " << output.string() << std::endl;
+  }
+  if (fail_on && VerdictOf(*result).grade >= *fail_on) {
+    PrintError(config_path + ": " + VerdictFailure(VerdictOf(*result)));
+    return kWorkFailed;
+  }
+  return kDone;
 }
 
 }  // namespace

@@ -1,0 +1,21 @@
+// The result of a finished run, of one camera or of a rig.
+#pragma once
+
+#include <filesystem>
+#include <variant>
+
+#include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
+
+namespace heba {
+
+using AnyResult = std::variant<RunResult, RigResult>;
+
+// Reads a result.json. Throws InputError if it cannot be read.
+AnyResult ReadAnyResult(const std::filesystem::path& file);
+
+inline const Verdict& VerdictOf(const AnyResult& any) {
+  return std::visit([](const auto& result) -> const Verdict& { return result.verdict; }, any);
+}
+
+}  // namespace heba

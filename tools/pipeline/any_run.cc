@@ -1,0 +1,45 @@
+#include "tools/pipeline/any_run.h"
+
+#include "heba/base/files.h"
+#include "tools/pipeline/pipeline.h"
+#include "tools/pipeline/run_inputs.h"
+
+namespace heba {
+namespace {
+
+template <class Result>
+Outcome<AnyResult> AnyOf(Outcome<Result> result) {
+  if (!result) return Failure{result.reason()};
+  return AnyResult(*std::move(result));
+}
+
+}  // namespace
+
+AnyConfig ReadAnyConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  if (IsRigConfig(path, settings)) return ReadRigConfig(path, settings);
+  return ReadRunConfig(path, settings);
+}
+
+Outcome<AnyResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,
+                          Console* console, RunObserver* listener) {
+  if (const auto* const single = std::get_if<RunConfig>(&config)) {
+    return AnyOf(RunPipeline(*single, output, num_threads, console, listener));
+  }
+  return AnyOf(RunPipeline(std::get<RigConfig>(config), output, num_threads, console, listener));
+}
+
+std::optional<AnyResult> CurrentResult(const std::filesystem::path& output, const AnyConfig& config) {
+  const std::filesystem::path inputs = output / "inputs.json";
+  const std::filesystem::path result = output / "result.json";
+  std::error_code error;
+  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(result, error)) return std::nullopt;
+  try {
+    const std::string current = std::visit([](const auto& of_run) { return RunInputsText(of_run); }, config);
+    if (ReadTextFile(inputs) != current) return std::nullopt;
+    return ReadAnyResult(result);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace heba
