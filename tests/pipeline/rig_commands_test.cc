@@ -166,6 +166,15 @@ TEST_F(RigCommandsTest, StatesTheInfluenceOfEachCapture) {
   EXPECT_THAT(ReadAll(Path("run/report.html")), HasSubstr("result changes without it, mm"));
 }
 
+TEST_F(RigCommandsTest, ReportHasTheNextStepsAndTheCorrelation) {
+  const std::string page = ReadAll(Path("run/report.html"));
+  EXPECT_THAT(page, HasSubstr("Next steps"));
+  EXPECT_THAT(page, HasSubstr("heba export " + Path("run") + " --to ros2"));
+  EXPECT_THAT(page, HasSubstr("heba locate " + Path("run") + " left=IMAGE right=IMAGE wrist=IMAGE --pose NUMBERS"));
+  EXPECT_THAT(page, HasSubstr("Parameter correlation"));
+  EXPECT_THAT(page, HasSubstr("cameras.left.pose"));
+}
+
 TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
   const std::string page = ReadAll(Path("run/report.html"));
   const Json result = Json::parse(ReadAll(Path("run/result.json")));

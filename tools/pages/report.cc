@@ -2,22 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <numbers>
-#include <set>
 
 #include <nlohmann/json.hpp>
 
 #include "heba/base/distributions.h"
-#include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/verdict.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
-#include "tools/pages/page_numbers.h"
 #include "tools/pages/report_charts.h"
 #include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
@@ -120,56 +114,19 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
   return figure.empty() ? "" : PageSection("Uncertainty at the working point", figure);
 }
 
-std::string CorrelationSection(const Estimate& refined) {
-  const Covariance& covariance = refined.solution->covariance;
-  const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
-  const std::vector<std::string> names = covariance.layout.Names();
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
-    Json row = Json::array();
-    for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
-    rows.push_back(row);
-  }
-  const std::string figure =
-      ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
-                 Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
-  return figure.empty() ? "" : PageSection("Parameter correlation", figure);
-}
-
 std::string MethodsSection(const RunResult& result) {
   Json lines = Json::array();
-  std::vector<std::vector<PageCell>> rows;
-  const bool has_truth = std::any_of(result.estimates.begin(), result.estimates.end(),
-                                     [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
-  const auto cell = [](const std::optional<double>& value) {
-    return PageCell{value ? Significant(*value, 3) : "", true};
-  };
+  std::vector<FigureLine> rows;
   for (const Estimate& estimate : result.estimates) {
     const Errors& errors = estimate.errors;
     if (!estimate.ok) continue;
+    const bool is_result = &estimate == FindRefined(result);
     lines.push_back(Json{{"label", estimate.method},
                          {"values", {OrNull(errors.reprojection_rms_px), OrNull(errors.holdout_rms_px)}},
                          {"strong", estimate.kind == EstimateKind::kRefined}});
     rows.push_back(
-        {{estimate.method + (&estimate == FindRefined(result) ? " (the result)" : ""),
-          false,
-          {},
-          &estimate == FindRefined(result)},
-         cell(errors.reprojection_rms_px),
-         cell(errors.holdout_rms_px),
-         cell(errors.holdout_target_mm),
-         cell(errors.holdout_target_deg),
-         cell(errors.axxb_mean_mm),
-         cell(errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt)});
-    if (!has_truth) continue;
-    const std::optional<TruthErrors>& truth = errors.truth;
-    rows.back().insert(rows.back().end(), {cell(truth ? std::optional<double>(truth->hand_eye_mm) : std::nullopt),
-                                           cell(truth ? std::optional<double>(truth->hand_eye_deg) : std::nullopt)});
+        {{{estimate.method + (is_result ? " (the result)" : ""), false, {}, is_result}}, FiguresOf(&estimate)});
   }
-  std::vector<std::string> head = {"method",        "in-sample, px", "hold-out, px", "hold-out, mm",
-                                   "hold-out, deg", "AX-XB, mm",     "board, mm"};
-  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
   std::string without;
   for (const auto& [reason, methods] : MethodsWithoutResult(result, HandEyeMethodNames())) {
     without += Paragraph(methods + ": no result, " + reason);
@@ -180,7 +137,9 @@ std::string MethodsSection(const RunResult& result) {
                 "estimate was computed from, and on captures that it has not seen.") +
           ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
                      MethodsChart(result)) +
-          HtmlTable(head, rows) + without);
+          FiguresTable({"method"},
+                       {{"AX-XB, mm", &CameraFigures::axxb_mean_mm}, {"board, mm", &CameraFigures::board_mm}}, rows) +
+          without);
 }
 
 std::string CaptureSection(const RunResult& result) {
@@ -196,10 +155,7 @@ std::string CaptureSection(const RunResult& result) {
                                  {std::to_string(capture.num_rejected), true},
                                  {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true},
                                  {capture.holdout_target_mm ? ShownAmount(*capture.holdout_target_mm, 2) : "", true}};
-    const std::optional<CaptureMove>& move = capture.move_without;
-    row.push_back({move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true});
-    row.push_back({move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true});
-    row.push_back({move ? ShownPValue(move->p_value) : "", true});
+    for (PageCell& cell : MoveCells(capture.move_without)) row.push_back(std::move(cell));
     if (has_corrections) {
       const bool has = capture.correction.has_value();
       row.push_back({has ? Significant(1000 * capture.correction->translation.norm(), 2) : "", true});
@@ -229,7 +185,7 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
     const CameraResiduals residuals = ResidualsOf(result, *refined, captures);
     body += ResidualData("captures", residuals) + SetUpSection(result, *refined, captures, target_points) +
             MethodsSection(result) + ResidualSections("captures", residuals) + UncertaintySection(result, *refined) +
-            ArmSection(result, *refined, captures) + CorrelationSection(*refined);
+            ArmSection(result, *refined, captures) + CorrelationSection(refined->solution->covariance);
   }
   return HtmlPage(result.name,
                   body + CaptureSection(result) + Details("Config as used", CopyableText(context.config_used)));

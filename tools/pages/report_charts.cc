@@ -199,9 +199,11 @@ std::string EllipseChart(const std::string& x, const std::string& y, const Eigen
 std::string CorrelationChart(const std::vector<std::string>& names, const Eigen::MatrixXd& correlation) {
   const auto count = static_cast<double>(names.size());
   constexpr double kCell = 20;
-  constexpr double kNames = 110;
-  StaticChart chart(kNames + kCell * count + 12, kCell * count + 46,
-                    {"same order from left to right", 0, count, false, false}, {"", count, 0, false, false}, kNames);
+  constexpr double kCharacter = 7;
+  double margin = 110;
+  for (const std::string& name : names) margin = std::max(margin, kCharacter * static_cast<double>(name.size()));
+  StaticChart chart(margin + kCell * count + 12, kCell * count + 46,
+                    {"same order from left to right", 0, count, false, false}, {"", count, 0, false, false}, margin);
   for (size_t i = 0; i < names.size(); ++i) {
     chart.RowName(static_cast<double>(i) + 0.5, names[i]);
     for (size_t j = 0; j < names.size(); ++j) {

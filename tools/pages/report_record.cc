@@ -153,55 +153,80 @@ std::string ResultPart(const RunResult& result) {
              "OpenCV's axes: x right, y down, z forward.");
 }
 
-// Quotes a path as one word of a shell command.
-std::string ShellWord(const std::string& path) {
-  const bool is_plain = std::all_of(path.begin(), path.end(), [](char c) {
+}  // namespace
+
+std::string ShellWord(const std::string& text) {
+  const bool is_plain = std::all_of(text.begin(), text.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
            std::string_view("/._-+").find(c) != std::string_view::npos;
   });
-  if (is_plain) return path;
+  if (is_plain) return text;
   std::string quoted = "'";
-  for (const char c : path) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return quoted + "'";
 }
 
-std::string NextPart(const RunResult& result, const ReportContext& context) {
+std::string NextPart(const Verdict& verdict, const ReportContext& context, const std::string& located) {
   std::string part = Heading("Next steps");
   std::set<std::string> told;
   std::string actions;
-  for (const Finding& finding : result.verdict.findings) {
+  for (const Finding& finding : verdict.findings) {
     if (finding.grade == Grade::kGood || finding.action.empty() || !told.insert(finding.action).second) continue;
     actions += "<li>" + EscapedForMarkup(Sentence(finding.action)) + "</li>\n";
   }
   if (!actions.empty()) part += "<ol>\n" + actions + "</ol>\n";
-  if (result.verdict.grade == Grade::kBad) return part + Paragraph("Do not use this result.");
+  if (verdict.grade == Grade::kBad) return part + Paragraph("Do not use this result.");
   const std::string run = ShellWord(context.output.string());
-  const std::string pose = result.setup == Setup::kEyeInHand ? " --pose NUMBERS" : "";
   part += Paragraph(
               "These commands export the result for other software (ros2, urdf, opencv, kuka, ...; all writes every "
               "format) and locate the target in a new image:") +
           CopyableText("heba export " + run + " --to ros2");
-  return FindRefined(result) == nullptr ? part : part + CopyableText("heba locate " + run + " IMAGE" + pose);
+  return located.empty() ? part : part + CopyableText("heba locate " + run + " " + located);
 }
 
-std::string RecordPart(const RunResult& result, const ReportContext& context) {
-  std::string part = "<dl class=\"record\">\n";
-  const auto add = [&](const std::string& name, const std::string& value) {
+std::string RecordPart(std::vector<std::pair<std::string, std::string>> facts,
+                       const std::vector<std::pair<std::string, std::string>>& about, const ReportContext& context) {
+  facts.insert(facts.end(), about.begin(), about.end());
+  facts.insert(facts.end(), {{"created", context.made + " by heba " + std::string(Version())},
+                             {"config", context.config.string()},
+                             {"folder", context.output.string()}});
+  std::string part = Heading("Record") + "<dl class=\"record\">\n";
+  for (const auto& [name, value] : facts) {
     part += "<dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd>\n";
-  };
-  add("setup", std::string(SetupName(result.setup)) + (result.setup == Setup::kEyeToHand
-                                                           ? ": the camera is fixed beside the robot"
-                                                           : ": the robot carries the camera"));
-  add("target", result.target_type + ", " + std::to_string(result.num_target_points) + " points");
-  add("captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(result.captures.size()) + " used");
-  for (const auto& [name, value] : result.about) add(name, value);
-  add("created", context.made + " by heba " + std::string(Version()));
-  add("config", context.config.string());
-  add("folder", context.output.string());
+  }
   return part + "</dl>\n";
 }
 
-}  // namespace
+std::string FiguresTable(std::vector<std::string> head, const std::vector<FigureTitle>& more,
+                         const std::vector<FigureLine>& lines) {
+  std::vector<FigureTitle> columns = {{"in-sample, px", &CameraFigures::reprojection_rms_px},
+                                      {"hold-out, px", &CameraFigures::holdout_rms_px},
+                                      {"hold-out, mm", &CameraFigures::holdout_target_mm},
+                                      {"hold-out, deg", &CameraFigures::holdout_target_deg}};
+  columns.insert(columns.end(), more.begin(), more.end());
+  const bool has_truth =
+      std::any_of(lines.begin(), lines.end(), [](const FigureLine& line) { return line.figures.truth_mm.has_value(); });
+  if (has_truth) {
+    columns.push_back({"true error, mm", &CameraFigures::truth_mm});
+    columns.push_back({"deg", &CameraFigures::truth_deg});
+  }
+  for (const FigureTitle& column : columns) head.emplace_back(column.title);
+  std::vector<std::vector<PageCell>> rows;
+  for (const FigureLine& line : lines) {
+    std::vector<PageCell>& row = rows.emplace_back(line.begin);
+    for (const FigureTitle& column : columns) {
+      const std::optional<double>& value = line.figures.*column.figure;
+      row.push_back({value ? Significant(*value, 3) : "", true});
+    }
+  }
+  return HtmlTable(head, rows);
+}
+
+std::vector<PageCell> MoveCells(const std::optional<CaptureMove>& move) {
+  return {{move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true},
+          {move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true},
+          {move ? ShownPValue(move->p_value) : "", true}};
+}
 
 std::string TimeNow() {
   std::time_t now = std::time(nullptr);
@@ -262,9 +287,18 @@ std::string IntrinsicsTable(const std::string& title, const Camera& camera, cons
 
 std::string RecordSection(const RunResult& result, const ReportContext& context) {
   const Estimate* refined = FindRefined(result);
+  const bool is_fixed = result.setup == Setup::kEyeToHand;
+  const std::string setup = std::string(SetupName(result.setup)) +
+                            (is_fixed ? ": the camera is fixed beside the robot" : ": the robot carries the camera");
   return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" + VerdictPart(result.verdict) +
-         (refined == nullptr ? "" : TilesPart(result, *refined)) + ResultPart(result) + NextPart(result, context) +
-         Heading("Record") + RecordPart(result, context) + "</div>\n";
+         (refined == nullptr ? "" : TilesPart(result, *refined)) + ResultPart(result) +
+         NextPart(result.verdict, context, refined == nullptr ? "" : (is_fixed ? "IMAGE" : "IMAGE --pose NUMBERS")) +
+         RecordPart({{"setup", setup},
+                     {"target", result.target_type + ", " + std::to_string(result.num_target_points) + " points"},
+                     {"captures", std::to_string(NumUsedCaptures(result)) + " of " +
+                                      std::to_string(result.captures.size()) + " used"}},
+                    result.about, context) +
+         "</div>\n";
 }
 
 }  // namespace heba

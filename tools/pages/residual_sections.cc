@@ -72,6 +72,24 @@ std::string PageSection(const std::string& heading, const std::string& content) 
   return "<section>" + Heading(heading) + content + "</section>\n";
 }
 
+std::string CorrelationSection(const Covariance& covariance) {
+  constexpr Eigen::Index kMostNames = 80;
+  if (covariance.matrix.rows() > kMostNames) return "";
+  const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
+  const std::vector<std::string> names = covariance.layout.Names();
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
+    rows.push_back(row);
+  }
+  const std::string figure =
+      ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
+                 Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
+  return figure.empty() ? "" : PageSection("Parameter correlation", figure);
+}
+
 std::string ResidualData(const std::string& name, const CameraResiduals& residuals) {
   // Multiples of the golden ratio modulo 1 sample evenly, whatever the order of the points on the target.
   const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(residuals)));

@@ -1,4 +1,5 @@
-// The sections of a report on the residuals of one camera.
+// Sections of a report of single cameras and of rigs: on the residuals of one camera, and on the correlation of the
+// unknowns.
 #pragma once
 
 #include <optional>
@@ -6,6 +7,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
+#include "heba/data/solution.h"
 #include "tools/pages/reported_capture.h"
 
 namespace heba {
@@ -32,6 +34,9 @@ struct CameraResiduals {
 std::string ResidualData(const std::string& name, const CameraResiduals& residuals);
 // Returns the sections that show these data; empty if there are no points.
 std::string ResidualSections(const std::string& name, const CameraResiduals& residuals);
+
+// Returns the section on the correlation of the unknowns; empty if they are more than can be read.
+std::string CorrelationSection(const Covariance& covariance);
 
 // Returns the markup of a section.
 std::string PageSection(const std::string& heading, const std::string& content);

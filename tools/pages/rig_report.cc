@@ -1,13 +1,11 @@
 #include "tools/pages/rig_report.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <utility>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/io/result_file.h"
 #include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
@@ -53,30 +51,19 @@ std::string CellSection(const RigDataset& dataset, const RigRunOutput& run) {
 }
 
 std::string CamerasSection(const RigResult& result) {
-  const bool has_truth = std::any_of(result.errors.begin(), result.errors.end(),
-                                     [](const RigErrors& errors) { return errors.truth_mm.has_value(); });
-  std::vector<std::string> head = {"camera",       "mount",        "images used",   "in-sample, px",
-                                   "hold-out, px", "hold-out, mm", "hold-out, deg", "pixel noise, px"};
-  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
-  std::vector<std::vector<PageCell>> rows;
+  std::vector<FigureLine> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const RigCamera& camera = result.rig.cameras[c];
-    const RigErrors& errors = result.errors[c];
     const auto [used, all] = CountImages(result, camera.name);
-    std::vector<PageCell> row = {{camera.name, false, {}, true},
-                                 {MountText(result.rig, camera)},
-                                 {std::to_string(used) + " of " + std::to_string(all), true},
-                                 Number(errors.reprojection_rms_px),
-                                 Number(errors.holdout_rms_px),
-                                 Number(errors.holdout_target_mm),
-                                 Number(errors.holdout_target_deg),
-                                 Number(result.solution.pixel_sigmas_px[c])};
-    if (has_truth) row.insert(row.end(), {Number(errors.truth_mm), Number(errors.truth_deg)});
-    rows.push_back(std::move(row));
+    rows.push_back({{{camera.name, false, {}, true},
+                     {MountText(result.rig, camera)},
+                     {std::to_string(used) + " of " + std::to_string(all), true}},
+                    FiguresOf(result, c)});
   }
   return PageSection("Cameras", Paragraph("RMS reprojection errors with the poses of the arms as reported: on the "
                                           "captures of the estimate, and on captures that it has not seen.") +
-                                    HtmlTable(head, rows));
+                                    FiguresTable({"camera", "mount", "images used"},
+                                                 {{"pixel noise, px", &CameraFigures::pixel_sigma_px}}, rows));
 }
 
 // A pose of the result: its frames, and its error if the truth is known.
@@ -307,19 +294,17 @@ std::string ImagesTable(const RigResult& result) {
       num_points += target.num_points;
       num_rejected += target.num_rejected;
     }
-    const std::optional<CaptureMove>& move = image.move_without;
-    rows.push_back({{image.capture},
-                    {image.camera},
-                    {image.image},
-                    {Join(targets, ", ")},
-                    {image.used ? "used" : "not used"},
-                    {std::to_string(num_points), true},
-                    {std::to_string(num_rejected), true},
-                    Number(RmsOf(image)),
-                    {move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true},
-                    {move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true},
-                    {move ? ShownPValue(move->p_value) : "", true},
-                    {image.reason}});
+    std::vector<PageCell>& row = rows.emplace_back();
+    row = {{image.capture},
+           {image.camera},
+           {image.image},
+           {Join(targets, ", ")},
+           {image.used ? "used" : "not used"},
+           {std::to_string(num_points), true},
+           {std::to_string(num_rejected), true},
+           Number(RmsOf(image))};
+    for (PageCell& cell : MoveCells(image.move_without)) row.push_back(std::move(cell));
+    row.push_back({image.reason});
   }
   return Heading("Images") +
          Paragraph(
@@ -330,22 +315,30 @@ std::string ImagesTable(const RigResult& result) {
                    rows);
 }
 
-std::string RecordPart(const RigResult& result, const ReportContext& context) {
-  std::string part = "<dl class=\"record\">\n";
-  const auto add = [&](const std::string& name, const std::string& value) {
-    part += "<dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd>\n";
-  };
-  add("cameras", std::to_string(result.rig.cameras.size()));
+std::string RigRecord(const RigResult& result, const ReportContext& context) {
+  std::vector<std::pair<std::string, std::string>> facts = {{"cameras", std::to_string(result.rig.cameras.size())}};
   for (size_t t = 0; t < result.rig.targets.size(); ++t) {
-    add("target " + result.rig.targets[t].name,
-        result.target_types[t] + " on " + MountText(result.rig, result.rig.targets[t]));
+    facts.emplace_back("target " + result.rig.targets[t].name,
+                       result.target_types[t] + " on " + MountText(result.rig, result.rig.targets[t]));
   }
-  add("captures", std::to_string(result.captures.size()));
-  for (const auto& [name, value] : result.about) add(name, value);
-  add("created", context.made + " by heba " + std::string(Version()));
-  add("config", context.config.string());
-  add("folder", context.output.string());
-  return Heading("Record") + part + "</dl>\n";
+  facts.emplace_back(
+      "captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(result.captures.size()) + " used");
+  return RecordPart(std::move(facts), result.about, context);
+}
+
+// Returns the arguments of heba locate: an image of each camera, and the pose of each arm that carries one.
+std::string LocatedWith(const RigProblem& rig) {
+  std::vector<std::string> arguments;
+  std::vector<std::string> poses;
+  for (const RigCamera& camera : rig.cameras) arguments.push_back(ShellWord(camera.name) + "=IMAGE");
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    const bool is_needed = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+      return camera.mount == Mount{r, Mount::Part::kGripper};
+    });
+    if (is_needed) poses.push_back(rig.robots.size() == 1 ? "NUMBERS" : rig.robots[r] + "=NUMBERS");
+  }
+  if (!poses.empty()) arguments.push_back("--pose " + ShellWord(Join(poses, ";")));
+  return Join(arguments, " ");
 }
 
 }  // namespace
@@ -353,9 +346,10 @@ std::string RecordPart(const RigResult& result, const ReportContext& context) {
 std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, const ReportContext& context) {
   const RigResult& result = run.result;
   std::string body = "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
-                     VerdictPart(result.verdict) + CamerasSection(result) + "</div>\n" + CellSection(dataset, run) +
-                     PosesSection(result) + RelativeSection(result) + IntrinsicsSection(dataset, result) +
-                     ArmsSection(result) + KinematicsSections(result);
+                     VerdictPart(result.verdict) + CamerasSection(result) +
+                     NextPart(result.verdict, context, LocatedWith(result.rig)) + RigRecord(result, context) +
+                     "</div>\n" + CellSection(dataset, run) + PosesSection(result) + RelativeSection(result) +
+                     IntrinsicsSection(dataset, result) + ArmsSection(result) + KinematicsSections(result);
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const std::string name = "captures_" + std::to_string(c);
     const ShownImages shown = ImagesOf(run, c);
@@ -363,7 +357,7 @@ std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, co
             Paragraph(ResidualText(result.errors[c], shown.residuals)) + ResidualData(name, shown.residuals) +
             ResidualSections(name, shown.residuals);
   }
-  return HtmlPage(result.name, body + ImagesTable(result) + RecordPart(result, context) +
+  return HtmlPage(result.name, body + CorrelationSection(result.solution.covariance) + ImagesTable(result) +
                                    Details("Config as used", CopyableText(context.config_used)));
 }
 
