@@ -1,7 +1,6 @@
 #include "tools/files/any_result.h"
 
 #include "heba/io/result_file.h"
-#include "heba/io/rig_result_file.h"
 
 namespace heba {
 
