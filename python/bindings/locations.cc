@@ -12,6 +12,7 @@
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
+#include "heba/io/result_file.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "tools/config/finished_run.h"
