@@ -20,27 +20,40 @@ constexpr const char* kTarget =
     "{type: charuco, rows: 6, columns: 8, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250}";
 
 // Six rendered images of two cameras, detected, and where they were rendered.
-class SecondDetectionTest : public testing::Test {
- protected:
-  SecondDetectionTest() {
+struct RenderedCell {
+  TempFolder folder;
+  RigDataset dataset;
+  std::vector<RigDetection> detections;
+  PredictedImages predicted;
+
+  RenderedCell() {
     Rng rng(7);
-    dataset_.targets = {MakeTarget(kTarget)};
-    dataset_.rig.targets = {{"plate", {}, {}}};
-    dataset_.rig.cameras.resize(2);
-    const Target& target = *dataset_.targets[0];
-    predicted_ = {{ImageCamera(), ImageCamera()}, {DesignedShape(AllPoints(target).points_in_target)}, {}, {0.2, 0.2}};
+    dataset.targets = {MakeTarget(kTarget)};
+    dataset.rig.targets = {{"plate", {}, {}}};
+    dataset.rig.cameras.resize(2);
+    const Target& target = *dataset.targets[0];
+    const TargetShape shape = DesignedShape(AllPoints(target).points_in_target);
+    predicted = {{ImageCamera(), ImageCamera()}, {shape}, {}, {0.2, 0.2}};
     for (size_t i = 0; i < 6; ++i) {
-      RigRecording& capture = dataset_.captures.emplace_back();
+      RigRecording& capture = dataset.captures.emplace_back();
       for (size_t c = 0; c < 2; ++c) {
         const Rigid3d pose = RandomView(target.Draw(), 0.6, 0.4, 3, rng);
-        capture.images.push_back(folder_ / (std::to_string(2 * i + c) + ".png"));
+        capture.images.push_back(folder / (std::to_string(2 * i + c) + ".png"));
         cv::imwrite(capture.images.back().string(), RenderView(target.Draw(), ImageCamera(), pose));
-        detections_.push_back({i, c, 0, DetectCapture(target, capture.images.back())});
-        predicted_.camera_from_target.emplace_back(pose);
+        detections.push_back({i, c, 0, DetectCapture(target, capture.images.back())});
+        predicted.camera_from_target.emplace_back(pose);
       }
     }
   }
+};
 
+const RenderedCell& Rendered() {
+  static const RenderedCell rendered;
+  return rendered;
+}
+
+class SecondDetectionTest : public testing::Test {
+ protected:
   // Removes the points with the first ids from the detections of a camera, or of all cameras.
   void Forget(int num_ids, std::optional<size_t> camera) {
     for (RigDetection& of_image : detections_) {
@@ -60,10 +73,9 @@ class SecondDetectionTest : public testing::Test {
     }
   }
 
-  const TempFolder folder_;
-  RigDataset dataset_;
-  std::vector<RigDetection> detections_;
-  PredictedImages predicted_;
+  RigDataset dataset_ = Rendered().dataset;
+  std::vector<RigDetection> detections_ = Rendered().detections;
+  PredictedImages predicted_ = Rendered().predicted;
 };
 
 TEST_F(SecondDetectionTest, FindsPointsInTheImagesOfEveryCamera) {
