@@ -3,24 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <mutex>
-#include <set>
 #include <string>
 #include <utility>
 
-#include "heba/base/parallel.h"
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/rig_cross_validation.h"
-#include "heba/run.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
-#include "targets/images/image.h"
-#include "tools/run/captures.h"
-#include "tools/run/digest.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/rig_arm_errors.h"
 #include "tools/run/rig_requirements.h"
