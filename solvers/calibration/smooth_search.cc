@@ -202,27 +202,19 @@ double VertexOffset(double step, double before, double middle, double after) {
   return std::isfinite(curvature) && curvature < 0 ? 0.5 * step * (before - after) / curvature : 0;
 }
 
-// Returns the lengths at which parabolas through the most probable ones and those a step beside them are largest.
-Octaves Vertex(double step, const Octaves& most_probable, LengthProbabilities* probabilities) {
-  Octaves vertex = most_probable;
-  for (const size_t which : {kRotation, kTranslation}) {
-    vertex[which] +=
-        VertexOffset(step, probabilities->LogAt(Shifted(most_probable, which, -step)),
-                     probabilities->LogAt(most_probable), probabilities->LogAt(Shifted(most_probable, which, step)));
-  }
-  return vertex;
-}
-
 // Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow
 // them: lengths that were rounded would jump when a capture is added.
 SmoothLengths MostProbableLengths(const SmoothSearch& search) {
   LengthProbabilities probabilities(search);
-  Octaves lengths{};
-  for (const double step : {1.0, 0.25}) {
-    Climb(step, &probabilities, &lengths);
-    lengths = Vertex(step, lengths, &probabilities);
+  Octaves best{};
+  constexpr double kFinestStep = 0.25;
+  for (double step = 1; step >= kFinestStep; step /= 2) Climb(step, &probabilities, &best);
+  Octaves vertex = best;
+  for (const size_t which : {kRotation, kTranslation}) {
+    vertex[which] += VertexOffset(kFinestStep, probabilities.LogAt(Shifted(best, which, -kFinestStep)),
+                                  probabilities.LogAt(best), probabilities.LogAt(Shifted(best, which, kFinestStep)));
   }
-  return LengthsAt(lengths);
+  return LengthsAt(vertex);
 }
 
 }  // namespace
