@@ -31,8 +31,8 @@ RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErro
     scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
   }
   const RigSceneOptions options = OptionsOf(setting, scene.arms.size());
-  const Outcome<RigMotion> motion =
-      SimulateRigMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
+  const Outcome<ArmMotion> motion =
+      SimulateArmMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
   CHECK(motion.ok()) << motion.reason();
   scene.joints = motion->joints;
   scene.rig.arms = motion->exact;

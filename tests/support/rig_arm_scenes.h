@@ -7,7 +7,7 @@
 #include "heba/rig_calibration.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/simulation/arm_captures.h"
-#include "heba/simulation/rig_motion.h"
+#include "heba/simulation/arm_motion.h"
 #include "tests/support/rig_scenes.h"
 
 namespace heba {

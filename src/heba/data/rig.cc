@@ -77,16 +77,16 @@ Rigid3d PoseOfArm(const RigProblem& problem, const RigPoses& poses, size_t camer
                   const std::vector<Rigid3d>& base_from_gripper, const Rigid3d& camera_from_target) {
   const Mount& camera_mount = problem.cameras[camera].mount;
   const Mount& target_mount = problem.targets[target].mount;
-  const bool moves_target = target_mount == Mount{robot, Mount::Part::kGripper};
   const auto world_from = [&](const Mount& mount) {
     return WorldFromMount(mount, poses.world_from_base, base_from_gripper);
   };
-  const Rigid3d world_from_gripper = moves_target
-                                         ? world_from(camera_mount) * poses.mount_from_camera[camera] *
-                                               camera_from_target * Inverse(poses.mount_from_target[target])
-                                         : world_from(target_mount) * poses.mount_from_target[target] *
-                                               Inverse(camera_from_target) * Inverse(poses.mount_from_camera[camera]);
-  return Inverse(poses.world_from_base[robot]) * world_from_gripper;
+  const Rigid3d base_from_world = Inverse(poses.world_from_base[robot]);
+  if (target_mount == Mount{robot, Mount::Part::kGripper}) {
+    const Rigid3d world_from_camera = world_from(camera_mount) * poses.mount_from_camera[camera];
+    return base_from_world * world_from_camera * camera_from_target * Inverse(poses.mount_from_target[target]);
+  }
+  const Rigid3d world_from_target = world_from(target_mount) * poses.mount_from_target[target];
+  return base_from_world * world_from_target * Inverse(poses.mount_from_camera[camera] * camera_from_target);
 }
 
 std::vector<Rigid3d> WithErrors(const RigCapture& capture, const std::vector<Eigen::VectorXd>& effects) {

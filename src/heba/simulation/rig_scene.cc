@@ -14,8 +14,6 @@ struct Meeting {
   size_t target = 0;
 };
 
-bool IsOnGripperOf(const Mount& mount, size_t robot) { return mount == Mount{robot, Mount::Part::kGripper}; }
-
 std::vector<Meeting> MeetingsOf(const RigProblem& rig, size_t robot) {
   std::vector<Meeting> meetings;
   const auto is_placed = [&](const Mount& mount) { return mount.part == Mount::Part::kBase || mount.robot <= robot; };
@@ -27,22 +25,6 @@ std::vector<Meeting> MeetingsOf(const RigProblem& rig, size_t robot) {
     }
   }
   return meetings;
-}
-
-// Returns the pose of the arm's gripper at which the camera sees `camera_from_target`.
-Rigid3d BaseFromGripperFor(const RigProblem& rig, const RigPoses& poses, const Meeting& meeting, size_t robot,
-                           const Rigid3d& camera_from_target, const ArmPoses& arms) {
-  const Mount& camera_mount = rig.cameras[meeting.camera].mount;
-  const Mount& target_mount = rig.targets[meeting.target].mount;
-  const Rigid3d& mount_from_camera = poses.mount_from_camera[meeting.camera];
-  const Rigid3d& mount_from_target = poses.mount_from_target[meeting.target];
-  const Rigid3d base_from_world = Inverse(poses.world_from_base[robot]);
-  if (IsOnGripperOf(camera_mount, robot)) {
-    const Rigid3d world_from_target = WorldFromMount(target_mount, poses.world_from_base, arms) * mount_from_target;
-    return base_from_world * world_from_target * Inverse(mount_from_camera * camera_from_target);
-  }
-  const Rigid3d world_from_camera = WorldFromMount(camera_mount, poses.world_from_base, arms) * mount_from_camera;
-  return base_from_world * world_from_camera * camera_from_target * Inverse(mount_from_target);
 }
 
 }  // namespace
@@ -72,7 +54,7 @@ Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const Rig
       const Outcome<std::vector<Rigid3d>> seen =
           SimulatePoses(rig.cameras[meeting.camera].camera, target.points_in_target, target.z_out, one, rng);
       if (!seen) return Failure{seen.reason()};
-      arms[r] = BaseFromGripperFor(rig, poses, meeting, r, seen->front(), arms);
+      arms[r] = PoseOfArm(rig, poses, meeting.camera, meeting.target, r, arms, seen->front());
     }
   }
   return all;

@@ -1,4 +1,4 @@
-#include "heba/simulation/rig_motion.h"
+#include "heba/simulation/arm_motion.h"
 
 #include <string>
 #include <utility>
@@ -7,13 +7,24 @@
 
 namespace heba {
 
-Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& poses,
+std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, const Rigid3d& base_from_gripper,
+                             const std::optional<Eigen::VectorXd>& near, Rng* rng) {
+  const std::optional<Eigen::VectorXd> posture = DrawPosture(
+      of_posture, base_from_gripper * Inverse(arm.tip_from_gripper), near, arm.has_several_configurations, rng);
+  if (!posture) return std::nullopt;
+  Eigen::VectorXd reached = *posture;
+  for (double& joint : reached) joint += arm.joint_noise_rad * rng->Normal();
+  return Reached{*posture, BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, arm.tip_from_gripper),
+                 BaseFromGripper(arm.nominal, *posture, arm.tip_from_gripper)};
+}
+
+Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const RigSceneOptions& options,
                                      const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng) {
   constexpr int kMostRounds = 20;
   const auto num_captures = static_cast<size_t>(options.motion.num_captures);
   std::vector<std::optional<Eigen::VectorXd>> home(rig.robots.size());
-  RigMotion motion;
+  ArmMotion motion;
   for (int round = 0; round < kMostRounds && motion.exact.size() < num_captures; ++round) {
     const Outcome<std::vector<ArmPoses>> drawn = SimulateArmPoses(rig, poses, targets, options, rng);
     if (!drawn) return Failure{drawn.reason()};
@@ -24,18 +35,13 @@ Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& pose
       bool is_reached = true;
       for (size_t r = 0; r < arms.size() && is_reached; ++r) {
         if (!arms[r]) continue;
-        const SimulatedArm& arm = *arms[r];
-        const std::optional<Eigen::VectorXd> posture =
-            DrawPosture(arm.nominal, wanted[r] * Inverse(arm.tip_from_gripper), home[r],
-                        !home[r] || arm.has_several_configurations, rng);
-        is_reached = posture.has_value();
-        if (!posture) continue;
-        if (!home[r]) home[r] = posture;
-        joints[r] = *posture;
-        Eigen::VectorXd reached = *posture;
-        for (double& joint : reached) joint += arm.joint_noise_rad * rng->Normal();
-        exact[r] = BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, arm.tip_from_gripper);
-        stated[r] = BaseFromGripper(arm.nominal, joints[r], arm.tip_from_gripper);
+        const std::optional<Reached> reached = Reach(*arms[r], arms[r]->nominal, wanted[r], home[r], rng);
+        is_reached = reached.has_value();
+        if (!reached) continue;
+        if (!home[r]) home[r] = reached->joints;
+        joints[r] = reached->joints;
+        exact[r] = reached->exact;
+        stated[r] = reached->stated;
       }
       if (!is_reached) continue;
       motion.exact.push_back(std::move(exact));
@@ -52,7 +58,7 @@ Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& pose
 }
 
 std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPoses& poses,
-                                            const std::vector<SimulatedTarget>& targets, const RigMotion& motion,
+                                            const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
                                             const RigSceneOptions& options, Rng* rng) {
   std::vector<RigCapture> captures = SimulateRigCaptures(rig, poses, targets, motion.exact, options, rng);
   for (size_t i = 0; i < captures.size(); ++i) {

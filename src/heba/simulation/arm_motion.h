@@ -1,4 +1,4 @@
-// Simulated motion of the arms of a rig, whose kinematics may have errors.
+// Simulated motion of arms, whose kinematics may have errors.
 #pragma once
 
 #include <optional>
@@ -24,8 +24,20 @@ struct SimulatedArm {
   double joint_noise_rad = 0;  // One sigma of each joint in each capture.
 };
 
+// What an arm does that is commanded to a pose.
+struct Reached {
+  Eigen::VectorXd joints;  // Commanded, rad or m.
+  Rigid3d exact;           // The pose of the gripper (base_from_gripper).
+  Rigid3d stated;          // The pose that a controller without noise reports.
+};
+// Commands an arm to a pose of its gripper, in a posture that reaches it with the kinematics `of_posture`: the nominal
+// ones, so that the gripper stands near the pose, or the true ones. Returns nothing if there is no such posture
+// (DrawPosture, with `near`).
+std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, const Rigid3d& base_from_gripper,
+                             const std::optional<Eigen::VectorXd>& near, Rng* rng);
+
 // The motion of the arms, with one entry per capture.
-struct RigMotion {
+struct ArmMotion {
   std::vector<ArmPoses> exact;
   std::vector<ArmPoses> stated;  // The poses that controllers without noise report.
   // The commanded joints of each arm (rad or m); empty for an arm that is exact.
@@ -33,14 +45,14 @@ struct RigMotion {
 };
 // Simulates the motion of arms, of which those in `arms` (one per arm) have errors: in each capture, they are commanded
 // near a pose of SimulateArmPoses that they reach. Returns a Failure if they reach too few of them.
-Outcome<RigMotion> SimulateRigMotion(const RigProblem& rig, const RigPoses& poses,
+Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const RigSceneOptions& options,
                                      const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng);
 
 // Simulates the captures of a motion (SimulateRigCaptures of heba/simulation/rig_scene.h): the poses that the arms
 // report are the stated ones with noise.
 std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPoses& poses,
-                                            const std::vector<SimulatedTarget>& targets, const RigMotion& motion,
+                                            const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
                                             const RigSceneOptions& options, Rng* rng);
 
 }  // namespace heba
