@@ -196,6 +196,13 @@ TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
   EXPECT_THAT(page, HasSubstr("<button>status</button>"));
 }
 
+TEST_F(RigCommandsTest, SimulateRefusesARedundantArm) {
+  const CommandResult simulated = RunHeba(
+      {"simulate", Path("scene.yaml"), "--out", Path("redundant"), "--quiet", "--set", "robot.model=franka_fr3"});
+  EXPECT_EQ(simulated.status, 2);
+  EXPECT_THAT(simulated.err, HasSubstr("robot.model: a redundant arm reaches a pose in infinitely many ways"));
+}
+
 // An arm that has errors of its own: they are estimated, or the reason why not is stated.
 TEST_F(RigCommandsTest, RunStatesTheErrorsOfAnArm) {
   WriteAll(*folder_ / "arm.yaml",

@@ -1,18 +1,33 @@
 #include "tools/config/scene_config.h"
-#include "tools/config/common_keys.h"
 
 #include <limits>
+#include <tuple>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "heba/data/hand_eye.h"
 #include "heba/detection.h"
 #include "heba/io/camera_file.h"
 #include "heba/robot/arm_table.h"
+#include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
+#include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
+#include "tools/run/arm_keys.h"
 
 namespace heba {
+namespace {
+
+// Reads a key whose value is a pose.
+Rigid3d ReadPoseKey(MapReader& reader, const std::string& key) {
+  const Rigid3d pose = ReadPose(reader.Get(key));
+  reader.Record(key, PoseNode(pose));
+  return pose;
+}
+
+// Reads an arm from the keys model, offsets, lengths, angles, gravity, joint_noise, configurations, tool and
+// record_joints.
 SceneArm ReadSceneArm(MapReader& reader) {
   SceneArm arm;
   arm.nominal = *FindArm(reader.Choice("model", ArmNames()));
@@ -27,22 +42,188 @@ SceneArm ReadSceneArm(MapReader& reader) {
   }
   arm.joint_noise_rad = reader.Angle("joint_noise", 0.0);
   arm.has_several_configurations = reader.Choice("configurations", {"several", "one"}, "several") == "several";
-  if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
-    arm.tip_from_gripper = ReadPose(*tool);
-    reader.Record("tool", PoseNode(arm.tip_from_gripper));
-  }
-  // Poses do not tell the joints of captures in several configurations.
+  if (reader.Has("tool")) arm.tip_from_gripper = ReadPoseKey(reader, "tool");
+  // Poses do not determine the joints of captures in several configurations.
   arm.records_joints = reader.Bool("record_joints", arm.has_several_configurations);
   return arm;
 }
 
-void ReadMotion(MapReader& motion, MotionOptions* options) {
-  options->num_captures = motion.Int("captures", {0, 10000}, options->num_captures);
-  options->distance_m = motion.PositiveLength("distance", options->distance_m);
-  options->depth_ratio = motion.Number("depth", options->depth_ratio);
-  options->max_tilt_rad = motion.Angle("tilt", options->max_tilt_rad);
-  options->max_spin_rad = motion.Angle("spin", options->max_spin_rad);
-  options->spread = motion.Number("spread", options->spread);
+// Reads the only arm, if the scene has its kinematics.
+std::optional<SceneArm> ReadOnlyArm(MapReader& root) {
+  if (!root.Has("robot")) return std::nullopt;
+  MapReader reader(root.Get("robot"));
+  SceneArm arm = ReadSceneArm(reader);
+  reader.Finish();
+  root.Record("robot", reader.used());
+  return arm;
+}
+
+Camera ReadSceneCamera(MapReader& reader) {
+  // A camera that states its model replaces the one of the base file, because another model has other coefficients.
+  const ConfigValue value = reader.Get("camera").DownTo({"model"});
+  const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsInputPath());
+  if (camera.width_px == 0) value.Fail("the camera file has no image size; a simulated camera needs one");
+  reader.Record("camera", YAML::Load(CameraToYaml(camera)));
+  return camera;
+}
+
+// Reads the motion of a camera during the captures, if there is one.
+void ReadMoved(MapReader& reader, size_t camera, SceneConfig* scene) {
+  if (!reader.Has("moved")) return;
+  MapReader moved(reader.Get("moved"));
+  const int from = moved.Int("from", {0, 10000});
+  scene->camera_motions.push_back({camera, static_cast<size_t>(from), ReadPoseKey(moved, "by")});
+  moved.Finish();
+  reader.Record("moved", moved.used());
+}
+
+// Reads the deviation of a print from its design.
+TargetShape ReadPrint(MapReader& reader, const Target& target) {
+  MapReader print = reader.Section("print");
+  TargetShape shape = DesignedShape(AllPoints(target).points_in_target);
+  shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
+                  print.Length("bend_y", 0.0)};
+  for (const char* key : {"scale_x", "scale_y"}) {
+    constexpr double kMostTimes = 2;
+    const double scale = print.Number(key, 1.0);
+    if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
+  }
+  for (const char* key : {"bend_x", "bend_y"}) {
+    // A larger bend would be a roll.
+    constexpr double kMostOfSheet = 0.25;
+    const Drawing& drawing = target.Draw();
+    const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
+    if (std::abs(print.Length(key, 0.0)) > most_m) {
+      print.Get(key).Fail("must be at most " + Significant(1e3 * most_m, 3) +
+                          " mm, a quarter of the sheet's shorter side");
+    }
+  }
+  print.Finish();
+  reader.Record("print", print.used());
+  return shape;
+}
+
+// Reads the keys `target` and `print`.
+void ReadSceneTarget(MapReader& reader, SceneConfig* scene) {
+  SceneTarget& target = scene->targets.emplace_back();
+  target.target = ReadTarget(reader, "target");
+  target.used = reader.used()["target"];
+  target.printed = ReadPrint(reader, *target.target);
+}
+
+// Reads the keys of the short form.
+void ReadOnlyParts(MapReader& root, SceneConfig* scene) {
+  scene->setup = *FindSetup(root.Choice("setup", SetupNames()));
+  ReadSceneTarget(root, scene);
+  const Camera camera = ReadSceneCamera(root);
+  scene->problem =
+      HandEyeProblem(*scene->setup, camera, DesignedShape(AllPoints(*scene->targets[0].target).points_in_target));
+  const Rigid3d hand_eye = ReadPoseKey(root, "hand_eye");
+  scene->poses = HandEyePosesOf({hand_eye, ReadPoseKey(root, "board")});
+  ReadMoved(root, 0, scene);
+  scene->arms = {ReadOnlyArm(root)};
+}
+
+void ReadRobots(MapReader& root, SceneConfig* scene) {
+  // The pose near which the gripper of an arm stands if nothing else determines it.
+  const Rigid3d default_home(ExpRotation({0, DegToRad(180.0), 0}), Eigen::Vector3d(0.4, 0, 0.4));
+  if (!root.Has("robots")) {
+    scene->problem.robots = {kOnlyArm};
+    scene->poses.world_from_base = {Rigid3d()};
+    scene->options.homes = {default_home};
+    scene->arms = {ReadOnlyArm(root)};
+    return;
+  }
+  MapReader section(root.Get("robots"));
+  scene->problem.robots = NamesIn(section, "left");
+  scene->has_named_robots = true;
+  for (const std::string& name : scene->problem.robots) {
+    MapReader reader(section.Get(name));
+    const bool is_first = scene->poses.world_from_base.empty();
+    if (is_first && reader.Has("world_from_base")) {
+      reader.Get("world_from_base").Fail("the base of the first arm is the world; leave the key out");
+    }
+    scene->poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
+    scene->arms.emplace_back();
+    if (reader.Has("model")) scene->arms.back() = ReadSceneArm(reader);
+    scene->options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : default_home);
+    reader.Finish();
+    section.Record(name, reader.used());
+  }
+  section.Finish();
+  root.Record("robots", section.used());
+}
+
+void ReadCameras(MapReader& root, SceneConfig* scene) {
+  MapReader section(root.Get("cameras"));
+  for (const std::string& name : CameraNamesIn(section)) {
+    MapReader reader(section.Get(name));
+    RigCamera camera;
+    camera.name = name;
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene->problem.robots);
+    scene->poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
+    camera.camera = ReadSceneCamera(reader);
+    ReadMoved(reader, scene->problem.cameras.size(), scene);
+    reader.Finish();
+    section.Record(name, reader.used());
+    scene->problem.cameras.push_back(std::move(camera));
+  }
+  section.Finish();
+  root.Record("cameras", section.used());
+}
+
+void ReadTargets(MapReader& root, SceneConfig* scene) {
+  MapReader section(root.Get("targets"));
+  for (const std::string& name : NamesIn(section, "plate")) {
+    MapReader reader(section.Get(name));
+    RigTarget target;
+    target.name = name;
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, scene->problem.robots);
+    scene->poses.mount_from_target.push_back(ReadPoseKey(reader, "pose"));
+    ReadSceneTarget(reader, scene);
+    target.shape = DesignedShape(AllPoints(*scene->targets.back().target).points_in_target);
+    reader.Finish();
+    section.Record(name, reader.used());
+    scene->problem.targets.push_back(std::move(target));
+  }
+  section.Finish();
+  root.Record("targets", section.used());
+}
+
+void ReadTwoStep(MapReader& motion, SceneConfig* scene) {
+  const std::optional<ConfigValue> value = motion.Find("two_step");
+  if (!value) return;
+  MapReader reader(*value);
+  TwoStepMotionOptions& options = scene->two_step.emplace();
+  options.translation_m = reader.PositiveLength("translation", options.translation_m);
+  options.num_turns = reader.Int("turns", {2, 10000}, options.num_turns);
+  options.max_turn_rad = reader.Angle("angle", options.max_turn_rad);
+  reader.Finish();
+  motion.Record("two_step", reader.used());
+  const std::string faults = options.Check();
+  if (!faults.empty()) value->Fail(faults);
+}
+
+void ReadMotion(MapReader& root, SceneConfig* scene) {
+  MapReader motion = root.Section("motion");
+  MotionOptions& options = scene->options.motion;
+  options.num_captures = motion.Int("captures", {0, 10000}, options.num_captures);
+  options.distance_m = motion.PositiveLength("distance", options.distance_m);
+  options.depth_ratio = motion.Number("depth", options.depth_ratio);
+  options.max_tilt_rad = motion.Angle("tilt", options.max_tilt_rad);
+  options.max_spin_rad = motion.Angle("spin", options.max_spin_rad);
+  options.spread = motion.Number("spread", options.spread);
+  // The roles of the two-step method are those of a hand-eye calibration.
+  if (scene->setup) ReadTwoStep(motion, scene);
+  scene->num_repeats = motion.Int("repeats", {1, 1000}, 1);
+  if (options.num_captures == 0 && !scene->two_step) {
+    motion.Get("captures").Fail(scene->setup ? "must be at least 1 without two_step" : "must be at least 1");
+  }
+  if (scene->num_repeats > 1 && scene->two_step) motion.Get("repeats").Fail("cannot be combined with two_step");
+  motion.Finish();
+  root.Record("motion", motion.used());
+  const std::string faults = options.Check();
+  if (!faults.empty()) motion.value().Fail(faults);
 }
 
 void ReadRendering(MapReader& root, RenderOptions* options) {
@@ -60,14 +241,7 @@ void ReadRendering(MapReader& root, RenderOptions* options) {
   if (!faults.empty()) image.value().Fail(faults);
 }
 
-Camera ReadSceneCamera(MapReader& reader) {
-  // A camera that states its model replaces the one of the base file, because another model has other coefficients.
-  const ConfigValue value = reader.Get("camera").DownTo({"model"});
-  const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsInputPath());
-  if (camera.width_px == 0) value.Fail("the camera file has no image size; a simulated camera needs one");
-  reader.Record("camera", YAML::Load(CameraToYaml(camera)));
-  return camera;
-}
+}  // namespace
 
 SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
   RefuseFolder(path, FileKind::kScene);
@@ -80,75 +254,22 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector
 SceneConfig ReadScene(const ConfigValue& value) {
   SceneConfig scene;
   MapReader reader(value);
-  scene.setup = *FindSetup(reader.Choice("setup", SetupNames()));
-  scene.target = ReadTarget(reader, "target");
-  scene.target_used = reader.used()["target"];
-  scene.camera = ReadSceneCamera(reader);
-  scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));
-  reader.Record("hand_eye", PoseNode(scene.hand_eye.camera_mount_from_camera));
-  scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
-  reader.Record("board", PoseNode(scene.hand_eye.target_mount_from_target));
-
-  MapReader motion = reader.Section("motion");
-  ReadMotion(motion, &scene.motion);
-  if (const std::optional<ConfigValue> two_step_value = motion.Find("two_step")) {
-    MapReader two_step(*two_step_value);
-    scene.two_step.emplace();
-    scene.two_step->translation_m = two_step.PositiveLength("translation", scene.two_step->translation_m);
-    scene.two_step->num_turns = two_step.Int("turns", {2, 10000}, scene.two_step->num_turns);
-    scene.two_step->max_turn_rad = two_step.Angle("angle", scene.two_step->max_turn_rad);
-    two_step.Finish();
-    motion.Record("two_step", two_step.used());
-    const std::string faults = scene.two_step->Check();
-    if (!faults.empty()) two_step_value->Fail(faults);
+  if (HasRigKeys(value)) {
+    ReadRobots(reader, &scene);
+    ReadCameras(reader, &scene);
+    ReadTargets(reader, &scene);
+  } else {
+    ReadOnlyParts(reader, &scene);
   }
-  scene.num_repeats = motion.Int("repeats", {1, 1000}, 1);
-  if (scene.motion.num_captures == 0 && !scene.two_step) {
-    motion.Get("captures").Fail("must be at least 1 without two_step");
-  }
-  if (scene.num_repeats > 1 && scene.two_step) motion.Get("repeats").Fail("cannot be combined with two_step");
-  motion.Finish();
-  reader.Record("motion", motion.used());
-  const std::string motion_faults = scene.motion.Check();
-  if (!motion_faults.empty()) motion.value().Fail(motion_faults);
-
+  ReadMotion(reader, &scene);
   ReadRendering(reader, &scene.image);
-  MapReader print = reader.Section("print");
-  scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
-  scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
-                              print.Length("bend_y", 0.0)};
-  for (const char* key : {"scale_x", "scale_y"}) {
-    constexpr double kMostTimes = 2;
-    const double scale = print.Number(key, 1.0);
-    if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
-  }
-  for (const char* key : {"bend_x", "bend_y"}) {
-    // A larger bend would be a roll.
-    constexpr double kMostOfSheet = 0.25;
-    const Drawing& drawing = scene.target->Draw();
-    const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
-    if (std::abs(print.Length(key, 0.0)) > most_m) {
-      print.Get(key).Fail("must be at most " + Significant(1e3 * most_m, 3) +
-                          " mm, a quarter of the sheet's shorter side");
-    }
-  }
-  print.Finish();
-  reader.Record("print", print.used());
   if (scene.num_repeats > 1 && scene.image.noise_sigma_grey == 0) {
+    MapReader motion(reader.Get("motion"));
     motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");
   }
-
-  if (reader.Has("robot")) {
-    MapReader robot(reader.Get("robot"));
-    scene.arm = ReadSceneArm(robot);
-    robot.Finish();
-    reader.Record("robot", robot.used());
-  }
-  MapReader robot = reader.Section("robot_noise");
-  const RobotNoise noise = ReadRobotNoise(robot, 0.0);
-  reader.Record("robot_noise", robot.used());
-  scene.robot_rotation_sigma_rad = noise.rotation_rad;
-  scene.robot_translation_sigma_m = noise.translation_m;
+  MapReader robot_noise = reader.Section("robot_noise");
+  scene.options.robot_noise = ReadRobotNoise(robot_noise, 0.0);
+  reader.Record("robot_noise", robot_noise.used());
   scene.pose_format = *FindPoseFormat("ros");
   if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
   reader.Record("pose_format", PoseFormatNode(scene.pose_format));
@@ -159,18 +280,31 @@ SceneConfig ReadScene(const ConfigValue& value) {
   return scene;
 }
 
+HandEye HandEyeOf(const SceneConfig& scene) {
+  return {scene.poses.mount_from_camera.at(0), scene.poses.mount_from_target.at(0)};
+}
+
+std::vector<SimulatedTarget> SimulatedTargets(const SceneConfig& scene) {
+  std::vector<SimulatedTarget> targets;
+  for (const SceneTarget& target : scene.targets) {
+    targets.push_back({AllPoints(*target.target).points_in_target, target.target->Draw().y_up});
+  }
+  return targets;
+}
+
 Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng) {
-  const Points3 points = AllPoints(*scene.target).points_in_target;
-  const bool z_out = scene.target->Draw().y_up;
+  const Camera& camera = scene.problem.cameras.at(0).camera;
+  const auto [points, z_out] = SimulatedTargets(scene).at(0);
+  const MotionOptions& motion = scene.options.motion;
   std::vector<SimulatedPose> poses;
   if (scene.two_step) {
-    Outcome<std::vector<SimulatedPose>> two_step = SimulateTwoStepPoses(
-        scene.setup, scene.camera, points, z_out, scene.hand_eye, scene.motion, *scene.two_step, rng);
+    Outcome<std::vector<SimulatedPose>> two_step =
+        SimulateTwoStepPoses(*scene.setup, camera, points, z_out, HandEyeOf(scene), motion, *scene.two_step, rng);
     if (!two_step) return two_step;
     poses = *two_step;
   }
-  if (scene.motion.num_captures == 0) return poses;
-  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
+  if (motion.num_captures == 0) return poses;
+  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(camera, points, z_out, motion, rng);
   if (!free) return Failure{free.reason()};
   for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? CaptureRole::kFree : CaptureRole::kNone, pose});
   return poses;

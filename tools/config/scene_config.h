@@ -1,4 +1,5 @@
-// Reads a scene to simulate.
+// Reads a scene to simulate: that of several cameras, targets and arms under names, or its short form with one of each
+// and no names.
 #pragma once
 
 #include <filesystem>
@@ -11,9 +12,11 @@
 #include "heba/base/rng.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/data/problem.h"
+#include "heba/data/rig.h"
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 #include "heba/simulation/arm_captures.h"
+#include "heba/simulation/rig_scene.h"
 #include "heba/simulation/scene.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
@@ -30,33 +33,36 @@ struct SceneArm {
   bool records_joints = false;  // Whether the data set has the joints.
 };
 
-// Reads an arm from the keys model, offsets, lengths, angles, gravity, joint_noise, configurations, tool and
-// record_joints.
-SceneArm ReadSceneArm(MapReader& reader);
+struct SceneTarget {
+  std::shared_ptr<const Target> target;
+  YAML::Node used;
+  TargetShape printed;  // The shape of the sheet in space.
+};
+
+// A motion of a camera during the captures: its pose is multiplied by `before_from_after` from a capture on.
+struct CameraMotion {
+  size_t camera = 0;
+  size_t first_capture = 0;
+  Rigid3d before_from_after;
+};
 
 struct SceneConfig {
-  Setup setup = Setup::kEyeToHand;
-  std::shared_ptr<const Target> target;
-  YAML::Node target_used;
-  Camera camera;
-  HandEye hand_eye;
-  MotionOptions motion;
-  int num_repeats = 1;  // The captures that are taken at each commanded pose, with one error of the robot.
-  std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of `motion`.
+  std::optional<Setup> setup;     // That of the short form, whose camera, target and arm have empty names.
+  RigProblem problem;             // With the true cameras and the targets as they are designed, without captures.
+  bool has_named_robots = false;  // Whether the scene names its arms; otherwise it has one.
+  std::vector<std::optional<SceneArm>> arms;  // One per arm: its kinematics, if they have errors.
+  RigPoses poses;
+  std::vector<CameraMotion> camera_motions;
+  std::vector<SceneTarget> targets;
+  RigSceneOptions options;  // The motion, the noise of the arms' poses and their homes.
+  int num_repeats = 1;      // The captures that are taken at each commanded pose, with one error of the robot.
+  std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of the motion; for the short form.
   RenderOptions image;
-  std::optional<SceneArm> arm;
-  double robot_rotation_sigma_rad = 0;
-  double robot_translation_sigma_m = 0;
   PoseFormat pose_format;
-  bool give_camera = true;  // Whether the data set's config names the true camera, or leaves it to be estimated.
+  bool give_camera = true;  // Whether the data set's config names the true cameras, or leaves them to be estimated.
   uint64_t seed = 1;
   YAML::Node used;  // The scene with every default filled in, without the names of files.
 };
-
-// Read the keys of `motion` that every scene has, the section `image`, and the key `camera`.
-void ReadMotion(MapReader& motion, MotionOptions* options);
-void ReadRendering(MapReader& root, RenderOptions* options);
-Camera ReadSceneCamera(MapReader& reader);
 
 // Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError
 // on any error.
@@ -64,8 +70,13 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector
 // Reads a scene from a mapping within another file.
 SceneConfig ReadScene(const ConfigValue& value);
 
-// Simulates the captures of the two-step method, if the scene has them, then the free ones. Returns a Failure if they
-// do not fit into the image.
+// Returns the poses of the camera and the target of the short form.
+HandEye HandEyeOf(const SceneConfig& scene);
+// Returns the targets as the simulation sees them.
+std::vector<SimulatedTarget> SimulatedTargets(const SceneConfig& scene);
+
+// Simulates the captures of the short form: those of the two-step method, if the scene has them, then the free ones.
+// Returns a Failure if they do not fit into the image.
 Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng);
 
 }  // namespace heba

@@ -13,8 +13,6 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/file_kind.h"
-#include "tools/config/rig_keys.h"
-#include "tools/config/rig_scene_config.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
@@ -27,15 +25,8 @@ namespace {
 struct NamedScene {
   std::string name;
   ConfigValue place;
-  std::variant<SceneConfig, RigSceneConfig> scene;
+  SceneConfig scene;
 };
-
-std::variant<SceneConfig, RigSceneConfig> ReadAnyScene(const ConfigValue& value) {
-  if (value.IsMap() ? HasRigKeys(value) : IsRigScene(value.AsPath())) {
-    return value.IsMap() ? ReadRigScene(value) : ReadRigScene(value.AsPath());
-  }
-  return value.IsMap() ? ReadScene(value) : ReadSceneConfig(value.AsPath());
-}
 
 // Reads a mapping from names to scenes, each a file or a mapping itself.
 std::vector<NamedScene> ReadScenes(MapReader& reader) {
@@ -47,8 +38,8 @@ std::vector<NamedScene> ReadScenes(MapReader& reader) {
   for (const auto& entry : value.node()) {
     const std::string name = entry.first.as<std::string>();
     const ConfigValue scene = scenes.Get(name);
-    result.push_back({name, scene, ReadAnyScene(scene)});
-    used[name] = std::visit([](const auto& any) { return any.used; }, result.back().scene);
+    result.push_back({name, scene, scene.IsMap() ? ReadScene(scene) : ReadSceneConfig(scene.AsPath())});
+    used[name] = result.back().scene.used;
   }
   reader.Record("scenes", used);
   return result;
@@ -197,14 +188,15 @@ void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_capt
   const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
   if (num_captures > 0) {
     if (num_captures < num_two_step) named.place.Fail("has more captures in its two-step motion than requested");
-    scene.motion.num_captures = num_captures - num_two_step;
+    scene.options.motion.num_captures = num_captures - num_two_step;
   }
   Rng rng(scene.seed);
   StudyCell cell;
-  cell.camera = scene.camera;
-  cell.hand_eye = scene.hand_eye;
-  cell.target = AllPoints(*scene.target);
-  if (scene.arm) {
+  cell.camera = scene.problem.cameras[0].camera;
+  cell.hand_eye = HandEyeOf(scene);
+  cell.target = AllPoints(*scene.targets[0].target);
+  const std::optional<SceneArm>& arm = scene.arms[0];
+  if (arm) {
     const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
     if (failure) named.place.Fail(failure->reason);
   } else {
@@ -213,20 +205,20 @@ void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_capt
     cell.poses = *poses;
   }
   cell.options = grid.options;
-  cell.options.setup = scene.setup;
+  cell.options.setup = *scene.setup;
   cell.num_repeats = scene.num_repeats;
   cell.options.symmetries = {Rigid3d()};
-  cell.options.camera_model = scene.camera.model;
-  cell.options.width_px = scene.camera.width_px;
-  cell.options.height_px = scene.camera.height_px;
-  if (grid.give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
+  cell.options.camera_model = cell.camera.model;
+  cell.options.width_px = cell.camera.width_px;
+  cell.options.height_px = cell.camera.height_px;
+  if (grid.give_camera.value_or(scene.give_camera)) cell.options.camera = cell.camera;
   cell.options.choose.target_shape = grid.chooses_shape;
   cell.options.shape = DesignedShape(cell.target.points_in_target);
   cell.shape = cell.options.shape;
   std::vector<Variant<StudyCell>> variants = {{cell, {}}};
   StudyLabels& labels = variants.front().labels;
   labels.scene = named.name;
-  labels.setup = scene.setup;
+  labels.setup = *scene.setup;
   labels.num_captures = static_cast<int>(cell.poses.size());
   labels.num_points = cell.target.size();
   Vary(grid.pixel_sigmas, &variants, [](double sigma_px, auto* variant) {
@@ -251,14 +243,14 @@ void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_capt
   Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, auto* variant) {
     variant->cell.options.bundle.free_intrinsics = variant->labels.free_intrinsics = groups;
   });
-  if (scene.arm) {
+  if (arm) {
     Vary(grid.kinematics, &variants, [&](const std::string& model, auto* variant) {
       const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
-      if (kind == Kinematics::kGravity && scene.arm->nominal.load == nullptr) {
+      if (kind == Kinematics::kGravity && arm->nominal.load == nullptr) {
         named.place.Fail("has an arm whose links have no known masses, so that kinematics: gravity is not possible");
       }
       const std::vector<std::shared_ptr<const SharedEffects>> errors =
-          CandidateArmErrors(scene.arm->nominal, kind, variant->cell.poses.size());
+          CandidateArmErrors(arm->nominal, kind, variant->cell.poses.size());
       variant->labels.kinematics = model;
       variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
       if (model == "auto") {
@@ -276,32 +268,28 @@ std::string Counted(size_t number, const std::string& noun) {
   return std::to_string(number) + " " + noun + (number == 1 ? "" : "s");
 }
 
-void AddRigCells(const StudyGrid& grid, const NamedScene& named, int num_captures, RigSceneConfig scene,
+void AddRigCells(const StudyGrid& grid, const NamedScene& named, int num_captures, SceneConfig scene,
                  StudyConfig* study) {
-  if (!scene.motions.empty()) {
-    const std::string& camera = scene.rig.cameras[scene.motions.front().camera].name;
-    named.place.Fail("moves camera " + camera + " during the captures, which a study does not simulate");
-  }
   if (num_captures > 0) scene.options.motion.num_captures = num_captures;
   Rng rng(scene.seed);
   RigStudyCell cell;
-  cell.rig = scene.rig;
+  cell.rig = scene.problem;
   cell.poses = scene.poses;
   cell.targets = SimulatedTargets(scene);
   cell.simulation = scene.options;
   const Outcome<std::vector<ArmPoses>> arms =
-      SimulateArmPoses(scene.rig, scene.poses, cell.targets, scene.options, &rng);
+      SimulateArmPoses(scene.problem, scene.poses, cell.targets, scene.options, &rng);
   if (!arms) named.place.Fail(arms.reason());
   cell.arms = *arms;
-  if (grid.give_camera.value_or(scene.give_camera)) cell.options.has_camera.assign(scene.rig.cameras.size(), true);
+  if (grid.give_camera.value_or(scene.give_camera)) cell.options.has_camera.assign(scene.problem.cameras.size(), true);
   cell.options.choose_target_shape = grid.chooses_shape;
   cell.options.adjustment.loss = grid.options.bundle.loss;
   cell.estimators = grid.estimators;
   std::vector<Variant<RigStudyCell>> variants = {{cell, {}}};
   StudyLabels& labels = variants.front().labels;
   labels.scene = named.name;
-  labels.rig = Counted(scene.rig.cameras.size(), "camera") + ", " + Counted(scene.rig.targets.size(), "target") + ", " +
-               Counted(scene.rig.robots.size(), "arm");
+  labels.rig = Counted(scene.problem.cameras.size(), "camera") + ", " +
+               Counted(scene.problem.targets.size(), "target") + ", " + Counted(scene.problem.robots.size(), "arm");
   labels.num_captures = static_cast<int>(cell.arms.size());
   for (const SimulatedTarget& target : cell.targets) {
     labels.num_points += static_cast<int>(target.points_in_target.cols());
@@ -324,11 +312,23 @@ void AddRigCells(const StudyGrid& grid, const NamedScene& named, int num_capture
   AddCells(std::move(variants), study);
 }
 
+// Refuses what a scene has and a study does not simulate.
+void RefuseUnsimulated(const NamedScene& named) {
+  const SceneConfig& scene = named.scene;
+  if (!scene.camera_motions.empty()) {
+    const std::string& name = scene.problem.cameras[scene.camera_motions.front().camera].name;
+    named.place.Fail("moves " + (name.empty() ? "its camera" : "camera " + name) +
+                     " during the captures, which a study does not simulate");
+  }
+  if (!scene.setup && scene.num_repeats > 1) {
+    named.place.Fail("repeats the captures of several cameras, which a study does not simulate");
+  }
+}
+
 // Refuses values that have no effect on the scenes.
 void RefuseUnused(const StudyGrid& grid, const std::vector<NamedScene>& scenes, MapReader& reader) {
-  const auto rig = std::find_if(scenes.begin(), scenes.end(), [](const NamedScene& named) {
-    return std::holds_alternative<RigSceneConfig>(named.scene);
-  });
+  const auto rig =
+      std::find_if(scenes.begin(), scenes.end(), [](const NamedScene& named) { return !named.scene.setup; });
   if (rig == scenes.end()) {
     if (grid.estimators != RigStudyCell().estimators) {
       reader.Get("estimators").Fail("is for rigs; no scene has 'cameras' and 'targets'");
@@ -414,13 +414,11 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   }();
 
   RefuseUnused(grid, scenes, reader);
+  for (const NamedScene& named : scenes) RefuseUnsimulated(named);
   for (const NamedScene& named : scenes) {
     for (const int num_captures : grid.captures) {
-      if (const auto* scene = std::get_if<SceneConfig>(&named.scene)) {
-        AddCameraCells(grid, named, num_captures, *scene, &study);
-      } else {
-        AddRigCells(grid, named, num_captures, std::get<RigSceneConfig>(named.scene), &study);
-      }
+      const auto add = named.scene.setup ? &AddCameraCells : &AddRigCells;
+      add(grid, named, num_captures, named.scene, &study);
     }
   }
   return study;

@@ -14,8 +14,8 @@ constexpr int kNumPlaces = 20;
 constexpr int kMostNamedJoints = 6;  // Arms with more reach a pose in infinitely many ways.
 
 StudyPlace PlaceAt(const SceneConfig& scene, const Eigen::VectorXd& joints, bool is_inside) {
-  const SceneArm& arm = *scene.arm;
-  return {CameraMountFromTargetMount(scene.setup, BaseFromGripper(arm.nominal, joints, arm.tip_from_gripper)),
+  const SceneArm& arm = *scene.arms[0];
+  return {CameraMountFromTargetMount(*scene.setup, BaseFromGripper(arm.nominal, joints, arm.tip_from_gripper)),
           MakeArmEffect(arm.nominal, joints, arm.tip_from_gripper),
           GripperByJoints(arm.nominal, joints, arm.tip_from_gripper), is_inside};
 }
@@ -65,14 +65,14 @@ std::optional<Eigen::VectorXd> AnyPosture(const Arm& arm, const Rigid3d& base_fr
 Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, size_t num_needed, Rng* rng) {
   constexpr int kPosesPerReached = 4;
   SceneConfig larger = scene;
-  larger.motion.num_captures = kPosesPerReached * static_cast<int>(num_needed);
+  larger.options.motion.num_captures = kPosesPerReached * static_cast<int>(num_needed);
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(larger, rng);
   if (!poses) return Failure{poses.reason()};
-  const SceneArm& arm = *scene.arm;
+  const SceneArm& arm = *scene.arms[0];
   std::vector<Eigen::VectorXd> joints;
   for (const SimulatedPose& pose : *poses) {
     const Rigid3d base_from_tip =
-        BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, pose.camera_from_target)) *
+        BaseFromGripper(*scene.setup, CameraMountFromTargetMount(HandEyeOf(scene), pose.camera_from_target)) *
         Inverse(arm.tip_from_gripper);
     std::optional<Eigen::VectorXd> near;
     if (joints.empty() && arm.nominal.num_joints() > kMostNamedJoints)
@@ -91,8 +91,8 @@ Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, siz
 }  // namespace
 
 std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, StudyCell* cell) {
-  const SceneArm& arm = *scene.arm;
-  const auto num_captures = static_cast<size_t>(scene.motion.num_captures);
+  const SceneArm& arm = *scene.arms[0];
+  const auto num_captures = static_cast<size_t>(scene.options.motion.num_captures);
   const Outcome<std::vector<Eigen::VectorXd>> postures = DrawPostures(scene, num_captures + kNumPlaces, rng);
   if (!postures) return Failure{postures.reason()};
   const bool yields = arm.sigmas.compliance_rad_per_nm > 0;

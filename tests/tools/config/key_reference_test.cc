@@ -20,7 +20,6 @@
 #include "tests/support/temp_folder.h"
 #include "tools/config/commented_config.h"
 #include "tools/config/rig_config.h"
-#include "tools/config/rig_scene_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_config.h"
@@ -176,7 +175,7 @@ TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
 
 TEST_F(KeyReferenceTest, RigSceneHasTheKeysOfItsReader) {
   const auto known = [&](const std::vector<std::string>& settings) {
-    return KeysOfReader([&] { ReadRigScene(folder_ / "rig_scene.yaml", settings); });
+    return KeysOfReader([&] { ReadSceneConfig(folder_ / "rig_scene.yaml", settings); });
   };
   Names top = known({"unknown_key=1"});
   top.insert("base");
@@ -311,7 +310,7 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   ExpectDefaults("rig", YAML::Load(rig.used), &left);
   EXPECT_EQ(rig.options.requirements.at(0).confidence, 0.95);
   EXPECT_EQ(left.erase("rig evaluate.require[].confidence"), 1U);
-  ExpectDefaults("rig_scene", ReadRigScene(folder_ / "rig_scene.yaml").used, &left);
+  ExpectDefaults("rig_scene", ReadSceneConfig(folder_ / "rig_scene.yaml").used, &left);
   // Words for values that depend on something else.
   Names described;
   for (const KeyEntry& entry : KeyEntries()) {

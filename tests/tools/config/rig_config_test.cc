@@ -12,7 +12,7 @@
 #include "heba/base/files.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
-#include "tools/config/rig_scene_config.h"
+#include "tools/config/scene_config.h"
 
 namespace heba {
 namespace {
@@ -293,7 +293,7 @@ TEST_F(RigConfigTest, ASceneHasNoCameraWithTheNameOfItsConfig) {
       "targets:\n  plate:\n    mount: gripper\n    pose: {translation: [0 mm, 0 mm, 80 mm], rpy: [0 deg, 0 deg, 0 "
       "deg]}\n    target: " +
           std::string(kTarget) + "\nmotion: {captures: 3, distance: 600 mm, tilt: 30 deg}\n");
-  EXPECT_THAT(InputErrorOf([&] { ReadRigScene(folder_ / "scene.yaml", std::vector<std::string>()); }),
+  EXPECT_THAT(InputErrorOf([&] { ReadSceneConfig(folder_ / "scene.yaml"); }),
               HasSubstr("cameras.config: a camera cannot have this name"));
 }
 

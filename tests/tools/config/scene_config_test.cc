@@ -34,30 +34,30 @@ std::string ErrorOf(const std::string& more) {
 TEST(SceneConfigTest, ReadsWhatEverySceneStates) {
   const SceneConfig scene = Read();
   EXPECT_EQ(scene.setup, Setup::kEyeInHand);
-  EXPECT_EQ(scene.target->type(), "chessboard");
-  EXPECT_EQ(scene.target->points().size(), 40u);
-  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "20 mm");
-  EXPECT_EQ(scene.camera.model, "pinhole");
-  EXPECT_EQ(scene.camera.width_px, 640);
-  EXPECT_EQ(scene.camera.height_px, 480);
-  EXPECT_THAT(scene.camera.params, ElementsAre(600, 601, 320, 240));
-  EXPECT_THAT(scene.hand_eye.camera_mount_from_camera,
+  EXPECT_EQ(scene.targets[0].target->type(), "chessboard");
+  EXPECT_EQ(scene.targets[0].target->points().size(), 40u);
+  EXPECT_EQ(scene.targets[0].used["square"].as<std::string>(), "20 mm");
+  EXPECT_EQ(scene.problem.cameras[0].camera.model, "pinhole");
+  EXPECT_EQ(scene.problem.cameras[0].camera.width_px, 640);
+  EXPECT_EQ(scene.problem.cameras[0].camera.height_px, 480);
+  EXPECT_THAT(scene.problem.cameras[0].camera.params, ElementsAre(600, 601, 320, 240));
+  EXPECT_THAT(HandEyeOf(scene).camera_mount_from_camera,
               IsNearPose(Rigid3d(Eigen::Quaterniond::Identity(), {0.01, 0.02, 0.03}), 1e-9, 1e-9));
-  EXPECT_THAT(scene.hand_eye.target_mount_from_target,
+  EXPECT_THAT(HandEyeOf(scene).target_mount_from_target,
               IsNearPose(Rigid3d(ExpRotation({0, 0, kPi / 2}), {0.4, 0, 0.05}), 1e-9, 1e-9));
 }
 
 TEST(SceneConfigTest, FillsInDefaults) {
   const SceneConfig scene = Read();
-  EXPECT_EQ(scene.motion.num_captures, MotionOptions().num_captures);
-  EXPECT_EQ(scene.motion.distance_m, MotionOptions().distance_m);
+  EXPECT_EQ(scene.options.motion.num_captures, MotionOptions().num_captures);
+  EXPECT_EQ(scene.options.motion.distance_m, MotionOptions().distance_m);
   EXPECT_EQ(scene.image.blur_sigma_px, RenderOptions().blur_sigma_px);
   EXPECT_EQ(scene.image.noise_sigma_grey, 0);
   EXPECT_EQ(scene.image.depth, GreyDepth::k8Bit);
-  EXPECT_THAT(scene.image.shape.params, ElementsAre(1, 1, 0, 0));
+  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1, 1, 0, 0));
   EXPECT_FALSE(scene.two_step.has_value());
-  EXPECT_EQ(scene.robot_rotation_sigma_rad, 0);
-  EXPECT_EQ(scene.robot_translation_sigma_m, 0);
+  EXPECT_EQ(scene.options.robot_noise.rotation_rad, 0);
+  EXPECT_EQ(scene.options.robot_noise.translation_m, 0);
   EXPECT_EQ(scene.pose_format.name, "ros");
   EXPECT_TRUE(scene.give_camera);
   EXPECT_EQ(scene.seed, 1u);
@@ -65,7 +65,8 @@ TEST(SceneConfigTest, FillsInDefaults) {
 
 TEST(SceneConfigTest, ReadsTheMotion) {
   const MotionOptions motion =
-      Read("motion: {captures: 7, distance: 450 mm, depth: 0.3, tilt: 20 deg, spin: 40 deg, spread: 0.1}\n").motion;
+      Read("motion: {captures: 7, distance: 450 mm, depth: 0.3, tilt: 20 deg, spin: 40 deg, spread: 0.1}\n")
+          .options.motion;
   EXPECT_EQ(motion.num_captures, 7);
   EXPECT_DOUBLE_EQ(motion.distance_m, 0.45);
   EXPECT_DOUBLE_EQ(motion.depth_ratio, 0.3);
@@ -80,7 +81,7 @@ TEST(SceneConfigTest, ReadsTheTwoStepMotion) {
   EXPECT_DOUBLE_EQ(scene.two_step->translation_m, 0.06);
   EXPECT_EQ(scene.two_step->num_turns, 5);
   EXPECT_DOUBLE_EQ(scene.two_step->max_turn_rad, DegToRad(12));
-  EXPECT_EQ(scene.motion.num_captures, 0);
+  EXPECT_EQ(scene.options.motion.num_captures, 0);
 }
 
 TEST(SceneConfigTest, ReadsTheImage) {
@@ -98,7 +99,8 @@ TEST(SceneConfigTest, ReadsTheImage) {
 }
 
 TEST(SceneConfigTest, ReadsThePrint) {
-  const TargetShape shape = Read("print: {scale_x: 1.01, scale_y: 0.99, bend_x: 2 mm, bend_y: -1 mm}\n").image.shape;
+  const TargetShape shape =
+      Read("print: {scale_x: 1.01, scale_y: 0.99, bend_x: 2 mm, bend_y: -1 mm}\n").targets[0].printed;
   EXPECT_THAT(shape.params, ElementsAre(1.01, 0.99, 2e-3, -1e-3));
   // The bend is that of the rectangle of the points, 140 mm x 80 mm.
   EXPECT_NEAR(shape.half_size_m.x(), 0.07, 1e-12);
@@ -107,8 +109,8 @@ TEST(SceneConfigTest, ReadsThePrint) {
 
 TEST(SceneConfigTest, ReadsTheRobot) {
   const SceneConfig scene = Read("robot_noise: {rotation: 0.1 deg, translation: 0.3 mm}\npose_format: kuka\n");
-  EXPECT_DOUBLE_EQ(scene.robot_rotation_sigma_rad, DegToRad(0.1));
-  EXPECT_DOUBLE_EQ(scene.robot_translation_sigma_m, 0.3e-3);
+  EXPECT_DOUBLE_EQ(scene.options.robot_noise.rotation_rad, DegToRad(0.1));
+  EXPECT_DOUBLE_EQ(scene.options.robot_noise.translation_m, 0.3e-3);
   EXPECT_EQ(scene.pose_format.name, "kuka");
 }
 
@@ -117,18 +119,40 @@ TEST(SceneConfigTest, ReadsTheArm) {
       "robot: {model: ur5e, offsets: 0.05 deg, lengths: 0.3 mm, angles: 0.03 deg, gravity: 2e-5 rad/(N m), "
       "joint_noise: 0.003 deg, configurations: one, record_joints: true}\nmotion: {captures: 5, repeats: 3}\n"
       "image: {noise: 2 grey}\n");
-  ASSERT_TRUE(scene.arm.has_value());
-  EXPECT_EQ(scene.arm->nominal.name, "ur5e");
-  EXPECT_DOUBLE_EQ(scene.arm->sigmas.offset_rad, DegToRad(0.05));
-  EXPECT_DOUBLE_EQ(scene.arm->sigmas.length_m, 0.3e-3);
-  EXPECT_DOUBLE_EQ(scene.arm->sigmas.angle_rad, DegToRad(0.03));
-  EXPECT_DOUBLE_EQ(scene.arm->sigmas.compliance_rad_per_nm, 2e-5);
-  EXPECT_DOUBLE_EQ(scene.arm->joint_noise_rad, DegToRad(0.003));
-  EXPECT_FALSE(scene.arm->has_several_configurations);
-  EXPECT_TRUE(scene.arm->records_joints);
+  ASSERT_TRUE(scene.arms[0].has_value());
+  EXPECT_EQ(scene.arms[0]->nominal.name, "ur5e");
+  EXPECT_DOUBLE_EQ(scene.arms[0]->sigmas.offset_rad, DegToRad(0.05));
+  EXPECT_DOUBLE_EQ(scene.arms[0]->sigmas.length_m, 0.3e-3);
+  EXPECT_DOUBLE_EQ(scene.arms[0]->sigmas.angle_rad, DegToRad(0.03));
+  EXPECT_DOUBLE_EQ(scene.arms[0]->sigmas.compliance_rad_per_nm, 2e-5);
+  EXPECT_DOUBLE_EQ(scene.arms[0]->joint_noise_rad, DegToRad(0.003));
+  EXPECT_FALSE(scene.arms[0]->has_several_configurations);
+  EXPECT_TRUE(scene.arms[0]->records_joints);
   EXPECT_EQ(scene.num_repeats, 3);
-  EXPECT_EQ(Read("robot: {model: ur5e}\n").arm->sigmas.compliance_rad_per_nm, 0);
+  EXPECT_EQ(Read("robot: {model: ur5e}\n").arms[0]->sigmas.compliance_rad_per_nm, 0);
   EXPECT_EQ(Read().num_repeats, 1);
+}
+
+// What the short form states of its camera and target, each named one states of its own.
+TEST(SceneConfigTest, NamedCamerasAndTargetsHaveTheKeysOfTheShortForm) {
+  const SceneConfig scene = ReadScene(ParseYaml(
+      "cameras: {left: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, image_size: "
+      "[640, 480], fx: 600, fy: 600, cx: 320, cy: 240}, moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}}}\n"
+      "targets: {plate: {mount: gripper, pose: {translation: [0 m, 0 m, 0.1 m]}, target: {type: chessboard, rows: 5, "
+      "columns: 8, square: 20 mm}, print: {scale_x: 1.01, bend_y: 1 mm}}}\n"
+      "motion: {captures: 5, repeats: 3}\nimage: {noise: 1 grey}\n",
+      "scene.yaml"));
+  EXPECT_FALSE(scene.setup.has_value());
+  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1.01, 1, 0, 1e-3));
+  EXPECT_EQ(scene.problem.targets[0].shape.params, TargetShape().params);
+  EXPECT_EQ(scene.num_repeats, 3);
+  ASSERT_EQ(scene.camera_motions.size(), 1U);
+  const SceneConfig only = Read("moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}\n");
+  ASSERT_EQ(only.camera_motions.size(), 1U);
+  for (const SceneConfig& each : {scene, only}) {
+    EXPECT_EQ(each.camera_motions[0].first_capture, 2U);
+    EXPECT_NEAR(each.camera_motions[0].before_from_after.translation.x(), 1e-3, 1e-12);
+  }
 }
 
 TEST(SceneConfigTest, ReadsSeedAndGiveCamera) {
@@ -149,9 +173,9 @@ TEST(SceneConfigTest, SceneAsUsedIsAFixedPoint) {
     const SceneConfig again = ReadScene(ParseYaml(used, "used.yaml"));
     EXPECT_EQ(YAML::Dump(again.used), used);
     EXPECT_EQ(again.setup, scene.setup);
-    EXPECT_EQ(again.camera.params, scene.camera.params);
-    EXPECT_THAT(again.hand_eye.target_mount_from_target,
-                IsNearPose(scene.hand_eye.target_mount_from_target, 1e-12, 1e-12));
+    EXPECT_EQ(again.problem.cameras[0].camera.params, scene.problem.cameras[0].camera.params);
+    EXPECT_THAT(HandEyeOf(again).target_mount_from_target,
+                IsNearPose(HandEyeOf(scene).target_mount_from_target, 1e-12, 1e-12));
     EXPECT_EQ(again.two_step.has_value(), scene.two_step.has_value());
     EXPECT_EQ(again.image.depth, scene.image.depth);
     EXPECT_EQ(again.pose_format.name, scene.pose_format.name);
@@ -231,7 +255,7 @@ INSTANTIATE_TEST_SUITE_P(
 // A larger bend would be a roll.
 TEST(SceneConfigTest, ABendIsAtMostAQuarterOfTheSheetsShorterSide) {
   const SceneConfig scene = Read();
-  const Drawing& sheet = scene.target->Draw();
+  const Drawing& sheet = scene.targets[0].target->Draw();
   const double most_mm = 250 * (sheet.max_m - sheet.min_m).minCoeff();
   const auto bend = [](const std::string& key, double bend_mm) {
     return "print: {" + key + ": " + Fixed(bend_mm, 3) + " mm}\n";
@@ -265,8 +289,8 @@ class SceneFileTest : public testing::Test {
 TEST_F(SceneFileTest, SettingsCountMoreThanTheFileAndItsBase) {
   Write("next.yaml", "base: scene.yaml\nmotion: {captures: 9}\nseed: 3\n");
   const SceneConfig scene = ReadSceneConfig(folder_ / "next.yaml", {"seed=5"});
-  EXPECT_EQ(scene.motion.num_captures, 9);
-  EXPECT_DOUBLE_EQ(scene.motion.distance_m, 0.45);
+  EXPECT_EQ(scene.options.motion.num_captures, 9);
+  EXPECT_DOUBLE_EQ(scene.options.motion.distance_m, 0.45);
   EXPECT_EQ(scene.seed, 5u);
 }
 
@@ -275,7 +299,7 @@ TEST_F(SceneFileTest, ACameraWithAModelReplacesThatOfTheBase) {
   Write("other.yaml", "base: scene.yaml\ncamera: {model: pinhole, image_size: [320, 240], fx: 300}\n");
   EXPECT_THAT(InputErrorOf([&] { ReadSceneConfig(folder_ / "other.yaml"); }), HasSubstr("'fy' is missing"));
   Write("same.yaml", "base: scene.yaml\ncamera: {fx: 300}\n");
-  EXPECT_THAT(ReadSceneConfig(folder_ / "same.yaml").camera.params, ElementsAre(300, 601, 320, 240));
+  EXPECT_THAT(ReadSceneConfig(folder_ / "same.yaml").problem.cameras[0].camera.params, ElementsAre(300, 601, 320, 240));
 }
 
 TEST_F(SceneFileTest, TargetAndCameraMayBeFilesBesideTheScene) {
@@ -283,9 +307,9 @@ TEST_F(SceneFileTest, TargetAndCameraMayBeFilesBesideTheScene) {
   Write("camera.yaml", "{model: pinhole, image_size: [320, 240], fx: 300, fy: 300, cx: 160, cy: 120}\n");
   Write("files.yaml", "base: scene.yaml\ntarget: board.yaml\ncamera: camera.yaml\n");
   const SceneConfig scene = ReadSceneConfig(folder_ / "files.yaml");
-  EXPECT_EQ(scene.target->points().size(), 12u);
-  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "10 mm");
-  EXPECT_EQ(scene.camera.width_px, 320);
+  EXPECT_EQ(scene.targets[0].target->points().size(), 12u);
+  EXPECT_EQ(scene.targets[0].used["square"].as<std::string>(), "10 mm");
+  EXPECT_EQ(scene.problem.cameras[0].camera.width_px, 320);
 }
 
 TEST_F(SceneFileTest, RefusesACameraFileWithoutAnImageSize) {

@@ -340,6 +340,10 @@ TEST_F(RigStudyConfigTest, RefusesWhatARigDoesNotHave) {
   }
   EXPECT_THAT(error_of("", RigSceneWith(", moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}")),
               HasSubstr("rig.yaml:2: scenes.pair: moves camera left during the captures, which a study does not"));
+  std::string repeated = RigSceneWith();
+  repeated.replace(repeated.find("captures: 6"), 11, "captures: 6, repeats: 2");
+  repeated.insert(1, "image: {noise: 1 grey}, ");
+  EXPECT_THAT(error_of("", repeated), HasSubstr("rig.yaml:2: scenes.pair: repeats the captures of several cameras"));
   std::string near = RigSceneWith();
   near.replace(near.find("distance: 600 mm"), 16, "distance: 60 mm");
   EXPECT_THAT(error_of("", near), HasSubstr("rig.yaml:2: scenes.pair: the target does not fit into the image"));
@@ -392,6 +396,14 @@ INSTANTIATE_TEST_SUITE_P(
         WrongStudy{"Estimator", "estimators: [joint]\n", "estimators[0]: 'joint' is unknown"},
         WrongStudy{"RepeatedEstimator", "estimators: [jointly, jointly]\n", "estimators[1]: is listed twice"}),
     [](const auto& wrong) { return wrong.param.name; });
+
+TEST_F(StudyConfigTest, RefusesACameraThatMoves) {
+  std::string scene = kScene;
+  scene.replace(scene.find("motion: {"), 9, "moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}, motion: {");
+  Write("noise.yaml", "scenes:\n  moved: " + scene);
+  EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
+              HasSubstr("noise.yaml:2: scenes.moved: moves its camera during the captures, which a study does not"));
+}
 
 TEST_F(StudyConfigTest, NamesTheSceneThatDoesNotFit) {
   std::string scene = kScene;
