@@ -56,10 +56,10 @@ RigSolution TrueSolution(const RigStudyCell& cell) {
 // Returns the rig with captures that have this noise.
 RigProblem Simulated(const RigStudyCell& cell, double noise_px, const RobotNoise& robot_noise, Rng* rng) {
   RigProblem problem = cell.rig;
-  RigSceneOptions options = cell.simulation;
+  SceneOptions options = cell.simulation;
   options.noise_px = noise_px;
   options.robot_noise = robot_noise;
-  problem.captures = SimulateRigCaptures(cell.rig, cell.poses, cell.targets, cell.arms, options, rng);
+  problem.captures = SimulateCaptures(cell.rig, cell.poses, cell.targets, cell.arms, options, rng);
   return problem;
 }
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "heba/rig_calibration.h"
-#include "heba/simulation/rig_scene.h"
+#include "heba/simulation/scene.h"
 #include "solvers/calibration/study.h"
 
 namespace heba {
@@ -27,7 +27,7 @@ struct RigStudyCell {
   RigPoses poses;
   std::vector<SimulatedTarget> targets;
   std::vector<ArmPoses> arms;  // The exact poses of each capture.
-  RigSceneOptions simulation;  // Its noise_px, robot_noise and motion.margin_px hold.
+  SceneOptions simulation;     // Its noise_px, robot_noise and motion.margin_px hold.
   // If `has_camera` is empty, the trials estimate the cameras, whose models are known.
   RigCalibrationOptions options;
   std::vector<RigEstimator> estimators = {RigEstimator::kJointly, RigEstimator::kOneByOne};

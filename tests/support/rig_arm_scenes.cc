@@ -30,14 +30,14 @@ RigArmScene WithArms(RigScene rig, const RigSceneSetting& setting, const ArmErro
     const Rigid3d tip_from_gripper(ExpRotation(rng.Direction3()), 0.05 * rng.Direction3());
     scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
   }
-  const RigSceneOptions options = OptionsOf(setting, scene.arms.size());
+  const SceneOptions options = OptionsOf(setting, scene.arms.size());
   const Outcome<ArmMotion> motion =
       SimulateArmMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
   CHECK(motion.ok()) << motion.reason();
   scene.joints = motion->joints;
   scene.rig.arms = motion->exact;
   scene.rig.problem.captures =
-      SimulateRigCaptures(scene.rig.problem, scene.rig.truth, scene.rig.targets, *motion, options, &rng);
+      SimulateCaptures(scene.rig.problem, scene.rig.truth, scene.rig.targets, *motion, options, &rng);
   return scene;
 }
 

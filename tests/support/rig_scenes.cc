@@ -39,8 +39,8 @@ void AddTarget(const std::string& name, const Mount& mount, const Rigid3d& mount
   scene->truth.mount_from_target.push_back(mount_from_target);
 }
 
-RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms) {
-  RigSceneOptions options;
+SceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms) {
+  SceneOptions options;
   options.motion.num_captures = setting.num_captures;
   options.motion.distance_m = 0.7;
   options.motion.max_tilt_rad = 0.6;
@@ -51,12 +51,12 @@ RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms) {
 }
 
 void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene) {
-  const RigSceneOptions options = OptionsOf(setting, scene->problem.robots.size());
+  const SceneOptions options = OptionsOf(setting, scene->problem.robots.size());
   const Outcome<std::vector<ArmPoses>> arms =
       SimulateArmPoses(scene->problem, scene->truth, scene->targets, options, rng);
   CHECK(arms.ok()) << arms.reason();
   scene->arms = *arms;
-  scene->problem.captures = SimulateRigCaptures(scene->problem, scene->truth, scene->targets, *arms, options, rng);
+  scene->problem.captures = SimulateCaptures(scene->problem, scene->truth, scene->targets, *arms, options, rng);
 }
 
 namespace {

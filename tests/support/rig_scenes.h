@@ -6,7 +6,7 @@
 
 #include "heba/base/units.h"
 #include "heba/data/rig.h"
-#include "heba/simulation/rig_scene.h"
+#include "heba/simulation/scene.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -45,7 +45,7 @@ void AddCamera(const std::string& name, const Mount& mount, const Rigid3d& mount
 void AddTarget(const std::string& name, const Mount& mount, const Rigid3d& mount_from_target, RigScene* scene);
 
 // Returns the options of the simulation of a rig with this number of arms.
-RigSceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms);
+SceneOptions OptionsOf(const RigSceneSetting& setting, size_t num_arms);
 
 void Simulate(const RigSceneSetting& setting, Rng* rng, RigScene* scene);
 

@@ -5,7 +5,6 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
-#include "heba/simulation/rig_scene.h"
 #include "heba/simulation/scene.h"
 #include "solvers/closed_form/hand_eye_method.h"
 
@@ -65,13 +64,13 @@ BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side) {
   truth.mount_from_target = {scene.truth.target_mount_from_target};
   const Points3& points = scene.problem.views.front().observations.points_in_target;
   problem.targets.push_back({"plate", {0, Mount::Part::kGripper}, DesignedShape(points)});
-  RigSceneOptions options;
+  SceneOptions options;
   options.noise_px = kBenchNoisePx;
   options.robot_noise = kBenchRobot;
   std::vector<ArmPoses> arms;
   for (const View& view : scene.problem.views) arms.push_back({view.camera_mount_from_target_mount});
   Rng rng(4);
-  problem.captures = SimulateRigCaptures(problem, truth, {{points, false}}, arms, options, &rng);
+  problem.captures = SimulateCaptures(problem, truth, {{points, false}}, arms, options, &rng);
   for (const RigCapture& capture : problem.captures) {
     for (const RigImage& image : capture.images) rig.num_observations += image.observations.size();
   }

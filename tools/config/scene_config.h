@@ -16,7 +16,6 @@
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 #include "heba/simulation/arm_captures.h"
-#include "heba/simulation/rig_scene.h"
 #include "heba/simulation/scene.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
@@ -54,8 +53,8 @@ struct SceneConfig {
   RigPoses poses;
   std::vector<CameraMotion> camera_motions;
   std::vector<SceneTarget> targets;
-  RigSceneOptions options;  // The motion, the noise of the arms' poses and their homes.
-  int num_repeats = 1;      // The captures that are taken at each commanded pose, with one error of the robot.
+  SceneOptions options;  // The motion, the noise of the arms' poses and their homes.
+  int num_repeats = 1;   // The captures that are taken at each commanded pose, with one error of the robot.
   std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of the motion; for the short form.
   RenderOptions image;
   PoseFormat pose_format;

@@ -19,7 +19,7 @@ std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, con
 }
 
 Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& poses,
-                                     const std::vector<SimulatedTarget>& targets, const RigSceneOptions& options,
+                                     const std::vector<SimulatedTarget>& targets, const SceneOptions& options,
                                      const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng) {
   constexpr int kMostRounds = 20;
   const auto num_captures = static_cast<size_t>(options.motion.num_captures);
@@ -57,10 +57,10 @@ Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& pose
   return motion;
 }
 
-std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPoses& poses,
-                                            const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
-                                            const RigSceneOptions& options, Rng* rng) {
-  std::vector<RigCapture> captures = SimulateRigCaptures(rig, poses, targets, motion.exact, options, rng);
+std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
+                                         const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
+                                         const SceneOptions& options, Rng* rng) {
+  std::vector<RigCapture> captures = SimulateCaptures(rig, poses, targets, motion.exact, options, rng);
   for (size_t i = 0; i < captures.size(); ++i) {
     for (size_t r = 0; r < rig.robots.size(); ++r) {
       Rigid3d& reported = captures[i].base_from_gripper[r];

@@ -1,5 +1,5 @@
-// Simulated captures: robot poses from which a camera sees a target, and the pixels that it measures. Everything is
-// determined by the seed.
+// Simulated captures of any number of cameras, targets and arms: poses from which a camera sees a target, and the
+// pixels that it measures. Everything is determined by the seed.
 #pragma once
 
 #include <optional>
@@ -9,7 +9,9 @@
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/data/problem.h"
+#include "heba/data/rig.h"
 #include "heba/data/setup.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 
@@ -73,5 +75,43 @@ Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_r
 std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
                                  const Rigid3d& camera_mount_from_target_mount, const Points3& points_in_target,
                                  double noise_sigma_px, Rng* rng);
+
+// A target as the simulation sees it.
+struct SimulatedTarget {
+  Points3 points_in_target;
+  bool z_out = false;  // Whether the target's z axis points out of its front side.
+};
+
+struct SceneOptions {
+  MotionOptions motion;    // Of each target in front of the camera for which a pose is drawn.
+  double noise_px = 0;     // One sigma of each pixel coordinate.
+  RobotNoise robot_noise;  // Of every arm's pose; joint_rad is not used.
+  // Poses of the arms near which they stand when nothing else determines them: base_from_gripper, one per arm.
+  std::vector<Rigid3d> homes;
+};
+
+// The exact poses of the arms in one capture.
+using ArmPoses = std::vector<Rigid3d>;
+
+// Simulates the poses of the arms. In each capture, every arm that moves a target against a camera is put where one of
+// these cameras, drawn at random, sees one of these targets (SimulatePoses); an arm that only meets others stands near
+// its home. The other images of the capture follow from these poses. Returns a Failure if a target does not fit into an
+// image. `rig` needs no captures.
+Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const RigPoses& poses,
+                                                const std::vector<SimulatedTarget>& targets,
+                                                const SceneOptions& options, Rng* rng);
+
+// Returns the pose that an arm with this noise reports: T, where the exact pose is T * Exp(error).
+Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng* rng);
+
+// Returns whether a camera sees the front of a target with all its points at least `margin_px` from the border.
+bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const SimulatedTarget& target,
+               double margin_px);
+
+// Simulates the captures at these poses of the arms: the poses that the arms report, and the points of every target
+// that a camera sees as a whole, with noise.
+std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
+                                         const std::vector<SimulatedTarget>& targets,
+                                         const std::vector<ArmPoses>& arm_poses, const SceneOptions& options, Rng* rng);
 
 }  // namespace heba

@@ -64,7 +64,7 @@ TEST(RigStudyTest, APoseThatNeedsOtherCamerasHasNoEstimateByItself) {
   Rng rng(1);
   const RigProblem all = [&] {
     RigProblem problem = cell.rig;
-    problem.captures = SimulateRigCaptures(cell.rig, cell.poses, cell.targets, cell.arms, cell.simulation, &rng);
+    problem.captures = SimulateCaptures(cell.rig, cell.poses, cell.targets, cell.arms, cell.simulation, &rng);
     return problem;
   }();
   // The captures in which the new camera sees the target of the second arm only.
