@@ -202,6 +202,11 @@ async function checkRigResiduals(page) {
   // Magnified residuals are clipped at the edge of the image.
   assert.equal(await dialog.locator('svg svg').evaluate((inside) => getComputedStyle(inside).overflow), 'hidden');
   await dialog.getByRole('button', {name: 'close'}).click();
+  // The row of an image opens it too.
+  await page.locator('tr[data-from=captures_1]').nth(3).click();
+  const ofRow = await dialog.locator('h3').textContent();
+  assert.ok(ofRow.startsWith('camera right, image 4: 003.png, target'), ofRow);
+  await dialog.getByRole('button', {name: 'close'}).click();
 }
 
 async function checkCaptures(page) {
@@ -249,7 +254,7 @@ const kPages = [
   {file: 'runs/summary.html', views: ['dumbbells'], column: 'hold-out, px'},
   {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
-  {file: 'rig_run/report.html', views: ['set-up', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars'],
+  {file: 'rig_run/report.html', views: kReportViews.filter((view) => view !== 'dumbbells'),
    column: 'hold-out, px', isRig: true},
   {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections', 'arm-map'], column: 'hold-out, px', isRig: true, isArm: true},
   {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},

@@ -318,7 +318,12 @@ TEST_F(ArmRunTest, OneConfigurationHasFiguresAndTheReportShowsTheArm) {
   }
   EXPECT_GT(captured_mm, 0);
   EXPECT_GT(others_mm, 1.5 * captured_mm);
-  EXPECT_THAT(ReadAll(folder() / "one" / "run" / "report.html"), HasSubstr("<h2>Arm</h2>"));
+  const std::string page = ReadAll(folder() / "one" / "run" / "report.html");
+  EXPECT_THAT(page, HasSubstr("<h2>Arm</h2>"));
+  EXPECT_THAT(page, HasSubstr("the noise of its poses falls from "));
+  EXPECT_THAT(page, HasSubstr("<h2>Arms</h2>"));
+  // The pixels are compared with what the corrections of the arm leave.
+  EXPECT_THAT(page, HasSubstr(" px after the corrections of the arms, and "));
   EXPECT_EQ(ReadAll(folder() / "exact" / "run" / "report.html").find("<h2>Arm</h2>"), std::string::npos);
 }
 

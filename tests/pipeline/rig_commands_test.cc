@@ -175,6 +175,22 @@ TEST_F(RigCommandsTest, ReportHasTheNextStepsAndTheCorrelation) {
   EXPECT_THAT(page, HasSubstr("cameras.left.pose"));
 }
 
+// The report of a rig has what that of a single camera has: the figures in tiles, the poses in notations to copy, the
+// ellipses, and a table whose rows open the images.
+TEST_F(RigCommandsTest, ReportHasWhatThatOfASingleCameraHas) {
+  const std::string page = ReadAll(Path("run/report.html"));
+  const Json result = Json::parse(ReadAll(Path("run/result.json")));
+  double worst_mm = 0;
+  for (const Json& errors : result["errors"]) {
+    worst_mm = std::max(worst_mm, errors["holdout_target_mm"].get<double>());
+  }
+  EXPECT_NEAR(NumberAfter(page, "hold-out error at the target, ", "<dd>") / worst_mm, 1, 0.01);
+  EXPECT_THAT(page, HasSubstr("<h3><code>gripper_from_wrist</code></h3>"));
+  EXPECT_EQ(Count(page, "data-view=\"ellipses\""), 3);
+  EXPECT_THAT(page, HasSubstr("<tr data-from=\"captures_2\" data-capture=\"1\">"));
+  EXPECT_THAT(page, HasSubstr("<button>robot correction, mm</button>"));
+}
+
 TEST_F(RigCommandsTest, ReportHasTheIntrinsicsAndAllTrueErrors) {
   const std::string page = ReadAll(Path("run/report.html"));
   const Json result = Json::parse(ReadAll(Path("run/result.json")));

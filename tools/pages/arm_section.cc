@@ -247,51 +247,50 @@ std::string MapFigure(const GripperLocator& locate, const std::string& fixed, co
       data, "<div class=\"charts\">" + pictures + "</div>");
 }
 
-// Shows the estimated errors of an arm; `maps` are the figures of what they mean for the poses.
-std::string ErrorsPart(const RobotSummary& robot, const std::string& maps) {
-  return CorrectionsFigure(robot) + maps +
-         Details("All estimated parameters", ParametersTable(robot) + UndeterminedText(robot));
+// Returns the poses of an arm in the captures that were used.
+std::vector<Rigid3d> UsedPoses(const RigResult& result, size_t robot_index) {
+  std::vector<Rigid3d> base_from_gripper;
+  for (const RigCaptureResult& capture : result.captures) {
+    const bool is_used = std::any_of(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+      return image.used && image.capture == capture.name;
+    });
+    if (is_used) base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
+  }
+  return base_from_gripper;
+}
+
+std::string ArmSection(const RigResult& result, size_t robot_index) {
+  const RobotSummary& robot = *result.arms[robot_index];
+  const std::string& name = result.rig.robots[robot_index];
+  std::string text = EstimateText(robot);
+  text += robot.has_recorded_joints ? " Its joints were recorded." : " Its joints were recovered from its poses.";
+  if (!robot.configuration.empty()) {
+    text +=
+        " All captures are in one configuration (" + robot.configuration + "); in others, its errors are extrapolated.";
+  }
+  std::string maps;
+  if (const std::optional<FixedPart> fixed = FindFixedPart(result.rig)) {
+    const std::string of_single = fixed->kind == FixedPart::Kind::kCamera ? "the camera" : "the target of the captures";
+    maps = MapFigure(LocatorOf(result.rig, result.solution, robot_index, *fixed),
+                     name.empty() ? of_single : fixed->Name(result.rig), robot, UsedPoses(result, robot_index));
+  }
+  return PageSection(name.empty() ? "Arm" : "Kinematics of arm " + name,
+                     Paragraph(text) + CorrectionsFigure(robot) + maps +
+                         Details("All estimated parameters", ParametersTable(robot) + UndeterminedText(robot)));
 }
 
 }  // namespace
 
-std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures) {
-  if (!result.robot || !result.robot->is_estimated || refined.solution->shared_effects == nullptr) return "";
-  const RobotSummary& robot = *result.robot;
-  const std::string fixed = result.setup == Setup::kEyeToHand ? "the camera" : "the target of the captures";
-  std::vector<Rigid3d> base_from_gripper;
-  for (const ReportedCapture& capture : captures) base_from_gripper.push_back(capture.base_from_gripper);
-  return "<section>" + Heading("Arm") +
-         Paragraph("The errors of the arm " + robot.nominal.name + " (" + robot.errors_name +
-                   ") were estimated together with the hand-eye pose.") +
-         ErrorsPart(robot, MapFigure(LocatorOf(result.setup, *refined.solution), fixed, robot, base_from_gripper)) +
-         "</section>\n";
+std::string EstimateText(const RobotSummary& robot) {
+  return Capitalised(FindingWords(DescribeEstimate(robot)).text) + ".";
 }
 
-std::string ArmOfRigSection(const std::string& heading, const RigResult& result, size_t robot_index) {
-  const RobotSummary& robot = *result.arms[robot_index];
-  std::string text = Capitalised(FindingWords(DescribeEstimate(robot)).text) + ".";
-  if (robot.is_estimated) {
-    text += robot.has_recorded_joints ? " Its joints were recorded." : " Its joints were recovered from its poses.";
-    if (!robot.configuration.empty()) {
-      text += " All captures are in one configuration (" + robot.configuration +
-              "); in others, its errors are extrapolated.";
-    }
+std::string ArmSections(const ReportData& data) {
+  std::string sections;
+  for (size_t r = 0; r < data.result.arms.size(); ++r) {
+    if (FindEstimatedArm(data.result, r) != nullptr) sections += ArmSection(data.result, r);
   }
-  if (!robot.is_estimated) return PageSection(heading, Paragraph(text));
-  std::string maps;
-  if (const std::optional<FixedPart> fixed = FindFixedPart(result.rig)) {
-    std::vector<Rigid3d> base_from_gripper;
-    for (const RigCaptureResult& capture : result.captures) {
-      const bool is_used = std::any_of(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
-        return image.used && image.capture == capture.name;
-      });
-      if (is_used) base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
-    }
-    maps = MapFigure(LocatorOf(result.rig, result.solution, robot_index, *fixed), fixed->Name(result.rig), robot,
-                     base_from_gripper);
-  }
-  return PageSection(heading, Paragraph(text) + ErrorsPart(robot, maps));
+  return sections;
 }
 
 }  // namespace heba

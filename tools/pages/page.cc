@@ -116,7 +116,7 @@ std::string LinkTo(const std::string& path) {
 }
 
 std::string HtmlTable(const std::vector<std::string>& head, const std::vector<std::vector<PageCell>>& rows,
-                      bool opens_captures) {
+                      const std::vector<OpenedCapture>& opens) {
   constexpr size_t kLongText = 40;
   std::string table = "<div class=\"wide\"><table>\n<thead><tr>";
   for (size_t column = 0; column < head.size(); ++column) {
@@ -127,7 +127,10 @@ std::string HtmlTable(const std::vector<std::string>& head, const std::vector<st
   table += "</tr></thead>\n<tbody>\n";
   for (size_t i = 0; i < rows.size(); ++i) {
     CHECK_EQ(rows[i].size(), head.size()) << "every column has a heading";
-    table += opens_captures ? "<tr data-capture=\"" + std::to_string(i) + "\">" : "<tr>";
+    const bool opens_capture = !opens.empty() && !opens[i].data.empty();
+    table += opens_capture ? "<tr data-from=\"" + EscapedForMarkup(opens[i].data) + "\" data-capture=\"" +
+                                 std::to_string(opens[i].index) + "\">"
+                           : "<tr>";
     for (size_t column = 0; column < rows[i].size(); ++column) {
       const PageCell& cell = rows[i][column];
       const std::string kind = cell.is_number ? "number" : (cell.text.size() > kLongText ? "text" : "");

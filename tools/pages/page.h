@@ -3,6 +3,7 @@
 // page still shows its text, tables and static charts.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -53,10 +54,15 @@ struct PageCell {
 // Returns a relative path as a percent-encoded link.
 std::string LinkTo(const std::string& path);
 
+// The image that a click on a row opens: the i-th of the captures in SharedData(data, ...). Without a name, none.
+struct OpenedCapture {
+  std::string data;
+  size_t index = 0;
+};
+
 // Returns the markup of a table that is sorted by a click on a column heading; in a narrow window each row is a block
-// that names its cells. If `opens_captures` is set, a click on the i-th row opens the i-th of the captures in
-// SharedData("captures", ...).
+// that names its cells. `opens` has an entry for each row, or is empty.
 std::string HtmlTable(const std::vector<std::string>& head, const std::vector<std::vector<PageCell>>& rows,
-                      bool opens_captures = false);
+                      const std::vector<OpenedCapture>& opens = {});
 
 }  // namespace heba

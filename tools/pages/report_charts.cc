@@ -22,9 +22,9 @@ struct Residual {
   double dy;
 };
 
-std::vector<Residual> ResidualsOf(const std::vector<ReportedCapture>& captures) {
+std::vector<Residual> ResidualsOf(const CameraResiduals& camera) {
   std::vector<Residual> all;
-  for (const ReportedCapture& view : captures) {
+  for (const ReportedImage& view : camera.images) {
     for (Eigen::Index i = 0; i < view.pixels.cols(); ++i) {
       all.push_back({view.pixels(0, i), view.pixels(1, i), view.residuals(0, i), view.residuals(1, i)});
     }
@@ -69,8 +69,9 @@ std::string MethodsChart(const RunResult& result) {
   return DumbbellChart("RMS in px: in-sample (first colour), hold-out (second)", rows);
 }
 
-std::string ResidualFieldChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
-  const std::vector<Residual> drawn = Thinned(ResidualsOf(captures));
+std::string ResidualFieldChart(const CameraResiduals& residuals) {
+  const Camera& camera = residuals.camera;
+  const std::vector<Residual> drawn = Thinned(ResidualsOf(residuals));
   if (drawn.empty()) return "";
   std::vector<double> lengths;
   for (const Residual& r : drawn) lengths.push_back(std::hypot(r.dx, r.dy));
@@ -83,8 +84,9 @@ std::string ResidualFieldChart(const Camera& camera, const std::vector<ReportedC
   return chart.Svg();
 }
 
-std::string CoverageChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
-  const std::vector<Residual> all = ResidualsOf(captures);
+std::string CoverageChart(const CameraResiduals& residuals) {
+  const Camera& camera = residuals.camera;
+  const std::vector<Residual> all = ResidualsOf(residuals);
   if (all.empty()) return "";
   constexpr int kColumns = 8;
   const int rows =
@@ -112,11 +114,12 @@ std::string CoverageChart(const Camera& camera, const std::vector<ReportedCaptur
   return chart.Svg();
 }
 
-std::string ResidualRadiusChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
+std::string ResidualRadiusChart(const CameraResiduals& residuals) {
+  const Camera& camera = residuals.camera;
   std::vector<std::pair<double, double>> dots;
   double farthest = 1;
   double largest = 1e-9;
-  for (const Residual& r : Thinned(ResidualsOf(captures))) {
+  for (const Residual& r : Thinned(ResidualsOf(residuals))) {
     const double u = r.x - camera.params[2];
     const double v = r.y - camera.params[3];
     const double radius = std::hypot(u, v);
@@ -132,8 +135,9 @@ std::string ResidualRadiusChart(const Camera& camera, const std::vector<Reported
   return chart.Svg();
 }
 
-std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& captures) {
-  const std::vector<Residual> all = ResidualsOf(captures);
+std::string HistogramChart(const CameraResiduals& residuals) {
+  const double sigma_px = residuals.sigma_px;
+  const std::vector<Residual> all = ResidualsOf(residuals);
   if (all.empty() || !(sigma_px > 0)) return "";
   constexpr int kBins = 41;
   const double reach = 5 * sigma_px;
@@ -161,15 +165,16 @@ std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& 
   return chart.Svg();
 }
 
-std::string CaptureBarsChart(const std::vector<std::optional<double>>& rms_px) {
+std::string CaptureBarsChart(const CameraResiduals& residuals) {
+  const std::vector<ReportedImage>& images = residuals.images;
   double largest = 0;
-  for (const std::optional<double>& rms : rms_px) largest = std::max(largest, rms.value_or(0));
+  for (const ReportedImage& image : images) largest = std::max(largest, image.rms_px.value_or(0));
   if (!(largest > 0)) return "";
-  const auto count = static_cast<double>(rms_px.size());
-  StaticChart chart(kWidth, 200, {"capture number", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
-  for (size_t i = 0; i < rms_px.size(); ++i) {
+  StaticChart chart(kWidth, 200, {"capture number", 0.5, static_cast<double>(images.size()) + 0.5},
+                    {"rms, px", 0, 1.05 * largest});
+  for (size_t i = 0; i < images.size(); ++i) {
     const double x = static_cast<double>(i) + 1;
-    chart.Bar(x - 0.4, 0, x + 0.4, rms_px[i].value_or(0), "first");
+    chart.Bar(x - 0.4, 0, x + 0.4, images[i].rms_px.value_or(0), "first");
   }
   return chart.Svg();
 }

@@ -11,7 +11,7 @@
 #include "heba/base/units.h"
 #include "heba/io/pose_formats.h"
 #include "heba/io/result_file.h"
-#include "tools/pages/page.h"
+#include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -32,30 +32,55 @@ std::string FindingItem(const Finding& finding) {
   return item + "</li>\n";
 }
 
-// Shows the figures that users need first.
-std::string TilesPart(const RunResult& result, const Estimate& refined) {
-  std::string tiles = "<dl class=\"tiles\">\n";
+// Shows the figures that users need first: of several cameras those of the worst, which is named.
+std::string TilesPart(const ReportData& data) {
+  const RigResult& result = data.result;
+  const RigSolution& solution = result.solution;
+  std::string tiles;
   const auto add = [&](const std::string& name, const std::string& value) {
     tiles += "<div><dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd></div>\n";
   };
-  const Solution& solution = *refined.solution;
-  const Errors& errors = refined.errors;
-  const auto largest = [](const Eigen::Matrix3d& block) { return std::sqrt(block.diagonal().maxCoeff()); };
-  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-  add("camera position, one sigma (worst axis)", ShownAmount(1000 * largest(covariance.block<3, 3>(0, 0)), 3) + " mm");
-  add("camera orientation, one sigma (worst axis)",
-      ShownAmount(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
-  if (result.working_point) {
-    add("target at " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) + " mm, one sigma (worst axis)",
-        ShownAmount(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
+  const auto suffix = [](bool is_named, const std::string& name) { return is_named ? ", " + name : std::string(); };
+  const auto add_worst = [&](const std::string& name, const std::string& unit, auto text, auto figure_of) {
+    std::optional<double> worst;
+    std::string of_camera;
+    for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+      const std::optional<double> value = figure_of(c);
+      if (!value || (worst && *value <= *worst)) continue;
+      worst = value;
+      of_camera = suffix(result.rig.cameras.size() > 1, result.rig.cameras[c].name);
+    }
+    if (worst) add(name + of_camera, text(*worst) + " " + unit);
+  };
+  const auto sigma_text = [](double value) { return ShownAmount(value, 3); };
+  const auto error_text = [](double value) { return Significant(value, 3); };
+  const auto sigmas_of = [&](size_t c) {
+    const auto covariance = PoseCovarianceOf(solution.covariance, CameraPoseBlock(result.rig.cameras[c]));
+    return covariance ? std::optional(LargestSigmas(*covariance)) : std::nullopt;
+  };
+  add_worst("camera position, one sigma (worst axis)", "mm", sigma_text, [&](size_t c) {
+    const auto sigmas = sigmas_of(c);
+    return sigmas ? std::optional(1000 * sigmas->first) : std::nullopt;
+  });
+  add_worst("camera orientation, one sigma (worst axis)", "deg", sigma_text, [&](size_t c) {
+    const auto sigmas = sigmas_of(c);
+    return sigmas ? std::optional(RadToDeg(sigmas->second)) : std::nullopt;
+  });
+  if (data.single != nullptr && data.single->working_point) {
+    const WorkingPoint& point = *data.single->working_point;
+    add("target at " + error_text(1000 * point.in_camera_m.norm()) + " mm, one sigma (worst axis)",
+        sigma_text(1000 * std::sqrt(point.covariance_m2.diagonal().maxCoeff())) + " mm");
   }
-  if (errors.holdout_target_mm) add("hold-out error at the target", FigureText(errors.holdout_target_mm) + " mm");
-  if (errors.holdout_rms_px) add("hold-out RMS", FigureText(errors.holdout_rms_px) + " px");
-  add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
-  if (solution.robot_noise) {
-    add("robot noise", RobotNoiseText(*solution.robot_noise, solution.smooth_noise));
+  add_worst("hold-out error at the target", "mm", error_text,
+            [&](size_t c) { return result.errors[c].holdout_target_mm; });
+  add_worst("hold-out RMS", "px", error_text, [&](size_t c) { return result.errors[c].holdout_rms_px; });
+  add_worst("pixel noise", "px", error_text, [&](size_t c) { return std::optional(solution.pixel_sigmas_px[c]); });
+  for (size_t r = 0; r < result.rig.robots.size(); ++r) {
+    if (!solution.robot_noise[r]) continue;
+    add("robot noise" + suffix(result.rig.robots.size() > 1, result.rig.robots[r]),
+        RobotNoiseText(*solution.robot_noise[r], SmoothNoiseOf(solution, r)));
   }
-  return tiles + "</dl>\n";
+  return "<dl class=\"tiles\">\n" + tiles + "</dl>\n";
 }
 
 // Returns one sigma of each number of the pose in `format`. `covariance` is in the tangent space of the pose, in the
@@ -98,7 +123,9 @@ std::string QuaternionText(const Rigid3d& pose) {
   return Join(q, " ");
 }
 
-std::string PosePart(const std::string& name, const Rigid3d& pose, const std::optional<Matrix6>& covariance) {
+std::string PosePart(const ShownPose& shown) {
+  const Rigid3d& pose = shown.pose;
+  const std::optional<Matrix6>& covariance = shown.covariance;
   const PoseFormat rpy{"", {"x", "y", "z", "roll", "pitch", "yaw"}, "mm", "extrinsic_xyz", "deg"};
   const std::vector<double> numbers = NumbersFromPose(rpy, pose);
   const std::vector<double> sigmas = covariance ? SigmasOfNumbers(rpy, pose, *covariance) : std::vector<double>(6, 0.0);
@@ -112,49 +139,63 @@ std::string PosePart(const std::string& name, const Rigid3d& pose, const std::op
                     {Fixed(numbers[i], decimals) + unit, true},
                     {covariance ? ShownAmount(sigmas[i], 2) + unit : "unknown", true}});
   }
-  return "<div>\n<h3><code>" + EscapedForMarkup(name) + "</code></h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) +
-         Paragraph("4 x 4 matrix, translation in m:") + CopyableText(MatrixText(pose)) +
-         Paragraph("x y z in m, quaternion x y z w:") +
+  return "<div>\n<h3><code>" + EscapedForMarkup(shown.name) + "</code></h3>\n" +
+         HtmlTable({"", "value", "one sigma"}, rows) + Paragraph("4 x 4 matrix, translation in m:") +
+         CopyableText(MatrixText(pose)) + Paragraph("x y z in m, quaternion x y z w:") +
          CopyableText(Fixed(pose.translation.x(), 9) + " " + Fixed(pose.translation.y(), 9) + " " +
                       Fixed(pose.translation.z(), 9) + " " + QuaternionText(pose)) +
          "</div>\n";
 }
 
-std::optional<Matrix6> PoseCovariance(const Estimate& estimate, const std::string& pose) {
-  return estimate.solution ? PoseCovarianceOf(estimate.solution->covariance, pose) : std::nullopt;
-}
-
-std::string CameraPart(const Estimate& estimate) {
-  if (estimate.camera.params.empty()) return "";
-  return IntrinsicsTable("Camera", estimate.camera, estimate.solution ? estimate.solution->covariance : Covariance(),
-                         "camera");
-}
-
-// Returns the refined estimate, or the last successful one if there is none.
-const Estimate* FinalEstimate(const RunResult& result) {
-  if (const Estimate* refined = FindRefined(result)) return refined;
-  for (size_t i = result.estimates.size(); i-- > 0;) {
-    if (result.estimates[i].ok) return &result.estimates[i];
+// Returns the table of one camera's intrinsics. `truth` may be null.
+std::string IntrinsicsTable(const std::string& title, const Camera& camera, const Covariance& covariance,
+                            const std::string& block, const Camera* truth) {
+  const std::vector<std::string>& names = camera.Model().param_names();
+  const bool has_truth = truth != nullptr && truth->model == camera.model;
+  std::vector<std::string> head = {"", "value", "one sigma"};
+  if (has_truth) head.emplace_back("true error");
+  std::vector<std::vector<PageCell>> rows;
+  constexpr int kMostDecimals = 8;
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    const std::optional<double> sigma = SigmaOf(covariance, block + "." + names[i]);
+    rows.push_back(
+        {{names[i]},
+         {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
+         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
+    if (has_truth) rows.back().push_back({Significant(camera.params[i] - truth->params[i], 2), true});
   }
-  return nullptr;
+  return "<div>\n<h3>" + EscapedForMarkup(title) + ": " + EscapedForMarkup(camera.model) + ", " +
+         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px</h3>\n" +
+         HtmlTable(head, rows) + "</div>\n";
 }
 
-std::string ResultPart(const RunResult& result) {
-  const Estimate* estimate = FinalEstimate(result);
-  if (estimate == nullptr) return "";
-  return Heading("Result (" + estimate->method + ")") + "<div class=\"columns\">\n" +
-         PosePart(std::string(CameraMountName(result.setup)) + "_from_camera",
-                  estimate->hand_eye.camera_mount_from_camera, PoseCovariance(*estimate, "hand_eye")) +
-         PosePart(std::string(TargetMountName(result.setup)) + "_from_target",
-                  estimate->hand_eye.target_mount_from_target, PoseCovariance(*estimate, "board")) +
-         CameraPart(*estimate) + "</div>\n" +
-         Paragraph(
-             "Roll, pitch and yaw are rotations about the fixed axes x, y and z, in this order. The camera has "
-             "OpenCV's axes: x right, y down, z forward.");
+// Shows the cameras of a rig with their errors. Those of a single camera are in the table of its methods.
+std::string CamerasPart(const ReportData& data) {
+  if (data.single != nullptr) return "";
+  const RigResult& result = data.result;
+  std::vector<FigureLine> rows;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = result.rig.cameras[c];
+    const auto [used, all] = CountImages(result, camera.name);
+    rows.push_back({{{camera.name, false, {}, true},
+                     {MountText(result.rig, camera)},
+                     {std::to_string(used) + " of " + std::to_string(all), true}},
+                    FiguresOf(result, c)});
+  }
+  return PageSection("Cameras", Paragraph("RMS reprojection errors with the poses of the arms as reported: on the "
+                                          "captures of the estimate, and on captures that it has not seen.") +
+                                    FiguresTable({"camera", "mount", "images used"},
+                                                 {{"pixel noise, px", &CameraFigures::pixel_sigma_px}}, rows));
 }
 
-}  // namespace
+// Shows the result of a single camera; that of a rig is longer than a page, and has sections of its own.
+std::string ResultPart(const ReportData& data) {
+  if (data.single == nullptr) return "";
+  return Heading("Result (" + FinalEstimate(*data.single)->method + ")") +
+         PoseParts(PosesOf(data.result), IntrinsicsTables(data));
+}
 
+// Quotes a text as one word of a shell command.
 std::string ShellWord(const std::string& text) {
   const bool is_plain = std::all_of(text.begin(), text.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
@@ -166,7 +207,26 @@ std::string ShellWord(const std::string& text) {
   return quoted + "'";
 }
 
-std::string NextPart(const Verdict& verdict, const ReportContext& context, const std::string& located) {
+// Returns the arguments of heba locate: an image of each camera, and the pose of each arm that carries one.
+std::string LocatedWith(const RigProblem& rig) {
+  std::vector<std::string> arguments;
+  std::vector<std::string> poses;
+  for (const RigCamera& camera : rig.cameras) {
+    arguments.push_back((camera.name.empty() ? "" : ShellWord(camera.name) + "=") + "IMAGE");
+  }
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    const bool is_needed = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+      return camera.mount == Mount{r, Mount::Part::kGripper};
+    });
+    if (is_needed) poses.push_back(rig.robots.size() == 1 ? "NUMBERS" : rig.robots[r] + "=NUMBERS");
+  }
+  if (!poses.empty()) arguments.push_back("--pose " + ShellWord(Join(poses, ";")));
+  return Join(arguments, " ");
+}
+
+// Returns the actions of the findings and the commands that use the result.
+std::string NextPart(const ReportData& data, const ReportContext& context) {
+  const Verdict& verdict = data.result.verdict;
   std::string part = Heading("Next steps");
   std::set<std::string> told;
   std::string actions;
@@ -181,11 +241,38 @@ std::string NextPart(const Verdict& verdict, const ReportContext& context, const
               "These commands export the result for other software (ros2, urdf, opencv, kuka, ...; all writes every "
               "format) and locate the target in a new image:") +
           CopyableText("heba export " + run + " --to ros2");
-  return located.empty() ? part : part + CopyableText("heba locate " + run + " " + located);
+  return data.has_images() ? part + CopyableText("heba locate " + run + " " + LocatedWith(data.result.rig)) : part;
 }
 
-std::string RecordPart(std::vector<std::pair<std::string, std::string>> facts,
-                       const std::vector<std::pair<std::string, std::string>>& about, const ReportContext& context) {
+// Returns what the calibration was made from.
+std::vector<std::pair<std::string, std::string>> FactsOf(const ReportData& data) {
+  const RigResult& result = data.result;
+  std::vector<std::pair<std::string, std::string>> facts;
+  if (data.single == nullptr) {
+    facts.emplace_back("cameras", std::to_string(result.rig.cameras.size()));
+  } else {
+    const bool is_fixed = data.single->setup == Setup::kEyeToHand;
+    facts.emplace_back("setup",
+                       std::string(SetupName(data.single->setup)) +
+                           (is_fixed ? ": the camera is fixed beside the robot" : ": the robot carries the camera"));
+    facts.emplace_back("target",
+                       data.single->target_type + ", " + std::to_string(data.single->num_target_points) + " points");
+  }
+  for (size_t t = 0; t < result.rig.targets.size() && data.single == nullptr; ++t) {
+    facts.emplace_back("target " + result.rig.targets[t].name,
+                       result.target_types[t] + ", " + std::to_string(data.target_points[t].cols()) + " points, on " +
+                           MountText(result.rig, result.rig.targets[t]));
+  }
+  const size_t num_captures = data.single != nullptr ? data.single->captures.size() : result.captures.size();
+  const int num_used = data.single != nullptr ? NumUsedCaptures(*data.single) : NumUsedCaptures(result);
+  facts.emplace_back("captures", std::to_string(num_used) + " of " + std::to_string(num_captures) + " used");
+  return facts;
+}
+
+// Returns the record of a run: facts, each with its name, the remarks of the config, and what the context states.
+std::string RecordPart(const ReportData& data, const ReportContext& context) {
+  std::vector<std::pair<std::string, std::string>> facts = FactsOf(data);
+  const auto& about = data.result.about;
   facts.insert(facts.end(), about.begin(), about.end());
   facts.insert(facts.end(), {{"created", context.made + " by heba " + std::string(Version())},
                              {"config", context.config.string()},
@@ -196,6 +283,32 @@ std::string RecordPart(std::vector<std::pair<std::string, std::string>> facts,
   }
   return part + "</dl>\n";
 }
+
+// Returns the markup of a verdict: the causes, then their symptoms, then the findings that are good, each finding once.
+std::string VerdictPart(const Verdict& verdict) {
+  const std::string grade(GradeName(verdict.grade));
+  std::string causes;
+  std::string signs;
+  std::string good;
+  size_t num_good = 0;
+  for (const Finding& finding : verdict.findings) {
+    const bool is_good = finding.grade == Grade::kGood;
+    num_good += is_good ? 1 : 0;
+    (is_good ? good : (finding.is_cause ? causes : signs)) += FindingItem(finding);
+  }
+  const auto list = [](const std::string& items) { return "<ul class=\"findings\">\n" + items + "</ul>\n"; };
+  std::string part = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n";
+  if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
+  if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
+  if (!good.empty()) {
+    part += verdict.grade == Grade::kGood
+                ? list(good)
+                : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
+  }
+  return part;
+}
+
+}  // namespace
 
 std::string FiguresTable(std::vector<std::string> head, const std::vector<FigureTitle>& more,
                          const std::vector<FigureLine>& lines) {
@@ -222,12 +335,6 @@ std::string FiguresTable(std::vector<std::string> head, const std::vector<Figure
   return HtmlTable(head, rows);
 }
 
-std::vector<PageCell> MoveCells(const std::optional<CaptureMove>& move) {
-  return {{move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true},
-          {move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true},
-          {move ? ShownPValue(move->p_value) : "", true}};
-}
-
 std::string TimeNow() {
   std::time_t now = std::time(nullptr);
   double epoch = 0;
@@ -241,64 +348,61 @@ std::string TimeNow() {
   return text.data();
 }
 
-std::string VerdictPart(const Verdict& verdict) {
-  const std::string grade(GradeName(verdict.grade));
-  std::string causes;
-  std::string signs;
-  std::string good;
-  size_t num_good = 0;
-  for (const Finding& finding : verdict.findings) {
-    const bool is_good = finding.grade == Grade::kGood;
-    num_good += is_good ? 1 : 0;
-    (is_good ? good : (finding.is_cause ? causes : signs)) += FindingItem(finding);
+std::vector<ShownPose> PosesOf(const RigResult& result) {
+  const RigProblem& rig = result.rig;
+  const RigPoses& poses = result.solution.poses;
+  const Covariance& covariance = result.solution.covariance;
+  std::vector<ShownPose> all;
+  // A part without a name is called by its kind.
+  const auto add = [&](const std::string& kind, const std::string& name, const std::string& parent, const Rigid3d& pose,
+                       const std::string& block, const std::optional<PoseError>& truth) {
+    all.push_back({kind + " " + name + " in " + parent, parent + "_from_" + (name.empty() ? kind : name), pose,
+                   PoseCovarianceOf(covariance, block), truth});
+  };
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const RigErrors& errors = result.errors[c];
+    const auto truth = errors.truth_mm ? std::optional(PoseError{*errors.truth_mm, *errors.truth_deg}) : std::nullopt;
+    add("camera", rig.cameras[c].name, MountText(rig, rig.cameras[c]), poses.mount_from_camera[c],
+        CameraPoseBlock(rig.cameras[c]), truth);
   }
-  const auto list = [](const std::string& items) { return "<ul class=\"findings\">\n" + items + "</ul>\n"; };
-  std::string part = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n";
-  if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
-  if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
-  if (!good.empty()) {
-    part += verdict.grade == Grade::kGood
-                ? list(good)
-                : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    add("target", rig.targets[t].name, MountText(rig, rig.targets[t]), poses.mount_from_target[t],
+        TargetPoseBlock(rig.targets[t]), ErrorAt(result.truth.targets, t));
   }
-  return part;
+  for (size_t r = 1; r < rig.robots.size(); ++r) {
+    add("base of arm", rig.robots[r], "world", poses.world_from_base[r], BaseBlock(rig.robots[r]),
+        ErrorAt(result.truth.bases, r));
+  }
+  return all;
 }
 
-std::string IntrinsicsTable(const std::string& title, const Camera& camera, const Covariance& covariance,
-                            const std::string& block, const Camera* truth) {
-  const std::vector<std::string>& names = camera.Model().param_names();
-  const bool has_truth = truth != nullptr && truth->model == camera.model;
-  std::vector<std::string> head = {"", "value", "one sigma"};
-  if (has_truth) head.emplace_back("true error");
-  std::vector<std::vector<PageCell>> rows;
-  constexpr int kMostDecimals = 8;
-  for (size_t i = 0; i < camera.params.size(); ++i) {
-    const std::optional<double> sigma = SigmaOf(covariance, block + "." + names[i]);
-    rows.push_back(
-        {{names[i]},
-         {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
-         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
-    if (has_truth) rows.back().push_back({Significant(camera.params[i] - truth->params[i], 2), true});
-  }
-  return "<div>\n<h3>" + EscapedForMarkup(title) + ": " + EscapedForMarkup(camera.model) + ", " +
-         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px</h3>\n" +
-         HtmlTable(head, rows) + "</div>\n";
+std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& intrinsics) {
+  std::string parts;
+  for (const ShownPose& pose : poses) parts += PosePart(pose);
+  return "<div class=\"columns\">\n" + parts + intrinsics + "</div>\n" +
+         Paragraph(
+             "Roll, pitch and yaw are rotations about the fixed axes x, y and z, in this order. The camera has "
+             "OpenCV's axes: x right, y down, z forward.");
 }
 
-std::string RecordSection(const RunResult& result, const ReportContext& context) {
-  const Estimate* refined = FindRefined(result);
-  const bool is_fixed = result.setup == Setup::kEyeToHand;
-  const std::string setup = std::string(SetupName(result.setup)) +
-                            (is_fixed ? ": the camera is fixed beside the robot" : ": the robot carries the camera");
-  return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" + VerdictPart(result.verdict) +
-         (refined == nullptr ? "" : TilesPart(result, *refined)) + ResultPart(result) +
-         NextPart(result.verdict, context, refined == nullptr ? "" : (is_fixed ? "IMAGE" : "IMAGE --pose NUMBERS")) +
-         RecordPart({{"setup", setup},
-                     {"target", result.target_type + ", " + std::to_string(result.num_target_points) + " points"},
-                     {"captures", std::to_string(NumUsedCaptures(result)) + " of " +
-                                      std::to_string(result.captures.size()) + " used"}},
-                    result.about, context) +
-         "</div>\n";
+std::string IntrinsicsTables(const ReportData& data) {
+  const RigResult& result = data.result;
+  std::string tables;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = result.rig.cameras[c];
+    if (result.solution.cameras[c].params.empty()) continue;
+    const bool has_truth = !data.true_cameras.empty() && data.true_cameras[c];
+    tables +=
+        IntrinsicsTable(camera.name.empty() ? "Camera" : camera.name, result.solution.cameras[c],
+                        result.solution.covariance, CameraBlock(camera), has_truth ? &*data.true_cameras[c] : nullptr);
+  }
+  return tables;
+}
+
+std::string RecordSection(const ReportData& data, const ReportContext& context) {
+  return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(data.result.name) + "</h1>\n" +
+         VerdictPart(data.result.verdict) + (data.has_images() ? TilesPart(data) : "") + CamerasPart(data) +
+         ResultPart(data) + NextPart(data, context) + RecordPart(data, context) + "</div>\n";
 }
 
 }  // namespace heba

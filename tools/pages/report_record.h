@@ -5,13 +5,10 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "heba/camera/camera.h"
-#include "heba/data/unknowns.h"
-#include "heba/evaluation/evaluation.h"
 #include "tools/pages/page.h"
+#include "tools/pages/report_data.h"
 #include "tools/text/camera_figures.h"
 
 namespace heba {
@@ -27,17 +24,6 @@ struct ReportContext {
 // Returns the current time in UTC, to the minute. SOURCE_DATE_EPOCH in the environment takes precedence.
 std::string TimeNow();
 
-// Returns the markup of a verdict: the causes, then their symptoms, then the findings that are good, each finding once.
-std::string VerdictPart(const Verdict& verdict);
-
-// Quotes a text as one word of a shell command.
-std::string ShellWord(const std::string& text);
-// Returns the actions of the findings and the commands that use the result. `located`: the arguments of heba locate
-// after the run; empty if it cannot be used.
-std::string NextPart(const Verdict& verdict, const ReportContext& context, const std::string& located);
-// Returns the record of a run: facts, each with its name, the remarks of the config, and what the context states.
-std::string RecordPart(std::vector<std::pair<std::string, std::string>> facts,
-                       const std::vector<std::pair<std::string, std::string>>& about, const ReportContext& context);
 // A row of a table of figures: what stands before them, and the figures.
 struct FigureLine {
   std::vector<PageCell> begin;
@@ -52,16 +38,25 @@ struct FigureTitle {
 // any, the true errors. `head`: the titles of what stands before the figures.
 std::string FiguresTable(std::vector<std::string> head, const std::vector<FigureTitle>& more,
                          const std::vector<FigureLine>& lines);
-// Returns the cells of the change of a result without a capture, in mm and deg, and of its probability.
-std::vector<PageCell> MoveCells(const std::optional<CaptureMove>& move);
 
-// Returns the table of a camera's intrinsics: each parameter with its sigma, by the block of the covariance that is
-// called `block`, or "held" if the block does not have it, and with its error if the true camera is known. `truth` may
-// be null.
-std::string IntrinsicsTable(const std::string& title, const Camera& camera, const Covariance& covariance,
-                            const std::string& block, const Camera* truth = nullptr);
+// A constant pose of the result.
+struct ShownPose {
+  std::string what;  // In words: "camera left in world".
+  std::string name;  // As a transform: "world_from_left".
+  Rigid3d pose;
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+  std::optional<PoseError> truth;
+};
+// Returns the poses of the cameras, of the targets and of the bases but the first.
+std::vector<ShownPose> PosesOf(const RigResult& result);
+// Returns poses and intrinsics with the sigma of each number, in the notations that users copy.
+std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& intrinsics);
 
-// Returns markup. If the result has no refined estimate, the pose of the last successful estimate is shown.
-std::string RecordSection(const RunResult& result, const ReportContext& context);
+// Returns the table of the intrinsics of each camera: each parameter with its sigma, or "held", and with its error if
+// the true camera is known.
+std::string IntrinsicsTables(const ReportData& data);
+
+// Returns markup.
+std::string RecordSection(const ReportData& data, const ReportContext& context);
 
 }  // namespace heba

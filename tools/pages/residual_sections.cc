@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
+#include <numeric>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -12,26 +16,25 @@
 #include "tools/pages/page.h"
 #include "tools/pages/page_numbers.h"
 #include "tools/pages/report_charts.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Returns the images that are embedded. Images make a page large, so at most 100 are embedded: unused ones first, then
-// those with the largest RMS.
-std::set<std::string> ImagesToShow(const CameraResiduals& residuals) {
+// Returns the images that are embedded, as indices. Images make a page large, so at most 100 are embedded: unused ones
+// first, then those with the largest RMS.
+std::set<size_t> ImagesToShow(const std::vector<ReportedImage>& images) {
   constexpr size_t kMaxImages = 100;
-  std::vector<const CameraResiduals::Image*> order;
-  for (const CameraResiduals::Image& image : residuals.images) order.push_back(&image);
-  std::stable_sort(order.begin(), order.end(), [](const CameraResiduals::Image* a, const CameraResiduals::Image* b) {
-    if (a->used != b->used) return !a->used;
-    return a->rms_px.value_or(0) > b->rms_px.value_or(0);
+  constexpr double kUnusedFirst = std::numeric_limits<double>::infinity();
+  std::vector<size_t> order(images.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return images[a].rms_px.value_or(kUnusedFirst) > images[b].rms_px.value_or(kUnusedFirst);
   });
   if (order.size() > kMaxImages) order.resize(kMaxImages);
-  std::set<std::string> images;
-  for (const CameraResiduals::Image* image : order) images.insert(image->name);
-  return images;
+  return {order.begin(), order.end()};
 }
 
 // Returns x, y and the residual (predicted minus observed), px, of each point for which `keep` returns true.
@@ -50,108 +53,117 @@ Json PointsJson(const Points2& pixels, const Points2& residuals, const std::func
 // Pages with more points would be too large; they hold an evenly spaced sample.
 constexpr Eigen::Index kMaxPoints = 40'000;
 
-Eigen::Index NumPoints(const CameraResiduals& residuals) {
+Eigen::Index NumPoints(const CameraResiduals& camera) {
   Eigen::Index num_points = 0;
-  for (const CameraResiduals::Image& image : residuals.images) {
-    if (image.shown != nullptr) num_points += image.shown->pixels.cols();
-  }
+  for (const ReportedImage& image : camera.images) num_points += image.pixels.cols();
   return num_points;
 }
 
-std::vector<ReportedCapture> ShownOf(const CameraResiduals& residuals) {
-  std::vector<ReportedCapture> captures;
-  for (const CameraResiduals::Image& image : residuals.images) {
-    if (image.shown != nullptr) captures.push_back(*image.shown);
+// Returns what the residuals are computed with; part of the captions.
+std::string Condition(const ReportData& data) {
+  return data.has_corrections ? " after the corrections of the arms" : "";
+}
+
+// States how the residuals of a camera compare with its noise.
+std::string ResidualText(const ReportData& data, size_t c) {
+  const CameraResiduals& camera = data.residuals[c];
+  std::string text = "The RMS of the residuals is " + FigureText(camera.rms_px) + " px" + Condition(data);
+  if (data.has_corrections) {
+    text +=
+        ", and " + FigureText(data.result.errors[c].reprojection_rms_px) + " px with the poses as the arms report them";
   }
-  return captures;
+  return text + "; the pixel noise is " + Significant(camera.sigma_px, 3) +
+         " px (one sigma of a coordinate; the RMS of points with this noise is 1.4 times as large).";
 }
 
-}  // namespace
-
-std::string PageSection(const std::string& heading, const std::string& content) {
-  return "<section>" + Heading(heading) + content + "</section>\n";
-}
-
-std::string CorrelationSection(const Covariance& covariance) {
-  constexpr Eigen::Index kMostNames = 80;
-  if (covariance.matrix.rows() > kMostNames) return "";
-  const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
-  const std::vector<std::string> names = covariance.layout.Names();
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
-    Json row = Json::array();
-    for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
-    rows.push_back(row);
-  }
-  const std::string figure =
-      ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
-                 Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
-  return figure.empty() ? "" : PageSection("Parameter correlation", figure);
-}
-
-std::string ResidualData(const std::string& name, const CameraResiduals& residuals) {
+// Returns the data of the views and of the dialog of an image.
+std::string ResidualData(const ReportData& report, size_t c) {
+  const CameraResiduals& of_camera = report.residuals[c];
   // Multiples of the golden ratio modulo 1 sample evenly, whatever the order of the points on the target.
-  const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(residuals)));
+  const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(of_camera)));
   double place = 0;
   const auto keep = [&] {
     place += std::numbers::phi;
     place -= std::floor(place);
     return place <= share;
   };
-  const std::set<std::string> images = ImagesToShow(residuals);
-  const Camera& camera = residuals.camera;
+  const std::set<size_t> pictures = ImagesToShow(of_camera.images);
+  const Camera& camera = of_camera.camera;
   Json data{{"image_size", {camera.width_px, camera.height_px}},
             {"centre", {camera.params[2], camera.params[3]}},
-            {"rms_px", OrNull(residuals.rms_px)},
-            {"sigma_px", residuals.sigma_px},
+            {"rms_px", OrNull(of_camera.rms_px)},
+            {"sigma_px", of_camera.sigma_px},
             {"captures", Json::array()}};
-  for (const CameraResiduals::Image& image : residuals.images) {
-    const ReportedCapture* const shown = image.shown;
-    const bool has_image = shown != nullptr && !shown->small_jpeg.empty() && images.count(image.name) > 0;
-    data["captures"].push_back(
-        Json{{"image", image.name},
-             {"title", image.title},
-             {"used", image.used},
-             {"reason", image.reason},
-             {"rms_px", OrNull(image.rms_px)},
-             {"points", shown != nullptr ? PointsJson(shown->pixels, shown->residuals, keep) : Json::array()},
-             {"left_out",
-              shown != nullptr ? PointsJson(shown->left_out_pixels, shown->left_out_residuals, keep) : Json::array()},
-             {"picture", has_image ? Json(ToBase64(shown->small_jpeg)) : Json(nullptr)}});
+  for (size_t i = 0; i < of_camera.images.size(); ++i) {
+    const ReportedImage& image = of_camera.images[i];
+    const RigImageResult& entry = report.result.images[image.entry];
+    const bool has_picture = !image.small_jpeg.empty() && pictures.contains(i);
+    data["captures"].push_back(Json{{"image", entry.capture},
+                                    {"title", image.title},
+                                    {"used", entry.used},
+                                    {"reason", entry.reason},
+                                    {"rms_px", OrNull(image.rms_px)},
+                                    {"points", PointsJson(image.pixels, image.residuals, keep)},
+                                    {"left_out", PointsJson(image.left_out_pixels, image.left_out_residuals, keep)},
+                                    {"picture", has_picture ? Json(ToBase64(image.small_jpeg)) : Json(nullptr)}});
   }
-  return SharedData(name, data);
+  return SharedData(ImagesName(report, c), data);
 }
 
-std::string ResidualSections(const std::string& name, const CameraResiduals& residuals) {
-  const Camera& camera = residuals.camera;
-  const std::vector<ReportedCapture> captures = ShownOf(residuals);
-  const std::string sample =
-      NumPoints(residuals) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
-  const std::string field = SharedViewFigure("residual-field",
-                                             "Residuals (predicted minus observed) of the inliers" +
-                                                 residuals.condition + ". Click to open the capture." + sample,
-                                             name, ResidualFieldChart(camera, captures));
-  if (field.empty()) return "";
-  const std::string cells = SharedViewFigure(
-      "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample, name,
-      CoverageChart(camera, captures));
-  const std::string radius = SharedViewFigure("residual-radius", "", name, ResidualRadiusChart(camera, captures));
-  const std::string histogram = SharedViewFigure(
-      "histogram",
-      "Residual coordinates of the inliers" + residuals.condition +
-          ", and the normal distribution of the stated sigma. The outermost bars count all residuals beyond 5 sigma.",
-      name, HistogramChart(residuals.sigma_px, captures));
-  std::vector<std::optional<double>> rms_px;
-  for (const CameraResiduals::Image& image : residuals.images) rms_px.push_back(image.rms_px);
-  const std::string bars =
-      SharedViewFigure("capture-bars",
-                       "RMS of each image" + residuals.condition +
-                           ". The dashed line is the RMS of all points. Click to open the capture.",
-                       name, CaptureBarsChart(rms_px));
-  return "<div class=\"columns\">\n" + PageSection("Residuals over the image", field) +
-         PageSection("Image coverage", cells) + PageSection("Residuals by radius", radius) +
-         PageSection("Residual histogram", histogram) + PageSection("Residuals by capture", bars) + "</div>\n";
+// Returns the charts of a camera, with a paragraph at the beginning of the first section; empty if it has no points.
+std::string ResidualCharts(const ReportData& data, size_t c, std::string paragraph) {
+  const CameraResiduals& camera = data.residuals[c];
+  const std::string condition = Condition(data);
+  const std::string sample = NumPoints(camera) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
+  struct Chart {
+    const char* title;
+    const char* view;
+    std::string caption;
+    std::string picture;
+  };
+  const Chart charts[] = {
+      {"Residuals over the image", "residual-field",
+       "Residuals (predicted minus observed) of the inliers" + condition + ". Click to open the capture." + sample,
+       ResidualFieldChart(camera)},
+      {"Image coverage", "coverage",
+       "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
+       CoverageChart(camera)},
+      {"Residuals by radius", "residual-radius", "", ResidualRadiusChart(camera)},
+      {"Residual histogram", "histogram",
+       "Residual coordinates of the inliers" + condition +
+           ", and the normal distribution of the stated sigma. The outermost bars count all residuals beyond 5 sigma.",
+       HistogramChart(camera)},
+      {"Residuals by capture", "capture-bars",
+       "RMS of each image" + condition + ". The dashed line is the RMS of all points. Click to open the capture.",
+       CaptureBarsChart(camera)}};
+  if (charts[0].picture.empty()) return "";
+  std::string sections;
+  for (const Chart& chart : charts) {
+    const std::string figure = SharedViewFigure(chart.view, chart.caption, ImagesName(data, c), chart.picture);
+    sections += PageSection(chart.title, std::exchange(paragraph, "") + figure);
+  }
+  return "<div class=\"columns\">\n" + sections + "</div>\n";
+}
+
+}  // namespace
+
+std::string ImagesName(const ReportData& data, size_t camera) {
+  return data.result.rig.cameras[camera].name.empty() ? "captures" : "captures_" + std::to_string(camera);
+}
+
+std::string PageSection(const std::string& heading, const std::string& content) {
+  return content.empty() ? "" : "<section>" + Heading(heading) + content + "</section>\n";
+}
+
+std::string ResidualSections(const ReportData& data) {
+  std::string sections;
+  for (size_t c = 0; c < data.residuals.size(); ++c) {
+    const std::string& name = data.result.rig.cameras[c].name;
+    const std::string text = Paragraph(ResidualText(data, c));
+    if (!name.empty()) sections += Heading("Camera " + name) + text;
+    sections += ResidualData(data, c) + ResidualCharts(data, c, name.empty() ? text : "");
+  }
+  return sections;
 }
 
 }  // namespace heba

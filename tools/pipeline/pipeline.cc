@@ -1,13 +1,11 @@
 #include "tools/pipeline/pipeline.h"
 
-#include <algorithm>
 #include <chrono>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "heba/base/files.h"
-#include "heba/evaluation/metrics.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "heba/rig_run.h"
@@ -18,56 +16,13 @@
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/report.h"
-#include "tools/pages/rig_report.h"
 #include "tools/pipeline/run_inputs.h"
-#include "tools/run/captures.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
 #include "tools/text/run_notes.h"
 
 namespace heba {
 namespace {
-
-// Returns the captures for the report, with residuals under the refined estimate.
-std::vector<ReportedCapture> ReportedCaptures(const RunOutput& run) {
-  const Dataset& data = run.dataset;
-  const std::vector<CaptureDetection>& detections = run.detections;
-  const Calibration& calibration = run.calibration;
-  const Solution& solution = *calibration.refined;
-  std::vector<const View*> view_of(data.captures.size(), nullptr);
-  for (const View& view : calibration.views) view_of[view.capture] = &view;
-  std::vector<ReportedCapture> all;
-  for (size_t i = 0; i < data.captures.size(); ++i) {
-    const Capture& capture = data.captures[i];
-    ReportedCapture shown;
-    shown.image = capture.name;
-    shown.base_from_gripper = capture.base_from_gripper;
-    shown.small_jpeg = detections[i].small_jpeg;
-    const Rigid3d camera_from_target = PredictedPose(data, solution, i);
-    const auto measure = [&](const Observations& observations, Points2* pixels, Points2* residuals) {
-      const std::optional<Points2> found =
-          Residuals(solution.camera, camera_from_target, ApplyShape(observations, solution.shape));
-      if (!found) return;
-      *pixels = observations.pixels;
-      *residuals = *found;
-    };
-    const View* const view = view_of[i];
-    const bool is_used = view != nullptr;
-    if (is_used) measure(view->observations, &shown.pixels, &shown.residuals);
-    Detection left_out;
-    for (size_t k = 0; k < detections[i].detection.ids.size(); ++k) {
-      const int id = detections[i].detection.ids[k];
-      if (is_used && std::count(view->observations.ids.begin(), view->observations.ids.end(), id) > 0) continue;
-      left_out.ids.push_back(id);
-      left_out.pixels.push_back(detections[i].detection.pixels[k]);
-    }
-    if (!left_out.ids.empty()) {
-      measure(ObservationsOf(*data.target, left_out), &shown.left_out_pixels, &shown.left_out_residuals);
-    }
-    all.push_back(std::move(shown));
-  }
-  return all;
-}
 
 ReportContext ContextOf(const std::filesystem::path& config_file, const std::string& config_used,
                         const std::filesystem::path& output) {
@@ -137,9 +92,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   if (has_images) {
     WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(run->dataset.captures, run->detections));
   }
-  const std::string report = ReportPage(result, has_images ? ReportedCaptures(*run) : std::vector<ReportedCapture>(),
-                                        has_images ? AllPoints(*data.target).points_in_target : Points3(3, 0),
-                                        ContextOf(config.file, config.used, output));
+  const std::string report = ReportPage(ReportDataOf(*run, result), ContextOf(config.file, config.used, output));
   if (std::optional<Failure> fault =
           WriteAndCommit(config, inputs, *console, {report, ResultToJson(result)}, &folder)) {
     return *std::move(fault);
@@ -188,7 +141,7 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
   }
   DescribeAll(&result.verdict.findings);
   WriteRigDetections(data, run->detections, folder.staging() / "detections");
-  const std::string report = RigReportPage(data, *run, ContextOf(config.file, config.used, output));
+  const std::string report = ReportPage(ReportDataOf(data, *run), ContextOf(config.file, config.used, output));
   if (std::optional<Failure> fault =
           WriteAndCommit(config, inputs, *console, {report, RigResultToJson(result)}, &folder)) {
     return *std::move(fault);

@@ -126,7 +126,7 @@ TEST_P(HostileTextTest, IsEscaped) {
   const std::string& text = std::get<HostileText>(GetParam()).text;
   const nlohmann::ordered_json data = {{"name", text}, {text, 1}};
   for (const std::string& markup : {ViewFigure("v", text, data), SharedData("d", data),
-                                    HtmlTable({text}, {{{text}}}, true), Heading(text), Paragraph(text)}) {
+                                    HtmlTable({text}, {{{text}}}, {{text, 0}}), Heading(text), Paragraph(text)}) {
     // The only tags are those that these functions write.
     for (const char* tag : {"<!--", "<script>", "<img", "<b>"}) EXPECT_THAT(markup, Not(HasSubstr(tag)));
     const bool is_script = has_script && markup.find("application/json") != std::string::npos;

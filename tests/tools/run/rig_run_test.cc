@@ -16,7 +16,7 @@
 #include "tests/support/matchers.h"
 #include "tests/support/rig_scenes.h"
 #include "tests/support/temp_folder.h"
-#include "tools/pages/rig_report.h"
+#include "tools/pages/report.h"
 #include "tools/text/result_table.h"
 #include "tools/text/run_notes.h"
 
@@ -304,7 +304,7 @@ TEST_F(RigRunTest, WhatIsLeftOutIsListed) {
     // They are no images that the run could have used.
     EXPECT_EQ(CountImages(result, "left"), std::pair(16, 16));
   }
-  const std::string page = RigReportPage(dataset, *run, {"", "", "", ""});
+  const std::string page = ReportPage(ReportDataOf(dataset, *run), {"", "", "", ""});
   EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
   EXPECT_THAT(page, HasSubstr("late.png"));
 }

@@ -66,9 +66,8 @@ function show(): void {
     ...(numLeftOut > 0 ? [`${numLeftOut} points left out (red)`] : []),
     ...(capture.reason ? [capture.reason] : []),
   ].join('; ');
-  const title = capture.title || `${index + 1}: ${capture.image}`;
-  dialog.setAttribute('aria-label', title);
-  const parts: Node[] = [element('h3', '', title), element('p', '', say)];
+  dialog.setAttribute('aria-label', capture.title);
+  const parts: Node[] = [element('h3', '', capture.title), element('p', '', say)];
   if (capture.picture || capture.points.length > 0) parts.push(overlay(data, index));
   if (!capture.picture) parts.push(element('p', '', 'The page holds no image of this capture.'));
   content.replaceChildren(...parts);

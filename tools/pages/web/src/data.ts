@@ -1,5 +1,5 @@
-// The data that pages hold for the views. It is written by tools/pages/report.cc, tools/pages/summary.cc,
-// tools/pages/arm_section.cc, tools/pages/comparison.cc and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
+// The data that pages hold for the views. It is written by tools/pages/report.cc, residual_sections.cc, summary.cc,
+// arm_section.cc and comparison.cc, and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
 // figure is null.
 
 // A transform b_from_a.
@@ -10,7 +10,7 @@ export interface Pose {
 
 export interface Capture {
   image: string;
-  title: string; // The title of the dialog; empty: the number and the name.
+  title: string; // The title of the dialog.
   used: boolean;
   reason: string;
   rms_px: number | null;

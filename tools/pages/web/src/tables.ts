@@ -61,10 +61,10 @@ export function prepareTables(): void {
   for (const head of document.querySelectorAll<HTMLTableCellElement>('th')) {
     head.addEventListener('click', () => sortBy(head));
   }
-  const script = document.getElementById('captures');
-  if (!script) return;
-  const data = dataIn(script) as Captures;
   for (const row of document.querySelectorAll<HTMLTableRowElement>('tr[data-capture]')) {
+    const script = document.getElementById(row.dataset['from'] ?? '');
+    if (!script) continue;
+    const data = dataIn(script) as Captures;
     const index = Number(row.dataset['capture']);
     const cell = row.cells[1]; // Name of the capture, in the cell after its number.
     if (!cell || !data.captures[index]) continue;

@@ -1,0 +1,188 @@
+#include "tools/pages/report_data.h"
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <memory>
+#include <tuple>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/data/hand_eye.h"
+#include "heba/evaluation/metrics.h"
+#include "tools/run/captures.h"
+
+namespace heba {
+namespace {
+
+// Returns camera_from_target of a target in an image of the problem, with the corrections of the arms.
+Rigid3d CorrectedPose(const RigRunOutput& run, size_t capture, size_t camera, size_t target) {
+  const RigSolution& refined = *run.calibration.refined;
+  const RigProblem& problem = run.calibration.problem;
+  return CameraFromTarget(
+      problem, run.result.solution.poses, camera, target,
+      Corrected(WithErrors(problem.captures[capture], refined.effects), refined.captures[capture].corrections));
+}
+
+void Append(const Points2& more, Points2* points) {
+  points->conservativeResize(2, points->cols() + more.cols());
+  points->rightCols(more.cols()) = more;
+}
+
+// Divides the observed points of a target into those that the estimate used and those that it left out, with their
+// residuals, and adds them to the image; none if a point has no image.
+void AddPoints(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations,
+               const std::function<bool(int id)>& is_used, ReportedImage* image) {
+  const std::optional<Points2> residuals = Residuals(camera, camera_from_target, observations);
+  if (!residuals) return;
+  std::vector<Eigen::Index> used;
+  std::vector<Eigen::Index> left_out;
+  for (Eigen::Index p = 0; p < residuals->cols(); ++p) {
+    (is_used(observations.ids[static_cast<size_t>(p)]) ? used : left_out).push_back(p);
+  }
+  Append(observations.pixels(Eigen::all, used), &image->pixels);
+  Append((*residuals)(Eigen::all, used), &image->residuals);
+  Append(observations.pixels(Eigen::all, left_out), &image->left_out_pixels);
+  Append((*residuals)(Eigen::all, left_out), &image->left_out_residuals);
+}
+
+// Adds the points of a detection to its image. The problem has those of images that are used, in the reading order that
+// was chosen; what it does not have was left out.
+void AddDetection(const RigDataset& dataset, const RigRunOutput& run, const RigDetection& detection,
+                  ReportedImage* image) {
+  const RigSolution& solution = run.result.solution;
+  const auto [i, c, t] = std::tuple(detection.capture, detection.camera, detection.target);
+  if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
+  const Rigid3d camera_from_target = CorrectedPose(run, i, c, t);
+  const auto add = [&](const Observations& observations, const std::function<bool(int)>& is_used) {
+    if (observations.size() == 0) return;
+    AddPoints(solution.cameras[c], camera_from_target, ApplyShape(observations, solution.shapes[t]), is_used, image);
+  };
+  std::vector<int> known;
+  const std::vector<RigImage>& images = run.calibration.problem.captures[i].images;
+  for (size_t k = 0; k < images.size(); ++k) {
+    if (images[k].camera != c || images[k].target != t) continue;
+    const std::vector<int>& rejected = run.calibration.refined->captures[i].rejected_ids[k];
+    known = images[k].observations.ids;
+    add(images[k].observations, [&](int id) { return std::count(rejected.begin(), rejected.end(), id) == 0; });
+  }
+  Detection others;
+  for (size_t p = 0; p < detection.detection.detection.ids.size(); ++p) {
+    const int id = detection.detection.detection.ids[p];
+    if (std::count(known.begin(), known.end(), id) > 0) continue;
+    others.ids.push_back(id);
+    others.pixels.push_back(detection.detection.detection.pixels[p]);
+  }
+  if (!others.ids.empty()) add(ObservationsOf(*dataset.targets[t], others), [](int) { return false; });
+}
+
+// Returns the title of the `number`-th image of a camera.
+std::string TitleOf(const RigImageResult& image, size_t number) {
+  if (image.camera.empty()) return std::to_string(number) + ": " + image.image;
+  std::vector<std::string> targets;
+  for (const RigTargetInImage& target : image.targets) targets.push_back(target.target);
+  return "camera " + image.camera + ", image " + std::to_string(number) + ": " + image.image +
+         (targets.empty() ? "" : (targets.size() == 1 ? ", target " : ", targets ") + Join(targets, ", "));
+}
+
+// Returns the images of each camera.
+std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRunOutput& run) {
+  const RigResult& result = run.result;
+  std::vector<CameraResiduals> all;
+  // The image of each capture and camera.
+  std::map<std::pair<std::string, std::string>, std::pair<size_t, size_t>> place_of;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const std::string& name = result.rig.cameras[c].name;
+    all.push_back({result.solution.cameras[c], result.solution.pixel_sigmas_px[c], std::nullopt, {}});
+    std::vector<ReportedImage>& images = all.back().images;
+    for (size_t e = 0; e < result.images.size(); ++e) {
+      if (result.images[e].camera != name) continue;
+      place_of.try_emplace({result.images[e].capture, name}, c, images.size());
+      ReportedImage& image = images.emplace_back();
+      image.entry = e;
+      image.title = TitleOf(result.images[e], images.size());
+    }
+  }
+  for (const RigDetection& detection : run.detections) {
+    const auto place =
+        place_of.find({dataset.captures[detection.capture].name, result.rig.cameras[detection.camera].name});
+    if (place == place_of.end()) continue;
+    AddDetection(dataset, run, detection, &all[place->second.first].images[place->second.second]);
+  }
+  for (CameraResiduals& camera : all) {
+    SquaredErrors sum;
+    for (ReportedImage& image : camera.images) {
+      const SquaredErrors errors{image.residuals.squaredNorm(), static_cast<int>(image.residuals.cols())};
+      image.rms_px = errors.RmsPx();
+      sum.Add(errors);
+    }
+    camera.rms_px = sum.RmsPx();
+  }
+  return all;
+}
+
+// Returns the run of a single camera, which must have a refined estimate, as that of a rig.
+RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
+  const Solution& solution = *run.calibration.refined;
+  RigRunOutput whole;
+  whole.result = AsRigResult(result);
+  whole.detections = InRig(run.detections);
+  RigProblem& problem = whole.calibration.problem;
+  problem = HandEyeProblem(result.setup, solution);
+  RigSolution refined = ProblemSolution(solution);
+  const std::vector<RigCaptureOutcome> of_views = std::exchange(refined.captures, {});
+  refined.captures.resize(run.dataset.captures.size());
+  // The effects of the captures are functions of all effects, estimated or not.
+  if (solution.shared_effects != nullptr) refined.effects = {AllEffects(*solution.shared_effects, solution.effects)};
+  for (const Capture& capture : run.dataset.captures) {
+    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}, {capture.effect}});
+    whole.result.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
+  }
+  for (size_t v = 0; v < run.calibration.views.size(); ++v) {
+    const View& view = run.calibration.views[v];
+    problem.captures[view.capture].images.push_back({0, 0, view.observations});
+    refined.captures[view.capture] = of_views[v];
+  }
+  whole.calibration.refined = std::move(refined);
+  return whole;
+}
+
+}  // namespace
+
+const Estimate* FinalEstimate(const RunResult& result) {
+  if (const Estimate* refined = FindRefined(result)) return refined;
+  const auto last = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
+                                 [](const Estimate& estimate) { return estimate.ok; });
+  CHECK(last != result.estimates.rend()) << "a run without any estimate fails";
+  return &*last;
+}
+
+ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run) {
+  ReportData data;
+  data.result = run.result;
+  for (const std::shared_ptr<const Target>& target : dataset.targets) {
+    data.target_points.push_back(AllPoints(*target).points_in_target);
+  }
+  if (dataset.truth) data.true_cameras = dataset.truth->cameras;
+  data.residuals = ResidualsOf(dataset, run);
+  for (size_t i = 0; i < data.result.captures.size(); ++i) {
+    data.result.captures[i].corrections = run.calibration.refined->captures[i].corrections;
+    data.has_corrections = data.has_corrections || !data.result.captures[i].corrections.empty();
+  }
+  return data;
+}
+
+ReportData ReportDataOf(const RunOutput& run, const RunResult& result) {
+  ReportData data;
+  if (FindRefined(result) != nullptr) {
+    data = ReportDataOf(AsRigDataset(run.dataset), AsRigRunOutput(run, result));
+    if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
+  } else {
+    data.result = AsRigResult(result, *FinalEstimate(result));
+  }
+  data.single = &result;
+  return data;
+}
+
+}  // namespace heba

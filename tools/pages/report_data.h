@@ -1,0 +1,62 @@
+// What a report shows of a finished run. A single camera is a rig with one camera whose parts have no names.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/rig_run_types.h"
+#include "heba/run_types.h"
+
+namespace heba {
+
+// One image of a camera. Residuals are predicted minus observed, px.
+struct ReportedImage {
+  size_t entry = 0;   // Index in RigResult::images.
+  std::string title;  // Of the dialog that shows the image.
+  // RMS of the inliers, with the corrections of the arms if there are any; nothing if the image was not used.
+  std::optional<double> rms_px;
+  // The points that the estimate used.
+  Points2 pixels = Points2(2, 0);
+  Points2 residuals = Points2(2, 0);
+  // The points that it left out; all points if the image was not used.
+  Points2 left_out_pixels = Points2(2, 0);
+  Points2 left_out_residuals = Points2(2, 0);
+  std::string small_jpeg;
+};
+
+// The images of one camera. Their residuals are those that remain after the corrections of the arms, which are to be
+// compared with the noise of the pixels.
+struct CameraResiduals {
+  Camera camera;
+  double sigma_px = 0;
+  std::optional<double> rms_px;       // Over the inliers of all images.
+  std::vector<ReportedImage> images;  // In the order of RigResult::images.
+};
+
+// What the page shows.
+struct ReportData {
+  // The corrections of its captures are without the errors that captures share.
+  RigResult result;
+  std::vector<Points3> target_points;               // One per target: all points in its frame, m.
+  std::vector<std::optional<Camera>> true_cameras;  // One per camera, or empty.
+  // One per camera; empty if poses of the targets were given in place of images.
+  std::vector<CameraResiduals> residuals;
+  bool has_corrections = false;  // Whether the poses of the arms were corrected.
+  // Of a single camera: its result, with its methods and its working point; otherwise null.
+  const RunResult* single = nullptr;
+
+  bool has_images() const { return !residuals.empty(); }
+};
+
+ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run);
+// `result` is that of the run, with everything that was found out after it; it must outlive the data. Without a refined
+// estimate the poses are those of the last estimate that succeeded.
+ReportData ReportDataOf(const RunOutput& run, const RunResult& result);
+
+// Returns the refined estimate, or the last successful one if there is none. A run has one.
+const Estimate* FinalEstimate(const RunResult& result);
+
+}  // namespace heba
