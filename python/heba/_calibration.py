@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -299,6 +300,10 @@ def calibrate(
     yaml = _target_text(target)
     ids_of_target = _heba.target_ids(yaml)
     has_names = isinstance(points, Mapping)
+    if not has_names and (isinstance(image_size, Mapping) or isinstance(camera, Mapping)):
+        raise Error("image_size, camera: dictionaries belong to points by the names of cameras")
+    if has_names and camera is not None and not isinstance(camera, Mapping):
+        raise Error("camera: a dictionary by the names of the cameras is needed")
     cameras = []
     for name, entries in points.items() if isinstance(points, Mapping) else [("", points)]:
         where = f"points[{name!r}]" if has_names else "points"
@@ -312,8 +317,9 @@ def calibrate(
         lens = camera.get(name) if isinstance(camera, Mapping) else camera
         given = None if lens is None else (lens[0], [float(param) for param in lens[1]])
         cameras.append((name, captures, (int(width_px), int(height_px)), given))
-    if not cameras or not all(name for name, *_ in cameras) and has_names:
-        raise Error("points: names of cameras are needed")
+    unfit = [name for name, *_ in cameras if has_names and not re.fullmatch("[A-Za-z0-9_-]+", str(name))]
+    if not cameras or unfit:
+        raise Error(f"points: names of cameras are needed, of letters, digits, _ and -; got {unfit}")
     for key, value in (("image_size", image_size), ("camera", camera)):
         unknown = set(value) - set(points) if isinstance(value, Mapping) and has_names else set()
         if unknown:
@@ -332,6 +338,8 @@ def _of_camera(value: Any, what: str, name: str) -> Any:
 
 
 def _capture(entry: Any, name: str, ids_of_target: Sequence[int]) -> tuple[list[int], np.ndarray]:
+    if entry is None:
+        raise Error(f"{name}: is None; a single camera has an image of every capture")
     if isinstance(entry, Detection):
         entry = (entry.ids, entry.pixels)
     if isinstance(entry, tuple) and len(entry) == 2:

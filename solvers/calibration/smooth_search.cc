@@ -195,11 +195,12 @@ void Climb(double step_octaves, LengthProbabilities* probabilities, Octaves* bes
   }
 }
 
-// Returns the offset of the largest value of a parabola through those at -step, 0 and step, the second of which is the
-// largest; zero if one is not finite.
+// Returns the offset of the largest value of a parabola through those at -step, 0 and step, at most half a step; zero
+// if one is not finite.
 double VertexOffset(double step, double before, double middle, double after) {
   const double curvature = before - 2 * middle + after;
-  return std::isfinite(curvature) && curvature < 0 ? 0.5 * step * (before - after) / curvature : 0;
+  if (!std::isfinite(curvature) || curvature >= 0) return 0;
+  return std::clamp(0.5 * step * (before - after) / curvature, -0.5 * step, 0.5 * step);
 }
 
 // Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow

@@ -33,9 +33,9 @@ struct FoundSmoothErrors {
 };
 
 // Returns the smooth errors whose lengths the captures make most probable: the restricted likelihood times a prior by
-// which the lengths of arms scatter by a factor of two. The most probable ones are found by descent over factors of
-// two; the lengths are the mean over all factors of two through them. If there are more than 250 poses, as many of them
-// are used, and the gain is theirs.
+// which the lengths of arms scatter by a factor of two. They are found by descent over factors of 2, 2^(1/2) and
+// 2^(1/4), and by a parabola through the last steps. If there are more than 250 poses, as many of them are used, and
+// the gain is theirs.
 FoundSmoothErrors FindSmoothErrors(const SmoothSearch& search);
 
 // Returns whether smooth errors are part of the model. They are left out only if the captures do not reject the model

@@ -332,6 +332,22 @@ TEST_F(RigCommandsTest, RunTakesTheDetectionsOfARun) {
                Path("none"), "--quiet"});
   EXPECT_EQ(both.status, 2);
   EXPECT_THAT(both.err, HasSubstr("cameras.left.images"));
+  // The doctor, which a bad run asks, needs no images either; a detection of images does.
+  const std::vector<std::string> set = {"--set", "captures.detections=" + Path("run/detections")};
+  const CommandResult examined = RunHeba({"doctor", Path("cell/given.yaml"), set[0], set[1], "--quiet"});
+  EXPECT_EQ(examined.status, 0) << examined.out << examined.err;
+  const CommandResult inverted = with({Path("inverted"), "--set", "captures.poses_are=gripper_from_base"});
+  EXPECT_THAT(inverted.out + inverted.err, Not(HasSubstr("cannot be read")));
+  const CommandResult searched = RunHeba({"detect", Path("cell/given.yaml"), set[0], set[1], "--quiet"});
+  EXPECT_EQ(searched.status, 2);
+  EXPECT_THAT(searched.err, HasSubstr("captures.detections"));
+  // Files of one target of two.
+  fs::create_directories(Path("one_target"));
+  for (const char* name : {"left.plate.json", "right.plate.json", "wrist.wall.json"}) {
+    fs::copy(Path(std::string("run/detections/") + name), Path(std::string("one_target/") + name));
+  }
+  const CommandResult part = with({Path("part"), "--set", "captures.detections=" + Path("one_target")});
+  EXPECT_NE(part.status, 2) << part.err;
 }
 
 TEST_F(RigCommandsTest, RunRefusesTheImagesOfOneCameraForTwo) {

@@ -12,7 +12,7 @@
 namespace heba {
 namespace {
 
-RigResult ReadAnyResult(const std::filesystem::path& folder) {
+RigResult ReadRefinedResult(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "result.json";
   if (IsRigResult(file)) return ReadRigResult(file);
   const RunResult result = ReadResult(file);
@@ -32,7 +32,7 @@ std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
 FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
   const std::filesystem::path folder = RunFolderOf(path);
   FinishedRun run;
-  run.result = ReadAnyResult(folder);
+  run.result = ReadRefinedResult(folder);
   MapReader config(ReadYamlFile(folder / "config.yaml"));
   for (RigTarget& target : run.result.rig.targets) {
     if (target.name.empty()) {

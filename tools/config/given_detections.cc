@@ -13,6 +13,27 @@ namespace heba {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+// Returns the detection in an image; null if the file does not list it.
+const CaptureDetection* Find(const GivenDetections& of_pair, const std::string& image) {
+  const auto found = std::find_if(of_pair.images.begin(), of_pair.images.end(),
+                                  [&](const auto& entry) { return entry.first == image; });
+  return found == of_pair.images.end() ? nullptr : &found->second;
+}
+
+// Throws InputError unless every image has a name, and is listed once.
+void CheckNames(const GivenDetections& of_pair) {
+  std::set<std::string> names;
+  for (const auto& entry : of_pair.images) {
+    const std::string& name = entry.first;
+    if (name.empty()) throw InputError(of_pair.file.string() + ": an image has no name");
+    if (!names.insert(name).second) throw InputError(of_pair.file.string() + ": lists the image " + name + " twice");
+  }
+}
+
+}  // namespace
+
 void CheckGivenDetection(const Target& target, const Detection& detection, const std::string& where) {
   std::set<int> known;
   for (const TargetPoint& point : target.points()) known.insert(point.id);
@@ -43,7 +64,9 @@ std::vector<GivenDetections> ReadGivenDetections(const fs::path& folder) {
   std::vector<GivenDetections> given;
   for (const fs::path& file : files) {
     const std::vector<std::string> names = Split(file.stem().string(), '.');
-    if (names.size() == 2) given.push_back({names[0], names[1], file, ReadDetections(file)});
+    if (names.size() != 2) continue;
+    given.push_back({names[0], names[1], file, ReadDetections(file)});
+    CheckNames(given.back());
   }
   if (given.empty()) throw InputError(folder.string() + ": has no file CAMERA.TARGET.json");
   return given;
@@ -53,9 +76,13 @@ std::vector<fs::path> ImagesOf(const std::string& camera, const std::vector<Give
   std::vector<fs::path> images;
   for (const GivenDetections& of_pair : given) {
     if (of_pair.camera != camera) continue;
-    for (const auto& [name, detection] : of_pair.images) {
-      if (std::find(images.begin(), images.end(), name) == images.end()) images.emplace_back(name);
-    }
+    std::vector<fs::path> of_target;
+    for (const auto& entry : of_pair.images) of_target.emplace_back(entry.first);
+    if (images.empty()) images = of_target;
+    if (images == of_target) continue;
+    images.insert(images.end(), of_target.begin(), of_target.end());
+    std::sort(images.begin(), images.end());
+    images.erase(std::unique(images.begin(), images.end()), images.end());
   }
   return images;
 }
@@ -76,17 +103,24 @@ std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std
       const std::string image = data.captures[i].images[c].string();
       if (image.empty()) continue;
       for (size_t t = 0; t < targets.size(); ++t) {
+        RigDetection& detection = detections.emplace_back(RigDetection{i, c, t, {}});
         const auto of_pair = of_pairs.find({data.rig.cameras[c].name, targets[t]});
-        if (of_pair == of_pairs.end()) continue;
-        const auto& images = of_pair->second->images;
-        const auto found =
-            std::find_if(images.begin(), images.end(), [&](const auto& entry) { return entry.first == image; });
-        if (found == images.end()) continue;
-        CheckGivenDetection(*data.targets[t], found->second.detection,
-                            of_pair->second->file.string() + ": " + image + ": ");
-        detections.push_back({i, c, t, found->second});
+        const CaptureDetection* const found = of_pair == of_pairs.end() ? nullptr : Find(*of_pair->second, image);
+        if (found == nullptr) continue;
+        CheckGivenDetection(*data.targets[t], found->detection, of_pair->second->file.string() + ": " + image + ": ");
+        detection.detection = *found;
       }
     }
+  }
+  // An image has one size, in whichever file it is listed.
+  for (RigDetection& detection : detections) {
+    if (detection.detection.width_px > 0) continue;
+    const auto sized = std::find_if(detections.begin(), detections.end(), [&](const RigDetection& other) {
+      return other.camera == detection.camera && other.detection.width_px > 0;
+    });
+    if (sized == detections.end()) continue;
+    detection.detection.width_px = sized->detection.width_px;
+    detection.detection.height_px = sized->detection.height_px;
   }
   return detections;
 }

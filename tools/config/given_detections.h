@@ -23,14 +23,16 @@ struct GivenDetections {
   std::vector<std::pair<std::string, CaptureDetection>> images;
 };
 // Reads the files CAMERA.TARGET.json of a folder, as runs and `heba detect` write them for several cameras. Throws
-// InputError if there are none, or if one is malformed.
+// InputError if there are none, if one is malformed, or if an image has no name or is listed twice in one.
 std::vector<GivenDetections> ReadGivenDetections(const std::filesystem::path& folder);
 
-// Returns the names of the images of a camera, as paths without a folder, in the order of the files.
+// Returns the names of the images of a camera, as paths without a folder: in the order of the files or, if these list
+// different images, sorted by name.
 std::vector<std::filesystem::path> ImagesOf(const std::string& camera, const std::vector<GivenDetections>& given);
 
-// Returns the detections in the images of the captures of `data`, whose names, cameras and targets are set. Throws
-// InputError if a file is of another target, or as CheckGivenDetection does.
+// Returns a detection of each target in each image of the captures of `data`, whose names, cameras and targets are set;
+// it has no points if no file has any. Throws InputError if a file is of another target, or as CheckGivenDetection
+// does.
 std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std::vector<GivenDetections>& given);
 
 }  // namespace heba

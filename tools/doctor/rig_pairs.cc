@@ -35,6 +35,19 @@ bool IsToBeDiagnosed(const DoctorPair& pair) {
   return pair.num_seen > 0 && (pair.num_seen >= kFewest || is_missed);
 }
 
+// Returns the given detections of a pair in its captures.
+std::vector<CaptureDetection> GivenDetectionsOf(const RigDataset& data, const DoctorPair& pair) {
+  std::vector<CaptureDetection> given;
+  for (const size_t i : pair.captures) {
+    for (const RigDetection& detection : data.given_detections) {
+      if (detection.capture == i && detection.camera == pair.camera && detection.target == pair.target) {
+        given.push_back(detection.detection);
+      }
+    }
+  }
+  return given;
+}
+
 // Returns the data set of a pair as that of one camera.
 RunConfig ConfigOf(const RigConfig& config, const DoctorPair& pair) {
   const RigDataset& data = config.data;
@@ -61,11 +74,13 @@ RunConfig ConfigOf(const RigConfig& config, const DoctorPair& pair) {
   for (const size_t i : pair.captures) {
     Capture capture;
     capture.name = data.captures[i].name;
-    capture.image = data.captures[i].images[pair.camera];
+    if (data.given_detections.empty()) capture.image = data.captures[i].images[pair.camera];
     capture.base_from_gripper = data.captures[i].base_from_gripper[pair.robot];
     of_pair.data.captures.push_back(std::move(capture));
     of_pair.pose_numbers.push_back(arm.numbers[i]);
   }
+  of_pair.data.given_detections = GivenDetectionsOf(data, pair);
+  of_pair.data.detections_source = data.detections_source;
   return of_pair;
 }
 

@@ -244,13 +244,30 @@ std::string ArmsPart(const ReportData& data) {
   return Paragraph(text) + HtmlTable(head, rows) + declined;
 }
 
+// Returns whether an unknown is an effect of smooth errors, which has a meaning only beside the others of its arm.
+bool IsOfSmoothErrors(const RigProblem& rig, const std::string& unknown) {
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(rig, r);
+    const bool is_smooth = effects != nullptr && effects->kind == SharedEffectsKind::kSmooth;
+    if (is_smooth && unknown.starts_with(ErrorsBlock(rig.robots[r]) + ".")) return true;
+  }
+  return false;
+}
+
 std::string CorrelationFigure(const ReportData& data) {
   const Covariance& covariance = data.result.solution.covariance;
-  constexpr Eigen::Index kMostNames = 80;  // More cannot be read.
-  if (covariance.matrix.rows() > kMostNames) return "";
-  const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
-  const std::vector<std::string> names = covariance.layout.Names();
+  std::vector<std::string> names;
+  std::vector<Eigen::Index> positions;
+  for (Eigen::Index i = 0; i < covariance.layout.size(); ++i) {
+    if (IsOfSmoothErrors(data.result.rig, covariance.layout.Name(i))) continue;
+    names.push_back(covariance.layout.Name(i));
+    positions.push_back(i);
+  }
+  constexpr size_t kMostNames = 80;  // More cannot be read.
+  if (names.size() > kMostNames) return "";
+  const Eigen::MatrixXd kept = covariance.matrix(positions, positions);
+  const Eigen::VectorXd scale = kept.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * kept * scale.asDiagonal();
   Json rows = Json::array();
   for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
     Json row = Json::array();

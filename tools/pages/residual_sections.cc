@@ -23,8 +23,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Returns the images that are embedded, as indices. Images make a page large, so at most 100 are embedded: unused ones
-// first, then those with the largest RMS.
+// Returns the images of a camera that are embedded, as indices. Images make a page large, so at most 100 are embedded:
+// unused ones first, then those with the largest RMS.
 std::set<size_t> ImagesToShow(const std::vector<ReportedImage>& images) {
   constexpr size_t kMaxImages = 100;
   constexpr double kUnusedFirst = std::numeric_limits<double>::infinity();

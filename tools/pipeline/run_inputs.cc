@@ -40,7 +40,10 @@ std::string InputsText(const std::string& config_used, const RigDataset& data, c
   json["images"] = nlohmann::ordered_json::array();
   for (const RigRecording& capture : data.captures) {
     nlohmann::ordered_json entry = {capture.name};
-    for (const fs::path& image : capture.images) entry.push_back(image.empty() ? "" : DigestOrNothing(image));
+    for (const fs::path& image : capture.images) {
+      // Given detections have names of images only.
+      entry.push_back(image.empty() || !data.given_detections.empty() ? "" : DigestOrNothing(image));
+    }
     json["images"].push_back(entry);
   }
   json["left_out"] = nlohmann::ordered_json::array();

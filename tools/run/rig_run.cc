@@ -340,7 +340,15 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
       return image.capture == dataset.captures[duplicate.capture].name &&
              image.camera == dataset.rig.cameras[duplicate.camera].name;
     });
+    CHECK(entry != result.images.end());
     entry->reason = duplicate.reason;
+    for (const RigDetection& detection : output.detections) {
+      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
+      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
+      if (num_points == 0) continue;
+      entry->targets.push_back(
+          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
+    }
   }
   for (RigImageResult& left_out : LeftOutResults(dataset)) result.images.push_back(std::move(left_out));
   for (size_t i = 0; i < dataset.captures.size(); ++i) {

@@ -176,6 +176,7 @@ const Estimate* EstimateWithRobot(const RunResult& result) {
 Json NoiseJson(const std::optional<RobotNoise>& noise, const std::optional<RobotNoise>& stddev) {
   if (!noise) return nullptr;
   Json json = NoiseJson(noise, "");
+  json["joint_deg"] = noise->joint_rad > 0 ? Json(RadToDeg(noise->joint_rad)) : Json(nullptr);
   json.update(NoiseJson(stddev, "std_"));
   return json;
 }

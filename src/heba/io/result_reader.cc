@@ -271,6 +271,10 @@ void ReadRobot(const JsonReader& reader, const std::string& name, RigResult* res
   solution.robot_noise_stddev.emplace_back();
   if (!reader.Has("noise")) return;
   solution.robot_noise.back() = ReadNoise(reader.Get("noise"), "");
+  if (solution.robot_noise.back()) {
+    solution.robot_noise.back()->joint_rad =
+        DegToRad(ReadOptionalMagnitude(reader.Get("noise"), "joint_deg").value_or(0));
+  }
   solution.robot_noise_stddev.back() = ReadNoise(reader.Get("noise"), "std_");
 }
 

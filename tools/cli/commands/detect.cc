@@ -216,7 +216,13 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   if (FLAGS_any) return DetectAny(arguments);
   if (arguments.size() > 1) throw InputError("'heba detect' takes one CONFIG, or images with --any");
   const std::string& path = arguments[0];
-  if (IsRigConfig(path, Settings())) return DetectByConfig(path, ReadRigConfig(path, Settings()));
+  if (IsRigConfig(path, Settings())) {
+    const RigConfig config = ReadRigConfig(path, Settings());
+    if (!config.data.given_detections.empty()) {
+      throw InputError(path + ": has points that were detected before (captures.detections), and no images to search");
+    }
+    return DetectByConfig(path, config);
+  }
   const RunConfig config = ReadRunConfig(path, Settings());
   for (const Capture& capture : config.data.captures) {
     if (capture.image.empty()) throw InputError(path + ": capture " + capture.name + " has no image");
