@@ -522,7 +522,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     }
   }
   if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
-  data.given_detections = DetectionsOfCaptures(data, given);
+  if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   if (reader.Has("output")) {
