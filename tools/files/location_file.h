@@ -10,7 +10,7 @@ namespace heba {
 
 // Returns one JSON document. A figure that does not exist is null.
 //
-// Of a single camera: {"schema": "heba/locations/1", "heba", "name", "setup", "camera_mount", "covariance_dof",
+// A single camera has {"schema": "heba/locations/1", "heba", "name", "setup", "camera_mount", "covariance_dof",
 // "images": [...]}. `camera_mount` is null for a stationary camera, otherwise an ARM. An image has {"image", "located",
 // "reason", "points", "target_points", "rms_px", "poses", "chosen", "command", "commands", "command_reason", "pixels"}.
 // `poses` are all poses of the target that fit, each {"base_from_target": POSE, "near_deg", "near_mm", "sigma": SIGMAS,
@@ -19,7 +19,7 @@ namespace heba {
 // `commands` those in all configurations, or null: {"configuration", "reason", "base_from_gripper": POSE, "joints":
 // [{"name", "value", "unit"}], "from_target_mm", "from_target_deg", "extrapolated", "sigma"}.
 //
-// Of several cameras: {"schema": "heba/rig_locations/1", "heba", "name", "covariance_dof", "reason", "robots": {NAME:
+// Several cameras have {"schema": "heba/rig_locations/1", "heba", "name", "covariance_dof", "reason", "robots": {NAME:
 // ARM}} of the arms that carry one of the cameras, with "targets", with "point": {"in_world_m", "rms_px", "warning",
 // "sigma"}, or with "points": [{"camera", "pixel", "in_world_m", "sigma", "postures"}]. `reason` is why there is none
 // of them. A target has {"target", "cameras", "located", "reason", "points", "target_points", "pose", "rms_px",

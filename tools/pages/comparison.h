@@ -43,15 +43,15 @@ struct ComparedPose {
   UncertainPose parent_from_child;
 };
 
-// What only the run of one camera has: closed-form estimates beside the refined one.
+// The run of one camera has closed-form estimates beside the refined one.
 struct ComparedMethods {
   std::string closed_form;  // The one with the lowest hold-out error in px; empty if none has one.
   CameraFigures best_px;    // Its figures.
-  CameraFigures best_mm;    // Those of the one with the lowest hold-out error in mm.
+  CameraFigures best_mm;    // The figures of the one with the lowest hold-out error in mm.
   bool has_robot_noise = false;
 };
 
-// What a run states about a cell.
+// A run states this about a cell.
 struct ComparedRun {
   std::string label;  // The name of the run, or its folder if names are not unique.
   std::string name;
@@ -78,7 +78,7 @@ struct RunDifference : PoseDifference {
 struct Comparison {
   std::vector<ComparedRun> runs;
   bool has_rig = false;  // Whether one of the runs is that of a rig.
-  // Of each pair of runs, in the order of the first run's poses.
+  // The differences follow the pairs of runs, and then the order of the first run's poses.
   std::vector<RunDifference> differences;
   std::vector<std::string> findings;  // Sentences in plain words, the most important first.
 };

@@ -1,4 +1,4 @@
-// What a report shows of a finished run. A single camera is a rig with one camera whose parts have no names.
+// A report shows this of a finished run. A single camera is a rig with one camera whose parts have no names.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ namespace heba {
 // One image of a camera. Residuals are predicted minus observed, px.
 struct ReportedImage {
   size_t entry = 0;   // Index in RigResult::images.
-  std::string title;  // Of the dialog that shows the image.
+  std::string title;  // The dialog that shows the image has this title.
   // RMS of the inliers, with the corrections of the arms if there are any; nothing if the image was not used.
   std::optional<double> rms_px;
   // The points that the estimate used.
@@ -36,7 +36,7 @@ struct CameraResiduals {
   std::vector<ReportedImage> images;  // In the order of RigResult::images.
 };
 
-// What the page shows.
+// The page shows these data.
 struct ReportData {
   // The corrections of its captures are without the errors that captures share.
   RigResult result;
@@ -45,7 +45,7 @@ struct ReportData {
   // One per camera; empty if poses of the targets were given in place of images.
   std::vector<CameraResiduals> residuals;
   bool has_corrections = false;  // Whether the poses of the arms were corrected.
-  // Of a single camera: its result, with its methods and its working point; otherwise null.
+  // The result of a single camera has its methods and its working point; null for several.
   const RunResult* single = nullptr;
 
   bool has_images() const { return !residuals.empty(); }

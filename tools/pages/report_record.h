@@ -42,7 +42,7 @@ std::string FiguresTable(std::vector<std::string> head, const std::vector<Figure
 // A constant pose of the result.
 struct ShownPose {
   std::string what;  // In words: "camera left in world".
-  std::string name;  // As a transform: "world_from_left".
+  std::string name;  // The name as a transform: "world_from_left".
   Rigid3d pose;
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
   std::optional<PoseError> truth;

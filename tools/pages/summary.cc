@@ -36,11 +36,11 @@ constexpr Figure kFigures[] = {
     {"truth_hand_eye_deg", "true error, deg", &CameraFigures::truth_deg},
 };
 
-// What a method has estimated of a single camera, or the result for one camera of a rig.
+// A row has the estimate of one method for a single camera, or the result for one camera of a rig.
 struct Row {
   std::string setup;       // Or the mount of a camera of a rig.
   std::string target;      // The type, or those of a rig.
-  std::string num_points;  // Of the target; empty for a rig.
+  std::string num_points;  // The number of points of the target; empty for a rig.
   int num_used = 0;        // Number of captures, or of images of a camera of a rig.
   int num_all = 0;
   std::string method;  // Or the name of a camera of a rig.
@@ -85,7 +85,7 @@ struct RunLine {
   std::string name;
   std::string target;
   std::string captures;
-  std::optional<double> closed_px = {};  // Of the best closed form; a rig has none.
+  std::optional<double> closed_px = {};  // The best closed form has this error; a rig has none.
   std::optional<double> refined_px = {};
   std::optional<double> sigma_mm = {};
 };

@@ -14,14 +14,14 @@ namespace heba {
 
 struct SceneCapture {
   CaptureRole role = CaptureRole::kNone;
-  std::vector<std::vector<Rigid3d>> camera_from_target;  // Of each camera, one for each target.
+  std::vector<std::vector<Rigid3d>> camera_from_target;  // Each camera has one for each target.
   std::vector<Rigid3d> reported;                         // base_from_gripper of each arm, as it reports it.
   std::vector<Eigen::VectorXd> joints;                   // Commanded, of each arm (rad or m); empty without kinematics.
 };
 
 struct SceneCaptures {
   std::vector<SceneCapture> captures;
-  std::vector<Eigen::VectorXd> arm_errors;  // Of each arm, one for each parameter; empty without kinematics.
+  std::vector<Eigen::VectorXd> arm_errors;  // Each arm has one for each parameter; empty without kinematics.
 };
 
 // Draws the captures, each as often as the scene repeats it, with the motions of its cameras. The order of the draws

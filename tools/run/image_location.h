@@ -67,7 +67,7 @@ struct Reach {
 // One of the poses of a target that fit the images.
 struct PossiblePose {
   LocatedTarget located;
-  std::vector<ReachingPostures> postures;  // Of the arms that were named.
+  std::vector<ReachingPostures> postures;  // Each arm that was named has an entry.
 };
 
 // A pixel on a plane.
@@ -134,7 +134,7 @@ struct TargetLocation {
   std::string undetermined;  // Why the points do not determine a pose; empty otherwise.
 };
 
-// What the images of one moment show.
+// The images of one moment show targets or pixels.
 struct ImageLocation {
   std::string image;  // The name of the image of a single camera; empty if there is none.
   std::vector<TargetLocation> targets;

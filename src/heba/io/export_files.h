@@ -31,7 +31,7 @@ struct ExportRequests {
 ExportRequests MakeExportRequests(const RigResult& result, const std::string& method = kBundleMethod,
                                   const std::vector<bool>& is_ur_controller = {});
 
-// What a file holds.
+// An exported file holds one camera, one arm, or several poses.
 enum class ExportedContent { kCamera, kArm, kPosesOfOneRoot, kAllPoses };
 
 struct ExportedFile {

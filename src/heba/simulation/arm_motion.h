@@ -24,7 +24,7 @@ struct SimulatedArm {
   double joint_noise_rad = 0;  // One sigma of each joint in each capture.
 };
 
-// What an arm does that is commanded to a pose.
+// An arm that is commanded to a pose reaches another one.
 struct Reached {
   Eigen::VectorXd joints;  // Commanded, rad or m.
   Rigid3d exact;           // The pose of the gripper (base_from_gripper).

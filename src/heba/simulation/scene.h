@@ -83,9 +83,10 @@ struct SimulatedTarget {
 };
 
 struct SceneOptions {
-  MotionOptions motion;    // Of each target in front of the camera for which a pose is drawn.
+  // A pose is drawn for one camera; `motion` places each target in front of it.
+  MotionOptions motion;
   double noise_px = 0;     // One sigma of each pixel coordinate.
-  RobotNoise robot_noise;  // Of every arm's pose; joint_rad is not used.
+  RobotNoise robot_noise;  // Every arm's poses have this noise; joint_rad is not used.
   // Poses of the arms near which they stand when nothing else determines them: base_from_gripper, one per arm.
   std::vector<Rigid3d> homes;
 };

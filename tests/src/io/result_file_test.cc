@@ -247,7 +247,7 @@ TEST_F(RigTruthTest, AnotherMountIsRefused) {
               HasSubstr("that of 'top' in 'right.base' is needed"));
 }
 
-// What is not known is no identity.
+// An unknown pose is read as unknown, and not as the identity.
 TEST_F(RigTruthTest, PosesOfTargetsAndBasesMayBeUnknown) {
   const RigProblem rig = RigOf({"left", "right"}, "world", "world");
   RigTruth truth = TruthOf(rig);

@@ -133,7 +133,7 @@ TEST(SceneConfigTest, ReadsTheArm) {
   EXPECT_EQ(Read().num_repeats, 1);
 }
 
-// What the short form states of its camera and target, each named one states of its own.
+// Each named camera and target states what the short form states of its only ones.
 TEST(SceneConfigTest, NamedCamerasAndTargetsHaveTheKeysOfTheShortForm) {
   const SceneConfig scene = ReadScene(ParseYaml(
       "cameras: {left: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, image_size: "

@@ -56,7 +56,7 @@ struct RigDataset {
   // Detections that replace the images, whose paths are then names only; or an empty list. A size of 0 x 0 stands for
   // that of the camera.
   std::vector<RigDetection> given_detections = {};
-  std::string detections_source = "detections";  // What starts the messages about them.
+  std::string detections_source = "detections";  // Messages about them start with it.
   // One per arm: its kinematics, if they are known; or an empty list.
   std::vector<std::optional<RobotArm>> arms = {};
   std::optional<RigTruth> truth;
