@@ -113,7 +113,24 @@ RigDataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, cons
   return data;
 }
 
-// Returns the text of result.json. Throws InputError if the calibration fails.
+// Returns the options of a calibration.
+template <class Options>
+Options WithFolds(int num_folds, int num_threads) {
+  Options options;
+  options.folds = num_folds;
+  options.num_threads = num_threads;
+  return options;
+}
+
+// Returns the text of result.json, with the findings in words. Throws InputError if the calibration failed.
+template <class Output, class Result>
+std::string ResultText(Outcome<Output> output, std::string (*to_json)(const Result&)) {
+  if (!output) throw InputError(output.reason());
+  DescribeAll(&output->result.verdict.findings);
+  return to_json(output->result);
+}
+
+// Return the text of result.json.
 std::string ResultOfOne(Setup setup, const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
   Dataset one;
   one.name = data.name;
@@ -124,23 +141,11 @@ std::string ResultOfOne(Setup setup, const RigDataset& data, int num_folds, int 
     one.captures.push_back({capture.name, {}, CaptureRole::kNone, capture.base_from_gripper[0]});
   }
   one.given_detections = OutOfRig(data.given_detections);
-  RunOptions options;
-  options.folds = num_folds;
-  options.num_threads = num_threads;
-  Outcome<RunOutput> output = Run(one, options, observer);
-  if (!output) throw InputError(output.reason());
-  DescribeAll(&output->result.verdict.findings);
-  return ResultToJson(output->result);
+  return ResultText(Run(one, WithFolds<RunOptions>(num_folds, num_threads), observer), &ResultToJson);
 }
 
 std::string ResultOfSeveral(const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
-  RigRunOptions options;
-  options.folds = num_folds;
-  options.num_threads = num_threads;
-  Outcome<RigRunOutput> output = RunRig(data, options, observer);
-  if (!output) throw InputError(output.reason());
-  DescribeAll(&output->result.verdict.findings);
-  return RigResultToJson(output->result);
+  return ResultText(RunRig(data, WithFolds<RigRunOptions>(num_folds, num_threads), observer), &RigResultToJson);
 }
 
 // Calibrates from detected points and returns the text of result.json. A camera without a name is calibrated by itself,

@@ -14,10 +14,7 @@ namespace heba {
 
 std::vector<CaptureDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
   ProgressObserver observer(verbosity);
-  Dataset data = config.data;
-  // A camera for images of another size is a symptom, and no reason not to search them.
-  if (data.given_detections.empty()) data.camera.reset();
-  return DetectCaptures(data, CachedDetection(data, config.target_used), num_threads, &observer);
+  return DetectCaptures(config.data, CachedDetection(config.data, config.target_used), num_threads, &observer);
 }
 
 size_t NumSeen(const std::vector<CaptureDetection>& detections) {

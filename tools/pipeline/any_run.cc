@@ -22,10 +22,8 @@ AnyConfig ReadAnyConfig(const std::filesystem::path& path, const std::vector<std
 
 Outcome<AnyResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,
                           Console* console, RunObserver* listener) {
-  if (const auto* const single = std::get_if<RunConfig>(&config)) {
-    return AnyOf(RunPipeline(*single, output, num_threads, console, listener));
-  }
-  return AnyOf(RunPipeline(std::get<RigConfig>(config), output, num_threads, console, listener));
+  return std::visit(
+      [&](const auto& of_run) { return AnyOf(RunPipeline(of_run, output, num_threads, console, listener)); }, config);
 }
 
 std::optional<AnyResult> CurrentResult(const std::filesystem::path& output, const AnyConfig& config) {

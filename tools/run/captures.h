@@ -13,7 +13,7 @@ namespace heba {
 bool IsImageSizeKnown(const Dataset& dataset);
 
 // Detects the target in all captures by `detect`, or returns the given detections. Throws InputError if images cannot
-// be read, differ in size, or are not those of the camera.
+// be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,
                                              RunObserver* observer);
 

@@ -112,7 +112,6 @@ std::vector<RigDetection> SearchImages(const RigDataset& dataset, const std::vec
   std::vector<std::optional<ImageSize>> expected(dataset.rig.cameras.size());
   for (const auto& [camera, first] : FirstOfCameras(detections)) {
     expected[camera] = ReadImageSize(dataset.captures[first->capture].images[camera]);
-    if (expected[camera]) CheckSizeOfCamera(dataset, *first, *expected[camera]);
   }
   StageReport report(RunStage::kDetection, static_cast<int>(detections.size()), observer);
   std::mutex mutex;
@@ -140,6 +139,18 @@ std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector
   CheckSizes(dataset, detections);
   CheckOwnImages(dataset, detections);
   return detections;
+}
+
+void CheckCamerasByHeader(const RigDataset& dataset) {
+  if (!dataset.given_detections.empty()) return;
+  for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+    const auto first = std::find_if(dataset.captures.begin(), dataset.captures.end(),
+                                    [&](const RigRecording& capture) { return !capture.images[c].empty(); });
+    if (!dataset.has_camera[c] || first == dataset.captures.end()) continue;
+    const std::optional<ImageSize> size = ReadImageSize(first->images[c]);
+    const auto index = static_cast<size_t>(first - dataset.captures.begin());
+    if (size) CheckSizeOfCamera(dataset, {index, c, 0, {}}, *size);
+  }
 }
 
 void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {

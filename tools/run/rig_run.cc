@@ -289,6 +289,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigRunOutput output;
   RigResult& result = output.result;
   const Stopwatch detect_watch;
+  CheckCamerasByHeader(dataset);
   output.detections = DetectRig(dataset, options.detect, options.num_threads, observer);
   result.timing.detect_s = detect_watch.Seconds();
   const std::vector<DuplicateInRig> duplicates = FindDuplicates(dataset, output.detections);

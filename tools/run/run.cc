@@ -7,6 +7,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
+#include "heba/rig_run.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/model_choice.h"
@@ -218,6 +219,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   std::vector<CaptureDetection>& detections = output.detections;
 
   const Stopwatch detect_watch;
+  CheckCamerasByHeader(AsRigDataset(dataset));
   detections = DetectCaptures(dataset, options.detect, options.num_threads, observer);
   FitCameraToImages(detections, &dataset);
   Timing timing;

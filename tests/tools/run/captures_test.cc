@@ -2,13 +2,13 @@
 
 #include <cstdlib>
 #include <string>
-#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
 #include "heba/base/units.h"
+#include "heba/rig_run.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temp_folder.h"
@@ -87,24 +87,23 @@ TEST(FitCameraToImagesTest, RefusesTheCameraOfAnotherSize) {
             "resolution");
 }
 
-TEST(DetectCapturesTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
+TEST(CheckCamerasByHeaderTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
   const TempFolder folder;
   cv::imwrite((folder / "empty.png").string(), cv::Mat(48, 64, CV_8UC1, cv::Scalar(128)));
   Dataset dataset = DatasetOf({DetectionOf(64, 48)});
   dataset.given_detections.clear();
   dataset.captures[0].image = folder / "empty.png";
   dataset.camera = Camera{"pinhole", 0, 0, {600, 600, 32, 24}};
-  bool is_searched = false;
-  const DetectFunction detect = [&](const std::filesystem::path&, const std::optional<ImageSize>&) {
-    is_searched = true;
+  CheckCamerasByHeader(AsRigDataset(dataset));
+  EXPECT_EQ(dataset.camera->width_px, 0);
+  dataset.camera->width_px = dataset.camera->height_px = 64;
+  EXPECT_THAT(InputErrorOf([&] { CheckCamerasByHeader(AsRigDataset(dataset)); }),
+              HasSubstr("is for images of 64 x 64 px, but 0.png is 64 x 48 px"));
+  // The images are searched all the same: the doctor names the fault of the camera.
+  const DetectFunction detect = [](const std::filesystem::path&, const std::optional<ImageSize>&) {
     return DetectionOf(64, 48);
   };
-  DetectCaptures(dataset, detect, 1, nullptr);
-  EXPECT_TRUE(std::exchange(is_searched, false));
-  dataset.camera->width_px = dataset.camera->height_px = 64;
-  EXPECT_THAT(InputErrorOf([&] { DetectCaptures(dataset, detect, 1, nullptr); }),
-              HasSubstr("is for images of 64 x 64 px, but 0.png is 64 x 48 px"));
-  EXPECT_FALSE(is_searched);
+  EXPECT_THAT(DetectCaptures(dataset, detect, 1, nullptr), SizeIs(1));
 }
 
 TEST(ViewsTest, ViewsAreThoseOfTheCapturesInWhichTheTargetWasSeen) {

@@ -140,6 +140,7 @@ struct SearchedImages {
 // Detects the target in the images of a config of one camera, and writes detections.json into the folder.
 SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
   Dataset data = config.data;
+  CheckCamerasByHeader(AsRigDataset(data));
   const std::vector<CaptureDetection> detections =
       DetectCaptures(data, CachedDetection(data, config.target_used), NumThreads(), observer);
   FitCameraToImages(detections, &data);
@@ -158,6 +159,7 @@ SearchedImages Search(const RigConfig& config, const fs::path& folder, RunObserv
   const RigDataset& data = config.data;
   std::vector<DetectFunction> detect;
   for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
+  CheckCamerasByHeader(data);
   const std::vector<RigDetection> detections = DetectRig(data, detect, NumThreads(), observer);
   RigProblem rig = data.rig;
   FitCamerasToImages(data, detections, &rig);
