@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "heba/base/text.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/rig_mounts.h"
 #include "tools/doctor/rig_pairs.h"

@@ -9,9 +9,9 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
-#include "heba/data/hand_eye.h"
 #include "heba/evaluation/metrics.h"
 #include "tools/run/captures.h"
+#include "tools/run/single_pair.h"
 
 namespace heba {
 namespace {
@@ -120,32 +120,6 @@ std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRun
     camera.rms_px = sum.RmsPx();
   }
   return all;
-}
-
-// Returns the run of a single camera, which must have a refined estimate, as that of a rig.
-RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
-  const Solution& solution = *run.calibration.refined;
-  RigRunOutput whole;
-  whole.result = AsRigResult(result);
-  whole.detections = InRig(run.detections);
-  RigProblem& problem = whole.calibration.problem;
-  problem = HandEyeProblem(result.setup, solution);
-  RigSolution refined = ProblemSolution(solution);
-  const std::vector<RigCaptureOutcome> of_views = std::exchange(refined.captures, {});
-  refined.captures.resize(run.dataset.captures.size());
-  // The effects of the captures are functions of all effects, estimated or not.
-  if (solution.shared_effects != nullptr) refined.effects = {AllEffects(*solution.shared_effects, solution.effects)};
-  for (const Capture& capture : run.dataset.captures) {
-    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}, {capture.effect}});
-    whole.result.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
-  }
-  for (size_t v = 0; v < run.calibration.views.size(); ++v) {
-    const View& view = run.calibration.views[v];
-    problem.captures[view.capture].images.push_back({0, 0, view.observations});
-    refined.captures[view.capture] = of_views[v];
-  }
-  whole.calibration.refined = std::move(refined);
-  return whole;
 }
 
 }  // namespace

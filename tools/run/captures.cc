@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "heba/data/hand_eye.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 
 namespace heba {
 namespace {

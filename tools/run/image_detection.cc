@@ -12,7 +12,7 @@
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 #include "heba/run.h"
 #include "targets/images/image.h"
 #include "tools/run/run_stage.h"

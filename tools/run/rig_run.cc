@@ -10,6 +10,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/residuals/inliers.h"
@@ -19,6 +20,7 @@
 #include "tools/run/rig_requirements.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
+#include "tools/run/single_pair.h"
 
 namespace heba {
 namespace {
@@ -213,20 +215,25 @@ RigPoseErrors PoseErrors(const RigProblem& rig, const RigResult& result, const R
   return errors;
 }
 
-// Fills in the in-sample errors of every camera, with the poses of the arms as given, and the errors by the truth.
-void AddErrors(const RigDataset& dataset, const RigProblem& used, const RigSolution& solution, RigResult* result) {
+// Fills in the in-sample errors of every camera, with the poses of the arms as given.
+void AddErrors(const RigProblem& used, const RigSolution& solution, RigResult* result) {
   const std::vector<SquaredErrors> sums = ErrorsOfCameras(used, solution);
   for (size_t c = 0; c < sums.size(); ++c) {
     RigErrors& errors = result->errors.emplace_back();
     errors.reprojection_rms_px = sums[c].RmsPx();
     const std::vector<Rigid3d> poses = TargetPosesOf(used, solution.poses, solution.effects, c);
     if (!poses.empty()) errors.distance_m = WorkingDistance(poses);
-    if (!dataset.truth) continue;
-    const PoseError error = ErrorOf(solution.poses.mount_from_camera[c], dataset.truth->mount_from_camera[c]);
-    errors.truth_mm = error.mm;
-    errors.truth_deg = error.deg;
   }
-  if (dataset.truth) result->truth = PoseErrors(used, *result, *dataset.truth);
+}
+
+// Fills in the errors by the truth. `problem` is the one that was solved.
+void AddTruth(const RigTruth& truth, const RigProblem& problem, RigResult* result) {
+  for (size_t c = 0; c < result->errors.size(); ++c) {
+    const PoseError error = ErrorOf(result->solution.poses.mount_from_camera[c], truth.mount_from_camera[c]);
+    result->errors[c].truth_mm = error.mm;
+    result->errors[c].truth_deg = error.deg;
+  }
+  result->truth = PoseErrors(problem, *result, truth);
 }
 
 // The images as they were seen, and the calibration from them.
@@ -351,7 +358,6 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
           {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
     }
   }
-  for (RigImageResult& left_out : LeftOutResults(dataset)) result.images.push_back(std::move(left_out));
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     // With the errors that captures share.
     std::vector<Rigid3d> corrections = Corrected(WithErrors(output.calibration.problem.captures[i], solution.effects),
@@ -363,7 +369,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     result.captures.push_back(
         {dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
   }
-  AddErrors(dataset, used, solution, &result);
+  AddErrors(used, solution, &result);
   if (options.folds > 1) {
     StageReport report(RunStage::kHoldOut, options.folds, observer);
     const RigHoldOuts errors =
@@ -444,8 +450,12 @@ Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& opt
   }
   const Stopwatch watch;
   try {
-    Outcome<RigRunOutput> output = RunOnImages(dataset, options, observer);
-    if (output) output->result.timing.total_s = watch.Seconds();
+    Outcome<RigRunOutput> output =
+        IsSinglePair(dataset) ? RunSinglePair(dataset, options, observer) : RunOnImages(dataset, options, observer);
+    if (!output) return output;
+    for (RigImageResult& left_out : LeftOutResults(dataset)) output->result.images.push_back(std::move(left_out));
+    if (dataset.truth) AddTruth(*dataset.truth, output->calibration.problem, &output->result);
+    output->result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {
     return Failure{kCancelled};

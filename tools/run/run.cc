@@ -7,7 +7,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/model_choice.h"

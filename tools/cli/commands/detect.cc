@@ -7,7 +7,7 @@
 #include "heba/base/parallel.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/homography.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/initial/target_pose.h"

@@ -1,0 +1,23 @@
+// Detects the targets in the images of all cameras of a data set, and checks the size of the images.
+#pragma once
+
+#include <vector>
+
+#include "heba/rig_run_types.h"
+
+namespace heba {
+
+// Detects the targets in the images of all cameras, or returns the given detections. `detect`: RigRunOptions::detect.
+// Throws InputError if an image cannot be read, if the images of one camera differ in size, or if two cameras have the
+// same images.
+std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
+                                    int num_threads, RunObserver* observer);
+
+// Throws the InputError of FitCamerasToImages by the header of each camera's first image, before any is decoded.
+void CheckCamerasByHeader(const RigDataset& dataset);
+
+// Sets the sizes of the cameras of `rig`, which are those of the data set, to those of their images. Throws InputError
+// if a given camera is for images of another size.
+void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig);
+
+}  // namespace heba

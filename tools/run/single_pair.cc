@@ -1,0 +1,198 @@
+#include "tools/run/single_pair.h"
+
+#include <map>
+#include <string>
+#include <utility>
+
+#include "heba/data/hand_eye.h"
+#include "heba/run.h"
+#include "tools/run/captures.h"
+
+namespace heba {
+namespace {
+
+// The data set of a single camera, and the capture of the rig that each of its captures is.
+struct PairDataset {
+  Dataset dataset;
+  std::map<size_t, size_t> capture_of_rig;  // By the index of the capture of the rig.
+};
+
+// Captures without an image are left out.
+PairDataset DatasetOfPair(const RigDataset& rig) {
+  PairDataset pair;
+  Dataset& dataset = pair.dataset;
+  const RigCamera& camera = rig.rig.cameras.front();
+  dataset.name = rig.name;
+  dataset.about = rig.about;
+  dataset.setup = camera.mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  dataset.target = rig.targets.front();
+  if (rig.has_camera.front()) dataset.camera = camera.camera;
+  dataset.camera_source = rig.camera_sources.front();
+  dataset.detections_source = rig.detections_source;
+  if (!rig.arms.empty()) dataset.robot = rig.arms.front();
+  for (size_t i = 0; i < rig.captures.size(); ++i) {
+    const RigRecording& recording = rig.captures[i];
+    if (recording.images.front().empty()) continue;
+    pair.capture_of_rig[i] = dataset.captures.size();
+    Capture& capture = dataset.captures.emplace_back();
+    capture.name = recording.name;
+    capture.image = recording.images.front();
+    capture.base_from_gripper = recording.base_from_gripper.front();
+    if (!recording.joints.empty()) capture.joints = recording.joints.front();
+  }
+  if (rig.given_detections.empty()) return pair;
+  dataset.given_detections.resize(dataset.captures.size());
+  for (const RigDetection& given : rig.given_detections) {
+    const auto capture = pair.capture_of_rig.find(given.capture);
+    if (capture != pair.capture_of_rig.end()) dataset.given_detections[capture->second] = given.detection;
+  }
+  return pair;
+}
+
+// An estimated noise of the arm is one that is chosen from the captures, unless smooth errors are wanted beside it.
+RunOptions OptionsOfPair(const RigDataset& rig, const RigRunOptions& options) {
+  const RigOptions& adjustment = options.calibration.adjustment;
+  const RigCamera& camera = rig.rig.cameras.front();
+  RunOptions of_pair;
+  BundleOptions& bundle = of_pair.bundle;
+  bundle.free_intrinsics = camera.free_intrinsics;
+  bundle.camera_prior = camera.prior;
+  bundle.free_shape = rig.rig.targets.front().free_shape;
+  bundle.target_scale_sigma = rig.rig.targets.front().scale_sigma;
+  bundle.loss = adjustment.loss;
+  bundle.pixel_noise_px = adjustment.pixel_noise_px;
+  bundle.robot = adjustment.robot;
+  bundle.robot_noise = adjustment.robot_noise;
+  bundle.robot_noise_prior = adjustment.robot_noise_prior;
+  bundle.robot_noise_start = adjustment.robot_noise_start;
+  bundle.effects_avoid_zero = adjustment.effects_avoid_zero;
+  bundle.max_iterations = adjustment.max_iterations;
+  of_pair.smooth = options.calibration.smooth;
+  of_pair.choose.robot_noise =
+      adjustment.robot == BundleOptions::Robot::kEstimatedNoise && of_pair.smooth != SmoothPoseErrors::kAlways;
+  of_pair.choose.target_shape = options.calibration.choose_target_shape;
+  of_pair.kinematics = options.kinematics;
+  of_pair.camera_model = camera.camera.model;
+  of_pair.choose_camera_model = !rig.has_camera.front() && of_pair.camera_model.empty();
+  of_pair.folds = options.folds;
+  of_pair.requirements = options.requirements;
+  of_pair.num_threads = options.num_threads;
+  if (!options.detect.empty()) of_pair.detect = options.detect.front();
+  return of_pair;
+}
+
+// Gives the parts of a problem the names of those of `named`, and their state in the calibration.
+void NameParts(const RigProblem& named, const Calibration& calibration, RigProblem* problem) {
+  problem->robots = named.robots;
+  RigCamera& camera = problem->cameras.front();
+  camera.name = named.cameras.front().name;
+  camera.mount_name = named.cameras.front().mount_name;
+  camera.free_intrinsics = calibration.bundle.free_intrinsics;
+  camera.prior = calibration.bundle.camera_prior;
+  RigTarget& target = problem->targets.front();
+  target.name = named.targets.front().name;
+  target.mount_name = named.targets.front().mount_name;
+  target.free_shape = calibration.bundle.free_shape;
+  target.symmetries = named.targets.front().symmetries;
+}
+
+// Moves the captures of a problem and its solution to their places among those of the rig.
+void PlaceCaptures(const RigDataset& rig, const std::map<std::string, size_t>& place_of, RigRunOutput* output) {
+  RigProblem& problem = output->calibration.problem;
+  std::vector<RigCapture> captures;
+  std::vector<RigCaptureOutcome> outcomes(rig.captures.size());
+  std::vector<RigCaptureResult> results;
+  for (const RigRecording& recording : rig.captures) {
+    captures.push_back({recording.name, recording.base_from_gripper, {}});
+    captures.back().effects.resize(rig.rig.robots.size());
+    results.push_back({recording.name, recording.base_from_gripper, {}});
+  }
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    const size_t place = place_of.at(problem.captures[i].name);
+    captures[place] = std::move(problem.captures[i]);
+    outcomes[place] = std::move(output->calibration.refined->captures[i]);
+    results[place].corrections = outcomes[place].corrections;
+  }
+  problem.captures = std::move(captures);
+  output->calibration.refined->captures = std::move(outcomes);
+  output->result.captures = std::move(results);
+}
+
+// Gives the parts and captures of a run the names and places that they have in the rig.
+RigRunOutput PlacedInRig(const RigDataset& rig, const RunOutput& run) {
+  RigRunOutput output = AsRigRunOutput(run, run.result);
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < rig.captures.size(); ++i) place_of[rig.captures[i].name] = i;
+  for (RigDetection& detection : output.detections) {
+    detection.capture = place_of.at(run.dataset.captures[detection.capture].name);
+  }
+  PlaceCaptures(rig, place_of, &output);
+  RigCalibration& calibration = output.calibration;
+  RigProblem named = rig.rig;
+  named.targets.front().symmetries = rig.targets.front()->Symmetries();
+  NameParts(named, run.calibration, &calibration.problem);
+  calibration.refined->covariance.layout = RigUnknowns(calibration.problem);
+  CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
+  calibration.start = HandEyePosesOf(run.result.estimates.back().hand_eye);
+  RigPair& pair = calibration.pairs.emplace_back();
+  pair.robot = 0;
+  pair.num_images = static_cast<int>(run.calibration.views.size() + run.calibration.unused.size());
+  pair.calibration = run.calibration;
+
+  RigResult& result = output.result;
+  NameParts(named, run.calibration, &result.rig);
+  // The basis of smooth errors is not written.
+  const bool is_smooth = run.calibration.refined->shared_effects != nullptr &&
+                         run.calibration.refined->shared_effects->kind == SharedEffectsKind::kSmooth;
+  if (is_smooth) result.rig.effects.clear();
+  result.solution = WithEffectsOf(result.rig, *calibration.refined);
+  result.solution.captures.clear();
+  for (RigImageResult& image : result.images) {
+    image.camera = named.cameras.front().name;
+    image.image = rig.captures[place_of.at(image.capture)].images.front().filename().string();
+    for (RigTargetInImage& target : image.targets) target.target = named.targets.front().name;
+  }
+  return output;
+}
+
+}  // namespace
+
+bool IsSinglePair(const RigDataset& dataset) {
+  const RigProblem& rig = dataset.rig;
+  return rig.cameras.size() == 1 && rig.targets.size() == 1 && rig.robots.size() == 1 &&
+         MovesAgainst(rig.cameras.front().mount, rig.targets.front().mount);
+}
+
+Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
+  const PairDataset pair = DatasetOfPair(dataset);
+  const Outcome<RunOutput> run = Run(pair.dataset, OptionsOfPair(dataset, options), observer);
+  if (!run) return Failure{run.reason()};
+  return PlacedInRig(dataset, *run);
+}
+
+RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
+  const Solution& solution = *run.calibration.refined;
+  RigRunOutput whole;
+  whole.result = AsRigResult(result);
+  whole.detections = InRig(run.detections);
+  RigProblem& problem = whole.calibration.problem;
+  problem = HandEyeProblem(result.setup, solution);
+  RigSolution refined = ProblemSolution(solution);
+  const std::vector<RigCaptureOutcome> of_views = std::exchange(refined.captures, {});
+  refined.captures.resize(run.dataset.captures.size());
+  // The effects of the captures are functions of all effects, estimated or not.
+  if (solution.shared_effects != nullptr) refined.effects = {AllEffects(*solution.shared_effects, solution.effects)};
+  for (const Capture& capture : run.dataset.captures) {
+    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}, {capture.effect}});
+    whole.result.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
+  }
+  for (size_t v = 0; v < run.calibration.views.size(); ++v) {
+    const View& view = run.calibration.views[v];
+    problem.captures[view.capture].images.push_back({0, 0, view.observations});
+    refined.captures[view.capture] = of_views[v];
+  }
+  whole.calibration.refined = std::move(refined);
+  return whole;
+}
+
+}  // namespace heba

@@ -1,0 +1,21 @@
+// The run of a rig with one camera, one target and one arm, which is that of a single camera: with closed forms, a
+// choice among all models of the errors, and the same hold-outs and findings.
+#pragma once
+
+#include "heba/base/error.h"
+#include "heba/rig_run_types.h"
+#include "heba/run_types.h"
+
+namespace heba {
+
+// Returns whether a rig is one camera and one target that its only arm moves against each other.
+bool IsSinglePair(const RigDataset& dataset);
+
+// Runs such a rig (heba/run.h). The result lacks what RigDataset::left_out and RigDataset::truth add to it.
+Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer);
+
+// Returns the run of a single camera, which must have a refined estimate, as that of a rig whose parts have no names.
+// `result` is that of the run; a caller may have added to it. The captures are those of RunOutput::dataset.
+RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result);
+
+}  // namespace heba
