@@ -1,0 +1,139 @@
+// Tests of tools/run/single_pair.h: a rig of one camera, one target and one arm gives what the single camera gives.
+#include "tools/run/single_pair.h"
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/evaluation/verdict.h"
+#include "heba/rig_run.h"
+#include "heba/run.h"
+#include "tests/support/datasets.h"
+#include "tests/support/scenes.h"
+#include "tools/run/captures.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAreArray;
+
+// A data set of a scene, and what is wrong with it.
+struct Case {
+  std::string name;
+  Setup setup;
+  bool is_camera_given = true;
+  double noise_of_arm_m = 0;  // One sigma of each coordinate.
+  void (*spoil)(Dataset* dataset) = [](Dataset*) {};
+};
+
+void GiveWrongPose(Dataset* dataset) { dataset->captures[3].base_from_gripper.translation.x() += 0.02; }
+
+void RepeatImage(Dataset* dataset) {
+  dataset->given_detections[5] = dataset->given_detections[4];
+  dataset->captures[5].base_from_gripper = dataset->captures[4].base_from_gripper;
+}
+
+void HideTarget(Dataset* dataset) { dataset->given_detections[2].detection = Detection(); }
+
+void KeepFew(Dataset* dataset) {
+  dataset->captures.resize(5);
+  dataset->given_detections.resize(5);
+}
+
+const Case kCases[] = {
+    {"in_hand", Setup::kEyeInHand},
+    {"to_hand", Setup::kEyeToHand},
+    {"noisy_arm", Setup::kEyeToHand, true, 3e-4},
+    {"estimated_camera", Setup::kEyeInHand, false},
+    {"wrong_pose", Setup::kEyeInHand, true, 1e-4, GiveWrongPose},
+    {"repeated_image", Setup::kEyeInHand, true, 0, RepeatImage},
+    {"hidden_target", Setup::kEyeToHand, true, 0, HideTarget},
+    {"few_captures", Setup::kEyeInHand, true, 1e-4, KeepFew},
+};
+
+Dataset DatasetOf(const Case& of) {
+  const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
+  TestSceneOptions options;
+  options.setup = of.setup;
+  options.camera = {"pinhole", 1280, 960, {1000, 1000, 640, 480}};
+  options.num_captures = 14;
+  options.noise_px = 0.1;
+  options.robot_translation_m = of.noise_of_arm_m;
+  options.points = AllPoints(*target).points_in_target;
+  Dataset dataset = heba::DatasetOf(MakeTestScene(7, options), of.setup, target);
+  if (!of.is_camera_given) dataset.camera.reset();
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
+    dataset.captures[i].image = dataset.captures[i].name;
+  }
+  of.spoil(&dataset);
+  return dataset;
+}
+
+RigDataset Named(RigDataset dataset) {
+  dataset.rig.cameras[0].name = "top";
+  dataset.rig.targets[0].name = "plate";
+  dataset.rig.robots[0] = "robot";
+  return dataset;
+}
+
+std::vector<std::string> CodesOf(const Verdict& verdict) {
+  std::vector<std::string> codes;
+  for (const Finding& finding : verdict.findings) {
+    codes.push_back(std::string(GradeName(finding.grade)) + " " + std::string(finding.code));
+  }
+  return codes;
+}
+
+class SinglePairTest : public ::testing::TestWithParam<Case> {};
+
+TEST_P(SinglePairTest, IsTheSingleCamera) {
+  const Dataset dataset = DatasetOf(GetParam());
+  RunOptions options;
+  options.camera_model = "pinhole";
+  options.choose_camera_model = false;
+  RigRunOptions of_rig;
+  RigDataset rig = Named(AsRigDataset(dataset));
+  rig.rig.cameras[0].free_intrinsics = options.bundle.free_intrinsics;
+  if (!dataset.camera) rig.rig.cameras[0].camera.model = "pinhole";
+
+  const Outcome<RunOutput> single = Run(dataset, options);
+  const Outcome<RigRunOutput> pair = RunRig(rig, of_rig);
+  ASSERT_TRUE(single) << single.reason();
+  ASSERT_TRUE(pair) << pair.reason();
+
+  const Estimate& refined = *FindRefined(single->result);
+  const RigResult& result = pair->result;
+  const Rigid3d& pose = result.solution.poses.mount_from_camera[0];
+  EXPECT_LT(DistanceM(pose, refined.hand_eye.camera_mount_from_camera), 1e-12);
+  EXPECT_LT(AngleRad(pose, refined.hand_eye.camera_mount_from_camera), 1e-7);
+  const auto covariance = PoseCovarianceOf(result.solution.covariance, "cameras.top.pose");
+  const auto of_single = PoseCovarianceOf(refined.solution->covariance, kHandEyeBlock);
+  ASSERT_TRUE(covariance && of_single);
+  EXPECT_LT((*covariance - *of_single).norm(), 1e-9 * of_single->norm());
+  EXPECT_EQ(result.verdict.grade, single->result.verdict.grade);
+  EXPECT_THAT(CodesOf(result.verdict), ElementsAreArray(CodesOf(single->result.verdict)));
+  EXPECT_EQ(result.errors[0].holdout_target_mm, refined.errors.holdout_target_mm);
+  EXPECT_EQ(result.errors[0].holdout_rms_px, refined.errors.holdout_rms_px);
+  EXPECT_EQ(result.holdout_chi2, refined.errors.holdout_chi2);
+  ASSERT_EQ(result.images.size(), single->result.captures.size());
+  for (size_t i = 0; i < result.images.size(); ++i) {
+    const CaptureResult& capture = single->result.captures[i];
+    EXPECT_EQ(result.images[i].camera, "top");
+    EXPECT_EQ(result.images[i].capture, capture.image);
+    EXPECT_EQ(result.images[i].used, capture.used);
+    EXPECT_EQ(result.images[i].reason, capture.reason);
+  }
+  ASSERT_EQ(result.captures.size(), dataset.captures.size());
+  EXPECT_EQ(pair->calibration.problem.captures.size(), dataset.captures.size());
+  EXPECT_EQ(pair->calibration.refined->covariance.layout.size(), refined.solution->covariance.layout.size());
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, SinglePairTest, ::testing::ValuesIn(kCases),
+                         [](const auto& info) { return info.param.name; });
+
+}  // namespace
+}  // namespace heba
