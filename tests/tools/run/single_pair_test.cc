@@ -100,7 +100,7 @@ TEST_P(SinglePairTest, IsTheSingleCamera) {
   rig.rig.cameras[0].free_intrinsics = options.bundle.free_intrinsics;
   if (!dataset.camera) rig.rig.cameras[0].camera.model = "pinhole";
 
-  const Outcome<RunOutput> single = Run(dataset, options);
+  const Outcome<RunOutput> single = heba::Run(dataset, options);
   const Outcome<RigRunOutput> pair = RunRig(rig, of_rig);
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
@@ -133,7 +133,7 @@ TEST_P(SinglePairTest, IsTheSingleCamera) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, SinglePairTest, ::testing::ValuesIn(kCases),
-                         [](const auto& info) { return info.param.name; });
+                         [](const auto& test) { return test.param.name; });
 
 }  // namespace
 }  // namespace heba
