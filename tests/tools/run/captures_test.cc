@@ -8,7 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "heba/base/units.h"
-#include "heba/rig_run.h"
+#include "heba/image_detection.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temp_folder.h"
