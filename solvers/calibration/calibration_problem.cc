@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "solvers/calibration/capture_clusters.h"
 #include "solvers/calibration/capture_outliers.h"
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/initial/pose_selection.h"
@@ -16,6 +17,38 @@ namespace heba {
 namespace {
 
 bool IsLeftOut(const ImageSet& left_out, size_t capture) { return left_out.contains({capture, 0}); }
+
+// Tests the captures one by one, until nothing changes.
+JudgedRig SettleEach(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+  constexpr int kMaxRounds = 6;
+  // The captures that the others do not contradict at an estimate without them are not tested again.
+  std::set<size_t> returned;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const RigProblem used = Without(problem, at.left_out);
+    ImageSet wrong = WrongOf(FindOutlierCaptures(used, at.solution));
+    for (const size_t i : returned) wrong.erase({i, 0});
+    // So many are not wrong by themselves: the model is incomplete.
+    const auto num_used = static_cast<double>(CapturesWithPoints(used).size());
+    const bool is_model = static_cast<double>(wrong.size()) > kMostWrong * num_used;
+    at.num_kept_against_test = is_model ? static_cast<int>(wrong.size()) : 0;
+    ImageSet next = at.left_out;
+    if (!is_model) next.insert(wrong.begin(), wrong.end());
+    const std::vector<size_t> left_out = CapturesOf(at.left_out);
+    const std::vector<CaptureVerdict> of_left_out = TestLeftOutCaptures(problem, at.solution, left_out);
+    for (size_t k = 0; k < left_out.size(); ++k) {
+      if (of_left_out[k].is_wrong) continue;
+      next.erase({left_out[k], 0});
+      returned.insert(left_out[k]);
+    }
+    if (next == at.left_out) break;
+    Outcome<RigSolution> solution =
+        RefineRig(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
+    if (!solution) break;
+    at.solution = std::move(*solution);
+    at.left_out = std::move(next);
+  }
+  return at;
+}
 
 }  // namespace
 
@@ -141,34 +174,7 @@ std::vector<size_t> CapturesOf(const ImageSet& images) {
 
 JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
   if (options.loss == LossKind::kNone) return at;
-  constexpr int kMaxRounds = 6;
-  // The captures that the others do not contradict at an estimate without them are not tested again.
-  std::set<size_t> returned;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const RigProblem used = Without(problem, at.left_out);
-    ImageSet wrong = WrongOf(FindOutlierCaptures(used, at.solution));
-    for (const size_t i : returned) wrong.erase({i, 0});
-    // So many are not wrong by themselves: the model is incomplete.
-    const auto num_used = static_cast<double>(CapturesWithPoints(used).size());
-    const bool is_model = static_cast<double>(wrong.size()) > kMostWrong * num_used;
-    at.num_kept_against_test = is_model ? static_cast<int>(wrong.size()) : 0;
-    ImageSet next = at.left_out;
-    if (!is_model) next.insert(wrong.begin(), wrong.end());
-    const std::vector<size_t> left_out = CapturesOf(at.left_out);
-    const std::vector<CaptureVerdict> of_left_out = TestLeftOutCaptures(problem, at.solution, left_out);
-    for (size_t k = 0; k < left_out.size(); ++k) {
-      if (of_left_out[k].is_wrong) continue;
-      next.erase({left_out[k], 0});
-      returned.insert(left_out[k]);
-    }
-    if (next == at.left_out) break;
-    Outcome<RigSolution> solution =
-        RefineRig(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
-    if (!solution) break;
-    at.solution = std::move(*solution);
-    at.left_out = std::move(next);
-  }
-  return at;
+  return JudgeWithClusters(SettleEach, problem, std::move(at), options);
 }
 
 }  // namespace heba

@@ -3,34 +3,17 @@
 #include <algorithm>
 #include <map>
 
+#include "solvers/calibration/capture_clusters.h"
 #include "solvers/calibration/capture_outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_outliers.h"
 
 namespace heba {
-ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera) {
-  ImageSet of_others;
-  for (const auto& [i, k] : images) {
-    if (problem.captures[i].images[k].camera != camera) of_others.insert({i, k});
-  }
-  return of_others;
-}
+namespace {
 
-std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot) {
-  std::vector<size_t> moved;
-  const std::vector<RigImage>& images = problem.captures[capture].images;
-  for (size_t k = 0; k < images.size(); ++k) {
-    if (images[k].observations.size() > 0 &&
-        IsMovedBy(problem.cameras[images[k].camera].mount, problem.targets[images[k].target].mount, robot)) {
-      moved.push_back(k);
-    }
-  }
-  return moved;
-}
-
-JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
-  if (options.loss == LossKind::kNone) return at;
+// Tests the images one by one, until nothing changes.
+JudgedRig LeaveOutEach(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
   const double least_p_value =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const RigImage&) { return true; }));
   constexpr int kMaxRounds = 30;
@@ -64,6 +47,33 @@ JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOpt
     at = {std::move(*other), std::move(next)};
   }
   return at;
+}
+
+}  // namespace
+
+ImageSet ImagesOfOthers(const RigProblem& problem, const ImageSet& images, size_t camera) {
+  ImageSet of_others;
+  for (const auto& [i, k] : images) {
+    if (problem.captures[i].images[k].camera != camera) of_others.insert({i, k});
+  }
+  return of_others;
+}
+
+std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot) {
+  std::vector<size_t> moved;
+  const std::vector<RigImage>& images = problem.captures[capture].images;
+  for (size_t k = 0; k < images.size(); ++k) {
+    if (images[k].observations.size() > 0 &&
+        IsMovedBy(problem.cameras[images[k].camera].mount, problem.targets[images[k].target].mount, robot)) {
+      moved.push_back(k);
+    }
+  }
+  return moved;
+}
+
+JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+  if (options.loss == LossKind::kNone) return at;
+  return JudgeWithClusters(LeaveOutEach, problem, std::move(at), options);
 }
 
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
