@@ -484,6 +484,21 @@ void TakeBackRejected(Calibration* calibration) {
   calibration->with_rejected.clear();
 }
 
+// Returns the configurations of all captures of the data set from those of the views: a capture without a view is in
+// that of the capture before it, as far as the arm can be.
+std::vector<size_t> OfAllCaptures(const RigArmErrors& arm, const std::vector<View>& views,
+                                  const std::vector<size_t>& of_views) {
+  std::vector<size_t> branches(arm.effects_of_captures.front().size(), of_views.front());
+  for (size_t i = 0, v = 0; i < branches.size(); ++i) {
+    if (i > 0) branches[i] = branches[i - 1];
+    if (v < views.size() && views[v].capture == i) branches[i] = of_views[v++];
+    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[branches[i]][i] == nullptr; ++k) {
+      branches[i] = k;
+    }
+  }
+  return branches;
+}
+
 // Ends a calibration: names the captures that are left out, removes rejected points, and runs the methods on what is
 // used. `has_methods`: whether their results are there already, for these captures with this camera.
 void Finish(const CalibrationOptions& options, bool has_methods, Calibration* calibration) {
@@ -562,7 +577,7 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
   RobotErrorsFound found{before, options, std::nullopt, std::nullopt};
   Calibration calibration = before;
   TakeBackRejected(&calibration);
-  CalibrationProblem problem = AsProblem(calibration, options);
+  CalibrationProblem problem = InOrder(AsProblem(calibration, options));
   ErrorSpace space;
   space.parts = SpaceOf(options, problem);
   space.smooth = errors.smooth;
@@ -586,9 +601,9 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
   with_errors.bundle.target_scale_sigma = problem.model.problem.targets[0].scale_sigma;
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View& view = problem.views[i];
-    if (has_arm && found.arm->model != nullptr) view.effect = arm.effects_of_captures[found.arm->branch][i];
+    if (has_arm && found.arm->model != nullptr) view.effect = arm.effects_of_captures[found.arm->branches[i]][i];
     if (has_arm && !arm.joints_of_captures.empty()) {
-      view.gripper_by_joints = arm.joints_of_captures[found.arm->branch][i];
+      view.gripper_by_joints = arm.joints_of_captures[found.arm->branches[i]][i];
     }
     if (found.smooth) {
       view.effect = found.smooth->errors->EffectAt(BaseFromGripper(options.setup, view.camera_mount_from_target_mount));
@@ -607,6 +622,7 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
     return std::any_of(before.left_out.begin(), before.left_out.end(),
                        [&](const View& view) { return view.capture == unused.capture; });
   });
+  if (has_arm) found.arm->branches = OfAllCaptures(errors.arm, problem.views, found.arm->branches);
   TakeModel(problem, fixed, &calibration);
   Finish(with_errors, false, &calibration);
   if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found.smooth, before, &calibration);

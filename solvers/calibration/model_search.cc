@@ -8,8 +8,12 @@
 
 #include "heba/base/text.h"
 #include "solvers/calibration/choice_levels.h"
+#include "solvers/calibration/posture_choice.h"
 #include "solvers/calibration/smooth_search.h"
 #include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -25,19 +29,88 @@ void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
 }
 
 // Adds what makes the noise of an arm's joints part of that of its poses, if it is known.
-void SetJoints(const RigArmErrors& arm, size_t robot, size_t branch, RigProblem* problem) {
+void SetJoints(const RigArmErrors& arm, size_t robot, const std::vector<size_t>& branches, RigProblem* problem) {
   if (arm.joints_of_captures.empty()) return;
   for (size_t i = 0; i < problem->captures.size(); ++i) {
     std::vector<ArmPosture>& postures = problem->captures[i].postures;
     postures.resize(problem->robots.size());
-    postures[robot].gripper_by_joints = arm.joints_of_captures[branch][i];
+    postures[robot].gripper_by_joints = arm.joints_of_captures[branches[i]][i];
   }
 }
 
-// Returns the index of the possible effects of an arm's captures that explain them best: that of the largest restricted
-// likelihood. Nothing if none can be fitted.
-std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
-                                       const SearchedModel& model) {
+// Returns the effects of the captures in these configurations.
+std::vector<std::shared_ptr<const PoseEffect>> EffectsIn(const RigArmErrors& arm, const std::vector<size_t>& branches) {
+  std::vector<std::shared_ptr<const PoseEffect>> effects;
+  for (size_t i = 0; i < branches.size(); ++i) effects.push_back(arm.effects_of_captures[branches[i]][i]);
+  return effects;
+}
+
+const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {
+  return arm.of_branches != nullptr ? arm.of_branches : arm.models.back();
+}
+
+// Returns a configuration for each capture, of which one set of errors explains all captures best (ChoosePostures).
+// `fixed` is the problem at `solution`. Nothing if a point cannot be projected.
+std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, size_t robot, const RigProblem& fixed,
+                                                      const RigSolution& solution) {
+  const std::vector<size_t> moving = MovingRobots(fixed);
+  const auto place = std::find(moving.begin(), moving.end(), robot);
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseEachCapture(WeightedAs(solution, fixed), StateOf(solution), NoiseOf(solution), LossOf(LossKind::kNone));
+  if (place == moving.end() || !views) return std::nullopt;
+  // The noise of the poses without errors of the arm; that of an exact arm is one that hides none.
+  constexpr RobotNoise kOfExact = {1e-4, 1e-4};
+  PosturesOfCaptures postures;
+  postures.first_column = 6 * (place - moving.begin());
+  postures.variances.resize(6 * static_cast<Eigen::Index>(moving.size()));
+  for (size_t k = 0; k < moving.size(); ++k) {
+    postures.variances.segment<6>(6 * static_cast<Eigen::Index>(k)) =
+        CorrectionVariances(solution.robot_noise[moving[k]].value_or(kOfExact));
+  }
+  const SharedEffects& errors = *ErrorsOfBranches(arm);
+  postures.error_variances.resize(errors.size());
+  for (Eigen::Index j = 0; j < errors.size(); ++j) {
+    const double sigma = errors.groups[errors.effects[static_cast<size_t>(j)].group].sigma;
+    postures.error_variances[j] = sigma * sigma;
+  }
+  const std::vector<size_t> captures = CapturesWithPoints(fixed);
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(errors.num_all);
+  for (const auto& effects : arm.effects_of_captures) {
+    std::vector<std::optional<Matrix6X>>& of_views = postures.by_errors.emplace_back();
+    for (const size_t i : captures) {
+      of_views.emplace_back();
+      if (effects[i] == nullptr) continue;
+      Matrix6X by_all;
+      effects[i]->Evaluate(none, &by_all);
+      of_views.back() = Matrix6X(6, errors.size());
+      for (Eigen::Index j = 0; j < errors.size(); ++j) {
+        of_views.back()->col(j) = by_all.col(errors.effects[static_cast<size_t>(j)].index);
+      }
+    }
+  }
+  postures.views = std::move(*views);
+  const std::vector<size_t> chosen = ChoosePostures(postures);
+  // Captures without points are in the configuration of those before them, as far as the arm can be.
+  std::vector<size_t> branches(fixed.captures.size(), chosen.front());
+  for (size_t i = 0, v = 0; i < branches.size(); ++i) {
+    if (v < captures.size() && captures[v] == i) {
+      branches[i] = chosen[v++];
+    } else if (i > 0) {
+      branches[i] = branches[i - 1];
+    }
+    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[branches[i]][i] == nullptr; ++k) {
+      branches[i] = k;
+    }
+  }
+  return branches;
+}
+
+// Returns the configurations of an arm's captures that explain them best: one for all, or one for each capture, of the
+// largest restricted likelihood. Nothing if none can be fitted.
+std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
+                                                      const SearchedModel& model) {
+  const size_t num_captures = model.problem.captures.size();
+  if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(num_captures, 0);
   RigOptions options = model.options;
   if (options.loss == LossKind::kTruncated) options.loss = LossKind::kNone;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
@@ -47,18 +120,26 @@ std::optional<size_t> MostLikelyBranch(const RigArmErrors& arm, size_t robot, co
   for (size_t t = 0; t < parts.shapes.size(); ++t) {
     if (parts.shapes[t]) fixed.targets[t].free_shape = TargetShapeCombinations().back();
   }
-  std::optional<size_t> best;
-  double best_log_likelihood = 0;
+  std::vector<std::vector<size_t>> candidates;
   for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
+    const auto& effects = arm.effects_of_captures[k];
+    if (std::count(effects.begin(), effects.end(), nullptr) == 0) candidates.emplace_back(num_captures, k);
+  }
+  std::optional<std::vector<size_t>> of_captures = BranchesOfCaptures(arm, robot, fixed, solution);
+  if (of_captures && std::find(candidates.begin(), candidates.end(), *of_captures) == candidates.end()) {
+    candidates.push_back(std::move(*of_captures));
+  }
+  std::optional<std::vector<size_t>> best;
+  double best_log_likelihood = 0;
+  for (std::vector<size_t>& branches : candidates) {
     RigProblem with_errors = fixed;
-    SetErrors(robot, arm.of_branches != nullptr ? arm.of_branches : arm.models.back(), arm.effects_of_captures[k],
-              &with_errors);
-    SetJoints(arm, robot, k, &with_errors);
+    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
+    SetJoints(arm, robot, branches, &with_errors);
     const Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
     if (!refined) continue;
     const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
     if (!std::isfinite(log_likelihood) || (best && log_likelihood <= best_log_likelihood)) continue;
-    best = k;
+    best = std::move(branches);
     best_log_likelihood = log_likelihood;
   }
   return best;
@@ -180,20 +261,20 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
     choice.noise_before = model->judged.solution.robot_noise[r];
     if (has_models) choice.reason = WhyNotEstimable(*model, space.parts, r);
     if (!choice.reason.empty()) continue;
-    const std::optional<size_t> branch =
-        arm.effects_of_captures.size() == 1 ? 0 : MostLikelyBranch(arm, r, space.parts, *model);
-    if (!branch) {
+    std::optional<std::vector<size_t>> branches = MostLikelyBranches(arm, r, space.parts, *model);
+    if (!branches) {
       choice.reason = "the errors of the arm could be fitted in none of its configurations";
       continue;
     }
-    choice.branch = *branch;
-    SetJoints(arm, r, *branch, &with_errors.problem);
+    choice.branches = std::move(*branches);
+    SetJoints(arm, r, choice.branches, &with_errors.problem);
     has_any = true;
     if (!has_models) continue;
     choice.model = arm.models.back();
-    if (arm.is_chosen) parts.arms[r] = {arm.models, true, {arm.effects_of_captures[*branch]}};
+    const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsIn(arm, choice.branches);
+    if (arm.is_chosen) parts.arms[r] = {arm.models, true, {effects}};
     is_any_chosen = is_any_chosen || arm.is_chosen;
-    SetErrors(r, choice.model, arm.effects_of_captures[*branch], &with_errors.problem);
+    SetErrors(r, choice.model, effects, &with_errors.problem);
   }
   if (!has_any) return choices;
   const auto decline_all = [&](const Failure& failure) {

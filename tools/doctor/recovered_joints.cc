@@ -72,6 +72,7 @@ std::vector<ArmBranch> BranchesFor(const ArmReading& reading, const std::vector<
   }
   std::vector<ArmBranch> branches = BranchesOf(reading.arm, base_from_tip, postures);
   std::erase_if(branches, [&](const ArmBranch& branch) {
+    if (!branch.ReachesAll()) return true;
     return !only.empty() && std::find(only.begin(), only.end(), branch.name) == only.end();
   });
   return branches;

@@ -84,12 +84,9 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     postures.push_back(std::move(*found));
   }
   for (ArmBranch& branch : BranchesOf(robot.arm, base_from_tip, postures)) {
-    if (configuration_near && branch.name != NameOf(*configuration_near)) continue;
+    const bool is_near = configuration_near && branch.name == NameOf(*configuration_near);
+    if (configuration_near && !is_near && branch.Reaches(0)) continue;
     setup->branches.push_back(std::move(branch));
-  }
-  if (setup->branches.empty()) {
-    setup->reason = "no configuration of the arm " + robot.arm.name +
-                    " reaches the poses of all captures; record the joints (captures.joints)";
   }
 }
 
@@ -113,13 +110,17 @@ const Eigen::VectorXd* NextRegular(const std::vector<BranchCapture>& captures, s
   return next;
 }
 
-// Returns the joints of all captures in one configuration; nothing if a regular capture has no posture in it.
-std::optional<ArmBranch> Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
-                                   const Configuration& configuration, const std::vector<BranchCapture>& captures) {
+// Returns the joints of all captures in one configuration.
+ArmBranch Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip, const Configuration& configuration,
+                    const std::vector<BranchCapture>& captures) {
   ArmBranch branch{NameOf(configuration), {}};
   for (size_t i = 0; i < captures.size(); ++i) {
     const BranchCapture& capture = captures[i];
-    if (!capture.is_regular && !capture.in_configuration && !capture.can_be_singular) return std::nullopt;
+    branch.is_out_of_reach.push_back(!capture.is_regular && !capture.in_configuration && !capture.can_be_singular);
+    if (branch.is_out_of_reach.back()) {
+      branch.joints.emplace_back();
+      continue;
+    }
     if (capture.is_regular) {
       branch.joints.push_back(*capture.in_configuration);
       continue;
@@ -136,6 +137,22 @@ std::optional<ArmBranch> Completed(const Arm& arm, const std::vector<Rigid3d>& b
 }
 
 }  // namespace
+
+bool ArmBranch::ReachesAll() const {
+  return std::find(is_out_of_reach.begin(), is_out_of_reach.end(), true) == is_out_of_reach.end();
+}
+
+ArmBranch Combined(const std::vector<ArmBranch>& branches, const std::vector<size_t>& branch_of_captures) {
+  ArmBranch combined;
+  std::vector<std::string> names;
+  for (size_t i = 0; i < branch_of_captures.size(); ++i) {
+    const ArmBranch& branch = branches[branch_of_captures[i]];
+    combined.joints.push_back(branch.joints[i]);
+    if (std::find(names.begin(), names.end(), branch.name) == names.end()) names.push_back(branch.name);
+  }
+  combined.name = Join(names, "; ");
+  return combined;
+}
 
 std::vector<ArmBranch> BranchesOf(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
                                   const std::vector<std::vector<Eigen::VectorXd>>& postures) {
@@ -158,9 +175,7 @@ std::vector<ArmBranch> BranchesOf(const Arm& arm, const std::vector<Rigid3d>& ba
   std::vector<ArmBranch> branches;
   for (auto& [configuration, captures] : captures_in) {
     for (size_t i = 0; i < captures.size(); ++i) captures[i].can_be_singular = can_be_singular[i];
-    if (std::optional<ArmBranch> branch = Completed(arm, base_from_tip, configuration, captures)) {
-      branches.push_back(std::move(*branch));
-    }
+    branches.push_back(Completed(arm, base_from_tip, configuration, captures));
   }
   return branches;
 }
@@ -231,9 +246,11 @@ RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinem
   errors.is_chosen = kinematics == Kinematics::kAuto;
   errors.of_branches = std::make_shared<const SharedEffects>(ArmErrors(arm, ArmErrorModel::kGeometry));
   for (const ArmBranch& branch : setup.branches) {
-    errors.effects_of_captures.push_back(EffectsOf(arm, setup.tip_from_gripper, branch));
-    for (std::shared_ptr<const PoseEffect>& effect : errors.effects_of_captures.back()) {
-      if (effect == nullptr) effect = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
+    auto& effects = errors.effects_of_captures.emplace_back(EffectsOf(arm, setup.tip_from_gripper, branch));
+    for (size_t i = 0; i < effects.size(); ++i) {
+      if (effects[i] == nullptr && branch.Reaches(i)) {
+        effects[i] = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
+      }
     }
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
     std::vector<Matrix6X>& by_joints = errors.joints_of_captures.emplace_back();

@@ -17,8 +17,13 @@ inline constexpr double kMostToolScatterDeg = 10;
 // The positions of the joints in all captures, in one configuration of the arm.
 struct ArmBranch {
   std::string name;  // "recorded", or the configuration; empty for arms without names for them.
-  // One entry per capture. It is empty for a singular capture whose joints could not be recovered.
+  // One entry per capture. It is empty for a singular capture whose joints could not be recovered, and for one that the
+  // arm cannot reach in this configuration.
   std::vector<Eigen::VectorXd> joints;
+  std::vector<bool> is_out_of_reach = {};  // One entry per capture, or empty: none is.
+
+  bool Reaches(size_t capture) const { return is_out_of_reach.empty() || !is_out_of_reach[capture]; }
+  bool ReachesAll() const;
 };
 
 // A capture at or close to a singularity of the arm, where a small change of the pose is a large one of the joints.
@@ -30,7 +35,7 @@ struct SingularCapture {
 struct ArmSetup {
   bool is_recorded = false;
   Rigid3d tip_from_gripper;
-  std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right one.
+  std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right ones.
   // Reason why the kinematics cannot be estimated, in one clause; empty if they can.
   std::string reason;
 };
@@ -40,10 +45,14 @@ ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics);
 
 // Returns, for each configuration that has names, the joints of all captures in it. `base_from_tip`: the pose in each
 // capture; `postures`: those that reach it (PosturesOf). The configuration of a singular posture is uncertain: a
-// singular capture has the posture that is nearest to that of the capture next to it, whatever its configuration. A
-// configuration that any other capture lacks is left out. Returns nothing for arms whose configurations have no names.
+// singular capture has the posture that is nearest to that of the capture next to it, whatever its configuration.
+// Returns nothing for arms whose configurations have no names.
 std::vector<ArmBranch> BranchesOf(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
                                   const std::vector<std::vector<Eigen::VectorXd>>& postures);
+
+// Returns the joints of all captures, each in its configuration: an index into `branches`. The name of the result is
+// that of all configurations.
+ArmBranch Combined(const std::vector<ArmBranch>& branches, const std::vector<size_t>& branch_of_captures);
 
 std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& branch);
 

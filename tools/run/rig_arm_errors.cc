@@ -82,7 +82,7 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
     const RigArmChoice* const choice = FindChoice(calibration, r);
     ArmEstimate estimate = EstimateOf(calibration, choice, r);
     if (estimate.errors != nullptr) {
-      setups[r]->branches = {setups[r]->branches[choice->branch]};
+      setups[r]->branches = {Combined(setups[r]->branches, choice->branches)};
     } else if (choice != nullptr && !setups[r]->is_recorded) {
       estimate.reason += "; if the captures are in several configurations, record their joints (captures.joints)";
     }

@@ -28,16 +28,16 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
   const std::optional<RobotNoise> noise_before = calibration->refined->robot_noise;
   RobotErrorsFound found = CalibrateRobotErrors(*calibration, *options, errors);
   if (has_arm && found.arm) {
-    const size_t branch = found.arm->branch;
+    const std::vector<size_t>& branches = found.arm->branches;
     arm->reason = found.arm->reason;
-    if (arm->reason != kNoBranch) arm->branches = {arm->branches[branch]};
+    if (!branches.empty()) arm->branches = {Combined(arm->branches, branches)};
     if (!arm->reason.empty() && !arm->is_recorded) {
       arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
     }
     for (size_t i = 0; i < dataset->captures.size() && arm->reason.empty(); ++i) {
       Capture& capture = dataset->captures[i];
-      if (found.arm->model != nullptr) capture.effect = errors.arm.effects_of_captures[branch][i];
-      capture.gripper_by_joints = errors.arm.joints_of_captures[branch][i];
+      if (found.arm->model != nullptr) capture.effect = errors.arm.effects_of_captures[branches[i]][i];
+      capture.gripper_by_joints = errors.arm.joints_of_captures[branches[i]][i];
     }
   }
   *calibration = std::move(found.calibration);
@@ -54,6 +54,12 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
 void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
                        Calibration* calibration) {
   if (!arm->reason.empty()) return;
+  std::erase_if(arm->branches, [](const ArmBranch& one) { return !one.ReachesAll(); });
+  if (arm->branches.empty()) {
+    arm->reason = "no configuration of the arm " + dataset.robot->arm.name +
+                  " reaches the poses of all captures; record the joints (captures.joints)";
+    return;
+  }
   const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics, calibration->pairs.size());
   const auto& effects = errors.effects_of_captures;
   size_t branch = 0;

@@ -52,7 +52,8 @@ struct RigArmErrors {
   std::vector<std::shared_ptr<const SharedEffects>> models;
   bool is_chosen = true;  // Whether the captures decide among them; otherwise the last is estimated.
   // Possible effects of the arm's errors on its poses, such as those of its configurations, of which the captures
-  // determine the right one. Each has one entry per capture, a function of all effects (SharedEffects::num_all).
+  // determine the right ones. Each has one entry per capture, a function of all effects (SharedEffects::num_all), which
+  // is null if the arm cannot reach the pose of the capture in this configuration.
   std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects_of_captures;
   // Likewise View::gripper_by_joints, if the noise of the joints is part of the arm's noise; otherwise empty. It is
   // part of the model together with the errors or, without models, alone.
@@ -76,7 +77,7 @@ struct RigSmoothErrors {
 // The outcome of the choice among the models of an arm's errors.
 struct RigArmChoice {
   size_t robot = 0;
-  size_t branch = 0;                           // Index in RigArmErrors::effects_of_captures.
+  std::vector<size_t> branches = {};           // One per capture: index in RigArmErrors::effects_of_captures.
   std::shared_ptr<const SharedEffects> model;  // The errors that are part of the solution; null if none are.
   std::string reason;                          // Reason why none are, in one clause.
   std::optional<RobotNoise> noise_before;      // The noise of the arm without them, if it has any.

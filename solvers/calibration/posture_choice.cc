@@ -1,0 +1,172 @@
+#include "solvers/calibration/posture_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/base/factorisation.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+constexpr double kImpossible = std::numeric_limits<double>::infinity();
+
+// The whitened equations of one view in one posture: rows * unknowns = offset, and their normal equations. The unknowns
+// are those of the views and then the errors of the arm. There are no rows if the posture does not reach the pose.
+struct Equations {
+  Eigen::MatrixXd rows;
+  Eigen::VectorXd offset;
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd right;
+};
+
+class PostureSearch {
+ public:
+  explicit PostureSearch(const PosturesOfCaptures& captures)
+      : num_views_(captures.views.size()), num_postures_(captures.by_errors.size()) {
+    const Eigen::Index num_unknowns = captures.views.front().by_unknowns.cols();
+    const Eigen::Index num_errors = captures.error_variances.size();
+    without_normal_ = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns);
+    without_right_ = Eigen::VectorXd::Zero(num_unknowns);
+    prior_ = Eigen::VectorXd::Zero(num_unknowns + num_errors);
+    prior_.tail(num_errors) = captures.error_variances.cwiseInverse();
+    equations_.resize(num_postures_);
+    for (size_t i = 0; i < num_views_; ++i) {
+      LinearisedView view = captures.views[i];
+      view.by_unknowns.conservativeResize(Eigen::NoChange, num_unknowns + 6);
+      view.by_unknowns.rightCols<6>() = view.by_effects.middleCols<6>(captures.first_column);
+      const RowMajorMatrix whitened = WhitenedRows(view, 1, captures.variances);
+      const Eigen::MatrixXd by_unknowns = whitened.leftCols(num_unknowns);
+      without_normal_ += by_unknowns.transpose().lazyProduct(by_unknowns);
+      without_right_ += by_unknowns.transpose() * whitened.rightCols<1>();
+      for (size_t k = 0; k < num_postures_; ++k) {
+        Equations& equations = equations_[k].emplace_back();
+        const std::optional<Matrix6X>& by_errors = captures.by_errors[k][i];
+        if (!by_errors) continue;
+        equations.rows.resize(whitened.rows(), num_unknowns + num_errors);
+        equations.rows << by_unknowns, whitened.middleCols<6>(num_unknowns).lazyProduct(*by_errors);
+        equations.offset = whitened.rightCols<1>();
+        equations.normal = equations.rows.transpose().lazyProduct(equations.rows);
+        equations.right = equations.rows.transpose() * equations.offset;
+      }
+    }
+  }
+
+  // A choice of postures and how well it explains the views.
+  struct Choice {
+    std::vector<size_t> postures;
+    double misfit = kImpossible;
+  };
+
+  // Returns the choice that follows from the errors which these views show in one posture.
+  Choice From(size_t posture, size_t first, size_t last) const {
+    Choice choice{std::vector<size_t>(num_views_, posture), kImpossible};
+    std::vector<bool> is_used(num_views_, false);
+    for (size_t i = first; i < last; ++i) {
+      is_used[i] = IsPossible(posture, i);
+    }
+    if (std::count(is_used.begin(), is_used.end(), true) < 2) return choice;
+    constexpr int kMaxRounds = 15;
+    for (int round = 0; round < kMaxRounds; ++round) {
+      Choice next = Best(Solve(choice.postures, is_used));
+      const bool is_same = next.postures == choice.postures && round > 0;
+      choice = std::move(next);
+      is_used.assign(num_views_, true);
+      if (is_same) break;
+    }
+    return choice;
+  }
+
+  size_t num_views() const { return num_views_; }
+  size_t num_postures() const { return num_postures_; }
+
+ private:
+  bool IsPossible(size_t posture, size_t view) const { return equations_[posture][view].rows.size() > 0; }
+
+  // Returns the unknowns and errors that these views determine in these postures. The other views, in which nothing is
+  // known about the arm, add a part of what they say about the unknowns without its errors.
+  Eigen::VectorXd Solve(const std::vector<size_t>& postures, const std::vector<bool>& is_used) const {
+    constexpr double kPart = 0.2;
+    Eigen::MatrixXd normal = prior_.asDiagonal();
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(prior_.size());
+    for (size_t i = 0; i < num_views_; ++i) {
+      if (!is_used[i]) continue;
+      normal += equations_[postures[i]][i].normal;
+      right += equations_[postures[i]][i].right;
+    }
+    if (std::find(is_used.begin(), is_used.end(), false) != is_used.end()) {
+      normal.topLeftCorner(without_normal_.rows(), without_normal_.cols()) += kPart * without_normal_;
+      right.head(without_right_.size()) += kPart * without_right_;
+    }
+    return SolveSymmetric(normal, right);
+  }
+
+  // Returns the best postures at these unknowns: the path of least cost through the postures of all views (Viterbi).
+  Choice Best(const Eigen::VectorXd& solution) const {
+    std::vector<std::vector<double>> cost(num_views_, std::vector<double>(num_postures_, kImpossible));
+    double least = 0;
+    for (size_t i = 0; i < num_views_; ++i) {
+      for (size_t k = 0; k < num_postures_; ++k) {
+        const Equations& equations = equations_[k][i];
+        if (IsPossible(k, i)) cost[i][k] = (equations.rows * solution - equations.offset).squaredNorm();
+      }
+      least += *std::min_element(cost[i].begin(), cost[i].end());
+    }
+    // In units of the variance that remains.
+    const double dof = 6 * static_cast<double>(num_views_);
+    const double change = 2 * std::log(static_cast<double>(num_views_ + 1)) * std::max(least / dof, 1e-12);
+    std::vector<std::vector<size_t>> from(num_views_, std::vector<size_t>(num_postures_, 0));
+    std::vector<double> best = cost[0];
+    for (size_t i = 1; i < num_views_; ++i) {
+      const size_t cheapest = static_cast<size_t>(std::min_element(best.begin(), best.end()) - best.begin());
+      std::vector<double> next(num_postures_, kImpossible);
+      for (size_t k = 0; k < num_postures_; ++k) {
+        const bool stays = best[k] <= best[cheapest] + change;
+        from[i][k] = stays ? k : cheapest;
+        next[k] = (stays ? best[k] : best[cheapest] + change) + cost[i][k];
+      }
+      best = std::move(next);
+    }
+    Choice choice;
+    choice.postures.resize(num_views_);
+    size_t at = static_cast<size_t>(std::min_element(best.begin(), best.end()) - best.begin());
+    choice.misfit = best[at];
+    for (size_t i = num_views_; i-- > 0;) {
+      choice.postures[i] = at;
+      at = from[i][at];
+    }
+    return choice;
+  }
+
+  size_t num_views_;
+  size_t num_postures_;
+  Eigen::MatrixXd without_normal_;  // The normal equations of all views without errors of the arm.
+  Eigen::VectorXd without_right_;
+  Eigen::VectorXd prior_;                          // The inverse variances of all unknowns.
+  std::vector<std::vector<Equations>> equations_;  // By posture and view.
+};
+
+}  // namespace
+
+std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
+  CHECK(!captures.views.empty() && !captures.by_errors.empty());
+  const PostureSearch search(captures);
+  constexpr size_t kLeastWindow = 8;
+  const size_t window = std::max(kLeastWindow, search.num_views() / 6);
+  PostureSearch::Choice best;
+  const auto try_from = [&](size_t posture, size_t first, size_t last) {
+    PostureSearch::Choice choice = search.From(posture, first, last);
+    if (best.postures.empty() || choice.misfit < best.misfit) best = std::move(choice);
+  };
+  for (size_t k = 0; k < search.num_postures(); ++k) {
+    try_from(k, 0, search.num_views());
+    for (size_t first = 0; first + window < search.num_views(); first += window / 2) {
+      try_from(k, first, first + window);
+    }
+  }
+  return best.postures;
+}
+
+}  // namespace heba

@@ -1,0 +1,33 @@
+// The posture of an arm in each capture, if only its poses are known: an arm reaches a pose in several postures, and
+// its errors move the pose differently in each of them.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solvers/uncertainty/linearisation.h"
+
+namespace heba {
+
+// Captures that are linearised at an estimate without errors of the arm, in their order in time.
+struct PosturesOfCaptures {
+  std::vector<LinearisedView> views;
+  Eigen::VectorXd variances;  // Of the columns of LinearisedView::by_effects.
+  // The first of the six columns of by_effects that are the correction of the arm's pose.
+  Eigen::Index first_column = 0;
+  // For each posture and view: the derivative of the correction by the arm's errors; nothing if the arm cannot reach
+  // the pose in this posture. A view has at least one.
+  std::vector<std::vector<std::optional<Matrix6X>>> by_errors;
+  Eigen::VectorXd error_variances;  // The prior variances of the arm's errors.
+};
+
+// Returns the posture of each view under which one set of errors explains all views best. Arms change their
+// configuration rarely: each change between consecutive captures costs as much as the logarithm of the number of
+// captures. Errors are estimated from a few consecutive captures in one posture, for many such starts, and errors and
+// postures are then estimated in turn until no posture changes. `views` must not be empty.
+std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
+
+}  // namespace heba
