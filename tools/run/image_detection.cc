@@ -13,8 +13,8 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/image_detection.h"
-#include "heba/run.h"
 #include "targets/images/image.h"
+#include "tools/run/digest.h"
 #include "tools/run/run_stage.h"
 
 namespace heba {
@@ -130,6 +130,14 @@ std::vector<RigDetection> SearchImages(const RigDataset& dataset, const std::vec
 }
 
 }  // namespace
+
+CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
+                                  const std::optional<ImageSize>& expected) {
+  const std::string digest = DigestOfFile(image);
+  CaptureDetection detection = DetectCapture(target, image, expected);
+  detection.image_digest = digest;
+  return detection;
+}
 
 std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
                                     int num_threads, RunObserver* observer) {

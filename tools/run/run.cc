@@ -16,7 +16,6 @@
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"
-#include "tools/run/digest.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/robot_errors.h"
 #include "tools/run/run_stage.h"
@@ -274,14 +273,6 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
   } catch (const Cancelled&) {
     return Failure{kCancelled};
   }
-}
-
-CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
-                                  const std::optional<ImageSize>& expected) {
-  const std::string digest = DigestOfFile(image);
-  CaptureDetection detection = DetectCapture(target, image, expected);
-  detection.image_digest = digest;
-  return detection;
 }
 
 }  // namespace heba

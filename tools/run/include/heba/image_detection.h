@@ -1,9 +1,13 @@
 // Detects the targets in the images of all cameras of a data set, and checks the size of the images.
 #pragma once
 
+#include <filesystem>
+#include <optional>
 #include <vector>
 
+#include "heba/detection.h"
 #include "heba/rig_run_types.h"
+#include "heba/target.h"
 
 namespace heba {
 
@@ -19,5 +23,10 @@ void CheckCamerasByHeader(const RigDataset& dataset);
 // Sets the sizes of the cameras of `rig`, which are those of the data set, to those of their images. Throws InputError
 // if a given camera is for images of another size.
 void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig);
+
+// Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
+// with one image.
+CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
+                                  const std::optional<ImageSize>& expected);
 
 }  // namespace heba

@@ -29,9 +29,4 @@ namespace heba {
 // that size.
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer = nullptr);
 
-// Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
-// with one image.
-CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
-                                  const std::optional<ImageSize>& expected);
-
 }  // namespace heba
