@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/posture_choice.h"
 #include "solvers/calibration/smooth_search.h"
@@ -244,6 +245,31 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
   return std::nullopt;
 }
 
+// Returns the noise of an arm's poses, that of its joints included.
+std::optional<RobotNoise> NoiseOfPoses(const SearchedModel& model, size_t robot) {
+  const std::optional<RobotNoise>& noise = model.judged.solution.robot_noise[robot];
+  if (!noise) return std::nullopt;
+  std::vector<Matrix6X> by_joints;
+  for (const RigCapture& capture : model.problem.captures) {
+    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
+  }
+  return WithJointNoise(*noise, by_joints);
+}
+
+// Returns why an arm's errors explain nothing: the noise of its poses stays. A better likelihood alone can be that of
+// another arm, or of joints that belong to other poses. Empty if they explain something.
+std::string WhyNothingExplained(const std::optional<RobotNoise>& before, const std::optional<RobotNoise>& after) {
+  constexpr double kMostLeft = 0.7;
+  if (!before || !after || after->translation_m <= kMostLeft * before->translation_m ||
+      after->rotation_rad <= kMostLeft * before->rotation_rad) {
+    return "";
+  }
+  return "they explain little: the noise of the poses falls only from " + Significant(1000 * before->translation_m, 2) +
+         " mm and " + Significant(RadToDeg(before->rotation_rad), 2) + " deg to " +
+         Significant(1000 * after->translation_m, 2) + " mm and " + Significant(RadToDeg(after->rotation_rad), 2) +
+         " deg";
+}
+
 // Adds the errors of the arms, as AddErrors.
 std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
   SearchedModel with_errors = *model;
@@ -297,6 +323,20 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
     choice.alternatives = AlternativesOf(with_errors, choice.robot);
     if (choice.model == nullptr) choice.reason = WhyNone(with_errors, choice.alternatives, choice.robot);
   }
+  for (const RigArmChoice& choice : choices) {
+    if (choice.model == nullptr || !space.arms[choice.robot].is_chosen) continue;
+    const std::string reason = WhyNothingExplained(choice.noise_before, NoiseOfPoses(with_errors, choice.robot));
+    if (reason.empty()) continue;
+    // The others are judged without this arm.
+    ErrorSpace without = space;
+    without.arms[choice.robot] = {};
+    std::vector<RigArmChoice> of_others = AddArmErrors(without, judge, model);
+    RigArmChoice declined = choice;
+    declined.model = nullptr;
+    declined.reason = reason;
+    of_others.push_back(std::move(declined));
+    return of_others;
+  }
   const bool is_declined = is_any_chosen && std::all_of(choices.begin(), choices.end(), [](const RigArmChoice& choice) {
                              return choice.model == nullptr;
                            });
@@ -335,6 +375,19 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
 }
 
 }  // namespace
+
+RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
+  double translation_m2 = 0;
+  double rotation_rad2 = 0;
+  for (const Matrix6X& by_joints : gripper_by_joints) {
+    translation_m2 += by_joints.topRows<3>().squaredNorm() / 3;
+    rotation_rad2 += by_joints.bottomRows<3>().squaredNorm() / 3;
+  }
+  const double variance_rad2 =
+      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
+  return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
+          std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
+}
 
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
   SearchedModel chosen = *model;

@@ -85,9 +85,11 @@ std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, c
                                             bool are_free, bool avoid_zero) {
   if (effects == nullptr) return groups;
   const size_t first_group = groups.size();
-  for (const double sigma : sigmas) {
-    groups.push_back({VarianceGroup::Kind::kUnknowns, {}, sigma * sigma, are_free});
+  for (size_t g = 0; g < sigmas.size(); ++g) {
+    groups.push_back({VarianceGroup::Kind::kUnknowns, {}, sigmas[g] * sigmas[g], are_free});
     groups.back().avoids_zero = are_free && avoid_zero;
+    const double most = effects->groups[g].most_sigma;
+    if (most > 0) groups.back().most = most * most;
   }
   const Eigen::Index first = block.first;
   for (size_t i = 0; i < effects->effects.size(); ++i) {

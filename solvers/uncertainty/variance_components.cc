@@ -542,7 +542,8 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
         const VarianceGroup& group = groups[static_cast<size_t>(k)];
         const bool has_prior = group.prior.has_value() || group.avoids_zero;
         const double least = k == 0 ? kMinPixelVariance : has_prior ? kMostFall * variances[k] : 0.0;
-        next[k] = std::max(least, variances[k] + length * direction[static_cast<Eigen::Index>(a)]);
+        next[k] =
+            std::min(group.most, std::max(least, variances[k] + length * direction[static_cast<Eigen::Index>(a)]));
       }
       return next;
     };

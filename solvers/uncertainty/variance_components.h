@@ -3,6 +3,7 @@
 // docs/estimation.md.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -35,6 +36,7 @@ struct VarianceGroup {
   // The variance of a few effects that is found to be zero by chance would be taken for certain; with this prior it is
   // about one standard deviation away from zero instead.
   bool avoids_zero = false;
+  double most = std::numeric_limits<double>::infinity();  // The largest value that is estimated.
 };
 
 // Estimated variances, in the order of their groups.

@@ -49,19 +49,6 @@ std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
 
 }  // namespace
 
-RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
-  double translation_m2 = 0;
-  double rotation_rad2 = 0;
-  for (const Matrix6X& by_joints : gripper_by_joints) {
-    translation_m2 += by_joints.topRows<3>().squaredNorm() / 3;
-    rotation_rad2 += by_joints.bottomRows<3>().squaredNorm() / 3;
-  }
-  const double variance_rad2 =
-      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
-  return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
-          std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
-}
-
 RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const std::vector<UndeterminedParam>& undetermined, const ArmEstimate& estimate) {
   RobotSummary summary;
@@ -81,6 +68,7 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
     summary.configuration = CommonConfiguration(summary.nominal, setup->branches.front());
   if (!setup->reason.empty()) {
     summary.reason = setup->reason;
+    summary.is_contradicted = setup->is_contradicted;
     return summary;
   }
   if (estimate.errors == nullptr) {
@@ -133,7 +121,11 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
 Finding DescribeEstimate(const RobotSummary& robot) {
   const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
   if (!robot.is_estimated) {
-    return {Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}};
+    // What was given and contradicts the data is not passed over.
+    return {robot.is_contradicted ? Grade::kDoubtful : Grade::kGood,
+            FindingCode("arm_declined"),
+            {},
+            {arm, {"reason", robot.reason}}};
   }
   Finding finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}};
   // Without a model that lacks the errors of the arm, there is nothing to compare.

@@ -13,11 +13,6 @@
 
 namespace heba {
 
-// Returns a noise of poses with that of the joints, as one sigma of each coordinate: root mean square over the
-// captures, of which `gripper_by_joints` are the derivatives (ArmPosture); captures without known joints have an empty
-// one.
-RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints);
-
 // The part of a calibration that concerns one arm.
 struct ArmEstimate {
   std::shared_ptr<const SharedEffects> errors;  // The estimated errors; null if none were estimated.

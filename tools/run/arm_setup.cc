@@ -1,9 +1,11 @@
 #include "tools/run/arm_setup.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
@@ -11,6 +13,66 @@
 
 namespace heba {
 namespace {
+
+// How well the errors that arms have explain the scatter of the tool that recorded joints imply.
+struct ToolScatter {
+  double rms_m = 0;          // The scatter.
+  double unexplained_m = 0;  // What remains of it, at the gripper.
+  double largest_error = 0;  // The largest error of the arm that it takes, in standard deviations of arms.
+  bool IsExplained() const {
+    constexpr double kMostUnexplainedM = 1e-3;
+    constexpr double kMostSigmas = 4;
+    return unexplained_m < kMostUnexplainedM && largest_error < kMostSigmas;
+  }
+};
+
+// The controller computes its poses with its own parameters, which may be those of this very arm. Estimates them, with
+// the standard deviations of arms as their prior, from the tools that the nominal parameters give.
+ToolScatter ExplainTools(const Arm& arm, const ArmBranch& branch, const std::vector<Rigid3d>& tools,
+                         const Rigid3d& mean) {
+  const SharedEffects errors = ArmErrors(arm, ArmErrorModel::kGeometry);
+  constexpr double kRoundingM = 1e-4;
+  constexpr double kRoundingRad = 1e-4;
+  // The tool itself is unknown, too.
+  const Eigen::Index num = errors.size() + 6;
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(num, num);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(num);
+  Eigen::VectorXd sigmas(errors.size());
+  for (Eigen::Index j = 0; j < errors.size(); ++j) {
+    const EffectGroup& group = errors.groups[errors.effects[static_cast<size_t>(j)].group];
+    sigmas[j] = std::max(group.sigma, group.most_sigma);
+    normal(j, j) = 1 / (sigmas[j] * sigmas[j]);
+  }
+  Tangent6 weights;
+  weights << Eigen::Vector3d::Constant(1 / kRoundingM), Eigen::Vector3d::Constant(1 / kRoundingRad);
+  std::vector<Eigen::MatrixXd> rows;
+  std::vector<Tangent6> offsets;
+  ToolScatter scatter;
+  for (size_t i = 0; i < tools.size(); ++i) {
+    Matrix6X by_all;
+    MakeArmEffect(arm, branch.joints[i], mean)->Evaluate(Eigen::VectorXd::Zero(arm.num_params()), &by_all);
+    Eigen::MatrixXd by_errors(6, num);
+    for (Eigen::Index j = 0; j < errors.size(); ++j) {
+      by_errors.col(j) = by_all.col(errors.effects[static_cast<size_t>(j)].index);
+    }
+    by_errors.rightCols<6>().setIdentity();
+    rows.emplace_back(weights.asDiagonal() * by_errors);
+    const Tangent6 offset = LocalCoordinates(mean, tools[i]);
+    scatter.rms_m += offset.head<3>().squaredNorm();
+    offsets.push_back(weights.cwiseProduct(offset));
+    normal += rows.back().transpose() * rows.back();
+    right += rows.back().transpose() * offsets.back();
+  }
+  const Eigen::VectorXd found = SolveSymmetric(normal, right);
+  for (size_t i = 0; i < tools.size(); ++i) {
+    scatter.unexplained_m += (rows[i] * found - offsets[i]).head<3>().squaredNorm() * kRoundingM * kRoundingM;
+  }
+  const auto num_captures = static_cast<double>(tools.size());
+  scatter.rms_m = std::sqrt(scatter.rms_m / num_captures);
+  scatter.unexplained_m = std::sqrt(scatter.unexplained_m / num_captures);
+  scatter.largest_error = found.head(errors.size()).cwiseQuotient(sigmas).lpNorm<Eigen::Infinity>();
+  return scatter;
+}
 
 // Sets the joints and the tool from recorded joints.
 void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
@@ -31,6 +93,17 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
                     Significant(1000 * apart_m, 3) + " mm and " + Significant(apart_deg, 3) +
                     " deg from where those of the others do; check robot.model, joint_angle, and that joints and "
                     "poses belong together; heba doctor says which";
+    setup->is_contradicted = true;
+    return;
+  }
+  const ToolScatter scatter = ExplainTools(arm, branch, tools, setup->tip_from_gripper);
+  if (!scatter.IsExplained()) {
+    setup->reason = "the tool that the recorded joints imply scatters by " + Significant(1000 * scatter.rms_m, 2) +
+                    " mm, which errors of the arm " + arm.name + " do not explain (" +
+                    Significant(1000 * scatter.unexplained_m, 2) +
+                    " mm remain): another arm, or joints that belong to "
+                    "other poses; heba doctor says which";
+    setup->is_contradicted = true;
     return;
   }
   setup->branches.push_back(std::move(branch));
@@ -73,6 +146,7 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
       setup->reason = "the arm " + robot.arm.name + " does not reach the pose of capture " + capture.name + " (" +
                       found.reason() + "): another arm, a base frame that is not the arm's, or a tool that " +
                       "robot.tool does not state; heba doctor says which";
+      setup->is_contradicted = true;
       return;
     }
     if (!ConfigurationOf(robot.arm, found->front())) {

@@ -10,7 +10,7 @@
 
 namespace heba {
 
-// The tool that recorded joints imply may scatter by this much. A larger scatter is no error of an arm.
+// The tool that recorded joints imply may scatter by this much before its scatter is explained by errors of the arm.
 inline constexpr double kMostToolScatterM = 0.05;
 inline constexpr double kMostToolScatterDeg = 10;
 
@@ -38,6 +38,7 @@ struct ArmSetup {
   std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right ones.
   // Reason why the kinematics cannot be estimated, in one clause; empty if they can.
   std::string reason;
+  bool is_contradicted = false;  // Whether the reason is that the arm, its tool or its joints contradict the poses.
 };
 
 // `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.

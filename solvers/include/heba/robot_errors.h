@@ -62,6 +62,11 @@ struct RigArmErrors {
   std::shared_ptr<const SharedEffects> of_branches = nullptr;
 };
 
+// Returns a noise of poses with that of the joints, as one sigma of each coordinate: root mean square over the
+// captures, of which `gripper_by_joints` are the derivatives (ArmPosture); captures without known joints have an empty
+// one.
+RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints);
+
 // Errors of an arm's poses that vary smoothly with the pose and that are part of the solution.
 struct RigSmoothErrors {
   size_t robot = 0;

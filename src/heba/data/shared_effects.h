@@ -33,6 +33,8 @@ struct EffectGroup {
   double sigma = 1;  // In that unit: the standard deviation, or the initial guess if it is estimated.
   // The least standard deviation that robots with such effects have; 0 if there is none.
   double least_sigma = 0;
+  // The largest standard deviation that is estimated; 0 if there is no limit.
+  double most_sigma = 0;
 };
 
 // One unknown effect.

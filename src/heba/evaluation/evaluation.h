@@ -126,9 +126,10 @@ struct RobotSummary {
   bool has_recorded_joints = false;
   std::string configuration;  // The one of all captures; empty if there are several.
   bool is_estimated = false;
-  std::string errors_name;                          // SharedEffects::name of the estimated errors.
-  std::string reason;                               // Reason why they were not estimated, in one clause.
-  Eigen::VectorXd errors;                           // One per parameter (ArmParamPlace); zero if not estimated.
+  std::string errors_name;       // SharedEffects::name of the estimated errors.
+  std::string reason;            // Reason why they were not estimated, in one clause.
+  bool is_contradicted = false;  // Whether the reason is that the arm, its tool or its joints contradict the poses.
+  Eigen::VectorXd errors;        // One per parameter (ArmParamPlace); zero if not estimated.
   std::vector<std::optional<double>> error_sigmas;  // One for each; nothing if the parameter was held.
   // Parameters that nothing distinguishes from something else, and what this is.
   std::vector<std::pair<std::string, std::string>> undetermined;

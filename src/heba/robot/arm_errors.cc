@@ -117,8 +117,9 @@ SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model) {
   enum Group : size_t { kOffsets, kLengths, kAngles, kCompliances };
   errors.groups = {{"offsets", "rad", DegToRad(kOffsetPriorDeg)}};
   if (has_geometry) {
-    errors.groups.push_back({"lengths", "m", kLengthPriorM, kLeastLengthM});
-    errors.groups.push_back({"angles", "rad", DegToRad(kAnglePriorDeg), DegToRad(kLeastAngleDeg)});
+    errors.groups.push_back({"lengths", "m", kLengthPriorM, kLeastLengthM, kMostLengthM});
+    errors.groups.push_back(
+        {"angles", "rad", DegToRad(kAnglePriorDeg), DegToRad(kLeastAngleDeg), DegToRad(kMostAngleDeg)});
   }
   if (has_gravity) errors.groups.push_back({"compliances", "rad/(N m)", kCompliancePriorRadPerNm});
   const std::vector<bool> yields = JointsThatYield(arm);

@@ -32,6 +32,9 @@ inline constexpr double kAnglePriorDeg = 0.1;
 // The least standard deviations of geometries that were not measured arm by arm: what machining and assembly leave.
 inline constexpr double kLeastLengthM = 0.1e-3;
 inline constexpr double kLeastAngleDeg = 0.01;
+// The largest ones: more is another arm, or errors that are none of its geometry (docs/estimation.md).
+inline constexpr double kMostLengthM = 1e-3;
+inline constexpr double kMostAngleDeg = 0.17;
 // Harmonic drives of the sizes in small and medium arms have stiffnesses of some 1e4 to 1e5 N m/rad (Harmonic Drive,
 // catalogues of the CSG and SHG series); bearings and links add to their compliance.
 inline constexpr double kCompliancePriorRadPerNm = 2e-5;
