@@ -123,16 +123,14 @@ CalibrationOptions BenchCalibrationOptions(const BenchScene& scene) {
 StudyCell MakeBenchStudyCell(bool has_robot_noise) {
   const BenchScene scene = MakeBenchScene(15, 2);
   StudyCell cell;
-  cell.camera = scene.problem.camera;
-  cell.hand_eye = scene.truth;
-  cell.target = scene.problem.views.front().observations;
+  cell.problem = HandEyeProblem(scene.problem.setup, scene.problem.camera, scene.problem.shape);
+  cell.poses = HandEyePosesOf(scene.truth);
+  cell.targets = {{scene.problem.views.front().observations}};
   for (const View& view : scene.problem.views) {
-    cell.poses.push_back({CaptureRole::kNone, CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)});
+    cell.captures.push_back({{CaptureRole::kNone, CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)}});
   }
   cell.pixel_sigma_px = kBenchNoisePx;
   cell.options = BenchCalibrationOptions(scene);
-  cell.options.camera = scene.problem.camera;
-  cell.options.bundle.free_intrinsics = {};
   if (has_robot_noise) {
     cell.robot_noise = kBenchRobot;
     cell.options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;

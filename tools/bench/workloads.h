@@ -7,7 +7,7 @@
 #include "heba/data/problem.h"
 #include "heba/data/rig.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration/study.h"
+#include "solvers/study/study.h"
 
 namespace heba {
 

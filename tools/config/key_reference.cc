@@ -18,7 +18,7 @@
 #include "heba/target.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
-#include "solvers/rig/rig_study.h"
+#include "solvers/study/study_cell.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {
@@ -127,8 +127,7 @@ std::string SceneIntroduction() {
 
 std::string StudyIntroduction() {
   return "A study of `heba study`. Every list is varied over its values, each combined with all others; a single value "
-         "needs no list. outlier_points, wrong_captures, target_shape, kinematics, methods and start are for scenes of "
-         "one camera, estimators for rigs.\n";
+         "needs no list. kinematics, methods and start are for scenes of one camera, estimators for rigs.\n";
 }
 
 std::string RigIntroduction() {

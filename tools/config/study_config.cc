@@ -123,33 +123,32 @@ std::vector<std::vector<ParameterGroup>> ReadIntrinsics(MapReader& reader) {
   return ReadList<std::vector<ParameterGroup>>(reader, "intrinsics", {}, &ReadParameterGroups, &ParameterGroupsNode);
 }
 
-std::vector<RigEstimator> ReadEstimators(MapReader& reader) {
-  const std::vector<std::string> names(kRigEstimatorNames.begin(), kRigEstimatorNames.end());
-  std::vector<RigEstimator> known;
-  return ReadList<RigEstimator>(
-      reader, "estimators", RigStudyCell().estimators,
+std::vector<StudyEstimator> ReadEstimators(MapReader& reader) {
+  const std::vector<std::string> names(kStudyEstimatorNames.begin(), kStudyEstimatorNames.end());
+  std::vector<StudyEstimator> known;
+  return ReadList<StudyEstimator>(
+      reader, "estimators", StudyCell().estimators,
       [&](const ConfigValue& value) {
         const std::string name = value.AsChoice(names);
-        const auto estimator = static_cast<RigEstimator>(std::find(names.begin(), names.end(), name) - names.begin());
+        const auto estimator = static_cast<StudyEstimator>(std::find(names.begin(), names.end(), name) - names.begin());
         if (std::find(known.begin(), known.end(), estimator) != known.end()) value.Fail("is listed twice");
         known.push_back(estimator);
         return estimator;
       },
-      [](RigEstimator estimator) { return YAML::Node(kRigEstimatorNames[static_cast<size_t>(estimator)]); });
+      [](StudyEstimator estimator) { return YAML::Node(kStudyEstimatorNames[static_cast<size_t>(estimator)]); });
 }
 
 // A cell under construction.
-template <class Cell>
 struct Variant {
-  Cell cell;
+  StudyCell cell;
   StudyLabels labels;
 };
 
 // Replaces each variant by as many as there are values, in their order, and sets one value in each.
-template <class T, class Cell, class Set>
-void Vary(const std::vector<T>& values, std::vector<Variant<Cell>>* variants, const Set& set) {
-  std::vector<Variant<Cell>> varied;
-  for (const Variant<Cell>& variant : *variants) {
+template <class T, class Set>
+void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Set& set) {
+  std::vector<Variant> varied;
+  for (const Variant& variant : *variants) {
     for (const T& value : values) {
       varied.push_back(variant);
       set(value, &varied.back());
@@ -169,88 +168,101 @@ struct StudyGrid {
   std::vector<std::string> kinematics;
   std::vector<TargetShape> target_shapes;
   std::vector<std::vector<ParameterGroup>> intrinsics;
-  std::vector<RigEstimator> estimators;
-  bool chooses_shape = true;
+  std::vector<StudyEstimator> estimators;
   std::optional<bool> give_camera;  // If not set, each scene decides.
   CalibrationOptions options;
 };
 
-template <class Cell>
-void AddCells(std::vector<Variant<Cell>> variants, StudyConfig* study) {
-  for (Variant<Cell>& variant : variants) {
-    study->cells.emplace_back(std::move(variant.cell));
-    study->labels.push_back(std::move(variant.labels));
+// Draws the captures of a scene, and of a hand-eye calibration with an arm its robot.
+std::optional<Failure> AddCaptures(const SceneConfig& scene, StudyCell* cell) {
+  Rng rng(scene.seed);
+  if (scene.setup && scene.arms[0]) return SetUpStudyRobot(scene, &rng, cell);
+  if (scene.setup) {
+    const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+    if (!poses) return Failure{poses.reason()};
+    for (const SimulatedPose& pose : *poses) cell->captures.push_back({pose});
+    return std::nullopt;
   }
+  const Outcome<std::vector<ArmPoses>> arms =
+      SimulateArmPoses(scene.problem, scene.poses, SimulatedTargets(scene), scene.options, &rng);
+  if (!arms) return Failure{arms.reason()};
+  for (const ArmPoses& poses : *arms) cell->captures.push_back({{}, poses});
+  return std::nullopt;
 }
 
-void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_captures, SceneConfig scene,
-                    StudyConfig* study) {
+// Returns the number with the noun: "1 arm", "2 targets".
+std::string Counted(size_t number, const std::string& noun) {
+  return std::to_string(number) + " " + noun + (number == 1 ? "" : "s");
+}
+
+// Returns the cell of a scene and its labels, before any value is varied.
+Variant CellOf(const StudyGrid& grid, const NamedScene& named, int num_captures) {
+  SceneConfig scene = named.scene;
   const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
   if (num_captures > 0) {
     if (num_captures < num_two_step) named.place.Fail("has more captures in its two-step motion than requested");
     scene.options.motion.num_captures = num_captures - num_two_step;
   }
-  Rng rng(scene.seed);
-  StudyCell cell;
-  cell.camera = scene.problem.cameras[0].camera;
-  cell.hand_eye = HandEyeOf(scene);
-  cell.target = AllPoints(*scene.targets[0].target);
-  const std::optional<SceneArm>& arm = scene.arms[0];
-  if (arm) {
-    const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
-    if (failure) named.place.Fail(failure->reason);
-  } else {
-    const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
-    if (!poses) named.place.Fail(poses.reason());
-    cell.poses = *poses;
+  Variant variant;
+  StudyCell& cell = variant.cell;
+  cell.problem = scene.problem;
+  cell.poses = scene.poses;
+  for (const SceneTarget& target : scene.targets) {
+    cell.targets.push_back({AllPoints(*target.target), target.target->Draw().y_up});
+    variant.labels.num_points += cell.targets.back().points.size();
   }
-  cell.options = grid.options;
-  cell.options.setup = *scene.setup;
+  if (const std::optional<Failure> failure = AddCaptures(scene, &cell)) named.place.Fail(failure->reason);
   cell.num_repeats = scene.num_repeats;
-  cell.options.symmetries = {Rigid3d()};
-  cell.options.camera_model = cell.camera.model;
-  cell.options.width_px = cell.camera.width_px;
-  cell.options.height_px = cell.camera.height_px;
-  if (grid.give_camera.value_or(scene.give_camera)) cell.options.camera = cell.camera;
-  cell.options.choose.target_shape = grid.chooses_shape;
-  cell.options.shape = DesignedShape(cell.target.points_in_target);
-  cell.shape = cell.options.shape;
-  std::vector<Variant<StudyCell>> variants = {{cell, {}}};
-  StudyLabels& labels = variants.front().labels;
+  cell.margin_px = scene.options.motion.margin_px;
+  cell.gives_cameras = grid.give_camera.value_or(scene.give_camera);
+  cell.options = grid.options;
+  cell.estimators = grid.estimators;
+  StudyLabels& labels = variant.labels;
   labels.scene = named.name;
-  labels.setup = *scene.setup;
-  labels.num_captures = static_cast<int>(cell.poses.size());
-  labels.num_points = cell.target.size();
-  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, auto* variant) {
+  labels.num_captures = static_cast<int>(cell.captures.size());
+  if (scene.setup) {
+    labels.setup = *scene.setup;
+  } else {
+    labels.rig = Counted(scene.problem.cameras.size(), "camera") + ", " +
+                 Counted(scene.problem.targets.size(), "target") + ", " + Counted(scene.problem.robots.size(), "arm");
+  }
+  return variant;
+}
+
+void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, StudyConfig* study) {
+  std::vector<Variant> variants = {CellOf(grid, named, num_captures)};
+  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
     variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
   });
-  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, auto* variant) {
+  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, Variant* variant) {
     variant->cell.robot_noise = variant->labels.robot_noise = noise;
     variant->cell.options.bundle.robot_noise = noise;
   });
-  Vary(grid.target_shapes, &variants, [](const TargetShape& shape, auto* variant) {
-    variant->cell.shape.params = variant->labels.shape_params = shape.params;
+  Vary(grid.target_shapes, &variants, [](const TargetShape& shape, Variant* variant) {
+    variant->cell.shape_params = variant->labels.shape_params = shape.params;
   });
   Vary(grid.outliers, &variants,
-       [](double share, auto* variant) { variant->cell.outlier_points = variant->labels.outlier_points = share; });
+       [](double share, Variant* variant) { variant->cell.outlier_points = variant->labels.outlier_points = share; });
   Vary(grid.wrongs, &variants,
-       [](double share, auto* variant) { variant->cell.wrong_captures = variant->labels.wrong_captures = share; });
-  Vary(grid.robot_models, &variants, [](const std::string& model, auto* variant) {
+       [](double share, Variant* variant) { variant->cell.wrong_captures = variant->labels.wrong_captures = share; });
+  Vary(grid.robot_models, &variants, [](const std::string& model, Variant* variant) {
     variant->labels.robot_model = model;
     variant->cell.options.bundle.robot = RobotModel(model);
     variant->cell.options.choose.robot_noise = model == "auto";
   });
-  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, auto* variant) {
-    variant->cell.options.bundle.free_intrinsics = variant->labels.free_intrinsics = groups;
+  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, Variant* variant) {
+    variant->labels.free_intrinsics = groups;
+    for (RigCamera& camera : variant->cell.problem.cameras) camera.free_intrinsics = groups;
   });
-  if (arm) {
-    Vary(grid.kinematics, &variants, [&](const std::string& model, auto* variant) {
+  if (variants.front().cell.robot) {
+    const Arm& arm = named.scene.arms[0]->nominal;
+    Vary(grid.kinematics, &variants, [&](const std::string& model, Variant* variant) {
       const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
-      if (kind == Kinematics::kGravity && arm->nominal.load == nullptr) {
+      if (kind == Kinematics::kGravity && arm.load == nullptr) {
         named.place.Fail("has an arm whose links have no known masses, so that kinematics: gravity is not possible");
       }
       const std::vector<std::shared_ptr<const SharedEffects>> errors =
-          CandidateArmErrors(arm->nominal, kind, variant->cell.poses.size());
+          CandidateArmErrors(arm, kind, variant->cell.captures.size());
       variant->labels.kinematics = model;
       variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
       if (model == "auto") {
@@ -260,56 +272,10 @@ void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_capt
       }
     });
   }
-  AddCells(std::move(variants), study);
-}
-
-// Returns the number with the noun: "1 arm", "2 targets".
-std::string Counted(size_t number, const std::string& noun) {
-  return std::to_string(number) + " " + noun + (number == 1 ? "" : "s");
-}
-
-void AddRigCells(const StudyGrid& grid, const NamedScene& named, int num_captures, SceneConfig scene,
-                 StudyConfig* study) {
-  if (num_captures > 0) scene.options.motion.num_captures = num_captures;
-  Rng rng(scene.seed);
-  RigStudyCell cell;
-  cell.rig = scene.problem;
-  cell.poses = scene.poses;
-  cell.targets = SimulatedTargets(scene);
-  cell.simulation = scene.options;
-  const Outcome<std::vector<ArmPoses>> arms =
-      SimulateArmPoses(scene.problem, scene.poses, cell.targets, scene.options, &rng);
-  if (!arms) named.place.Fail(arms.reason());
-  cell.arms = *arms;
-  if (grid.give_camera.value_or(scene.give_camera)) cell.options.has_camera.assign(scene.problem.cameras.size(), true);
-  cell.options.choose_target_shape = grid.chooses_shape;
-  cell.options.adjustment.loss = grid.options.bundle.loss;
-  cell.estimators = grid.estimators;
-  std::vector<Variant<RigStudyCell>> variants = {{cell, {}}};
-  StudyLabels& labels = variants.front().labels;
-  labels.scene = named.name;
-  labels.rig = Counted(scene.problem.cameras.size(), "camera") + ", " +
-               Counted(scene.problem.targets.size(), "target") + ", " + Counted(scene.problem.robots.size(), "arm");
-  labels.num_captures = static_cast<int>(cell.arms.size());
-  for (const SimulatedTarget& target : cell.targets) {
-    labels.num_points += static_cast<int>(target.points_in_target.cols());
+  for (Variant& variant : variants) {
+    study->cells.push_back(std::move(variant.cell));
+    study->labels.push_back(std::move(variant.labels));
   }
-  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, auto* variant) {
-    variant->cell.simulation.noise_px = variant->labels.pixel_sigma_px = sigma_px;
-  });
-  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, auto* variant) {
-    variant->cell.simulation.robot_noise = variant->labels.robot_noise = noise;
-    variant->cell.options.adjustment.robot_noise = noise;
-  });
-  Vary(grid.robot_models, &variants, [](const std::string& model, auto* variant) {
-    variant->labels.robot_model = model;
-    variant->cell.options.adjustment.robot = RobotModel(model);
-  });
-  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, auto* variant) {
-    variant->labels.free_intrinsics = groups;
-    for (RigCamera& camera : variant->cell.rig.cameras) camera.free_intrinsics = groups;
-  });
-  AddCells(std::move(variants), study);
 }
 
 // Refuses what a scene has and a study does not simulate.
@@ -320,9 +286,6 @@ void RefuseUnsimulated(const NamedScene& named) {
     named.place.Fail("moves " + (name.empty() ? "its camera" : "camera " + name) +
                      " during the captures, which a study does not simulate");
   }
-  if (!scene.setup && scene.num_repeats > 1) {
-    named.place.Fail("repeats the captures of several cameras, which a study does not simulate");
-  }
 }
 
 // Refuses values that have no effect on the scenes.
@@ -330,20 +293,14 @@ void RefuseUnused(const StudyGrid& grid, const std::vector<NamedScene>& scenes, 
   const auto rig =
       std::find_if(scenes.begin(), scenes.end(), [](const NamedScene& named) { return !named.scene.setup; });
   if (rig == scenes.end()) {
-    if (grid.estimators != RigStudyCell().estimators) {
+    if (grid.estimators != StudyCell().estimators) {
       reader.Get("estimators").Fail("is for rigs; no scene has 'cameras' and 'targets'");
     }
     return;
   }
-  const auto is_zero = [](double share) { return share == 0; };
-  const std::pair<const char*, bool> unused[] = {
-      {"outlier_points", !std::all_of(grid.outliers.begin(), grid.outliers.end(), is_zero)},
-      {"wrong_captures", !std::all_of(grid.wrongs.begin(), grid.wrongs.end(), is_zero)},
-      {"target_shape", std::any_of(grid.target_shapes.begin(), grid.target_shapes.end(),
-                                   [](const TargetShape& shape) { return shape.params != TargetShape().params; })},
-      {"kinematics", grid.kinematics != std::vector<std::string>{"auto"}},
-      {"methods", !grid.options.methods.empty()},
-      {"start", grid.options.seed != kBestSeed}};
+  const std::pair<const char*, bool> unused[] = {{"kinematics", grid.kinematics != std::vector<std::string>{"auto"}},
+                                                 {"methods", !grid.options.methods.empty()},
+                                                 {"start", grid.options.seed != kBestSeed}};
   for (const auto& [key, is_used] : unused) {
     if (is_used) reader.Get(key).Fail("is for scenes of one camera; scene " + Quoted(rig->name) + " is a rig");
   }
@@ -391,7 +348,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       },
       [](const std::string& model) { return YAML::Node(model); });
   grid.target_shapes = ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape, ShapeNode);
-  grid.chooses_shape = reader.Choice("shape_model", {"none", "auto"}, "auto") == "auto";
+  grid.options.choose.target_shape = reader.Choice("shape_model", {"none", "auto"}, "auto") == "auto";
   if (reader.Has("give_camera")) grid.give_camera = reader.Bool("give_camera", true);
   grid.estimators = ReadEstimators(reader);
   grid.options.methods = ReadMethods(reader);
@@ -417,8 +374,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   for (const NamedScene& named : scenes) RefuseUnsimulated(named);
   for (const NamedScene& named : scenes) {
     for (const int num_captures : grid.captures) {
-      const auto add = named.scene.setup ? &AddCameraCells : &AddRigCells;
-      add(grid, named, num_captures, named.scene, &study);
+      AddCells(grid, named, num_captures, &study);
     }
   }
   return study;

@@ -4,11 +4,9 @@
 #include <array>
 #include <filesystem>
 #include <string>
-#include <variant>
 #include <vector>
 
-#include "solvers/calibration/study.h"
-#include "solvers/rig/rig_study.h"
+#include "solvers/study/study.h"
 
 namespace heba {
 
@@ -17,7 +15,7 @@ struct StudyLabels {
   std::string scene;
   Setup setup = Setup::kEyeToHand;
   std::string rig;   // For a rig, which has no setup: "3 cameras, 2 targets, 1 arm".
-  std::string pose;  // For a rig, once it was run: the pose whose errors are stated, as StudiedRigPoses calls it.
+  std::string pose;  // For a rig, once it was run: the pose whose errors are stated, as StudiedPoses calls it.
   int num_captures = 0;
   int num_points = 0;
   double pixel_sigma_px = 0;
@@ -30,14 +28,12 @@ struct StudyLabels {
   std::vector<ParameterGroup> free_intrinsics;  // What the refinement estimates of the cameras.
 };
 
-using AnyStudyCell = std::variant<StudyCell, RigStudyCell>;
-
 struct StudyConfig {
   std::string name;
   int num_trials = 0;
   uint64_t seed = 1;
   std::vector<StudyLabels> labels;  // One per cell.
-  std::vector<AnyStudyCell> cells;
+  std::vector<StudyCell> cells;
   std::filesystem::path output;
   // The study as used, as YAML that can be read from any folder. Every default is filled in: `captures` and
   // `give_camera` in the scenes if the study leaves them out.

@@ -108,8 +108,8 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, Study
     const Eigen::VectorXd& joints = (*postures)[i];
     const StudyPlace place = PlaceAt(scene, joints, true);
     if (i < num_captures) {
-      cell->poses.push_back(
-          {CaptureRole::kNone, CameraFromTarget(cell->hand_eye, place.camera_mount_from_target_mount)});
+      cell->captures.push_back(
+          {{CaptureRole::kNone, CameraFromTarget(HandEyeOf(scene), place.camera_mount_from_target_mount)}});
       robot.effects.push_back(place.effect);
       robot.gripper_by_joints.push_back(place.gripper_by_joints);
       continue;

@@ -8,9 +8,9 @@
 
 namespace heba {
 
-// Runs all trials of a cell on `num_threads` threads and summarises them: one result for a cell with one camera, one
-// for each pose of a rig (StudiedRigPoses). The result does not depend on the threads. `progress` is called after each
-// trial, by one thread at a time.
+// Runs all trials of a cell on `num_threads` threads and summarises them, with one result for each pose of
+// StudiedPoses. The result does not depend on the threads. `progress` is called after each trial, by one thread at a
+// time.
 std::vector<CellResult> RunCell(const StudyConfig& study, int cell, int num_threads,
                                 const std::function<void()>& progress);
 

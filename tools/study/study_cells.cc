@@ -19,13 +19,28 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
+template <class T>
+struct Figure {
+  const char* key;
+  std::optional<double> T::*value;
+};
+constexpr Figure<StudyErrors> kErrors[] = {{"board_m", &StudyErrors::board_m},
+                                           {"board_rad", &StudyErrors::board_rad},
+                                           {"focal_px", &StudyErrors::focal_px},
+                                           {"inside_m", &StudyErrors::inside_m},
+                                           {"outside_m", &StudyErrors::outside_m}};
+constexpr Figure<MethodSummary> kShares[] = {{"coverage", &MethodSummary::coverage},
+                                             {"right_model", &MethodSummary::right_model},
+                                             {"estimated_effects", &MethodSummary::estimated_effects},
+                                             {"coverage_inside", &MethodSummary::coverage_inside},
+                                             {"coverage_outside", &MethodSummary::coverage_outside},
+                                             {"pixel_sigma_px", &MethodSummary::pixel_sigma_px}};
+
 Json ErrorsJson(const StudyErrors& errors) {
   Json json = {{"hand_eye_m", errors.hand_eye_m}, {"hand_eye_rad", errors.hand_eye_rad}};
-  if (errors.board_m) json["board_m"] = *errors.board_m;
-  if (errors.board_rad) json["board_rad"] = *errors.board_rad;
-  if (errors.focal_px) json["focal_px"] = *errors.focal_px;
-  if (errors.inside_m) json["inside_m"] = *errors.inside_m;
-  if (errors.outside_m) json["outside_m"] = *errors.outside_m;
+  for (const auto& [key, value] : kErrors) {
+    if (errors.*value) json[key] = *(errors.*value);
+  }
   return json;
 }
 
@@ -33,11 +48,9 @@ StudyErrors ReadErrors(const JsonReader& reader) {
   StudyErrors errors;
   errors.hand_eye_m = reader.Get("hand_eye_m").Number();
   errors.hand_eye_rad = reader.Get("hand_eye_rad").Number();
-  if (reader.Has("board_m")) errors.board_m = reader.Get("board_m").Number();
-  if (reader.Has("board_rad")) errors.board_rad = reader.Get("board_rad").Number();
-  if (reader.Has("focal_px")) errors.focal_px = reader.Get("focal_px").Number();
-  if (reader.Has("inside_m")) errors.inside_m = reader.Get("inside_m").Number();
-  if (reader.Has("outside_m")) errors.outside_m = reader.Get("outside_m").Number();
+  for (const auto& [key, value] : kErrors) {
+    if (reader.Has(key)) errors.*value = reader.Get(key).Number();
+  }
   return errors;
 }
 
@@ -47,12 +60,9 @@ Json MethodJson(const MethodSummary& method) {
                {"failed", method.num_failed},
                {"rms", ErrorsJson(method.rms)},
                {"axxb_mean_mm", method.axxb_mean_mm}};
-  if (method.coverage) json["coverage"] = *method.coverage;
-  if (method.right_model) json["right_model"] = *method.right_model;
-  if (method.estimated_effects) json["estimated_effects"] = *method.estimated_effects;
-  if (method.coverage_inside) json["coverage_inside"] = *method.coverage_inside;
-  if (method.coverage_outside) json["coverage_outside"] = *method.coverage_outside;
-  if (method.pixel_sigma_px) json["pixel_sigma_px"] = *method.pixel_sigma_px;
+  for (const auto& [key, value] : kShares) {
+    if (method.*value) json[key] = *(method.*value);
+  }
   if (method.robot_noise) json["robot_noise"] = {method.robot_noise->translation_m, method.robot_noise->rotation_rad};
   return json;
 }
@@ -64,12 +74,9 @@ MethodSummary ReadMethod(const JsonReader& reader) {
   method.num_failed = static_cast<int>(reader.Get("failed").Number());
   method.rms = ReadErrors(reader.Get("rms"));
   method.axxb_mean_mm = reader.Get("axxb_mean_mm").Number();
-  if (reader.Has("coverage")) method.coverage = reader.Get("coverage").Number();
-  if (reader.Has("right_model")) method.right_model = reader.Get("right_model").Number();
-  if (reader.Has("estimated_effects")) method.estimated_effects = reader.Get("estimated_effects").Number();
-  if (reader.Has("coverage_inside")) method.coverage_inside = reader.Get("coverage_inside").Number();
-  if (reader.Has("coverage_outside")) method.coverage_outside = reader.Get("coverage_outside").Number();
-  if (reader.Has("pixel_sigma_px")) method.pixel_sigma_px = reader.Get("pixel_sigma_px").Number();
+  for (const auto& [key, value] : kShares) {
+    if (reader.Has(key)) method.*value = reader.Get(key).Number();
+  }
   if (reader.Has("robot_noise")) {
     const std::vector<double> noise = reader.Get("robot_noise").Numbers(2);
     method.robot_noise = RobotNoise{noise[0], noise[1]};
@@ -92,6 +99,10 @@ class Content {
     Add(camera.width_px);
     Add(camera.height_px);
   }
+  void Add(const Mount& mount) {
+    Add(static_cast<double>(mount.robot));
+    Add(static_cast<double>(mount.part));
+  }
   void Add(const RobotNoise& noise) {
     Add(noise.translation_m);
     Add(noise.rotation_rad);
@@ -105,72 +116,54 @@ class Content {
   std::string text_;
 };
 
-void AddCell(const StudyCell& cell, const StudyLabels& labels, Content* content) {
-  const BundleOptions& bundle = cell.options.bundle;
-  content->Add(cell.camera);
-  content->Add(cell.hand_eye.camera_mount_from_camera);
-  content->Add(cell.hand_eye.target_mount_from_target);
-  for (Eigen::Index i = 0; i < cell.target.size(); ++i) {
-    for (int k = 0; k < 3; ++k) content->Add(cell.target.points_in_target(k, i));
-    content->Add(cell.target.RadiusM(i));
-  }
-  for (const SimulatedPose& pose : cell.poses) {
-    content->Add(std::string(RoleName(pose.role)));
-    content->Add(pose.camera_from_target);
-  }
-  content->Add(cell.pixel_sigma_px);
-  content->Add(cell.robot_noise);
-  content->Add(cell.outlier_points);
-  content->Add(cell.wrong_captures);
-  content->Add(Join(cell.options.methods, ",") + " " + cell.options.seed + " " + std::string(LossOf(bundle.loss).name) +
-               " " + std::string(SetupName(cell.options.setup)) + " " + cell.options.camera_model);
-  content->Add(cell.options.camera ? 1 : 0);
-  if (cell.num_repeats > 1) content->Add(cell.num_repeats);
-  for (const double param : cell.shape.params) content->Add(param);
-  content->Add(cell.options.choose.robot_noise ? 1 : 0);
-  content->Add(cell.options.choose.target_shape ? 1 : 0);
-  content->Add(static_cast<double>(bundle.robot));
-  content->Add(bundle.robot_noise);
-  content->Add(bundle.free_intrinsics);
-  if (cell.robot) {
-    content->Add(labels.kinematics);
-    for (const EffectGroup& group : cell.robot->errors->groups) content->Add(group.sigma);
-    content->Add(cell.robot->joint_noise_rad);
-    for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) content->Add(by_joints.sum());
-    for (const StudyPlace& place : cell.robot->places) content->Add(place.camera_mount_from_target_mount);
-  }
-}
-
-void AddCell(const RigStudyCell& cell, const StudyLabels& /*labels*/, Content* content) {
-  content->Add("rig");
-  for (const std::string& robot : cell.rig.robots) content->Add(robot);
-  for (const RigCamera& camera : cell.rig.cameras) {
-    content->Add(camera.name + " " + MountText(cell.rig, camera));
+void AddScene(const StudyCell& cell, Content* content) {
+  for (const std::string& robot : cell.problem.robots) content->Add(robot);
+  for (const RigCamera& camera : cell.problem.cameras) {
+    content->Add(camera.name + " " + MountText(cell.problem, camera));
+    content->Add(camera.mount);
     content->Add(camera.camera);
     content->Add(camera.free_intrinsics);
   }
-  for (size_t t = 0; t < cell.rig.targets.size(); ++t) {
-    content->Add(cell.rig.targets[t].name + " " + MountText(cell.rig, cell.rig.targets[t]));
-    for (const double coordinate : cell.targets[t].points_in_target.reshaped()) content->Add(coordinate);
+  for (size_t t = 0; t < cell.targets.size(); ++t) {
+    content->Add(cell.problem.targets[t].name + " " + MountText(cell.problem, cell.problem.targets[t]));
+    content->Add(cell.problem.targets[t].mount);
+    const Observations& points = cell.targets[t].points;
+    for (const double coordinate : points.points_in_target.reshaped()) content->Add(coordinate);
+    for (Eigen::Index i = 0; i < points.size(); ++i) content->Add(points.RadiusM(i));
     content->Add(cell.targets[t].z_out ? 1 : 0);
   }
   for (const std::vector<Rigid3d>* poses :
        {&cell.poses.mount_from_camera, &cell.poses.mount_from_target, &cell.poses.world_from_base}) {
     for (const Rigid3d& pose : *poses) content->Add(pose);
   }
-  for (const ArmPoses& arms : cell.arms) {
-    for (const Rigid3d& pose : arms) content->Add(pose);
+  for (const StudyCapture& capture : cell.captures) {
+    content->Add(std::string(RoleName(capture.seen.role)));
+    content->Add(capture.seen.camera_from_target);
+    for (const Rigid3d& pose : capture.arms) content->Add(pose);
   }
-  content->Add(cell.simulation.noise_px);
-  content->Add(cell.simulation.robot_noise);
-  content->Add(cell.simulation.motion.margin_px);
-  const RigOptions& adjustment = cell.options.adjustment;
-  content->Add(std::string(LossOf(adjustment.loss).name));
-  content->Add(static_cast<double>(adjustment.robot));
-  content->Add(adjustment.robot_noise);
-  content->Add(cell.options.choose_target_shape ? 1 : 0);
-  content->Add(static_cast<double>(cell.options.has_camera.size()));
-  for (const RigEstimator estimator : cell.estimators) content->Add(static_cast<double>(estimator));
+}
+
+void AddCell(const StudyCell& cell, const StudyLabels& labels, Content* content) {
+  AddScene(cell, content);
+  for (const double figure : {static_cast<double>(cell.num_repeats), cell.margin_px, cell.pixel_sigma_px,
+                              cell.outlier_points, cell.wrong_captures, cell.gives_cameras ? 1.0 : 0.0}) {
+    content->Add(figure);
+  }
+  content->Add(cell.robot_noise);
+  for (const double param : cell.shape_params) content->Add(param);
+  const BundleOptions& bundle = cell.options.bundle;
+  content->Add(Join(cell.options.methods, ",") + " " + cell.options.seed + " " + std::string(LossOf(bundle.loss).name));
+  content->Add(cell.options.choose.robot_noise ? 1 : 0);
+  content->Add(cell.options.choose.target_shape ? 1 : 0);
+  content->Add(static_cast<double>(bundle.robot));
+  content->Add(bundle.robot_noise);
+  for (const StudyEstimator estimator : cell.estimators) content->Add(static_cast<double>(estimator));
+  if (!cell.robot) return;
+  content->Add(labels.kinematics);
+  for (const EffectGroup& group : cell.robot->errors->groups) content->Add(group.sigma);
+  content->Add(cell.robot->joint_noise_rad);
+  for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) content->Add(by_joints.sum());
+  for (const StudyPlace& place : cell.robot->places) content->Add(place.camera_mount_from_target_mount);
 }
 
 // Returns a digest of everything that the result of a cell depends on.
@@ -178,7 +171,7 @@ std::string MadeFrom(const StudyConfig& study, int index) {
   Content content;
   content.Add(DigestOfProgram() + " " + std::to_string(study.num_trials) + " " + std::to_string(study.seed));
   const auto place = static_cast<size_t>(index);
-  std::visit([&](const auto& cell) { AddCell(cell, study.labels[place], &content); }, study.cells[place]);
+  AddCell(study.cells[place], study.labels[place], &content);
   return DigestOf(content.text());
 }
 

@@ -70,20 +70,20 @@ struct Gain {
   double of_rotation = 0;
 };
 std::optional<Gain> GainOf(const CellResult& result) {
-  const auto find = [&](RigEstimator estimator) {
+  const auto find = [&](StudyEstimator estimator) {
     return std::find_if(result.methods.begin(), result.methods.end(), [&](const MethodSummary& method) {
-      return method.method == kRigEstimatorNames[static_cast<size_t>(estimator)] &&
+      return method.method == kStudyEstimatorNames[static_cast<size_t>(estimator)] &&
              method.num_failed < method.num_trials;
     });
   };
-  const auto jointly = find(RigEstimator::kJointly);
-  const auto one_by_one = find(RigEstimator::kOneByOne);
+  const auto jointly = find(StudyEstimator::kJointly);
+  const auto one_by_one = find(StudyEstimator::kOneByOne);
   if (jointly == result.methods.end() || one_by_one == result.methods.end()) return std::nullopt;
   return Gain{one_by_one->rms.hand_eye_m / jointly->rms.hand_eye_m,
               one_by_one->rms.hand_eye_rad / jointly->rms.hand_eye_rad};
 }
 bool IsJoint(const MethodSummary& method) {
-  return method.method == kRigEstimatorNames[static_cast<size_t>(RigEstimator::kJointly)];
+  return method.method == kStudyEstimatorNames[static_cast<size_t>(StudyEstimator::kJointly)];
 }
 
 // Describes a cell without its pixel noise and without the swept quantity.

@@ -2,7 +2,6 @@
 
 #include <fstream>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -25,7 +24,7 @@ constexpr const char* kScene =
     "image_size: [640, 480], fx: 600, fy: 601, cx: 320, cy: 240}, hand_eye: {translation: [500 mm, 0 mm, 600 mm]}, "
     "board: {translation: [0 mm, 0 mm, 50 mm]}, motion: {captures: 6}}\n";
 
-const StudyCell& CameraCell(const StudyConfig& study, size_t cell) { return std::get<StudyCell>(study.cells.at(cell)); }
+const StudyCell& CameraCell(const StudyConfig& study, size_t cell) { return study.cells.at(cell); }
 
 class StudyConfigTest : public testing::Test {
  protected:
@@ -60,18 +59,18 @@ TEST_F(StudyConfigTest, FillsInDefaults) {
   EXPECT_THAT(labels.shape_params, ElementsAre(1, 1, 0, 0));
   EXPECT_EQ(labels.robot_model, "auto");
   const StudyCell& cell = CameraCell(study, 0);
-  EXPECT_THAT(cell.poses, SizeIs(6));
+  EXPECT_THAT(cell.captures, SizeIs(6));
   EXPECT_EQ(cell.pixel_sigma_px, 0.1);
   EXPECT_EQ(cell.outlier_points, 0);
   EXPECT_EQ(cell.wrong_captures, 0);
   EXPECT_THAT(cell.options.methods, IsEmpty());
   EXPECT_EQ(cell.options.seed, "best");
   EXPECT_EQ(cell.options.bundle.loss, LossKind::kTruncated);
-  EXPECT_THAT(cell.options.bundle.free_intrinsics, IsEmpty());
+  EXPECT_THAT(cell.problem.cameras[0].free_intrinsics, IsEmpty());
   EXPECT_TRUE(cell.options.choose.robot_noise);
   EXPECT_TRUE(cell.options.choose.target_shape);
-  EXPECT_EQ(cell.options.width_px, 640);
-  EXPECT_TRUE(cell.options.camera.has_value());
+  EXPECT_EQ(cell.problem.cameras[0].camera.width_px, 640);
+  EXPECT_TRUE(cell.gives_cameras);
 }
 
 TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
@@ -86,9 +85,10 @@ TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
   EXPECT_THAT(options.methods, ElementsAre("tsai", "park"));
   EXPECT_EQ(options.seed, "park");
   EXPECT_EQ(options.bundle.loss, LossKind::kHuber);
-  EXPECT_THAT(options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal, ParameterGroup::kDistortion));
+  EXPECT_THAT(CameraCell(study, 0).problem.cameras[0].free_intrinsics,
+              ElementsAre(ParameterGroup::kFocal, ParameterGroup::kDistortion));
   EXPECT_FALSE(options.choose.target_shape);
-  EXPECT_FALSE(options.camera.has_value());
+  EXPECT_FALSE(CameraCell(study, 0).gives_cameras);
 }
 
 TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
@@ -108,10 +108,10 @@ TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
   EXPECT_DOUBLE_EQ(labels.outlier_points, 0.05);
   EXPECT_DOUBLE_EQ(cell.wrong_captures, 0.1);
   EXPECT_DOUBLE_EQ(labels.wrong_captures, 0.1);
-  EXPECT_THAT(cell.shape.params, ElementsAre(1.01, 1, 0, 2e-3));
+  EXPECT_THAT(cell.shape_params, ElementsAre(1.01, 1, 0, 2e-3));
   EXPECT_THAT(labels.shape_params, ElementsAre(1.01, 1, 0, 2e-3));
   // The estimators know the design only.
-  EXPECT_THAT(cell.options.shape.params, ElementsAre(1, 1, 0, 0));
+  EXPECT_THAT(cell.problem.targets[0].shape.params, ElementsAre(1, 1, 0, 0));
   EXPECT_EQ(cell.options.bundle.robot, BundleOptions::Robot::kGivenNoise);
   EXPECT_FALSE(cell.options.choose.robot_noise);
 }
@@ -134,7 +134,7 @@ TEST_F(StudyConfigTest, CellsAreAllCombinationsOfTheLists) {
   std::vector<std::string> cells;
   for (size_t i = 0; i < study.cells.size(); ++i) {
     const StudyLabels& labels = study.labels[i];
-    EXPECT_EQ(CameraCell(study, i).poses.size(), static_cast<size_t>(labels.num_captures));
+    EXPECT_EQ(CameraCell(study, i).captures.size(), static_cast<size_t>(labels.num_captures));
     EXPECT_EQ(CameraCell(study, i).pixel_sigma_px, labels.pixel_sigma_px);
     cells.push_back(labels.scene + " " + std::to_string(labels.num_captures) + " " +
                     (labels.pixel_sigma_px < 0.15 ? "0.1" : "0.2"));
@@ -153,10 +153,10 @@ TEST_F(StudyConfigTest, CapturesIncludeTheTwoStepMotion) {
   Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: [5, 8]\n");
   const StudyConfig study = ReadStudyConfig(folder_ / "noise.yaml");
   ASSERT_THAT(study.cells, SizeIs(2));
-  EXPECT_THAT(CameraCell(study, 0).poses, SizeIs(5));
-  EXPECT_THAT(CameraCell(study, 1).poses, SizeIs(8));
-  EXPECT_EQ(CameraCell(study, 1).poses[4].role, CaptureRole::kRotate);
-  EXPECT_EQ(CameraCell(study, 1).poses[5].role, CaptureRole::kFree);
+  EXPECT_THAT(CameraCell(study, 0).captures, SizeIs(5));
+  EXPECT_THAT(CameraCell(study, 1).captures, SizeIs(8));
+  EXPECT_EQ(CameraCell(study, 1).captures[4].seen.role, CaptureRole::kRotate);
+  EXPECT_EQ(CameraCell(study, 1).captures[5].seen.role, CaptureRole::kFree);
   Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: 4\n");
   EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
               HasSubstr("scenes.steps: has more captures in its two-step motion than requested"));
@@ -167,9 +167,9 @@ TEST_F(StudyConfigTest, TheSceneDecidesOnTheCameraUnlessTheStudyDoes) {
   std::string scene = kScene;
   scene.replace(scene.find("motion:"), 0, "give_camera: false, ");
   Write("noise.yaml", "scenes:\n  plain: " + scene);
-  EXPECT_FALSE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).options.camera.has_value());
+  EXPECT_FALSE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).gives_cameras);
   Write("noise.yaml", "scenes:\n  plain: " + scene + "give_camera: true\n");
-  EXPECT_TRUE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).options.camera.has_value());
+  EXPECT_TRUE(CameraCell(ReadStudyConfig(folder_ / "noise.yaml"), 0).gives_cameras);
 }
 
 TEST_F(StudyConfigTest, StudyAsUsedReadsBackAsTheSameCells) {
@@ -241,14 +241,16 @@ TEST_F(StudyConfigTest, StudyAsUsedCanBeReadFromItsOutputFolder) {
     EXPECT_EQ(again.labels[i].shape_params, study.labels[i].shape_params);
     EXPECT_EQ(again.labels[i].outlier_points, 0.05);
     EXPECT_EQ(CameraCell(again, i).robot_noise.rotation_rad, CameraCell(study, i).robot_noise.rotation_rad);
-    EXPECT_EQ(CameraCell(again, i).camera.params, CameraCell(study, i).camera.params);
-    EXPECT_EQ(CameraCell(again, i).target.points_in_target, CameraCell(study, i).target.points_in_target);
+    EXPECT_EQ(CameraCell(again, i).problem.cameras[0].camera.params,
+              CameraCell(study, i).problem.cameras[0].camera.params);
+    EXPECT_EQ(CameraCell(again, i).targets[0].points.points_in_target,
+              CameraCell(study, i).targets[0].points.points_in_target);
     EXPECT_THAT(CameraCell(again, i).options.methods, ElementsAre("tsai"));
-    EXPECT_THAT(CameraCell(again, i).options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal));
-    EXPECT_FALSE(CameraCell(again, i).options.camera.has_value());
-    ASSERT_EQ(CameraCell(again, i).poses.size(), CameraCell(study, i).poses.size());
-    EXPECT_EQ(CameraCell(again, i).poses[0].camera_from_target.translation,
-              CameraCell(study, i).poses[0].camera_from_target.translation);
+    EXPECT_THAT(CameraCell(again, i).problem.cameras[0].free_intrinsics, ElementsAre(ParameterGroup::kFocal));
+    EXPECT_FALSE(CameraCell(again, i).gives_cameras);
+    ASSERT_EQ(CameraCell(again, i).captures.size(), CameraCell(study, i).captures.size());
+    EXPECT_EQ(CameraCell(again, i).captures[0].seen.camera_from_target.translation,
+              CameraCell(study, i).captures[0].seen.camera_from_target.translation);
   }
 }
 
@@ -278,22 +280,22 @@ TEST_F(RigStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
       "give_camera: false\n");
   ASSERT_THAT(study.cells, SizeIs(8));
   for (size_t i = 0; i < study.cells.size(); ++i) {
-    const auto& cell = std::get<RigStudyCell>(study.cells[i]);
+    const StudyCell& cell = study.cells[i];
     const StudyLabels& labels = study.labels[i];
     EXPECT_EQ(labels.rig, "2 cameras, 1 target, 1 arm");
     EXPECT_EQ(labels.num_points, 40);
     EXPECT_EQ(labels.num_captures, i < 4 ? 4 : 5);
-    EXPECT_EQ(cell.arms.size(), static_cast<size_t>(labels.num_captures));
-    EXPECT_EQ(cell.simulation.noise_px, labels.pixel_sigma_px);
+    EXPECT_EQ(cell.captures.size(), static_cast<size_t>(labels.num_captures));
+    EXPECT_EQ(cell.pixel_sigma_px, labels.pixel_sigma_px);
     EXPECT_DOUBLE_EQ(labels.pixel_sigma_px, i % 4 < 2 ? 0.1 : 0.2);
-    EXPECT_DOUBLE_EQ(cell.simulation.robot_noise.translation_m, 1e-3);
-    EXPECT_DOUBLE_EQ(cell.options.adjustment.robot_noise.translation_m, 1e-3);
-    EXPECT_EQ(cell.options.adjustment.robot, BundleOptions::Robot::kGivenNoise);
-    EXPECT_EQ(cell.options.adjustment.loss, LossKind::kNone);
-    EXPECT_FALSE(cell.options.choose_target_shape);
-    EXPECT_THAT(cell.options.has_camera, IsEmpty());
-    EXPECT_THAT(cell.estimators, ElementsAre(RigEstimator::kOneByOne));
-    for (const RigCamera& camera : cell.rig.cameras) {
+    EXPECT_DOUBLE_EQ(cell.robot_noise.translation_m, 1e-3);
+    EXPECT_DOUBLE_EQ(cell.options.bundle.robot_noise.translation_m, 1e-3);
+    EXPECT_EQ(cell.options.bundle.robot, BundleOptions::Robot::kGivenNoise);
+    EXPECT_EQ(cell.options.bundle.loss, LossKind::kNone);
+    EXPECT_FALSE(cell.options.choose.target_shape);
+    EXPECT_FALSE(cell.gives_cameras);
+    EXPECT_THAT(cell.estimators, ElementsAre(StudyEstimator::kOneByOne));
+    for (const RigCamera& camera : cell.problem.cameras) {
       EXPECT_EQ(camera.free_intrinsics.size(), i % 2);
       EXPECT_EQ(camera.free_intrinsics, labels.free_intrinsics);
     }
@@ -315,35 +317,44 @@ TEST_F(RigStudyConfigTest, TheStudyAsUsedReadsBackAsTheSame) {
   ASSERT_THAT(study.cells, SizeIs(4));
   ASSERT_THAT(again.cells, SizeIs(4));
   for (size_t i = 0; i < 2; ++i) {
-    const auto& one = std::get<RigStudyCell>(study.cells[i]);
-    const auto& other = std::get<RigStudyCell>(again.cells[i]);
-    EXPECT_EQ(one.targets[0].points_in_target, other.targets[0].points_in_target);
-    EXPECT_EQ(one.rig.cameras[1].camera.params, other.rig.cameras[1].camera.params);
+    const StudyCell& one = study.cells[i];
+    const StudyCell& other = again.cells[i];
+    EXPECT_EQ(one.targets[0].points.points_in_target, other.targets[0].points.points_in_target);
+    EXPECT_EQ(one.problem.cameras[1].camera.params, other.problem.cameras[1].camera.params);
     EXPECT_EQ(again.labels[i].free_intrinsics, study.labels[i].free_intrinsics);
-    ASSERT_EQ(one.arms.size(), other.arms.size());
+    ASSERT_EQ(one.captures.size(), other.captures.size());
     // A rotation is written as a quaternion, which is normalised when it is read.
     constexpr double kRoundOffM = 1e-12;
-    EXPECT_LT((one.arms[5][0].translation - other.arms[5][0].translation).norm(), kRoundOffM);
-    EXPECT_THAT(CameraCell(again, 2 + i).options.bundle.free_intrinsics, SizeIs(i));
+    EXPECT_LT((one.captures[5].arms[0].translation - other.captures[5].arms[0].translation).norm(), kRoundOffM);
+    EXPECT_THAT(CameraCell(again, 2 + i).problem.cameras[0].free_intrinsics, SizeIs(i));
   }
+}
+
+TEST_F(RigStudyConfigTest, HasTheErrorsOfASingleCamera) {
+  std::string repeated = RigSceneWith();
+  repeated.replace(repeated.find("captures: 6"), 11, "captures: 6, repeats: 2");
+  repeated.insert(1, "image: {noise: 1 grey}, ");
+  const StudyConfig study =
+      ReadRig("outlier_points: 0.1\nwrong_captures: [0, 0.2]\ntarget_shape: {scale_x: 1.01}\n", repeated);
+  ASSERT_THAT(study.cells, SizeIs(2));
+  EXPECT_EQ(study.cells[1].num_repeats, 2);
+  EXPECT_EQ(study.cells[1].outlier_points, 0.1);
+  EXPECT_EQ(study.cells[1].wrong_captures, 0.2);
+  EXPECT_EQ(study.labels[1].wrong_captures, 0.2);
+  EXPECT_THAT(study.cells[1].shape_params, ElementsAre(1.01, 1, 0, 0));
 }
 
 TEST_F(RigStudyConfigTest, RefusesWhatARigDoesNotHave) {
   const auto error_of = [&](const std::string& more, const std::string& scene = RigSceneWith()) {
     return InputErrorOf([&] { ReadRig(more, scene); });
   };
-  for (const char* line : {"outlier_points: 0.1", "wrong_captures: [0, 0.1]", "target_shape: {scale_x: 1.01}",
-                           "kinematics: offsets", "methods: [tsai]", "start: park"}) {
+  for (const char* line : {"kinematics: offsets", "methods: [tsai]", "start: park"}) {
     const std::string key = std::string(line).substr(0, std::string(line).find(':'));
     EXPECT_THAT(error_of(std::string(line) + "\n"),
                 HasSubstr("rig.yaml:3: " + key + ": is for scenes of one camera; scene 'pair' is a rig"));
   }
   EXPECT_THAT(error_of("", RigSceneWith(", moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}")),
               HasSubstr("rig.yaml:2: scenes.pair: moves camera left during the captures, which a study does not"));
-  std::string repeated = RigSceneWith();
-  repeated.replace(repeated.find("captures: 6"), 11, "captures: 6, repeats: 2");
-  repeated.insert(1, "image: {noise: 1 grey}, ");
-  EXPECT_THAT(error_of("", repeated), HasSubstr("rig.yaml:2: scenes.pair: repeats the captures of several cameras"));
   std::string near = RigSceneWith();
   near.replace(near.find("distance: 600 mm"), 16, "distance: 60 mm");
   EXPECT_THAT(error_of("", near), HasSubstr("rig.yaml:2: scenes.pair: the target does not fit into the image"));

@@ -3,7 +3,6 @@
 #include <fstream>
 #include <functional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -23,28 +22,29 @@ StudyConfig SmallStudy() {
   study.seed = 1;
   for (int i = 0; i < 2; ++i) {
     StudyCell cell;
-    cell.camera = Camera{"pinhole", 640, 480, {600, 600, 320, 240}};
-    cell.target.ids = {0};
-    cell.target.points_in_target = Points3::Zero(3, 1);
-    cell.poses = {{CaptureRole::kHome, Rigid3d()}};
+    cell.problem = HandEyeProblem(Setup::kEyeToHand, {"pinhole", 640, 480, {600, 600, 320, 240}}, TargetShape());
+    cell.poses = HandEyePosesOf({});
+    cell.targets.emplace_back().points.ids = {0};
+    cell.targets[0].points.points_in_target = Points3::Zero(3, 1);
+    cell.captures = {{{CaptureRole::kHome, Rigid3d()}}};
     cell.pixel_sigma_px = 0.1 * (i + 1);
     study.cells.push_back(cell);
     study.labels.emplace_back();
     study.labels.back().scene = "scene" + std::to_string(i);
   }
-  RigStudyCell rig;
-  rig.rig.robots = {"arm"};
-  rig.rig.cameras = {{"top", {0, Mount::Part::kBase}, Camera{"pinhole", 640, 480, {600, 600, 320, 240}}}};
-  rig.rig.targets = {{"plate", {0, Mount::Part::kGripper}, TargetShape()}};
+  StudyCell rig;
+  rig.problem.robots = {"arm"};
+  rig.problem.cameras = {{"top", {0, Mount::Part::kBase}, Camera{"pinhole", 640, 480, {600, 600, 320, 240}}}};
+  rig.problem.targets = {{"plate", {0, Mount::Part::kGripper}, TargetShape()}};
   rig.poses = {{Rigid3d()}, {Rigid3d()}, {Rigid3d()}};
-  rig.targets = {{Points3::Zero(3, 4), false}};
-  rig.arms = {{Rigid3d()}, {Rigid3d()}};
+  rig.targets.emplace_back().points.points_in_target = Points3::Zero(3, 4);
+  rig.captures = {{{}, {Rigid3d()}}, {{}, {Rigid3d()}}};
   study.cells.emplace_back(rig);
   study.labels.emplace_back();
   return study;
 }
 
-StudyCell& CameraCell(StudyConfig* study) { return std::get<StudyCell>(study->cells[0]); }
+StudyCell& CameraCell(StudyConfig* study) { return study->cells[0]; }
 
 std::vector<CellResult> ResultOf(int cell) {
   CellResult result;
@@ -69,7 +69,7 @@ std::vector<CellResult> ResultOf(int cell) {
   return {result};
 }
 
-RigStudyCell& RigCell(StudyConfig* study) { return std::get<RigStudyCell>(study->cells[2]); }
+StudyCell& RigCell(StudyConfig* study) { return study->cells[2]; }
 
 class StudyCellsTest : public testing::Test {
  protected:
@@ -157,25 +157,30 @@ INSTANTIATE_TEST_SUITE_P(
         Change{"RobotNoise", [](StudyConfig* study) { CameraCell(study).robot_noise.rotation_rad = 1e-9; }},
         Change{"Outliers", [](StudyConfig* study) { CameraCell(study).outlier_points = 0.01; }},
         Change{"WrongCaptures", [](StudyConfig* study) { CameraCell(study).wrong_captures = 0.01; }},
-        Change{"Camera", [](StudyConfig* study) { CameraCell(study).camera.params[0] += 1e-6; }},
-        Change{"CameraModel", [](StudyConfig* study) { CameraCell(study).options.camera_model = "rational8"; }},
-        Change{"HandEye",
-               [](StudyConfig* study) { CameraCell(study).hand_eye.camera_mount_from_camera.translation.x() = 1; }},
-        Change{"Pose", [](StudyConfig* study) { CameraCell(study).poses[0].camera_from_target.translation.x() = 1; }},
-        Change{"Role", [](StudyConfig* study) { CameraCell(study).poses[0].role = CaptureRole::kNone; }},
-        Change{"Points", [](StudyConfig* study) { CameraCell(study).target.points_in_target(0, 0) = 1; }},
-        Change{"Radii", [](StudyConfig* study) { CameraCell(study).target.radii_m = Eigen::VectorXd::Ones(1); }},
-        Change{"Shape", [](StudyConfig* study) { CameraCell(study).shape.params[0] = 1.01; }},
+        Change{"Camera", [](StudyConfig* study) { CameraCell(study).problem.cameras[0].camera.params[0] += 1e-6; }},
+        Change{"CameraModel",
+               [](StudyConfig* study) { CameraCell(study).problem.cameras[0].camera.model = "rational8"; }},
+        Change{"HandEye", [](StudyConfig* study) { CameraCell(study).poses.mount_from_camera[0].translation.x() = 1; }},
+        Change{"Pose",
+               [](StudyConfig* study) { CameraCell(study).captures[0].seen.camera_from_target.translation.x() = 1; }},
+        Change{"Role", [](StudyConfig* study) { CameraCell(study).captures[0].seen.role = CaptureRole::kNone; }},
+        Change{"Points", [](StudyConfig* study) { CameraCell(study).targets[0].points.points_in_target(0, 0) = 1; }},
+        Change{"Radii",
+               [](StudyConfig* study) { CameraCell(study).targets[0].points.radii_m = Eigen::VectorXd::Ones(1); }},
+        Change{"Shape", [](StudyConfig* study) { CameraCell(study).shape_params[0] = 1.01; }},
         Change{"Methods", [](StudyConfig* study) { CameraCell(study).options.methods = {"park"}; }},
         Change{"Loss", [](StudyConfig* study) { CameraCell(study).options.bundle.loss = LossKind::kHuber; }},
-        Change{"Setup", [](StudyConfig* study) { CameraCell(study).options.setup = Setup::kEyeInHand; }},
+        Change{"Setup",
+               [](StudyConfig* study) { CameraCell(study).problem.cameras[0].mount.part = Mount::Part::kGripper; }},
         Change{"RobotModel",
                [](StudyConfig* study) {
                  CameraCell(study).options.choose.robot_noise = !CameraCell(study).options.choose.robot_noise;
                }},
         Change{"Intrinsics",
-               [](StudyConfig* study) { CameraCell(study).options.bundle.free_intrinsics = {ParameterGroup::kFocal}; }},
-        Change{"GivenCamera", [](StudyConfig* study) { CameraCell(study).options.camera = CameraCell(study).camera; }}),
+               [](StudyConfig* study) {
+                 CameraCell(study).problem.cameras[0].free_intrinsics = {ParameterGroup::kFocal};
+               }},
+        Change{"GivenCamera", [](StudyConfig* study) { CameraCell(study).gives_cameras = false; }}),
     [](const auto& change) { return change.param.name; });
 
 TEST_F(StudyCellsTest, FindsThePosesOfARigInTheirOrder) {
@@ -210,30 +215,31 @@ TEST_P(ChangedRigStudyTest, DoesNotReuseTheCell) {
 INSTANTIATE_TEST_SUITE_P(
     , ChangedRigStudyTest,
     testing::Values(
-        Change{"PixelNoise", [](StudyConfig* study) { RigCell(study).simulation.noise_px = 0.2; }},
-        Change{"RobotNoise", [](StudyConfig* study) { RigCell(study).simulation.robot_noise.rotation_rad = 1e-9; }},
-        Change{"Margin", [](StudyConfig* study) { RigCell(study).simulation.motion.margin_px += 1; }},
-        Change{"Camera", [](StudyConfig* study) { RigCell(study).rig.cameras[0].camera.params[0] += 1e-6; }},
-        Change{"Name", [](StudyConfig* study) { RigCell(study).rig.cameras[0].name = "side"; }},
-        Change{"Mount", [](StudyConfig* study) { RigCell(study).rig.targets[0].mount.part = Mount::Part::kBase; }},
+        Change{"PixelNoise", [](StudyConfig* study) { RigCell(study).pixel_sigma_px = 0.2; }},
+        Change{"RobotNoise", [](StudyConfig* study) { RigCell(study).robot_noise.rotation_rad = 1e-9; }},
+        Change{"Margin", [](StudyConfig* study) { RigCell(study).margin_px += 1; }},
+        Change{"Camera", [](StudyConfig* study) { RigCell(study).problem.cameras[0].camera.params[0] += 1e-6; }},
+        Change{"Name", [](StudyConfig* study) { RigCell(study).problem.cameras[0].name = "side"; }},
+        Change{"Mount", [](StudyConfig* study) { RigCell(study).problem.targets[0].mount.part = Mount::Part::kBase; }},
         Change{"CameraPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_camera[0].translation.x() = 1; }},
         Change{"TargetPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_target[0].translation.x() = 1; }},
-        Change{"Arm", [](StudyConfig* study) { RigCell(study).arms[1][0].translation.x() = 1; }},
-        Change{"Points", [](StudyConfig* study) { RigCell(study).targets[0].points_in_target(0, 0) = 1; }},
-        Change{"Intrinsics",
-               [](StudyConfig* study) { RigCell(study).rig.cameras[0].free_intrinsics = {ParameterGroup::kFocal}; }},
-        Change{"GivenCamera", [](StudyConfig* study) { RigCell(study).options.has_camera = {true}; }},
+        Change{"Arm", [](StudyConfig* study) { RigCell(study).captures[1].arms[0].translation.x() = 1; }},
+        Change{"Points", [](StudyConfig* study) { RigCell(study).targets[0].points.points_in_target(0, 0) = 1; }},
+        Change{
+            "Intrinsics",
+            [](StudyConfig* study) { RigCell(study).problem.cameras[0].free_intrinsics = {ParameterGroup::kFocal}; }},
+        Change{"GivenCamera", [](StudyConfig* study) { RigCell(study).gives_cameras = false; }},
         Change{"RobotModel",
-               [](StudyConfig* study) { RigCell(study).options.adjustment.robot = BundleOptions::Robot::kExact; }},
-        Change{"Loss", [](StudyConfig* study) { RigCell(study).options.adjustment.loss = LossKind::kNone; }},
-        Change{"Shape", [](StudyConfig* study) { RigCell(study).options.choose_target_shape = false; }},
-        Change{"Estimators", [](StudyConfig* study) { RigCell(study).estimators = {RigEstimator::kOneByOne}; }}),
+               [](StudyConfig* study) { RigCell(study).options.bundle.robot = BundleOptions::Robot::kGivenNoise; }},
+        Change{"Loss", [](StudyConfig* study) { RigCell(study).options.bundle.loss = LossKind::kNone; }},
+        Change{"Shape", [](StudyConfig* study) { RigCell(study).options.choose.target_shape = false; }},
+        Change{"Estimators", [](StudyConfig* study) { RigCell(study).estimators = {StudyEstimator::kOneByOne}; }}),
     [](const auto& change) { return change.param.name; });
 
 // The content of a cell decides, not its neighbours.
 TEST_F(StudyCellsTest, AChangeOfAnotherCellDoesNotMatter) {
   StudyCells(folder_ / "study", study_).Keep(ResultOf(0));
-  std::get<StudyCell>(study_.cells[1]).pixel_sigma_px = 5;
+  study_.cells[1].pixel_sigma_px = 5;
   study_.cells.push_back(study_.cells[1]);
   study_.labels.push_back(study_.labels[1]);
   EXPECT_TRUE(StudyCells(folder_ / "study", study_).Find(0).has_value());

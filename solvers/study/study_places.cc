@@ -1,4 +1,4 @@
-#include "solvers/calibration/study_places.h"
+#include "solvers/study/study_places.h"
 
 #include <cmath>
 
@@ -25,14 +25,14 @@ PredictedPlace PredictPlace(const StudyCell& cell, const StudyPlace& place, cons
   }
   const bool has_effects = !indices.empty();
   const KinematicLoop loop =
-      HandEyeLoop(cell.options.setup, place.camera_mount_from_target_mount,
+      HandEyeLoop(SetupOf(cell), place.camera_mount_from_target_mount,
                   has_effects ? SelectEffects(place.effect, effects->num_all, indices) : nullptr, true);
   const std::vector<Rigid3d> poses = {hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target};
   const std::vector<Eigen::VectorXd> of_effects(has_effects ? 1 : 0, values);
   LoopDerivatives derivatives;
   const Rigid3d camera_from_target = loop.Evaluate({poses, of_effects, std::vector<Rigid3d>(1)}, &derivatives);
   PredictedPlace predicted;
-  predicted.in_camera = camera_from_target * cell.target.points_in_target.rowwise().mean();
+  predicted.in_camera = camera_from_target * cell.targets[0].points.points_in_target.rowwise().mean();
   const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(predicted.in_camera);
   predicted.by_unknowns.setZero(3, layout.size());
   predicted.by_unknowns.middleCols<6>(layout.Block(kHandEyeBlock).first) = by_motion * derivatives.shared[0];
@@ -74,13 +74,13 @@ Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joint
 void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen::VectorXd& drawn, Rng* rng,
                     TrialEstimate* estimate) {
   const Covariance& covariance = solution.covariance;
-  const Eigen::Vector3d middle = cell.target.points_in_target.rowwise().mean();
+  const Eigen::Vector3d middle = cell.targets[0].points.points_in_target.rowwise().mean();
   for (const StudyPlace& place : cell.robot->places) {
     const PredictedPlace predicted = PredictPlace(cell, place, solution.hand_eye, solution.shared_effects.get(),
                                                   solution.effects, covariance.layout);
     const auto truth_at = [&](double joint_noise_rad) -> Eigen::Vector3d {
       const Rigid3d correction = DrawPoseError(*place.effect, place.gripper_by_joints, drawn, joint_noise_rad, rng);
-      return CameraFromTarget(cell.options.setup, cell.hand_eye, place.camera_mount_from_target_mount, correction) *
+      return CameraFromTarget(SetupOf(cell), HandEyeOf(cell), place.camera_mount_from_target_mount, correction) *
              middle;
     };
     PlaceErrors& errors = place.is_inside ? estimate->inside : estimate->outside;
@@ -113,7 +113,7 @@ void AddPlaceBounds(const StudyCell& cell, const SharedEffects* drawn, const Cov
   int nums[2] = {};
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size());
   for (const StudyPlace& place : cell.robot->places) {
-    const PredictedPlace predicted = PredictPlace(cell, place, cell.hand_eye, drawn, zero, covariance.layout);
+    const PredictedPlace predicted = PredictPlace(cell, place, HandEyeOf(cell), drawn, zero, covariance.layout);
     sums_m2[place.is_inside ? 0 : 1] +=
         (predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose()).trace();
     ++nums[place.is_inside ? 0 : 1];

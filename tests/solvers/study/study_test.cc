@@ -1,6 +1,6 @@
 // Tests of the studies: the error bound equals that of an independent formula, the refinement reaches it, and a trial
 // is reproducible from its number.
-#include "solvers/calibration/study.h"
+#include "solvers/study/study.h"
 
 #include <cmath>
 
@@ -23,31 +23,45 @@ StudyCell MakeCell(Setup setup, double pixel_sigma_px, const RobotNoise& robot) 
   options.points = GridPoints(4, 3, 0.04);
   const TestScene scene = MakeTestScene(2, options);
   StudyCell cell;
-  cell.camera = scene.camera;
-  cell.hand_eye = scene.hand_eye;
-  cell.target = scene.views.front().observations;
-  for (const PosePair& pair : scene.pairs) cell.poses.push_back({CaptureRole::kNone, pair.camera_from_target});
+  const Observations& points = scene.views.front().observations;
+  cell.problem = HandEyeProblem(setup, scene.camera, DesignedShape(points.points_in_target));
+  cell.poses = HandEyePosesOf(scene.hand_eye);
+  cell.targets = {{points}};
+  for (const PosePair& pair : scene.pairs) cell.captures.push_back({{CaptureRole::kNone, pair.camera_from_target}});
   cell.pixel_sigma_px = pixel_sigma_px;
   cell.robot_noise = robot;
-  cell.options.setup = setup;
-  cell.options.camera = scene.camera;
-  cell.options.bundle.free_intrinsics = {};
   return cell;
+}
+
+// Returns the estimates of a trial.
+std::vector<TrialEstimate> OnlyTrial(const StudyCell& cell, int trial) { return RunTrial(cell, 1, trial).at(0); }
+
+// Returns the summary of the bundle adjustment over trials.
+MethodSummary BundleOf(const StudyCell& cell, int num_trials) {
+  std::vector<std::vector<std::vector<TrialEstimate>>> trials;
+  for (int trial = 0; trial < num_trials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
+  return Summarise(cell, trials).at(0).methods.back();
+}
+
+Outcome<StudyErrors> BoundOf(const StudyCell& cell) {
+  const Outcome<std::vector<PoseBound>> bounds = ErrorBounds(cell);
+  return bounds ? Outcome<StudyErrors>(bounds->at(0).errors) : Outcome<StudyErrors>(Failure{bounds.reason()});
 }
 
 // Returns all pixels of a capture after a step of the hand-eye pose (6), the board pose (6) and the robot error of
 // this capture (6). It is differentiated numerically.
 Eigen::VectorXd PixelsOf(const StudyCell& cell, size_t capture, const Eigen::Matrix<double, 18, 1>& step) {
-  const HandEye moved{Retract(cell.hand_eye.camera_mount_from_camera, step.head<6>()),
-                      Retract(cell.hand_eye.target_mount_from_target, step.segment<6>(6))};
-  const Rigid3d mount = CameraMountFromTargetMount(cell.hand_eye, cell.poses[capture].camera_from_target);
-  const Rigid3d base_from_gripper = Retract(BaseFromGripper(cell.options.setup, mount), step.tail<6>());
+  const HandEye truth = HandEyeOf(cell);
+  const HandEye moved{Retract(truth.camera_mount_from_camera, step.head<6>()),
+                      Retract(truth.target_mount_from_target, step.segment<6>(6))};
+  const Rigid3d mount = CameraMountFromTargetMount(truth, cell.captures[capture].seen.camera_from_target);
+  const Rigid3d base_from_gripper = Retract(BaseFromGripper(SetupOf(cell), mount), step.tail<6>());
   const Rigid3d camera_from_target =
-      CameraFromTarget(moved, CameraMountFromTargetMount(cell.options.setup, base_from_gripper));
-  Eigen::VectorXd pixels(2 * cell.target.size());
-  for (Eigen::Index i = 0; i < cell.target.size(); ++i) {
-    pixels.segment<2>(2 * i) =
-        ProjectPoint(cell.camera, camera_from_target * cell.target.points_in_target.col(i)).value();
+      CameraFromTarget(moved, CameraMountFromTargetMount(SetupOf(cell), base_from_gripper));
+  const Points3& points = cell.targets[0].points.points_in_target;
+  Eigen::VectorXd pixels(2 * points.cols());
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    pixels.segment<2>(2 * i) = ProjectPoint(cell.problem.cameras[0].camera, camera_from_target * points.col(i)).value();
   }
   return pixels;
 }
@@ -58,8 +72,8 @@ TEST_P(StudyTest, ErrorBoundEqualsItsDefinition) {
   const RobotNoise robot{2e-4, 4e-4};
   const StudyCell cell = MakeCell(GetParam(), 0.3, robot);
   Eigen::Matrix<double, 12, 12> information = Eigen::Matrix<double, 12, 12>::Zero();
-  for (size_t capture = 0; capture < cell.poses.size(); ++capture) {
-    Eigen::MatrixXd jacobian(2 * cell.target.size(), 18);
+  for (size_t capture = 0; capture < cell.captures.size(); ++capture) {
+    Eigen::MatrixXd jacobian(2 * cell.targets[0].points.size(), 18);
     for (int k = 0; k < 18; ++k) {
       constexpr double kStep = 1e-6;
       const Eigen::Matrix<double, 18, 1> step = kStep * Eigen::Matrix<double, 18, 1>::Unit(k);
@@ -73,7 +87,7 @@ TEST_P(StudyTest, ErrorBoundEqualsItsDefinition) {
     information += jacobian.leftCols<12>().transpose() * s.inverse() * jacobian.leftCols<12>();
   }
   const Eigen::Matrix<double, 12, 12> covariance = information.inverse();
-  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  const Outcome<StudyErrors> bound = BoundOf(cell);
   ASSERT_TRUE(bound.ok()) << bound.reason();
   constexpr double kNumeric = 1e-4;  // Relative error of the central differences.
   EXPECT_NEAR(bound->hand_eye_m / std::sqrt(covariance.diagonal().head<3>().sum()), 1, kNumeric);
@@ -92,12 +106,10 @@ TEST_P(StudyTest, RefinementReachesTheBoundWithCorrectCoverage) {
     SCOPED_TRACE(is_noisy);
     StudyCell cell = MakeCell(GetParam(), 0.3, is_noisy ? RobotNoise{2e-4, 4e-4} : RobotNoise{});
     if (is_noisy) cell.options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    std::vector<std::vector<TrialEstimate>> trials;
-    for (int trial = 0; trial < kTrials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
-    const MethodSummary bundle = Summarise(cell, trials).back();
+    const MethodSummary bundle = BundleOf(cell, kTrials);
     EXPECT_EQ(bundle.method, kBundleMethod);
     EXPECT_EQ(bundle.num_failed, 0);
-    const Outcome<StudyErrors> bound = ErrorBound(cell);
+    const Outcome<StudyErrors> bound = BoundOf(cell);
     EXPECT_NEAR(bundle.rms.hand_eye_m / bound->hand_eye_m, 1, 0.12);
     EXPECT_NEAR(bundle.rms.hand_eye_rad / bound->hand_eye_rad, 1, 0.12);
     EXPECT_NEAR(*bundle.coverage, 0.95, 0.05);
@@ -114,20 +126,18 @@ TEST_P(StudyTest, RepeatedPosesShareTheErrorOfTheRobot) {
   StudyCell once = cell;
   once.num_repeats = 1;
   once.pixel_sigma_px = 0.15;
-  const Outcome<StudyErrors> bound = ErrorBound(cell);
-  EXPECT_NEAR(bound->hand_eye_m, ErrorBound(once)->hand_eye_m, 1e-6 * bound->hand_eye_m);
-  std::vector<std::vector<TrialEstimate>> trials;
-  for (int trial = 0; trial < kTrials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
-  const MethodSummary bundle = Summarise(cell, trials).back();
+  const Outcome<StudyErrors> bound = BoundOf(cell);
+  EXPECT_NEAR(bound->hand_eye_m, BoundOf(once)->hand_eye_m, 1e-6 * bound->hand_eye_m);
+  const MethodSummary bundle = BundleOf(cell, kTrials);
   EXPECT_NEAR(bundle.rms.hand_eye_m / bound->hand_eye_m, 1, 0.2);
   EXPECT_NEAR(*bundle.pixel_sigma_px, 0.3, 0.01);
 }
 
 TEST_P(StudyTest, TrialsAreReproducible) {
   const StudyCell cell = MakeCell(GetParam(), 0.3, {});
-  const std::vector<TrialEstimate> once = RunTrial(cell, 1, 7);
-  const std::vector<TrialEstimate> again = RunTrial(cell, 1, 7);
-  const std::vector<TrialEstimate> other = RunTrial(cell, 1, 8);
+  const std::vector<TrialEstimate> once = OnlyTrial(cell, 7);
+  const std::vector<TrialEstimate> again = OnlyTrial(cell, 7);
+  const std::vector<TrialEstimate> other = OnlyTrial(cell, 8);
   EXPECT_EQ(once.back().error, again.back().error);
   EXPECT_NE(once.back().error, other.back().error);
 }
@@ -137,11 +147,9 @@ INSTANTIATE_TEST_SUITE_P(Setups, StudyTest, testing::Values(Setup::kEyeToHand, S
 
 TEST(StudyIntrinsicsTest, ErrorsCoverTheParametersThatEachMethodEstimates) {
   StudyCell cell = MakeCell(Setup::kEyeToHand, 0.1, {});
-  cell.options.bundle.free_intrinsics = {ParameterGroup::kFocal};
-  cell.options.camera.reset();
-  cell.options.width_px = cell.camera.width_px;
-  cell.options.height_px = cell.camera.height_px;
-  for (const TrialEstimate& estimate : RunTrial(cell, 1, 0)) {
+  cell.problem.cameras[0].free_intrinsics = {ParameterGroup::kFocal};
+  cell.gives_cameras = false;
+  for (const TrialEstimate& estimate : OnlyTrial(cell, 0)) {
     EXPECT_TRUE(estimate.ok) << estimate.method;
     EXPECT_EQ(estimate.error.size(), estimate.method == "bundle" ? 14 : 12) << estimate.method;
   }
@@ -168,13 +176,11 @@ StudyCell MakeArmCell(double share_of_errors) {
   options.offset_rad = options.length_m = options.angle_rad = options.joint_noise_rad = 0;
   const ArmScene scene = MakeArmScene(3, options);
   StudyCell cell;
-  cell.camera = scene.scene.camera;
-  cell.hand_eye = scene.scene.hand_eye;
-  cell.target = scene.scene.views.front().observations;
+  const Observations& points = scene.scene.views.front().observations;
+  cell.problem = HandEyeProblem(Setup::kEyeToHand, scene.scene.camera, DesignedShape(points.points_in_target));
+  cell.poses = HandEyePosesOf(scene.scene.hand_eye);
+  cell.targets = {{points}};
   cell.pixel_sigma_px = 0.1;
-  cell.options.setup = Setup::kEyeToHand;
-  cell.options.camera = cell.camera;
-  cell.options.bundle.free_intrinsics = {};
   cell.options.methods = {"shah"};
   cell.options.choose.target_shape = false;
   SharedEffects errors = ArmErrors(scene.nominal, ArmErrorModel::kGeometry);
@@ -186,7 +192,8 @@ StudyCell MakeArmCell(double share_of_errors) {
     const View& view = scene.scene.views[i];
     const bool is_capture = i < 20;
     if (is_capture) {
-      cell.poses.push_back({CaptureRole::kNone, CameraFromTarget(cell.hand_eye, view.camera_mount_from_target_mount)});
+      cell.captures.push_back(
+          {{CaptureRole::kNone, CameraFromTarget(scene.scene.hand_eye, view.camera_mount_from_target_mount)}});
       robot.effects.push_back(view.effect);
       robot.gripper_by_joints.push_back(view.gripper_by_joints);
       continue;
@@ -205,17 +212,11 @@ StudyCell MakeArmCell(double share_of_errors) {
   return cell;
 }
 
-MethodSummary BundleOf(const StudyCell& cell, int num_trials) {
-  std::vector<std::vector<TrialEstimate>> trials;
-  for (int trial = 0; trial < num_trials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
-  return Summarise(cell, trials).back();
-}
-
 // The predictions reach the bound, which is larger in a configuration without captures, and their regions hold the
 // truth.
 TEST(StudyArmTest, PredictionsReachTheBoundInsideAndOutside) {
   const StudyCell cell = MakeArmCell(1);
-  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  const Outcome<StudyErrors> bound = BoundOf(cell);
   ASSERT_TRUE(bound.ok()) << bound.reason();
   ASSERT_TRUE(bound->inside_m && bound->outside_m);
   EXPECT_GT(*bound->outside_m, 1.5 * *bound->inside_m);
@@ -233,7 +234,7 @@ TEST(StudyArmTest, PredictionsReachTheBoundInsideAndOutside) {
 
 TEST(StudyArmTest, ExactArmIsLeftAlone) {
   const StudyCell cell = MakeArmCell(0);
-  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  const Outcome<StudyErrors> bound = BoundOf(cell);
   ASSERT_TRUE(bound.ok()) << bound.reason();
   const MethodSummary bundle = BundleOf(cell, 20);
   EXPECT_LE(*bundle.estimated_effects, 0.1);

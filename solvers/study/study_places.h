@@ -5,7 +5,7 @@
 
 #include "heba/base/rng.h"
 #include "heba/data/solution.h"
-#include "solvers/calibration/study_cell.h"
+#include "solvers/study/study_cell.h"
 
 namespace heba {
 

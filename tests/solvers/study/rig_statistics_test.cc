@@ -12,13 +12,11 @@
 #include "heba/base/factorisation.h"
 #include "heba/base/parallel.h"
 #include "heba/rig_calibration.h"
-#include "solvers/rig/rig_study.h"
-#include "tests/support/rig_study_cells.h"
+#include "solvers/study/study.h"
+#include "tests/support/study_cells.h"
 
 namespace heba {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kNumTrials = 400;
 
@@ -39,7 +37,7 @@ struct Errors {
   double Coverage() const { return static_cast<double>(num_inside) / num_poses; }
 };
 
-void Add(const TrialEstimate& estimate, const Matrix6& bound, Errors* errors) {
+void Add(const TrialEstimate& estimate, const Eigen::MatrixXd& bound, Errors* errors) {
   errors->squares += MahalanobisSquare(estimate.error, bound);
   errors->num_coordinates += 6;
   errors->num_inside += *estimate.is_covered ? 1 : 0;
@@ -57,19 +55,19 @@ TEST_P(RigStatisticsTest, ReachesTheBoundWithHonestCovariance) {
   const RigSceneSetting setting;
   std::map<std::string, Errors> of_kinds;
   for (int trial = 0; trial < kNumTrials; ++trial) {
-    RigStudyCell cell = CellOf(GetParam().make(static_cast<uint64_t>(1000 + trial), setting), setting);
-    cell.estimators = {RigEstimator::kJointly};
-    const std::vector<std::string> poses = StudiedRigPoses(cell);
-    const Outcome<std::vector<Matrix6>> bounds = RigErrorBound(cell);
+    StudyCell cell = CellOf(GetParam().make(static_cast<uint64_t>(1000 + trial), setting), setting);
+    cell.estimators = {StudyEstimator::kJointly};
+    const std::vector<std::string> poses = StudiedPoses(cell);
+    const Outcome<std::vector<PoseBound>> bounds = ErrorBounds(cell);
     ASSERT_TRUE(bounds) << bounds.reason();
-    const std::vector<std::vector<TrialEstimate>> found = RunRigTrial(cell, 1, trial);
+    const std::vector<std::vector<TrialEstimate>> found = RunTrial(cell, 1, trial);
     for (size_t i = 0; i < poses.size(); ++i) {
       ASSERT_TRUE(found[i].at(0).ok) << poses[i] << " in trial " << trial;
       const bool is_between_cameras = poses[i].find(" in camera ") != std::string::npos;
       const char* kind = poses[i].starts_with("arm ") ? "between_bases"
                          : is_between_cameras         ? "between_cameras"
                                                       : "cameras";
-      Add(found[i][0], (*bounds)[i], &of_kinds[kind]);
+      Add(found[i][0], (*bounds)[i].covariance, &of_kinds[kind]);
     }
   }
   for (const auto& [name, errors] : of_kinds) {
