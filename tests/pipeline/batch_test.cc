@@ -348,8 +348,10 @@ TEST(StudyTest, ShardsOfARigTogetherGiveTheSameBytes) {
   // A header, and for each of four cells the rows of four poses and two estimators.
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + 4 * 4 * 2);
   EXPECT_THAT(csv, HasSubstr("camera right in camera left"));
-  EXPECT_TRUE(fs::exists(folder / "whole" / "pose_mm_1.svg"));
-  EXPECT_THAT(ReadAll(folder / "whole" / "study.html"), HasSubstr("camera wrist in gripper"));
+  const std::string page = ReadAll(folder / "whole" / "study.html");
+  for (const char* part : {"Error against pixel noise, px", "Coverage against captures", "camera wrist in gripper"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
   fs::remove_all(folder);
 }
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "tools/study/study_report.h"
+#include "tools/study/study_rows.h"
 
 namespace heba {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "tools/study/study_report.h"
+#include "tools/study/study_rows.h"
 
 namespace heba {
 

@@ -10,7 +10,8 @@
 #include "tools/files/result_folder.h"
 #include "tools/study/cell_run.h"
 #include "tools/study/study_cells.h"
-#include "tools/study/study_report.h"
+#include "tools/study/study_page.h"
+#include "tools/study/study_tables.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -63,7 +64,6 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
   if (is_whole) {
     WriteFileAtomically(output / "config.yaml", study.used);
     WriteFileAtomically(output / "study.txt", StudyTable(results));
-    WriteStudyPlots(results, output);
     WriteFileAtomically(output / "study.html", StudyPage(output.lexically_normal().filename().empty()
                                                              ? output.parent_path().filename().string()
                                                              : output.filename().string(),

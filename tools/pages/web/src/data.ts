@@ -1,5 +1,5 @@
 // The data that pages hold for the views. It is written by tools/pages/report.cc, residual_sections.cc, summary.cc,
-// arm_section.cc and comparison.cc, and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
+// arm_section.cc and comparison.cc, and tools/study/study_page.cc. Lengths are in m unless a name says otherwise; a missing
 // figure is null.
 
 // A transform b_from_a.
