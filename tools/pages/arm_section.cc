@@ -13,7 +13,6 @@
 #include "heba/evaluation/arm_uncertainty.h"
 #include "tools/pages/page.h"
 #include "tools/pages/residual_sections.h"
-#include "tools/pages/static_chart.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/text/finding_text.h"
 
@@ -59,40 +58,16 @@ std::vector<Corrections> CorrectionsOfArm(const RobotSummary& robot) {
   return all;
 }
 
-// Draws one row per parameter: a dot at its correction and a line of one sigma to both sides.
-std::string CorrectionsChart(const Corrections& corrections) {
-  double reach = 0;
-  for (size_t i = 0; i < corrections.names.size(); ++i) {
-    reach = std::max(reach, std::abs(corrections.values[i]) + corrections.sigmas[i]);
-  }
-  if (!(reach > 0)) return "";
-  reach *= 1.1;
-  const auto count = static_cast<double>(corrections.names.size());
-  StaticChart chart(420, 50 + 18 * count, {"correction, " + corrections.unit, -reach, reach},
-                    {"", count, 0, false, false}, 110);
-  chart.Line({{0, 0}, {0, count}}, "dim", 1);
-  for (size_t i = 0; i < corrections.names.size(); ++i) {
-    const double y = static_cast<double>(i) + 0.5;
-    const double value = corrections.values[i];
-    chart.RowName(y, corrections.names[i]);
-    chart.Line({{value - corrections.sigmas[i], y}, {value + corrections.sigmas[i], y}}, "first", 2);
-    chart.Dot(value, y, 3.5, "first");
-  }
-  return chart.Svg();
-}
-
 std::string CorrectionsFigure(const RobotSummary& robot) {
   Json panels = Json::array();
-  std::string pictures;
   for (const Corrections& corrections : CorrectionsOfArm(robot)) {
     panels.push_back(Json{{"unit", corrections.unit},
                           {"names", corrections.names},
                           {"values", corrections.values},
                           {"sigmas", corrections.sigmas}});
-    pictures += CorrectionsChart(corrections);
   }
   return ViewFigure("arm-corrections", "Corrections of the arm's parameters, with one sigma to both sides.",
-                    Json{{"panels", panels}}, "<div class=\"charts\">" + pictures + "</div>");
+                    Json{{"panels", panels}});
 }
 
 // Shows a correction with the decimals that its sigma determines.
@@ -128,76 +103,24 @@ std::string UndeterminedText(const RobotSummary& robot) {
   return Paragraph("Not determined, with what has the same effect or why in parentheses: " + Join(texts, ", ") + ".");
 }
 
-// One chart of a map: the correction, or its uncertainty.
-struct MapChart {
-  std::string what;
-  std::string colour;
-  double ArmMap::Cell::*value;
-};
-const MapChart kMapCharts[] = {{"correction", "first", &ArmMap::Cell::correction_m},
-                               {"sigma", "second", &ArmMap::Cell::sigma_m}};
-
-std::pair<double, double> InSliceMm(const ArmMap& map, const Eigen::Vector3d& place_m) {
-  return {1000 * place_m[0], 1000 * place_m[map.vertical_axis]};
-}
-
 // A range of coordinates, mm.
 struct Range {
   double low = std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
 };
 
-// Returns the range of one coordinate (0 or 1) of the cells and captures of maps.
-Range RangeOf(const std::vector<ArmMap>& maps, int coordinate) {
+// Returns the range of the horizontal coordinate of the cells and captures of maps.
+Range RangeOf(const std::vector<ArmMap>& maps) {
   Range range;
+  const auto add = [&](const Eigen::Vector3d& place_m, double margin_mm) {
+    range.low = std::min(range.low, 1000 * place_m[0] - margin_mm);
+    range.high = std::max(range.high, 1000 * place_m[0] + margin_mm);
+  };
   for (const ArmMap& map : maps) {
-    const auto add = [&](const Eigen::Vector3d& place_m, double margin_mm) {
-      const auto [x, y] = InSliceMm(map, place_m);
-      const double value = coordinate == 0 ? x : y;
-      range.low = std::min(range.low, value - margin_mm);
-      range.high = std::max(range.high, value + margin_mm);
-    };
     for (const ArmMap::Cell& cell : map.cells) add(cell.middle_m, 500 * map.step_m);
     for (const Eigen::Vector3d& place_m : map.captures_m) add(place_m, 0);
   }
   return range;
-}
-
-std::pair<double, double> RangeMm(const ArmMap& map, const MapChart& what) {
-  const auto [least, most] =
-      std::minmax_element(map.cells.begin(), map.cells.end(),
-                          [&](const ArmMap::Cell& a, const ArmMap::Cell& b) { return a.*what.value < b.*what.value; });
-  return {1000 * (*least).*what.value, 1000 * (*most).*what.value};
-}
-
-// The opacity grows with the value, between the least and the most of the chart.
-double Opacity(double value, double least, double most) {
-  constexpr double kFaintest = 0.08;
-  return most > least ? kFaintest + (1 - kFaintest) * (value - least) / (most - least) : 0.5;
-}
-
-std::string StaticMap(const ArmMap& map, const MapChart& what, const Range& x_range) {
-  const Range y_range = RangeOf({map}, 1);
-  const auto [least, most] = RangeMm(map, what);
-  const double half = 500 * map.step_m;
-  constexpr double kSize = 285;
-  constexpr double kLeft = 56;
-  const double height = (kSize - kLeft - kChartRight) * (y_range.high - y_range.low) / (x_range.high - x_range.low) +
-                        kChartTop + kChartBottom;
-  StaticChart chart(kSize, height,
-                    {"base x, mm; " + what.what + " " + Significant(least, 2) + " to " + Significant(most, 2) + " mm",
-                     x_range.low, x_range.high},
-                    {std::string("base ") + (map.vertical_axis == 1 ? "y" : "z") + ", mm", y_range.low, y_range.high},
-                    kLeft);
-  for (const ArmMap::Cell& cell : map.cells) {
-    const auto [x, y] = InSliceMm(map, cell.middle_m);
-    chart.Bar(x - half, y - half, x + 0.94 * half, y + 0.94 * half, what.colour,
-              Opacity(1000 * cell.*what.value, least, most));
-  }
-  for (const Eigen::Vector3d& place : map.captures_m) {
-    chart.Dot(1000 * place[0], 1000 * place[map.vertical_axis], 2, "ink");
-  }
-  return chart.Svg();
 }
 
 double Rounded(double value, double power) { return std::round(value * power) / power; }
@@ -205,9 +128,9 @@ double Rounded(double value, double power) { return std::round(value * power) / 
 Json MapJson(const ArmMap& map) {
   Json cells = Json::array();
   for (const ArmMap::Cell& cell : map.cells) {
-    const auto [x, y] = InSliceMm(map, cell.middle_m);
-    cells.push_back(
-        {Rounded(x, 10), Rounded(y, 10), Rounded(1000 * cell.correction_m, 1e4), Rounded(1000 * cell.sigma_m, 1e4)});
+    const Eigen::Vector3d& middle_m = cell.middle_m;
+    cells.push_back({Rounded(1000 * middle_m[0], 10), Rounded(1000 * middle_m[map.vertical_axis], 10),
+                     Rounded(1000 * cell.correction_m, 1e4), Rounded(1000 * cell.sigma_m, 1e4)});
   }
   Json captures = Json::array();
   for (const Eigen::Vector3d& place : map.captures_m) {
@@ -229,13 +152,9 @@ std::string MapFigure(const GripperLocator& locate, const std::string& fixed, co
     maps.push_back(std::move(*map));
   }
   // All charts have the same scale.
-  const Range x_range = RangeOf(maps, 0);
+  const Range x_range = RangeOf(maps);
   Json data{{"x", {Rounded(x_range.low, 10), Rounded(x_range.high, 10)}}, {"maps", Json::array()}};
-  std::string pictures;
-  for (const ArmMap& map : maps) {
-    data["maps"].push_back(MapJson(map));
-    for (const MapChart& what : kMapCharts) pictures += StaticMap(map, what, x_range);
-  }
+  for (const ArmMap& map : maps) data["maps"].push_back(MapJson(map));
   const std::string& configuration = maps.front().configuration;
   return ViewFigure(
       "arm-map",
@@ -244,7 +163,7 @@ std::string MapFigure(const GripperLocator& locate, const std::string& fixed, co
           fixed + ": through the mean position of the captures, in their mean orientation" +
           (configuration.empty() ? "" : " and in the configuration " + configuration) +
           ". Dots are captures; the arm does not reach the blank positions.",
-      data, "<div class=\"charts\">" + pictures + "</div>");
+      data);
 }
 
 // Returns the poses of an arm in the captures that were used.

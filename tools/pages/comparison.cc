@@ -12,7 +12,6 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "tools/pages/page.h"
-#include "tools/pages/static_chart.h"
 #include "tools/text/difference_text.h"
 #include "tools/text/figure_columns.h"
 #include "tools/text/result_text.h"
@@ -350,18 +349,15 @@ std::string RunsPart(const Comparison& comparison) {
   using Json = nlohmann::ordered_json;
   const std::vector<RunRow> rows = RowsOf(comparison);
   Json bars = Json::array();
-  std::vector<FigureRow> charted;
   for (const RunRow& row : rows) {
     const CameraFigures& figures = row.camera.figures;
-    charted.push_back({row.run.label + (comparison.has_rig ? ", " + row.camera.name : ""), figures.holdout_rms_px,
-                       comparison.has_rig ? figures.reprojection_rms_px : ClosedPx(row)});
-    const FigureRow& last = charted.back();
-    bars.push_back(Json{{"label", last.label}, {"values", {OrNull(last.first), OrNull(last.second)}}});
+    bars.push_back(Json{
+        {"label", row.run.label + (comparison.has_rig ? ", " + row.camera.name : "")},
+        {"values",
+         {OrNull(figures.holdout_rms_px), OrNull(comparison.has_rig ? figures.reprojection_rms_px : ClosedPx(row))}}});
   }
   const auto chart = [&](const char* caption, const char* first, const char* second) {
-    return ViewFigure(
-        "dumbbells", caption, Json{{"unit", "px"}, {"series", {first, second}}, {"rows", bars}},
-        DumbbellChart(std::string("RMS in px: ") + first + " (first colour), " + second + " (second)", charted));
+    return ViewFigure("dumbbells", caption, Json{{"unit", "px"}, {"series", {first, second}}, {"rows", bars}});
   };
   std::vector<std::string> head;
   std::vector<std::vector<PageCell>> cells(rows.size());

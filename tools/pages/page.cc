@@ -33,12 +33,10 @@ std::string EmbeddedJson(const nlohmann::ordered_json& data) {
   return text;
 }
 
-std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content,
-                   const std::string& static_chart) {
+std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content) {
+  if (PageScript().empty()) return "";
   const std::string head = caption.empty() ? "" : "<figcaption>" + EscapedForMarkup(caption) + "</figcaption>";
-  if (PageScript().empty()) return static_chart.empty() ? "" : "<figure>" + head + static_chart + "</figure>\n";
-  const std::string fallback = static_chart.empty() ? "" : "<noscript>" + static_chart + "</noscript>";
-  return "<figure " + attributes + ">" + head + content + fallback + "</figure>\n";
+  return "<figure " + attributes + ">" + head + content + "</figure>\n";
 }
 
 }  // namespace
@@ -51,10 +49,12 @@ std::string HtmlPage(const std::string& title, const std::string& body, PageWidt
          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
          "img-src data:; script-src " +
          allowed + "\">\n<title>" + EscapedForMarkup(title) + "</title>\n<style>" + std::string(PageStyle()) +
-         "</style>\n</head>\n<body" + (width == PageWidth::kWide ? " class=\"whole\"" : "") + ">\n" + body +
+         "</style>\n</head>\n<body" + (width == PageWidth::kWide ? " class=\"whole\"" : "") + ">\n" +
+         (script.empty() ? "" : "<noscript>" + Paragraph("The charts of this page need JavaScript.") + "</noscript>") +
+         body +
          (script.empty()
-              ? Paragraph("The charts of this page are static and its tables cannot be sorted, because heba was "
-                          "built without Node.js.")
+              ? Paragraph("This page has no charts and its tables cannot be sorted, because heba was built without "
+                          "Node.js.")
               : "<script>" + script + "</script>") +
          "\n</body>\n</html>\n";
 }
@@ -77,16 +77,14 @@ std::string SharedData(const std::string& name, const nlohmann::ordered_json& da
          "</script>\n";
 }
 
-std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
-                       const std::string& static_chart) {
+std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\"", caption,
-                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>", static_chart);
+                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>");
 }
 
-std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,
-                             const std::string& static_chart) {
+std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\" data-from=\"" + EscapedForMarkup(shared_data) + "\"",
-                caption, "", static_chart);
+                caption, "");
 }
 
 std::string CopyableText(const std::string& text) {

@@ -1,6 +1,6 @@
 // Self-contained HTML pages: one file that needs no network, light and dark, printable. A page consists of markup
-// that is generated here and of JSON data for the views of the page script (tools/pages/web). Without the script a
-// page still shows its text, tables and static charts.
+// that is generated here and of JSON data for the views of the page script (tools/pages/web), which draws all charts.
+// Without the script a page still shows its text and tables, and says that it has no charts.
 #pragma once
 
 #include <cstddef>
@@ -31,12 +31,9 @@ inline nlohmann::ordered_json OrNull(const std::optional<double>& value) {
 // Returns the markup that stores data under a name, for use by several views.
 std::string SharedData(const std::string& name, const nlohmann::ordered_json& data);
 // Return the markup of a figure that the script draws with the given view, from its own data or from shared data.
-// `caption` describes the figure. `static_chart` is the markup of the same chart for readers without a script
-// (static_chart.h), or empty if there is none.
-std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
-                       const std::string& static_chart = "");
-std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,
-                             const std::string& static_chart = "");
+// `caption` describes the figure. Both are empty if heba was built without the script.
+std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data);
+std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data);
 // Returns the markup of preformatted text; the script adds a button that copies it.
 std::string CopyableText(const std::string& text);
 // Returns markup that is collapsed until the reader opens it; `content` is markup.

@@ -16,7 +16,6 @@
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
 #include "tools/pages/page_numbers.h"
-#include "tools/pages/report_charts.h"
 #include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
 
@@ -99,8 +98,7 @@ std::string MethodsPart(const ReportData& data) {
   return Paragraph(
              "RMS reprojection error: on the captures that the "
              "estimate was computed from, and on captures that it has not seen.") +
-         ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
-                    MethodsChart(result)) +
+         ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}}) +
          FiguresTable({"method"},
                       {{"AX-XB, mm", &CameraFigures::axxb_mean_mm}, {"board, mm", &CameraFigures::board_mm}}, rows) +
          without;
@@ -163,16 +161,12 @@ std::string EllipsesFigure(const RigSolution& solution, const Eigen::Matrix3d& p
   // The 95 % ellipse of two coordinates from the F distribution with the degrees of freedom of the noise estimate.
   const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
   Json ellipses = Json::array();
-  std::string pictures;
   const auto add = [&](const char* x, const char* y, const char* unit, const Eigen::Matrix3d& matrix, Eigen::Index j) {
     ellipses.push_back(Json{{"x_label", x},
                             {"y_label", y},
                             {"unit", unit},
                             {"covariance", {matrix(0, 0), matrix(0, j), matrix(j, j)}},
                             {"reach_95", reach_95}});
-    Eigen::Matrix2d covariance;
-    covariance << matrix(0, 0), matrix(0, j), matrix(j, 0), matrix(j, j);
-    pictures += EllipseChart(std::string(x) + ", " + unit, std::string(y) + ", " + unit, covariance, reach_95);
   };
   add("x", "y", "mm", position_mm2, 1);
   add("x", "z", "mm", position_mm2, 2);
@@ -183,7 +177,7 @@ std::string EllipsesFigure(const RigSolution& solution, const Eigen::Matrix3d& p
                     caption +
                         "one sigma (filled) and 95 % (dashed), along and about the camera's axes; z "
                         "is its optical axis.",
-                    Json{{"ellipses", ellipses}}, "<div class=\"charts\">" + pictures + "</div>");
+                    Json{{"ellipses", ellipses}});
 }
 
 // Shows the uncertainty of a target that a single camera locates.
@@ -275,7 +269,7 @@ std::string CorrelationFigure(const ReportData& data) {
     rows.push_back(row);
   }
   return ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
-                    Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
+                    Json{{"names", names}, {"matrix", rows}});
 }
 
 // Returns the RMS error of the points that the estimate used in an image, or of all if it used none.

@@ -15,7 +15,6 @@
 #include "heba/base/text.h"
 #include "tools/pages/page.h"
 #include "tools/pages/page_numbers.h"
-#include "tools/pages/report_charts.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -113,33 +112,28 @@ std::string ResidualData(const ReportData& report, size_t c) {
 // Returns the charts of a camera, with a paragraph at the beginning of the first section; empty if it has no points.
 std::string ResidualCharts(const ReportData& data, size_t c, std::string paragraph) {
   const CameraResiduals& camera = data.residuals[c];
+  if (NumPoints(camera) == 0) return "";
   const std::string condition = Condition(data);
   const std::string sample = NumPoints(camera) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
   struct Chart {
     const char* title;
     const char* view;
     std::string caption;
-    std::string picture;
   };
   const Chart charts[] = {
       {"Residuals over the image", "residual-field",
-       "Residuals (predicted minus observed) of the inliers" + condition + ". Click to open the capture." + sample,
-       ResidualFieldChart(camera)},
+       "Residuals (predicted minus observed) of the inliers" + condition + ". Click to open the capture." + sample},
       {"Image coverage", "coverage",
-       "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
-       CoverageChart(camera)},
-      {"Residuals by radius", "residual-radius", "", ResidualRadiusChart(camera)},
+       "Percentage of the inliers. Cells without points do not constrain the lens model." + sample},
+      {"Residuals by radius", "residual-radius", ""},
       {"Residual histogram", "histogram",
        "Residual coordinates of the inliers" + condition +
-           ", and the normal distribution of the stated sigma. The outermost bars count all residuals beyond 5 sigma.",
-       HistogramChart(camera)},
+           ", and the normal distribution of the stated sigma. The outermost bars count all residuals beyond 5 sigma."},
       {"Residuals by capture", "capture-bars",
-       "RMS of each image" + condition + ". The dashed line is the RMS of all points. Click to open the capture.",
-       CaptureBarsChart(camera)}};
-  if (charts[0].picture.empty()) return "";
+       "RMS of each image" + condition + ". The dashed line is the RMS of all points. Click to open the capture."}};
   std::string sections;
   for (const Chart& chart : charts) {
-    const std::string figure = SharedViewFigure(chart.view, chart.caption, ImagesName(data, c), chart.picture);
+    const std::string figure = SharedViewFigure(chart.view, chart.caption, ImagesName(data, c));
     sections += PageSection(chart.title, std::exchange(paragraph, "") + figure);
   }
   return "<div class=\"columns\">\n" + sections + "</div>\n";

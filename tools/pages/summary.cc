@@ -5,7 +5,6 @@
 
 #include "heba/base/text.h"
 #include "tools/pages/page.h"
-#include "tools/pages/static_chart.h"
 #include "tools/text/camera_figures.h"
 #include "tools/text/figure_columns.h"
 #include "tools/text/result_text.h"
@@ -119,16 +118,13 @@ RunLine LineOf(const BatchRun& run) {
 std::string HoldOutFigure(const std::vector<BatchRun>& runs) {
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
-  std::vector<FigureRow> charted;
   for (const BatchRun& run : runs) {
     if (!run.result) continue;
     const RunLine line = LineOf(run);
     bars.push_back(Json{{"label", line.name}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
-    charted.push_back({line.name, line.refined_px, line.closed_px});
   }
   return ViewFigure("dumbbells", "Hold-out RMS of every run; that of a rig is the one of its worst camera.",
-                    Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                    DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted));
+                    Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}});
 }
 
 std::vector<PageCell> PageRow(const BatchRun& run, const Row& row) {

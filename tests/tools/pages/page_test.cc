@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include "tools/pages/page_assets.h"
-#include "tools/pages/static_chart.h"
 
 namespace heba {
 namespace {
@@ -39,6 +38,12 @@ std::string_view PageScript() { return has_script ? "run();" : ""; }
 std::string_view PageScriptHash() { return has_script ? "sha256-abc=" : ""; }
 
 namespace {
+
+int CountOf(const std::string& part, const std::string& text) {
+  int count = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
 
 class PageTest : public testing::TestWithParam<bool> {
  protected:
@@ -71,50 +76,11 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
   }
 }
 
-// A chart has a static version for readers without scripts: in addition to the script, or alone if there is no
-// script.
-TEST_P(PageTest, ChartsHaveImagesWithoutTheScript) {
-  const std::string image = "<svg class=\"picture\"></svg>";
-  for (const std::string& figure :
-       {ViewFigure("lines", "caption", {{"x", 1}}, image), SharedViewFigure("lines", "caption", "d", image)}) {
-    EXPECT_THAT(figure, HasSubstr("<figcaption>caption</figcaption>"));
-    if (GetParam()) {
-      EXPECT_THAT(figure, HasSubstr("<noscript>" + image + "</noscript>"));
-    } else {
-      EXPECT_THAT(figure, HasSubstr(image));
-      EXPECT_THAT(figure, Not(HasSubstr("noscript")));
-    }
-  }
-}
-
-TEST(StaticChartTest, MarksArePlacedAtTheirValues) {
-  StaticChart chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
-  chart.Dot(0, 1, 2, "first");
-  chart.Dot(10, 100, 2, "first");
-  chart.Dot(5, 10, 2, "first");
-  chart.Text(5, 10, "<b>", "end");
-  chart.Bar(10, 100, 5, 10, "first", 0.5);
-  const std::string svg = chart.Svg();
-  // The plot is 100 px wide and high, 88 px from the left and 8 px from the top.
-  EXPECT_THAT(svg, HasSubstr("<circle cx=\"88.0\" cy=\"108.0\""));
-  EXPECT_THAT(svg, HasSubstr("<circle cx=\"188.0\" cy=\"8.0\""));
-  EXPECT_THAT(svg, HasSubstr("<circle cx=\"138.0\" cy=\"58.0\""));
-  EXPECT_THAT(svg, HasSubstr("<rect x=\"138.0\" y=\"8.0\" width=\"50.0\" height=\"50.0\""));
-  EXPECT_THAT(svg, HasSubstr("&lt;b&gt;"));
-  EXPECT_THAT(svg, Not(HasSubstr("<b>")));
-}
-
-TEST(StaticChartTest, TicksAreRoundAndWithin) {
-  EXPECT_EQ(AxisTicks({"", 0, 10}, 6), (std::vector<double>{0, 2, 4, 6, 8, 10}));
-  EXPECT_EQ(AxisTicks({"", 8, -1}, 6), (std::vector<double>{0, 2, 4, 6, 8}));
-  EXPECT_EQ(AxisTicks({"", 0.3, 6, true}, 6), (std::vector<double>{0.5, 1, 2, 5}));
-  EXPECT_EQ(AxisTicks({"", 0.01, 1000, true}, 6).size(), 6U);
-}
-
-int CountOf(const std::string& part, const std::string& text) {
-  int count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
+// A reader whose script does not run is told so, once.
+TEST_P(PageTest, SaysThatChartsNeedTheScript) {
+  const std::string page =
+      HtmlPage("t", ViewFigure("lines", "caption", {{"x", 1}}) + SharedViewFigure("pairs", "", "d"));
+  EXPECT_EQ(CountOf("<noscript><p>The charts of this page need JavaScript.</p>", page), GetParam() ? 1 : 0);
 }
 
 class HostileTextTest : public testing::TestWithParam<std::tuple<bool, HostileText>> {
