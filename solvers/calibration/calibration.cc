@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
@@ -101,8 +102,8 @@ std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, cons
   return seeds;
 }
 
-// Describes how a capture's image contradicts its pose.
-std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
+// Describes how a capture's image contradicts its pose, and the likely causes.
+std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup, const std::string& causes) {
   entry = CorrectedViews(setup, {entry}, solution).front();
   entry.observations = ApplyShape(entry.observations, solution.shape);
   const std::vector<PosePair> seen = PosePairsOf(solution.camera, solution.hand_eye, {entry});
@@ -118,8 +119,39 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
   return "contradicts the other captures: according to its image, the gripper was " +
          Significant(1000 * correction.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
-         " deg from the stated robot pose (probability by chance: " + ShownPValue(p_value) +
-         "); wrong pose for the image, robot not settled, or target misread";
+         " deg from the stated robot pose (probability by chance: " + ShownPValue(p_value) + "); " + causes;
+}
+
+// Returns, for each capture that was left out, what it shares with others that were: three or more captures that follow
+// one another have one cause, which is no wrong pose of each. Empty for a capture by itself.
+std::vector<std::string> RunsOf(const std::vector<View>& left_out, const std::vector<View>& used) {
+  constexpr size_t kLeastRun = 3;
+  std::map<size_t, const View*> in_order;  // Null for a capture that is used.
+  for (const View& view : used) in_order[view.capture] = nullptr;
+  for (const View& view : left_out) in_order[view.capture] = &view;
+  std::map<size_t, std::string> text_of;
+  std::vector<const View*> run;
+  const auto end_run = [&] {
+    for (const View* view : run) {
+      if (run.size() < kLeastRun) break;
+      text_of[view->capture] = "so do all " + std::to_string(run.size()) + " captures from " + run.front()->name +
+                               " to " + run.back()->name +
+                               ": their poses share an error, as after a motion of camera or target, in another frame "
+                               "or in a configuration of the arm that the others do not show";
+    }
+    run.clear();
+  };
+  for (const auto& [capture, view] : in_order) {
+    if (view == nullptr) {
+      end_run();
+    } else {
+      run.push_back(view);
+    }
+  }
+  end_run();
+  std::vector<std::string> texts;
+  for (const View& view : left_out) texts.push_back(text_of[view.capture]);
+  return texts;
 }
 
 // Returns the design of a target, from the views' points if nothing else is known.
@@ -181,9 +213,13 @@ void NameLeftOut(const CalibrationOptions& options, Calibration* calibration) {
   const SearchedModel of_all = AsProblem(*calibration, options).model;
   const std::vector<CaptureVerdict> verdicts =
       TestLeftOutCaptures(of_all.problem, of_all.judged.solution, CapturesOf(of_all.judged.left_out));
+  const std::vector<std::string> runs = RunsOf(left_out, calibration->views);
   for (size_t k = 0; k < left_out.size(); ++k) {
-    calibration->unused.push_back({left_out[k].name, left_out[k].capture,
-                                   WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
+    const std::string causes =
+        runs[k].empty() ? "wrong pose for the image, robot not settled, or target misread" : runs[k];
+    calibration->unused.push_back(
+        {left_out[k].name, left_out[k].capture,
+         WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup, causes)});
   }
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "heba/base/factorisation.h"
+#include "heba/data/target_shape.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/linearised_images.h"
@@ -47,6 +48,21 @@ void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations
   errors->sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
   ++errors->num_poses;
   errors->distance_m_of_capture.emplace_back(capture, distance_m);
+}
+
+HeldOutErrors ErrorsOfUnused(const RigProblem& problem, const RigSolution& solution, const ImageSet& images,
+                             size_t camera) {
+  HeldOutErrors errors;
+  for (const auto& [i, k] : images) {
+    const RigCapture& capture = problem.captures[i];
+    const RigImage& image = capture.images[k];
+    if (image.camera != camera || image.observations.size() == 0) continue;
+    const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
+    AddImage(solution.cameras[camera],
+             CameraFromTarget(problem, solution.poses, camera, image.target, WithErrors(capture, solution.effects)),
+             points, EstimateTargetPose(solution.cameras[camera], points), i, &errors);
+  }
+  return errors;
 }
 
 void WhitenedSquares::Add(const WhitenedSquares& other) {

@@ -10,6 +10,7 @@
 #include "heba/data/rig_solution.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/refine/judged_problem.h"
 
 namespace heba {
 
@@ -33,6 +34,10 @@ struct HeldOutErrors {
 // that they show by themselves (EstimateTargetPose).
 void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
               const std::vector<TargetPose>& poses, size_t capture, HeldOutErrors* errors);
+
+// Returns the errors of the images of one camera that a solution of the problem did not use.
+HeldOutErrors ErrorsOfUnused(const RigProblem& problem, const RigSolution& solution, const ImageSet& images,
+                             size_t camera);
 
 // The squared residuals of held-out images in units of their noise, and their number.
 struct WhitenedSquares {

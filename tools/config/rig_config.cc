@@ -101,6 +101,11 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
     arm.robot = ReadRobotArm(reader, &config->data_files);
   }
   ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
+  if (arm.robot && arm.joints.empty() && IsOfJoints(arm.reading.format, arm.robot->arm)) {
+    for (const PoseRow& row : arm.rows) {
+      arm.joints.push_back(JointsOfNumbers(arm.robot->arm, arm.reading.format, row.numbers));
+    }
+  }
   return arm;
 }
 

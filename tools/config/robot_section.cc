@@ -146,10 +146,17 @@ void ReadRobotSection(MapReader& root, RunConfig* config) {
     }
     return;
   }
+  if (value->IsText()) value->Fail("must be a mapping: {model: " + value->AsText() + "}");
   MapReader reader(*value);
   RobotArm robot = ReadRobotArm(reader, &config->data_files);
   reader.Finish();
   root.Record("robot", reader.used());
+  const PoseFormat& format = config->pose_reading.format;
+  if (config->joints_file.empty() && IsOfJoints(format, robot.arm)) {
+    for (size_t i = 0; i < config->data.captures.size(); ++i) {
+      config->data.captures[i].joints = JointsOfNumbers(robot.arm, format, config->pose_numbers[i]);
+    }
+  }
   if (!config->joints_file.empty()) {
     std::vector<std::string> names;
     for (const Capture& capture : config->data.captures) names.push_back(capture.name);
@@ -157,6 +164,16 @@ void ReadRobotSection(MapReader& root, RunConfig* config) {
     for (size_t i = 0; i < names.size(); ++i) config->data.captures[i].joints = std::move(joints[i]);
   }
   config->data.robot = std::move(robot);
+}
+
+bool IsOfJoints(const PoseFormat& format, const Arm& arm) {
+  return (!format.robot.empty() || format.arm != nullptr) &&
+         format.columns.size() == static_cast<size_t>(arm.num_joints());
+}
+
+std::vector<double> JointsOfNumbers(const Arm& arm, const PoseFormat& format, const std::vector<double>& numbers) {
+  const Eigen::VectorXd positions = PositionsOf(arm, numbers, format.angle_unit == "deg");
+  return {positions.begin(), positions.end()};
 }
 
 Kinematics ReadKinematics(MapReader& refine, const std::vector<Arm>& arms, const std::string& key) {

@@ -35,6 +35,10 @@ std::string JointsFileText(const Arm& arm, const std::vector<std::string>& image
 // it reads to `data_files`.
 RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files);
 
+// Returns whether the numbers of a pose format are the joints of an arm, and these joints, rad or m.
+bool IsOfJoints(const PoseFormat& format, const Arm& arm);
+std::vector<double> JointsOfNumbers(const Arm& arm, const PoseFormat& format, const std::vector<double>& numbers);
+
 // Reads the arm and, if RunConfig::joints_file names a file, the joints of the captures.
 void ReadRobotSection(MapReader& root, RunConfig* config);
 

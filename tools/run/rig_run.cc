@@ -12,6 +12,7 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
+#include "solvers/calibration/held_out.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
@@ -226,6 +227,31 @@ void AddErrors(const RigProblem& used, const RigSolution& solution, RigResult* r
   }
 }
 
+// Fills in the errors of the images that contradict the others. `seen` has the points of all images.
+void AddLeftOutErrors(const RigProblem& seen, const RigCalibration& calibration, RigResult* result) {
+  ImageSet left_out;
+  for (const UnusedRigImage& unused : calibration.unused) {
+    for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
+      if (!unused.image || *unused.image == k) left_out.insert({unused.capture, k});
+    }
+  }
+  for (size_t c = 0; c < result->errors.size(); ++c) {
+    ImageSet of_camera = left_out;
+    // A motion of the camera is stated by itself.
+    for (const MovedCamera& moved : calibration.moved) {
+      std::erase_if(of_camera, [&](const std::pair<size_t, size_t>& image) {
+        return moved.camera == c &&
+               std::find(moved.left_out.begin(), moved.left_out.end(), image.first) != moved.left_out.end();
+      });
+    }
+    const HeldOutErrors errors = ErrorsOfUnused(seen, *calibration.refined, of_camera, c);
+    if (!errors.has_hidden) result->errors[c].left_out_rms_px = errors.pixels.RmsPx();
+    if (const std::optional<double> distance_m = errors.RmsDistanceM()) {
+      result->errors[c].left_out_target_mm = 1000 * *distance_m;
+    }
+  }
+}
+
 // Fills in the errors by the truth. `problem` is the one that was solved.
 void AddTruth(const RigTruth& truth, const RigProblem& problem, RigResult* result) {
   for (size_t c = 0; c < result->errors.size(); ++c) {
@@ -370,6 +396,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
         {dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
   }
   AddErrors(used, solution, &result);
+  AddLeftOutErrors(seen, output.calibration, &result);
   if (options.folds > 1) {
     StageReport report(RunStage::kHoldOut, options.folds, observer);
     const RigHoldOuts errors =

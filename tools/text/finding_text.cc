@@ -191,6 +191,10 @@ std::string OtherCaptures(const Finding& finding) {
   const double num_without = Number(finding, "captures") - Number(finding, "seen");
   if (num_without > 0) text += "; " + Fixed(num_without, 0) + " images show no target";
   if (Number(finding, "copies") > 0) text += " (" + Count(finding, "copies") + " are copies of others)";
+  if (finding.Number("left_out_mm")) {
+    text += "; in those left out, the target is " + Amount(finding, "left_out_mm") +
+            " mm from where the estimate predicts it (RMS)";
+  }
   return text;
 }
 

@@ -26,6 +26,10 @@ struct Errors {
   // over the held-out captures.
   std::optional<double> holdout_target_mm;
   std::optional<double> holdout_target_deg;
+  // Likewise of the captures that the estimate left out because they contradict the others. They are not part of the
+  // held-out ones.
+  std::optional<double> left_out_rms_px = {};
+  std::optional<double> left_out_target_mm = {};
   // For refinements: held-out chi-square per degree of freedom, in the metric of all modelled noise.
   std::optional<double> holdout_chi2;
   // Held-out residuals in sigmas of the refinement's noise (pixels and robot), root mean square. All methods are

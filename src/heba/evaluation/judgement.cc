@@ -145,4 +145,8 @@ void SortFindings(std::vector<Finding>* findings) {
   });
 }
 
+void AddLeftOut(const std::optional<double>& target_mm, Finding* finding) {
+  if (target_mm) finding->numbers.emplace_back("left_out_mm", *target_mm);
+}
+
 }  // namespace heba

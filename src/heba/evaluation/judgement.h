@@ -33,6 +33,10 @@ struct NamedMove {
 // many captures are improbable, the assumed noise is wrong rather than the captures.
 std::optional<Finding> JudgeMoves(const std::vector<NamedMove>& moves, double distance_m);
 
+// Adds the distance between the predicted targets of the captures that were left out and those that their images show,
+// if there are any, to the finding about the captures.
+void AddLeftOut(const std::optional<double>& target_mm, Finding* finding);
+
 // Returns whether a finding is what errors of the model show as. It contains the others as parts, if it says most.
 bool IsMisfit(const Finding& finding);
 

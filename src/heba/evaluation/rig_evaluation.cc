@@ -134,6 +134,7 @@ Finding JudgeImages(const RigResult& result) {
              is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
              {{"used", num_used}, {"seen", num_seen}, {"captures", num_images}, {"copies", 0}},
              {CameraName(result, c)}};
+    if (c < result.errors.size()) AddLeftOut(result.errors[c].left_out_target_mm, &worst);
   }
   return worst;
 }
@@ -223,6 +224,8 @@ RigResult AsRigResult(const RunResult& result, const Estimate& estimate) {
   errors.holdout_rms_px = estimate.errors.holdout_rms_px;
   errors.holdout_target_mm = estimate.errors.holdout_target_mm;
   errors.holdout_target_deg = estimate.errors.holdout_target_deg;
+  errors.left_out_rms_px = estimate.errors.left_out_rms_px;
+  errors.left_out_target_mm = estimate.errors.left_out_target_mm;
   if (result.working_point) errors.distance_m = result.working_point->in_camera_m.norm();
   if (estimate.errors.truth) {
     errors.truth_mm = estimate.errors.truth->hand_eye_mm;

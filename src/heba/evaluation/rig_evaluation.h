@@ -22,6 +22,9 @@ struct RigErrors {
   // over the held-out images.
   std::optional<double> holdout_target_mm;
   std::optional<double> holdout_target_deg;
+  // Likewise of the images that were left out because they contradict the others.
+  std::optional<double> left_out_rms_px = {};
+  std::optional<double> left_out_target_mm = {};
   std::optional<double> distance_m = {};  // Median distance of the targets from the camera.
   // Differences of the pose of the camera in its mount from the truth.
   std::optional<double> truth_mm = {};

@@ -124,6 +124,7 @@ Finding JudgeCaptures(const RunResult& result) {
   finding.code = num_used < kFewCaptures ? FindingCode("few_captures") : FindingCode("captures_left_out");
   finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
   finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
+  if (const Estimate* refined = FindRefined(result)) AddLeftOut(refined->errors.left_out_target_mm, &finding);
   return finding;
 }
 

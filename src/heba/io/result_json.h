@@ -51,7 +51,9 @@ Json FiguresJson(const ErrorFigures& errors) {
   return Json{{"reprojection_rms_px", OrNull(errors.reprojection_rms_px)},
               {"holdout_rms_px", OrNull(errors.holdout_rms_px)},
               {"holdout_target_mm", OrNull(errors.holdout_target_mm)},
-              {"holdout_target_deg", OrNull(errors.holdout_target_deg)}};
+              {"holdout_target_deg", OrNull(errors.holdout_target_deg)},
+              {"left_out_rms_px", OrNull(errors.left_out_rms_px)},
+              {"left_out_target_mm", OrNull(errors.left_out_target_mm)}};
 }
 // Returns a small motion in mm and deg.
 Json TangentJson(const std::optional<Tangent6>& tangent);
@@ -88,6 +90,8 @@ ErrorFigures ReadFigures(const JsonReader& reader) {
   errors.holdout_rms_px = ReadOptionalMagnitude(reader, "holdout_rms_px");
   errors.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
   errors.holdout_target_deg = ReadOptionalMagnitude(reader, "holdout_target_deg");
+  if (reader.Has("left_out_rms_px")) errors.left_out_rms_px = ReadOptionalMagnitude(reader, "left_out_rms_px");
+  if (reader.Has("left_out_target_mm")) errors.left_out_target_mm = ReadOptionalMagnitude(reader, "left_out_target_mm");
   return errors;
 }
 std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key);

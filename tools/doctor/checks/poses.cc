@@ -55,6 +55,7 @@ struct MistakeWeights {
   double other_order = 1.5;
   double shift = 1.4;  // Rows that are shifted; each row adds shift_per_row.
   double shift_per_row = 0.1;
+  double part = 0.3;  // Rows that are shifted from one on.
 };
 constexpr MistakeWeights kMistakes;
 
@@ -194,6 +195,73 @@ std::vector<size_t> PlaceInOtherOrder(const std::vector<std::string>& names, boo
   return place;
 }
 
+// Returns the distance at the target between its pose in a view and the one that a hand-eye calibration predicts there.
+double MisfitM(const HandEye& hand_eye, const Rigid3d& mount, const ExaminedView& view, double distance_m) {
+  const Rigid3d predicted = CameraFromTarget(hand_eye, mount);
+  double least = std::numeric_limits<double>::infinity();
+  for (const Rigid3d& seen : view.camera_from_target) {
+    least = std::min(least, std::hypot(DistanceM(predicted, seen), distance_m * AngleRad(predicted, seen)));
+  }
+  return least;
+}
+
+// Returns the reading in which the images belong to their poses up to a capture and, from there on, to those `step`
+// rows away, at the capture for which this explains most; nothing if either part alone determines no hand-eye pose.
+std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows& rows, std::ptrdiff_t step) {
+  const RunConfig& config = examination.config;
+  const std::vector<ExaminedView>& views = examination.views;
+  const double distance_m = WorkingDistanceM(views);
+  const auto num = static_cast<std::ptrdiff_t>(rows.names.size());
+  const auto mount_of = [&](size_t v, std::ptrdiff_t by) -> std::optional<Rigid3d> {
+    const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(rows.place[views[v].capture]) + by;
+    if (j < 0 || j >= num) return std::nullopt;
+    return CameraMountFromTargetMount(config.data.setup, rows.base_from_gripper[static_cast<size_t>(j)]);
+  };
+  std::optional<size_t> best_from;
+  double least = std::numeric_limits<double>::infinity();
+  // One half of the captures or the other is in one part alone.
+  for (const bool is_first : {true, false}) {
+    std::vector<PoseCandidates> half;
+    const size_t middle = views.size() / 2;
+    for (size_t v = is_first ? 0 : middle; v < (is_first ? middle : views.size()); ++v) {
+      if (const std::optional<Rigid3d> mount = mount_of(v, is_first ? 0 : step)) {
+        half.push_back({*mount, views[v].camera_from_target});
+      }
+    }
+    const std::optional<PoseConsistency> known = FindPoseConsistency(half, RobotScale::kOne);
+    if (!known) continue;
+    // A misfit counts up to that of a capture that fits nothing.
+    const double most_m = kPoorShare * distance_m;
+    const auto cost = [&](size_t v, std::ptrdiff_t by) {
+      const std::optional<Rigid3d> mount = mount_of(v, by);
+      return mount ? std::min(most_m, MisfitM(known->hand_eye, *mount, views[v], distance_m)) : most_m;
+    };
+    double total = 0;
+    for (size_t v = 0; v < views.size(); ++v) total += cost(v, step);
+    for (size_t v = 0; v < views.size(); ++v) {
+      if (total < least) {
+        least = total;
+        best_from = v;
+      }
+      total += cost(v, 0) - cost(v, step);
+    }
+  }
+  // A part of fewer captures is as likely one of wrong poses.
+  constexpr size_t kLeastPart = 3;
+  if (!best_from || *best_from < kLeastPart || views.size() - *best_from < kLeastPart) return std::nullopt;
+  const size_t from = rows.place[views[*best_from].capture];
+  const std::string distance = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
+  return Repaired(examination, rows,
+                  "from " + rows.names[from] + " on, each image belongs to the pose " + distance +
+                      (step > 0 ? " further down: the file has poses without an image before it"
+                                : " further up: there are images without a pose before it"),
+                  kMistakes.shift + kMistakes.part + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
+                  [&](size_t i) -> std::optional<size_t> {
+                    const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + (i < from ? 0 : step);
+                    return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
+                  });
+}
+
 std::vector<Reading> Pairings(const Examination& examination) {
   const Rows rows = RowsOf(examination);
   const auto num = static_cast<std::ptrdiff_t>(rows.names.size());
@@ -207,6 +275,11 @@ std::vector<Reading> Pairings(const Examination& examination) {
           const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
           return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
         }));
+  }
+  for (const std::ptrdiff_t step : {1, -1, 2, -2}) {
+    if (std::optional<Reading> shifted = ShiftedFromOn(examination, rows, step)) {
+      readings.push_back(std::move(*shifted));
+    }
   }
   readings.push_back(Repaired(examination, rows, "the images are in the reverse order of the poses",
                               kMistakes.other_order,
