@@ -10,7 +10,9 @@
 #include "heba/image_detection.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/calibration_problem.h"
+#include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/initial/pose_consistency.h"
 #include "solvers/rig/rig_camera_motion.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
@@ -56,9 +58,46 @@ void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, Robo
   result->robot = std::move(robot);
 }
 
+// Leaves out the captures whose pose of the target is not where the others predict it, by a robust fit to most of them;
+// none if so many are that it is not clear which are wrong.
+LeftOutCaptures LeaveOutWrongPoses(Dataset* dataset) {
+  LeftOutCaptures left_out;
+  std::vector<PoseCandidates> pairs;
+  for (size_t i = 0; i < dataset->captures.size(); ++i) {
+    pairs.push_back({CameraMountFromTargetMount(dataset->setup, dataset->captures[i].base_from_gripper),
+                     {dataset->target_poses[i]}});
+  }
+  const std::optional<PoseConsistency> fit = FindPoseConsistency(pairs, RobotScale::kOne);
+  if (!fit) return left_out;
+  // Seven of ten normal errors in six directions are below 2.7 sigmas, so that this is some twelve sigmas.
+  constexpr double kDistinct = 4.5;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (fit->misfit_m[i] > kDistinct * fit->typical_misfit_m) left_out.indices.push_back(i);
+  }
+  if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
+  for (auto i = left_out.indices.rbegin(); i != left_out.indices.rend(); ++i) {
+    CaptureResult result;
+    result.image = dataset->captures[*i].name;
+    result.role = dataset->captures[*i].role;
+    result.reason = "contradicts the other captures: the pose of the target is " +
+                    Significant(1000 * fit->translation_m[*i], 2) + " mm and " +
+                    Significant(RadToDeg(fit->rotation_rad[*i]), 2) +
+                    " deg from where they predict it (7 of 10 captures differ by less than " +
+                    Significant(1000 * fit->typical_misfit_m, 2) +
+                    " mm); wrong pose for the image, robot not settled, or target misread";
+    left_out.results.insert(left_out.results.begin(), std::move(result));
+    dataset->captures.erase(dataset->captures.begin() + static_cast<std::ptrdiff_t>(*i));
+    dataset->target_poses.erase(dataset->target_poses.begin() + static_cast<std::ptrdiff_t>(*i));
+  }
+  return left_out;
+}
+
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, RunObserver* observer) {
+Outcome<RunOutput> RunOnPoses(const Dataset& all, const RunOptions& run, RunObserver* observer) {
   RunOutput output;
+  Dataset dataset = all;
+  LeftOutCaptures left_out;
+  if (run.bundle.loss != LossKind::kNone) left_out = LeaveOutWrongPoses(&dataset);
   output.dataset = dataset;
   Calibration& calibration = output.calibration;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
@@ -85,6 +124,7 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
   if (dataset.robot) {
     AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
   }
+  InsertLeftOut(left_out, &output.result.captures);
   return output;
 }
 

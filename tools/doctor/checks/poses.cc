@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "heba/base/even_indices.h"
+#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/motion_analysis.h"
@@ -75,7 +76,8 @@ struct Reading {
 struct JudgedReading {
   Reading reading;
   PoseConsistency consistency;
-  std::string unit;  // Unit of the positions that explains the scale.
+  std::string unit;               // Unit of the positions that explains the scale.
+  std::string target_unit = "m";  // That of given poses of the target.
   double oddness = 0;
   bool has_other_scale = false;  // Beyond the unit, and significantly.
 };
@@ -99,9 +101,20 @@ std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency
 // fit of unrelated data.
 bool IsPlausibleScale(double scale) { return scale > kLimits.min_scale && scale < kLimits.max_scale; }
 
-// Returns the scale that the unit does not explain.
+// Returns the unit of given poses of the target that explains a scale between the robot's positions and theirs; "m" if
+// none does.
+std::string TargetUnitFor(double scale) {
+  constexpr double kNear = 0.08;
+  for (const std::string_view unit : kUnits) {
+    if (std::abs(scale * MetresOf(unit) - 1) < kNear) return std::string(unit);
+  }
+  return "m";
+}
+
+// Returns the scale that the units do not explain.
 double RestScale(const JudgedReading& judged) {
-  return judged.consistency.robot_scale * MetresOf(judged.reading.format.translation_unit) / MetresOf(judged.unit);
+  return judged.consistency.robot_scale * MetresOf(judged.reading.format.translation_unit) / MetresOf(judged.unit) *
+         MetresOf(judged.target_unit);
 }
 
 Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction direction) {
@@ -322,9 +335,13 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
   for (const size_t i : EvenIndices(captures.size(), kMostViews)) some.push_back(captures[i]);
   std::optional<PoseConsistency> consistency = FindPoseConsistency(some, reading.scale);
   if (!consistency) return std::nullopt;
-  JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, reading.oddness};
+  JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, "m", reading.oddness};
   if (reading.scale == RobotScale::kFree) {
     judged.unit = UnitFor(reading.format, judged.consistency);
+    if (!examination.config.data.target_poses.empty() && !IsPlausibleScale(RestScale(judged))) {
+      judged.target_unit = TargetUnitFor(RestScale(judged));
+      if (judged.target_unit != "m") judged.oddness += kMistakes.unit;
+    }
     // A scale that the motion does not determine is not reported.
     constexpr double kSameScale = 0.02;
     constexpr double kSigmas = 5;
@@ -402,6 +419,13 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
     codes.push_back("pose_units");
     faults.push_back("the positions are in " + best.unit + ", not in " + format_now.translation_unit);
   }
+  if (best.target_unit != "m") {
+    codes.push_back("pose_units");
+    faults.push_back("the positions of the target are in " + best.target_unit + ", not in m");
+    cures.push_back("set captures.target_poses: {file: " + config.data.detections_source +
+                    ", pose_format: {columns: [x, y, z, qx, qy, qz, qw], translation: " + best.target_unit +
+                    ", rotation: quaternion_xyzw}}");
+  }
   if (other_rotation || other_angle || other_unit) {
     symptom.settings = format.robot.empty()
                            ? std::vector<ConfigSetting>{{"captures.pose_format", PoseFormatText(format)}}
@@ -411,10 +435,19 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   }
   if (reading.direction == Direction::kInverse) {
     codes.push_back("pose_direction");
-    faults.push_back("the poses are the inverse of what the config says");
+    const bool has_target_poses = !config.data.target_poses.empty();
+    faults.push_back(has_target_poses ? "the poses of the robot, or those of the target, are the inverse of what the "
+                                        "config says"
+                                      : "the poses are the inverse of what the config says");
     // In a rig, the other cameras and targets help to tell.
     if (examination.rig.captures.empty()) {
-      cures.push_back(EitherSetUp(config));
+      // With poses alone, both readings fit: what one calls the camera's pose is the target's in the other.
+      if (has_target_poses) {
+        cures.push_back("if those of the target are, set captures.target_poses: {file: " +
+                        config.data.detections_source + ", poses_are: target_from_camera}, which gives " +
+                        HandEyeText(config.data.setup, best.consistency.hand_eye.target_mount_from_target));
+      }
+      cures.push_back((has_target_poses ? "if those of the robot are: " : "") + EitherSetUp(config));
       symptom.evidence +=
           "; base_from_camera, if the camera is fixed, or gripper_from_camera, if the robot carries it, is " +
           PoseText(best.consistency.hand_eye.camera_mount_from_camera);
@@ -454,9 +487,10 @@ void Apply(const JudgedReading& best, Examination* examination) {
   for (size_t i = 0; i < examination->views.size(); ++i) {
     if (!best.reading.mounts[i]) continue;
     ExaminedView view = examination->views[i];
+    for (Rigid3d& seen : view.camera_from_target) seen.translation *= MetresOf(best.target_unit);
     view.view.camera_mount_from_target_mount = *best.reading.mounts[i];
     view.view.camera_mount_from_target_mount.translation *=
-        best.has_other_scale ? best.consistency.robot_scale
+        best.has_other_scale ? best.consistency.robot_scale * MetresOf(best.target_unit)
                              : MetresOf(best.unit) / MetresOf(best.reading.format.translation_unit);
     view.view.role = CaptureRole::kNone;
     views.push_back(std::move(view));
@@ -480,12 +514,47 @@ std::string SpacingConventions(const std::string& target_used, double ratio) {
   return "";
 }
 
+// Checks captures that are too few for a robust fit by what no hand-eye pose changes: between two captures, the gripper
+// and the target turn by the same angle, and move by the same amount along the axis of that rotation.
+std::vector<Symptom> CheckFewPoses(const std::vector<PoseCandidates>& captures) {
+  constexpr double kMostApartDeg = 10;
+  std::vector<double> apart_deg;
+  double robot_deg = 0;
+  double seen_deg = 0;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    for (size_t k = i + 1; k < captures.size(); ++k) {
+      const double robot =
+          RadToDeg(AngleRad(captures[i].camera_mount_from_target_mount, captures[k].camera_mount_from_target_mount));
+      double least = std::numeric_limits<double>::infinity();
+      double nearest = 0;
+      for (const Rigid3d& a : captures[i].camera_from_target) {
+        for (const Rigid3d& b : captures[k].camera_from_target) {
+          const double seen = RadToDeg(AngleRad(a, b));
+          if (std::abs(seen - robot) >= least) continue;
+          least = std::abs(seen - robot);
+          nearest = seen;
+        }
+      }
+      if (apart_deg.empty() || least > *std::max_element(apart_deg.begin(), apart_deg.end())) {
+        robot_deg = robot;
+        seen_deg = nearest;
+      }
+      apart_deg.push_back(least);
+    }
+  }
+  if (apart_deg.empty() || Median(apart_deg) < kMostApartDeg) return {};
+  return {{Severity::kWrong, "poses_unexplained",
+           "between two captures the robot turns by " + Significant(robot_deg, 3) + " deg, but the target by " +
+               Significant(seen_deg, 3) + " deg as the camera sees it; both are the same for every hand-eye pose",
+           "check that all poses belong to these images, and the meaning of their rotations"}};
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_poses(Examination* examination) {
   const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
-  if (!now) return {};
+  if (!now) return CheckFewPoses(captures);
   // If the images themselves show no rotation, or rotations about one axis only, any reading of the rotations may fit
   // as well as another by chance.
   std::vector<Rigid3d> seen;
