@@ -10,6 +10,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/evaluation/verdict.h"
 #include "tools/run/captures.h"
 #include "tools/run/single_pair.h"
 
@@ -124,14 +125,6 @@ std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRun
 
 }  // namespace
 
-const Estimate* FinalEstimate(const RunResult& result) {
-  if (const Estimate* refined = FindRefined(result)) return refined;
-  const auto last = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
-                                 [](const Estimate& estimate) { return estimate.ok; });
-  CHECK(last != result.estimates.rend()) << "a run without any estimate fails";
-  return &*last;
-}
-
 ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run) {
   ReportData data;
   data.result = run.result;
@@ -153,7 +146,7 @@ ReportData ReportDataOf(const RunOutput& run, const RunResult& result) {
     data = ReportDataOf(AsRigDataset(run.dataset), AsRigRunOutput(run, result));
     if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
   } else {
-    data.result = AsRigResult(result, *FinalEstimate(result));
+    data.result = AsRigResult(result, *FindFinal(result));
   }
   data.single = &result;
   return data;

@@ -56,7 +56,4 @@ ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run);
 // estimate the poses are those of the last estimate that succeeded.
 ReportData ReportDataOf(const RunOutput& run, const RunResult& result);
 
-// Returns the refined estimate, or the last successful one if there is none. A run has one.
-const Estimate* FinalEstimate(const RunResult& result);
-
 }  // namespace heba

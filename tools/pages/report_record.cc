@@ -9,6 +9,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
 #include "heba/io/pose_formats.h"
 #include "heba/io/result_file.h"
 #include "tools/pages/residual_sections.h"
@@ -191,7 +192,7 @@ std::string CamerasPart(const ReportData& data) {
 // Shows the result of a single camera; that of a rig is longer than a page, and has sections of its own.
 std::string ResultPart(const ReportData& data) {
   if (data.single == nullptr) return "";
-  return Heading("Result (" + FinalEstimate(*data.single)->method + ")") +
+  return Heading("Result (" + FindFinal(*data.single)->method + ")") +
          PoseParts(PosesOf(data.result), IntrinsicsTables(data));
 }
 

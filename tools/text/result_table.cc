@@ -5,6 +5,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
 #include "tools/text/camera_figures.h"
 #include "tools/text/figure_columns.h"
 
@@ -254,12 +255,8 @@ std::string ResultTable(const RunResult& result, Colour colour, const std::vecto
     return table + pose_lines("", *refined, &SigmasOfAxesText) + ModelLines(result, *refined);
   }
   // There is none in a result from poses alone.
-  std::string poses;
-  for (const Estimate& estimate : result.estimates) {
-    if (!estimate.ok || estimate.kind != EstimateKind::kRefined) continue;
-    poses += pose_lines(" (" + estimate.method + ")", estimate, nullptr);
-  }
-  return table + poses;
+  const Estimate* const found = FindFinal(result);
+  return found == nullptr ? table : table + pose_lines(" (" + found->method + ")", *found, nullptr);
 }
 
 std::string ResultTable(const RigResult& result, Colour colour) {

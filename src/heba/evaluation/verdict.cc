@@ -108,6 +108,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
 // Images without the target do not count as captures that were left out.
 Finding JudgeCaptures(const RunResult& result) {
   const int num_used = NumUsed(result);
+  const bool has_images = FindRefined(result) != nullptr;  // Given poses of the target are all seen.
   int num_seen = 0;
   int num_copies = 0;
   int num_listed = 0;
@@ -116,7 +117,7 @@ Finding JudgeCaptures(const RunResult& result) {
     ++num_listed;
     const bool is_copy = !capture.repeat_of.empty();
     num_copies += is_copy ? 1 : 0;
-    num_seen += !is_copy && (capture.used || capture.num_points > 0) ? 1 : 0;
+    num_seen += !is_copy && (!has_images || capture.used || capture.num_points > 0) ? 1 : 0;
   }
   const int num_captures = num_listed - num_copies;
   const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
@@ -158,15 +159,13 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
 
 // Judges a run on given poses of the target.
 Finding JudgePoses(const RunResult& result) {
-  const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
-    return estimate.ok && estimate.kind == EstimateKind::kRefined;
-  });
-  if (chain == result.estimates.end() || !chain->errors.board_scatter) {
+  const Estimate* const final_estimate = FindFinal(result);
+  if (final_estimate == nullptr || !final_estimate->errors.board_scatter) {
     return {Grade::kBad, FindingCode("no_estimate")};
   }
   constexpr Limits kScatterMm = {1.5, 5};
   constexpr Limits kScatterDeg = {0.3, 1};
-  const BoardScatter& scatter = *chain->errors.board_scatter;
+  const BoardScatter& scatter = *final_estimate->errors.board_scatter;
   // The accuracy of the target's poses is unknown without images, so the grade is never better than doubtful.
   const Grade grade = std::max({Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, kScatterMm),
                                 GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
@@ -183,6 +182,28 @@ void DropExplainedScatter(const std::optional<double>& holdout_chi2, std::vector
 
 }  // namespace
 
+const Estimate* FindFinal(const RunResult& result) {
+  if (const Estimate* const refined = FindRefined(result)) return refined;
+  const auto find = [&](std::string_view method) -> const Estimate* {
+    const auto found = std::find_if(result.estimates.begin(), result.estimates.end(),
+                                    [&](const Estimate& estimate) { return estimate.ok && estimate.method == method; });
+    return found == result.estimates.end() ? nullptr : &*found;
+  };
+  const Estimate* const chain = find(kChainMethod);
+  const Estimate* const two_step = find("two_step_ls");
+  if (chain == nullptr && two_step == nullptr && !result.estimates.empty()) {
+    const auto last = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
+                                   [](const Estimate& estimate) { return estimate.ok; });
+    return last == result.estimates.rend() ? nullptr : &*last;
+  }
+  if (chain == nullptr || two_step == nullptr) return chain == nullptr ? two_step : chain;
+  constexpr double kClearlyBetter = 0.7;
+  const bool is_better = chain->errors.holdout_target_mm && two_step->errors.holdout_target_mm &&
+                         *two_step->errors.holdout_target_mm < kClearlyBetter * *chain->errors.holdout_target_mm &&
+                         two_step->errors.holdout_target_deg <= chain->errors.holdout_target_deg;
+  return is_better ? two_step : chain;
+}
+
 Verdict JudgeRun(const RunResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
@@ -190,6 +211,7 @@ Verdict JudgeRun(const RunResult& result) {
   findings = result.observations;
   if (refined == nullptr) {
     findings.push_back(JudgePoses(result));
+    findings.push_back(JudgeCaptures(result));
   } else {
     const Solution& solution = *refined->solution;
     Finding uncertainty = JudgeUncertainty(result, solution);

@@ -13,4 +13,9 @@ namespace heba {
 // finding, whose first part is its worst consequence. The texts of findings are neither set nor read.
 Verdict JudgeRun(const RunResult& result);
 
+// Returns the estimate that stands for the whole result: the refined one. A run on poses of the target has none: there
+// it is the chain, unless the least-squares form of the two-step method predicts held-out captures clearly better,
+// whose rotation and translation are estimated one after the other. Null if there is no estimate.
+const Estimate* FindFinal(const RunResult& result);
+
 }  // namespace heba

@@ -347,15 +347,6 @@ RigResult ReadRigResult(const JsonReader& reader) {
   return result;
 }
 
-// Returns the estimate that stands for the whole result: the refined one or, if there is none, that of the poses.
-const Estimate* FindMain(const RunResult& result) {
-  if (const Estimate* const refined = FindRefined(result)) return refined;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.ok && estimate.method == kChainMethod) return &estimate;
-  }
-  return nullptr;
-}
-
 // Reads the pose of a camera or a target of `rig`, whose mount may be called by any of its names.
 template <typename Mounted>
 Rigid3d ReadPoseInMount(const JsonReader& pose, const RigProblem& rig, const Mounted& mounted) {
@@ -422,7 +413,7 @@ RigResult ReadRigResult(const std::filesystem::path& path) {
 RigResult ReadWholeResult(const std::filesystem::path& path) {
   if (IsRigResult(path)) return ReadRigResult(path);
   const RunResult result = ReadResult(path);
-  const Estimate* const estimate = FindMain(result);
+  const Estimate* const estimate = FindFinal(result);
   if (estimate == nullptr) throw InputError(path.string() + ": contains no refined estimate");
   return AsRigResult(result, *estimate);
 }

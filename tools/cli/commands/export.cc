@@ -6,6 +6,7 @@
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
+#include "heba/evaluation/verdict.h"
 #include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
@@ -36,7 +37,7 @@ struct ResultOfMethod {
 
 // Returns the error of a result that has only other estimates than the one asked for.
 InputError NoEstimate(const std::string& where, const std::vector<std::string>& names) {
-  return InputError((FLAGS_method.empty() ? where + ": has no refined estimate; name another with --method"
+  return InputError((FLAGS_method.empty() ? where + ": has no estimate"
                                           : "--method: " + where + " has no estimate of " + Quoted(FLAGS_method)) +
                     "; it has: " + Join(names, ", ") + DidYouMean(FLAGS_method, names));
 }
@@ -59,8 +60,8 @@ ResultOfMethod ReadResultAskedFor(const fs::path& file) {
     return {result, kBundleMethod};
   }
   const RunResult result = ReadResult(file);
-  const Estimate* const refined = FindRefined(result);
-  if (FLAGS_method.empty() && refined != nullptr) return {AsRigResult(result, *refined), refined->method};
+  const Estimate* const found = FindFinal(result);
+  if (FLAGS_method.empty() && found != nullptr) return {AsRigResult(result, *found), found->method};
   std::vector<std::string> names;
   for (const Estimate& estimate : result.estimates) {
     if (!estimate.ok) continue;
