@@ -55,14 +55,23 @@ Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported, co
 }
 
 Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted) {
-  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, wanted);
-  if (!joints) return Failure{joints.reason()};
-  return CommandFor(robot, wanted, *joints);
+  // At the limit of its reach, the arm with its true parameters may reach a pose that the nominal one does not, and the
+  // command for it is within the reach of the latter. The joints at a pose nearby are a start.
+  constexpr double kShorter[] = {0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
+  std::optional<Failure> failure;
+  for (const double shorter : kShorter) {
+    const Outcome<Eigen::VectorXd> joints =
+        JointsAt(robot, Rigid3d(wanted.rotation, (1 - shorter) * wanted.translation));
+    if (joints) return CommandFor(robot, wanted, *joints);
+    if (!failure) failure = Failure{joints.reason()};
+  }
+  return *failure;
 }
 
 Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted, const Eigen::VectorXd& joints_near) {
   Outcome<Eigen::VectorXd> joints = PostureNear(robot.nominal, wanted * Inverse(robot.tip_from_gripper), joints_near);
-  if (!joints) return Failure{joints.reason()};
+  // The command may be within reach though the pose is not.
+  if (!joints) joints = joints_near;
   // The correction changes little with the pose, so that this iteration gains some three digits with every round.
   constexpr int kMaxRounds = 20;
   constexpr double kExact = 1e-10;
@@ -71,8 +80,9 @@ Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted, co
     const Tangent6 missing = LocalCoordinates(TruePoseAt(robot, command, *joints), wanted);
     if (missing.norm() < kExact) return command;
     command = Retract(command, missing);
-    joints = PostureNear(robot.nominal, command * Inverse(robot.tip_from_gripper), *joints);
-    if (!joints) return Failure{joints.reason()};
+    Outcome<Eigen::VectorXd> next = PostureNear(robot.nominal, command * Inverse(robot.tip_from_gripper), *joints);
+    if (!next) return Failure{next.reason()};
+    joints = std::move(next);
   }
   return Failure{"no command was found that reaches the pose"};
 }

@@ -65,18 +65,38 @@ struct Change {
   double rad = 0;
 };
 
-// Corrects the poses of a file.
-Change CorrectAll(const fs::path& file, const RobotSummary& robot, const Form& form, std::vector<PoseRow>* rows) {
+// The poses of a file, corrected row by row.
+struct CorrectedRows {
+  std::vector<PoseRow> rows;         // Those that have a correction.
+  std::vector<std::string> unmoved;  // One line for each of the others: where it is, and why.
   Change largest;
-  for (PoseRow& row : *rows) {
+};
+
+CorrectedRows CorrectAll(const fs::path& file, const RobotSummary& robot, const Form& form,
+                         const std::vector<PoseRow>& rows) {
+  CorrectedRows result;
+  for (const PoseRow& row : rows) {
     const Rigid3d given = BaseFromGripper(form.reading, row.pose);
     const Outcome<Rigid3d> corrected = Corrected(robot, given, row.extras, form.joints_are_deg);
-    if (!corrected) throw InputError(file.string() + ":" + std::to_string(row.line) + ": " + corrected.reason());
-    largest.m = std::max(largest.m, DistanceM(given, *corrected));
-    largest.rad = std::max(largest.rad, AngleRad(given, *corrected));
-    row.pose = BaseFromGripper(form.reading, *corrected);
+    if (!corrected) {
+      result.unmoved.push_back(file.string() + ":" + std::to_string(row.line) + ": " +
+                               (row.image.empty() ? "" : row.image + ": ") + corrected.reason());
+      continue;
+    }
+    result.largest.m = std::max(result.largest.m, DistanceM(given, *corrected));
+    result.largest.rad = std::max(result.largest.rad, AngleRad(given, *corrected));
+    result.rows.push_back(row);
+    result.rows.back().pose = BaseFromGripper(form.reading, *corrected);
   }
-  return largest;
+  return result;
+}
+
+// Returns the text of the corrected poses. A comment at the end marks each pose without a correction.
+std::string CorrectedText(const CorrectedRows& corrected, const PoseFormat& format,
+                          const std::vector<std::string>& joint_columns) {
+  std::string text = PoseFileText(corrected.rows, format, joint_columns);
+  for (const std::string& line : corrected.unmoved) text += "# " + line + "\n";
+  return text;
 }
 
 }  // namespace
@@ -111,7 +131,7 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
                      ": the poses of the run are joints, which cannot be corrected; name a format of poses");
   }
   const std::vector<std::string> joint_columns = JointColumns(robot.nominal);
-  std::vector<PoseRow> rows = ReadPoseFile(poses_file, reading.format, joint_columns);
+  const std::vector<PoseRow> rows = ReadPoseFile(poses_file, reading.format, joint_columns);
   const bool has_joints = !rows.front().extras.empty();
   if (!has_joints && robot.configuration.empty()) {
     PrintError(poses_file.string() + ": a pose alone does not tell the joints of the arm " + robot.nominal.name +
@@ -121,22 +141,24 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
                (form.joints_are_deg ? "deg" : "rad") + ") tell them");
     return kWorkFailed;
   }
-  const Change largest = CorrectAll(poses_file, robot, form, &rows);
+  CorrectedRows corrected = CorrectAll(poses_file, robot, form, rows);
+  for (const std::string& line : corrected.unmoved) PrintError(line);
+  if (corrected.rows.empty()) return kWorkFailed;
   // A pose to command has other joints than those near it.
   const bool writes_joints = has_joints && !FLAGS_inverse;
   if (!writes_joints) {
-    for (PoseRow& row : rows) row.extras.clear();
+    for (PoseRow& row : corrected.rows) row.extras.clear();
   }
-  WriteFileAtomically(FLAGS_out,
-                      PoseFileText(rows, reading.format, writes_joints ? joint_columns : std::vector<std::string>()));
+  WriteFileAtomically(
+      FLAGS_out, CorrectedText(corrected, reading.format, writes_joints ? joint_columns : std::vector<std::string>()));
   if (!FLAGS_quiet) {
-    std::cout << ForTerminal(FLAGS_out + ": " + std::to_string(rows.size()) +
+    std::cout << ForTerminal(FLAGS_out + ": " + std::to_string(corrected.rows.size()) +
                              (FLAGS_inverse ? " poses to command" : " true poses of the gripper") +
-                             "; the corrections are up to " + Significant(1000 * largest.m, 2) + " mm and " +
-                             Significant(RadToDeg(largest.rad), 2) + " deg")
+                             "; the corrections are up to " + Significant(1000 * corrected.largest.m, 2) + " mm and " +
+                             Significant(RadToDeg(corrected.largest.rad), 2) + " deg")
               << std::endl;
   }
-  return kDone;
+  return corrected.unmoved.empty() ? kDone : kWorkFailed;
 }
 
 }  // namespace heba
