@@ -261,8 +261,7 @@ void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, 
       if (kind == Kinematics::kGravity && arm.load == nullptr) {
         named.place.Fail("has an arm whose links have no known masses, so that kinematics: gravity is not possible");
       }
-      const std::vector<std::shared_ptr<const SharedEffects>> errors =
-          CandidateArmErrors(arm, kind, variant->cell.captures.size());
+      const std::vector<std::shared_ptr<const SharedEffects>> errors = CandidateArmErrors(arm, kind);
       variant->labels.kinematics = model;
       variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
       if (model == "auto") {

@@ -128,6 +128,10 @@ Finding DescribeEstimate(const RobotSummary& robot) {
             {arm, {"reason", robot.reason}}};
   }
   Finding finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}};
+  if (const std::vector<std::string> implausible = ImplausibleErrors(robot); !implausible.empty()) {
+    finding.grade = Grade::kDoubtful;
+    finding.names.emplace_back("implausible", Join(implausible, ", "));
+  }
   // Without a model that lacks the errors of the arm, there is nothing to compare.
   const bool falls = robot.noise_before && robot.noise_after &&
                      (robot.noise_before->translation_m != robot.noise_after->translation_m ||

@@ -289,9 +289,7 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const R
   return effects;
 }
 
-std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics,
-                                                                     size_t num_captures) {
-  constexpr size_t kEnoughForGravity = 30;
+std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics) {
   const auto errors_of = [&](ArmErrorModel model) {
     return std::make_shared<const SharedEffects>(ArmErrors(arm, model));
   };
@@ -307,16 +305,12 @@ std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& 
     case Kinematics::kAuto:
       break;
   }
-  std::vector<std::shared_ptr<const SharedEffects>> candidates = {errors_of(ArmErrorModel::kOffsets),
-                                                                  errors_of(ArmErrorModel::kGeometry)};
-  if (arm.load != nullptr && num_captures >= kEnoughForGravity)
-    candidates.push_back(errors_of(ArmErrorModel::kGravity));
-  return candidates;
+  return {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
 }
 
-RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics, size_t num_captures) {
+RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics) {
   RigArmErrors errors;
-  errors.models = CandidateArmErrors(arm, kinematics, num_captures);
+  errors.models = CandidateArmErrors(arm, kinematics);
   errors.is_chosen = kinematics == Kinematics::kAuto;
   errors.of_branches = std::make_shared<const SharedEffects>(ArmErrors(arm, ArmErrorModel::kGeometry));
   for (const ArmBranch& branch : setup.branches) {

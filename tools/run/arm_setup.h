@@ -61,14 +61,12 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
 std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const Rigid3d& tip_from_gripper,
                                                          const ArmBranch& branch);
 
-// Returns the errors of an arm among which is chosen (kAuto), or those that were asked for; none for kNone. With kAuto,
-// compliances are among them if the masses of the links are known and there are at least 30 captures: on recorded arms,
-// they gained nothing with fewer.
-std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics,
-                                                                     size_t num_captures);
+// Returns the errors of an arm among which is chosen (kAuto), or those that were asked for; none for kNone. Compliances
+// are estimated only if they are asked for: on recorded arms they gain nothing that matters, and no controller and no
+// description of an arm holds them.
+std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics);
 
-// Returns these errors and the noise of the joints, for captures of which `num_captures` are used. Captures whose
-// joints are missing have no effects.
-RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics, size_t num_captures);
+// Returns these errors and the noise of the joints. Captures whose joints are missing have no effects.
+RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics);
 
 }  // namespace heba

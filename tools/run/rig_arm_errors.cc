@@ -67,7 +67,7 @@ std::vector<RigArmErrors> ErrorsOfArms(const RigDataset& dataset, const std::vec
   std::vector<RigArmErrors> errors(setups.size());
   for (size_t r = 0; r < setups.size(); ++r) {
     if (!setups[r] || !setups[r]->reason.empty()) continue;
-    errors[r] = ErrorsOfArm(dataset.arms[r]->arm, *setups[r], kinematics, dataset.captures.size());
+    errors[r] = ErrorsOfArm(dataset.arms[r]->arm, *setups[r], kinematics);
   }
   return errors;
 }

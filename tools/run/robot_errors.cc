@@ -23,7 +23,7 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
   errors.smooth = run.smooth;
   const bool has_arm = arm != nullptr && arm->reason.empty();
   if (has_arm) {
-    errors.arm = ErrorsOfArm(dataset->robot->arm, *arm, run.kinematics, calibration->views.size());
+    errors.arm = ErrorsOfArm(dataset->robot->arm, *arm, run.kinematics);
   }
   const std::optional<RobotNoise> noise_before = calibration->refined->robot_noise;
   RobotErrorsFound found = CalibrateRobotErrors(*calibration, *options, errors);
@@ -60,7 +60,7 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
                   " reaches the poses of all captures; record the joints (captures.joints)";
     return;
   }
-  const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics, calibration->pairs.size());
+  const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
   const auto& effects = errors.effects_of_captures;
   size_t branch = 0;
   if (effects.size() > 1) {

@@ -339,6 +339,12 @@ FindingText ArmEstimated(const Finding& finding) {
             NoiseText(Number(finding, "before_mm"), Number(finding, "before_deg")) + " to " +
             NoiseText(Number(finding, "after_mm"), Number(finding, "after_deg"));
   }
+  if (finding.Name("implausible")) {
+    return {
+        text + "; no arm has such errors: " + Name(finding, "implausible"),
+        "check that robot.model names this arm, and that joints and poses belong together; do not use the calibrated "
+        "arm"};
+  }
   return {text, "correct the poses by heba correct, or export the calibrated arm"};
 }
 

@@ -5,6 +5,8 @@
 #include <set>
 #include <utility>
 
+#include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/robot/arm_errors.h"
 
@@ -242,6 +244,26 @@ std::optional<ArmMap> MapArm(const GripperLocator& locate, const RobotSummary& r
         {stated.translation, DistanceM(gripper.base_from_gripper, stated), SigmaM(gripper.covariance_m2)});
   }
   return map;
+}
+
+std::vector<std::string> ImplausibleErrors(const RobotSummary& robot) {
+  constexpr double kSigmas = 4;
+  constexpr double kMostOffsetDeg = 5;
+  std::vector<std::string> implausible;
+  for (Eigen::Index place = 0; place < robot.errors.size(); ++place) {
+    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const std::string_view unit = ArmParamUnit(robot.nominal, static_cast<int>(place));
+    const bool is_length = unit == "m";
+    if (param == ArmParam::kCompliance || !(is_length || unit == "rad")) continue;
+    const double most = is_length                   ? kSigmas * kMostLengthM
+                        : param == ArmParam::kTheta ? DegToRad(kMostOffsetDeg)
+                                                    : DegToRad(kSigmas * kMostAngleDeg);
+    if (std::abs(robot.errors[place]) <= most) continue;
+    const double shown = is_length ? 1000 * robot.errors[place] : RadToDeg(robot.errors[place]);
+    implausible.push_back(ArmParamName(static_cast<int>(place)) + (shown > 0 ? " +" : " ") + Significant(shown, 2) +
+                          (is_length ? " mm" : " deg"));
+  }
+  return implausible;
 }
 
 }  // namespace heba

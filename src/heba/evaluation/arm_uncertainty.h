@@ -30,6 +30,10 @@ Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stat
 Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& stated,
                                     const std::optional<Eigen::VectorXd>& joints);
 
+// Returns the estimated errors of an arm that are larger than arms have, each as "joint2.a +5.2 mm": another arm, or
+// errors that are none of its geometry.
+std::vector<std::string> ImplausibleErrors(const RobotSummary& robot);
+
 // The true pose of the gripper according to a calibration, and the covariance of its position relative to something
 // that is fixed, along the axes of the base of the first arm, m^2: by the calibration, that is by the errors of the arm
 // and of the poses of bases and of what is fixed.
