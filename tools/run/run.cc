@@ -71,8 +71,10 @@ LeftOutCaptures LeaveOutWrongPoses(Dataset* dataset) {
   if (!fit) return left_out;
   // Seven of ten normal errors in six directions are below 2.7 sigmas, so that this is some twelve sigmas.
   constexpr double kDistinct = 4.5;
+  constexpr double kLeastM = 1e-4;
+  const double most_m = std::max(kLeastM, kDistinct * fit->typical_misfit_m);
   for (size_t i = 0; i < pairs.size(); ++i) {
-    if (fit->misfit_m[i] > kDistinct * fit->typical_misfit_m) left_out.indices.push_back(i);
+    if (fit->misfit_m[i] > most_m) left_out.indices.push_back(i);
   }
   if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
   for (auto i = left_out.indices.rbegin(); i != left_out.indices.rend(); ++i) {

@@ -127,7 +127,7 @@ TEST(RigArmsTest, TheConfigurationOfRecoveredJointsIsFound) {
   }
   errors[0].effects_of_captures.insert(errors[0].effects_of_captures.begin(), std::move(wrong));
   const RigCalibration found = Calibrated(scene, errors);
-  EXPECT_EQ(found.arms.front().branch, 1U);
+  EXPECT_EQ(found.arms.front().branches, std::vector<size_t>(found.problem.captures.size(), 1));
   EXPECT_NE(found.arms.front().model, nullptr);
 }
 

@@ -80,7 +80,7 @@ TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   EXPECT_THAT(singular[0].singularity, HasSubstr("6"));
 }
 
-TEST(ArmSetupTest, RegularCaptureEndsAConfigurationThatItLacks) {
+TEST(ArmSetupTest, RegularCaptureIsOutOfReachOfConfigurationsThatItLacks) {
   std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   joints.erase(joints.begin() + kSingular);
   const Dataset dataset = DatasetOf(joints, false);
@@ -95,8 +95,32 @@ TEST(ArmSetupTest, RegularCaptureEndsAConfigurationThatItLacks) {
   postures[2] = {joints[2]};
   const std::vector<ArmBranch> branches = BranchesOf(arm, tips, postures);
   EXPECT_GT(num_all, 1U);
-  ASSERT_EQ(branches.size(), 1U);
-  EXPECT_EQ(branches[0].name, NameOf(*ConfigurationOf(arm, joints[2])));
+  ASSERT_EQ(branches.size(), num_all);
+  for (const ArmBranch& branch : branches) {
+    const bool is_of_capture = branch.name == NameOf(*ConfigurationOf(arm, joints[2]));
+    EXPECT_EQ(branch.ReachesAll(), is_of_capture);
+    EXPECT_EQ(branch.Reaches(2), is_of_capture);
+    EXPECT_EQ(branch.joints[2].size(), is_of_capture ? 6 : 0);
+  }
+}
+
+TEST(ArmSetupTest, ScatterOfTheToolIsExplainedByErrorsOfTheArmOrContradicts) {
+  const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  Dataset dataset = DatasetOf(joints, true);
+  // The controller uses the parameters of this very arm.
+  Eigen::VectorXd errors = Eigen::VectorXd::Zero(dataset.robot->arm.num_params());
+  errors[ArmParamPlace(1, ArmParam::kA)] = 1e-3;
+  errors[ArmParamPlace(2, ArmParam::kAlpha)] = 2e-3;
+  const Arm own = WithChanges(dataset.robot->arm, errors);
+  for (size_t i = 0; i < joints.size(); ++i) {
+    dataset.captures[i].base_from_gripper = BaseFromTip(own, joints[i]) * dataset.robot->tip_from_gripper;
+  }
+  EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason, "");
+  // Another arm of the same maker is some millimetres away everywhere.
+  dataset.robot->arm = *FindArm("ur5");
+  const ArmSetup other = SetUpArm(dataset, Kinematics::kAuto);
+  EXPECT_TRUE(other.is_contradicted);
+  EXPECT_THAT(other.reason, HasSubstr("which errors of the arm ur5 do not explain"));
 }
 
 TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {

@@ -204,6 +204,24 @@ TEST(RunTest, CalibratesFromPosesOfTheTarget) {
   EXPECT_THAT(run->detections, SizeIs(0));
 }
 
+TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
+  Dataset dataset = SimulatedDataset();
+  for (const Capture& capture : dataset.captures) {
+    dataset.target_poses.push_back(
+        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+  }
+  // One of the two poses of a flat target, turned.
+  dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}));
+  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
+  ASSERT_TRUE(run.ok()) << run.reason();
+  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
+  ASSERT_THAT(run->result.captures, SizeIs(14));
+  for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.captures[i].used, i != 6) << i;
+  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("contradicts the other captures"));
+  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("29 deg from where they predict it"));
+}
+
 TEST(RunTest, FailsWhereNothingWasDetected) {
   Dataset dataset = SimulatedDataset();
   for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};

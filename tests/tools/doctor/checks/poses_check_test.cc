@@ -333,5 +333,71 @@ TEST(PosesCheckTest, SendsUsersOfImportedPosesToTheImport) {
   EXPECT_THAT(symptoms[0].cure, HasSubstr("convert it to heba's files first (heba import)"));
 }
 
+// Replaces the images by the poses of the target that they show.
+void SetTargetPoses(Examination* examination) {
+  Dataset& data = examination->config.data;
+  data.target_poses.clear();
+  for (const ExaminedView& view : examination->views) data.target_poses.push_back(view.camera_from_target.front());
+  data.detections_source = "target.csv";
+}
+
+TEST(PosesCheckTest, FindsPosesThatAreShiftedFromACaptureOn) {
+  SimulatedSetOptions options;
+  options.num_captures = 16;
+  for (const size_t from : {4, 8, 12}) {
+    Examination examination = CleanExamination(options);
+    std::vector<Rigid3d> poses = PosesOf(examination);
+    const std::vector<Rigid3d> right = poses;
+    // A row too many before this capture.
+    for (size_t i = from; i < poses.size(); ++i) poses[i] = right[i - 1];
+    SetPoses(poses, &examination);
+    const std::vector<Symptom> symptoms = Check_poses(&examination);
+    if (from > 10) continue;  // Most captures fit: those that do not are wrong by themselves.
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing")) << from;
+    EXPECT_THAT(symptoms[0].what, HasSubstr("from " + examination.config.data.captures[from].name + " on, "));
+    EXPECT_THAT(symptoms[0].what, HasSubstr("1 row further down"));
+  }
+}
+
+TEST(PosesCheckTest, NamesTheUnitOfGivenTargetPoses) {
+  Examination examination = CleanExamination();
+  SetTargetPoses(&examination);
+  for (ExaminedView& view : examination.views) {
+    for (Rigid3d& seen : view.camera_from_target) seen.translation *= 1000;
+  }
+  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_units"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the positions of the target are in mm, not in m"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("captures.target_poses: {file: target.csv, "));
+}
+
+TEST(PosesCheckTest, NamesBothReadingsOfInvertedTargetPoses) {
+  Examination examination = CleanExamination();
+  SetTargetPoses(&examination);
+  for (ExaminedView& view : examination.views) {
+    for (Rigid3d& seen : view.camera_from_target) seen = Inverse(seen);
+  }
+  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_direction"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the poses of the robot, or those of the target, are the inverse"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("poses_are: target_from_camera}, which gives "));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("if those of the robot are: "));
+  EXPECT_THAT(symptoms[0].settings, IsEmpty());
+}
+
+TEST(PosesCheckTest, SeesThatThreeOrFourCapturesBelongNotTogether) {
+  for (const size_t num_captures : {3, 4}) {
+    Examination examination = CleanExamination();
+    examination.views.resize(num_captures);
+    EXPECT_THAT(CodesOf(Check_poses(&examination)), IsEmpty());
+    // The poses of other captures.
+    const Examination others = CleanExamination();
+    for (size_t i = 0; i < num_captures; ++i) {
+      examination.views[i].camera_from_target = others.views[11 - 2 * i].camera_from_target;
+    }
+    EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+  }
+}
+
 }  // namespace
 }  // namespace heba

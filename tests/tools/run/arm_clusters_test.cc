@@ -1,0 +1,133 @@
+// Tests of runs whose captures are in several configurations of an arm: heba/run.h.
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/rng.h"
+#include "heba/robot/arm_postures.h"
+#include "heba/run.h"
+#include "tests/support/arm_scenes.h"
+#include "tests/support/datasets.h"
+
+namespace heba {
+namespace {
+using ::testing::IsEmpty;
+
+// A data set of an arm, whose captures are sorted by configuration, as a path visits them.
+struct ArmDataset {
+  Dataset dataset;
+  std::vector<std::string> configuration;  // One per capture.
+};
+
+std::shared_ptr<const Target> Chessboard() {
+  return ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
+}
+
+// `in_third`: number of captures in the configuration with the fewest, of `num_captures` in three.
+ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third) {
+  const std::shared_ptr<const Target> target = Chessboard();
+  options.points = AllPoints(*target).points_in_target;
+  options.num_captures = 150;
+  options.tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.05});
+  const ArmScene scene = MakeArmScene(seed, options);
+  Dataset all = DatasetOf(scene.scene, options.setup, target);
+  std::map<std::string, std::vector<size_t>> captures_in;
+  for (size_t i = 0; i < scene.joints.size(); ++i) {
+    all.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
+    captures_in[NameOf(*ConfigurationOf(scene.nominal, scene.joints[i]))].push_back(i);
+  }
+  std::vector<std::pair<size_t, std::string>> by_size;
+  for (const auto& [name, captures] : captures_in) by_size.emplace_back(captures.size(), name);
+  std::sort(by_size.rbegin(), by_size.rend());
+  const size_t in_others = (num_captures - in_third) / 2;
+  ArmDataset made;
+  made.dataset = all;
+  made.dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
+  made.dataset.captures.clear();
+  made.dataset.given_detections.clear();
+  for (size_t k = 0; k < 3; ++k) {
+    const std::vector<size_t>& captures = captures_in[by_size[k].second];
+    const size_t num = std::min(captures.size(), k < 2 ? in_others : in_third);
+    for (size_t c = 0; c < num; ++c) {
+      made.dataset.captures.push_back(all.captures[captures[c]]);
+      made.dataset.given_detections.push_back(all.given_detections[captures[c]]);
+      made.configuration.push_back(by_size[k].second);
+    }
+  }
+  return made;
+}
+
+std::vector<std::string> LeftOutOf(const RunResult& result) {
+  std::vector<std::string> names;
+  for (const CaptureResult& capture : result.captures) {
+    if (!capture.used) names.push_back(capture.image);
+  }
+  return names;
+}
+
+// Errors three times those of usual arms make a configuration that was never seen look wrong.
+ArmSceneOptions LargeErrors() {
+  ArmSceneOptions options;
+  options.setup = Setup::kEyeInHand;
+  options.offset_rad *= 3;
+  options.length_m *= 3;
+  options.angle_rad *= 3;
+  return options;
+}
+
+RunOptions FixedCamera() {
+  RunOptions options;
+  options.bundle.free_intrinsics = {};
+  return options;
+}
+
+TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const ArmDataset made = ThreeConfigurations(seed, LargeErrors(), 40, 4);
+    const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+    ASSERT_TRUE(run) << run.reason();
+    EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
+    EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason;
+    // The folds keep them, too: the error of held-out captures is that of the noise.
+    EXPECT_LT(*FindRefined(run->result)->errors.holdout_target_mm, 0.5) << "seed " << seed;
+  }
+}
+
+TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
+  ArmDataset made = ThreeConfigurations(4, LargeErrors(), 60, 20);
+  Rng rng(5);
+  std::vector<std::string> wrong;
+  for (size_t i = made.dataset.captures.size() - 20; i < made.dataset.captures.size(); i += 2) {
+    made.dataset.captures[i].base_from_gripper = made.dataset.captures[i].base_from_gripper *
+                                                 Rigid3d(ExpRotation(0.05 * rng.Direction3()), 0.03 * rng.Direction3());
+    wrong.push_back(made.dataset.captures[i].name);
+  }
+  // Joints that belong to other poses are no joints of an arm.
+  made.dataset.robot.reset();
+  const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_EQ(LeftOutOf(run->result), wrong);
+}
+
+TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
+  ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
+  std::vector<std::vector<double>> joints;
+  for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
+  const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+  ASSERT_TRUE(run) << run.reason();
+  const RobotSummary& robot = *run->result.robot;
+  ASSERT_TRUE(robot.is_estimated) << robot.reason;
+  EXPECT_EQ(robot.configuration, "");
+  // Errors in the wrong configuration would leave most of the noise.
+  EXPECT_LT(robot.noise_after->translation_m, 0.3 * robot.noise_before->translation_m);
+  EXPECT_THAT(LeftOutOf(run->result), IsEmpty());
+}
+
+}  // namespace
+}  // namespace heba
