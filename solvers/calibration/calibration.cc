@@ -626,6 +626,7 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
   };
   for (auto& effects : arm.effects_of_captures) effects = of_views(effects);
   for (auto& joints : arm.joints_of_captures) joints = of_views(joints);
+  for (auto& positions : arm.positions_of_captures) positions = of_views(positions);
   FoundErrors of_model = AddErrors(space, SettleCaptures, &problem.model);
   if (!of_model.arms.empty()) found.arm = std::move(of_model.arms.front());
   if (!of_model.smooth.empty()) found.smooth = std::move(of_model.smooth.front());

@@ -77,9 +77,12 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
   const std::vector<size_t> captures = CapturesWithPoints(fixed);
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(errors.num_all);
   for (const auto& effects : arm.effects_of_captures) {
+    const size_t branch = postures.by_errors.size();
     std::vector<std::optional<Matrix6X>>& of_views = postures.by_errors.emplace_back();
+    std::vector<Eigen::VectorXd>& joints = postures.joints.emplace_back();
     for (const size_t i : captures) {
       of_views.emplace_back();
+      joints.push_back(arm.positions_of_captures.empty() ? Eigen::VectorXd() : arm.positions_of_captures[branch][i]);
       if (effects[i] == nullptr) continue;
       Matrix6X by_all;
       effects[i]->Evaluate(none, &by_all);
@@ -126,22 +129,37 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
     const auto& effects = arm.effects_of_captures[k];
     if (std::count(effects.begin(), effects.end(), nullptr) == 0) candidates.emplace_back(num_captures, k);
   }
-  std::optional<std::vector<size_t>> of_captures = BranchesOfCaptures(arm, robot, fixed, solution);
-  if (of_captures && std::find(candidates.begin(), candidates.end(), *of_captures) == candidates.end()) {
-    candidates.push_back(std::move(*of_captures));
-  }
   std::optional<std::vector<size_t>> best;
   double best_log_likelihood = 0;
-  for (std::vector<size_t>& branches : candidates) {
+  // Returns the adjustment with the errors in these configurations; nothing if it fails.
+  const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<RigSolution> {
     RigProblem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     SetJoints(arm, robot, branches, &with_errors);
-    const Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
-    if (!refined) continue;
+    Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
+    if (!refined) return std::nullopt;
     const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
-    if (!std::isfinite(log_likelihood) || (best && log_likelihood <= best_log_likelihood)) continue;
-    best = std::move(branches);
-    best_log_likelihood = log_likelihood;
+    if (std::isfinite(log_likelihood) && (!best || log_likelihood > best_log_likelihood)) {
+      best = branches;
+      best_log_likelihood = log_likelihood;
+    }
+    return std::move(*refined);
+  };
+  for (const std::vector<size_t>& branches : candidates) try_branches(branches);
+  // The configurations of single captures are found at the estimate without errors of the arm and, with the smaller
+  // noise that remains, at the one with them, until they do not change.
+  constexpr int kMaxRounds = 5;
+  std::optional<std::vector<size_t>> last;
+  RigSolution at = solution;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    std::optional<std::vector<size_t>> of_captures = BranchesOfCaptures(arm, robot, fixed, at);
+    if (!of_captures || of_captures == last) break;
+    last = std::move(of_captures);
+    std::optional<RigSolution> refined = try_branches(*last);
+    if (!refined) break;
+    at = WithEffectsOf(fixed, std::move(*refined));
+    at.effects.clear();
+    at.effect_sigmas.clear();
   }
   return best;
 }

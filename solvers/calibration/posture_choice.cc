@@ -6,6 +6,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/base/units.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -25,7 +26,7 @@ struct Equations {
 class PostureSearch {
  public:
   explicit PostureSearch(const PosturesOfCaptures& captures)
-      : num_views_(captures.views.size()), num_postures_(captures.by_errors.size()) {
+      : joints_(captures.joints), num_views_(captures.views.size()), num_postures_(captures.by_errors.size()) {
     const Eigen::Index num_unknowns = captures.views.front().by_unknowns.cols();
     const Eigen::Index num_errors = captures.error_variances.size();
     without_normal_ = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns);
@@ -39,6 +40,7 @@ class PostureSearch {
       view.by_unknowns.rightCols<6>() = view.by_effects.middleCols<6>(captures.first_column);
       const RowMajorMatrix whitened = WhitenedRows(view, 1, captures.variances);
       const Eigen::MatrixXd by_unknowns = whitened.leftCols(num_unknowns);
+      sum_of_squares_ += whitened.rightCols<1>().squaredNorm();
       without_normal_ += by_unknowns.transpose().lazyProduct(by_unknowns);
       without_right_ += by_unknowns.transpose() * whitened.rightCols<1>();
       for (size_t k = 0; k < num_postures_; ++k) {
@@ -54,7 +56,7 @@ class PostureSearch {
     }
   }
 
-  // A choice of postures and how well it explains the views.
+  // A choice of postures and how badly it explains the views: minus twice the logarithm of the likelihood.
   struct Choice {
     std::vector<size_t> postures;
     double misfit = kImpossible;
@@ -76,6 +78,36 @@ class PostureSearch {
       is_used.assign(num_views_, true);
       if (is_same) break;
     }
+    choice.misfit = Misfit(SystemOf(choice.postures), NumJumps(choice.postures));
+    return choice;
+  }
+
+  // Changes the posture of a few consecutive views at a time, with the errors that they then show, as long as this
+  // explains the views better. Errors that matter in one posture alone are not known before it has been tried.
+  Choice Improved(Choice choice) const {
+    constexpr size_t kMostLength = 12;
+    System system = SystemOf(choice.postures);
+    for (size_t round = 0; round < num_views_; ++round) {
+      Choice best = choice;
+      System of_best;
+      for (size_t k = 0; k < num_postures_; ++k) {
+        for (size_t first = 0; first < num_views_; ++first) {
+          System changed = system;
+          std::vector<size_t> postures = choice.postures;
+          for (size_t i = first; i < std::min(num_views_, first + kMostLength) && IsPossible(k, i); ++i) {
+            changed.Move(equations_[postures[i]][i], equations_[k][i]);
+            postures[i] = k;
+            const double misfit = Misfit(changed, NumJumps(postures));
+            if (misfit >= best.misfit) continue;
+            best = {postures, misfit};
+            of_best = changed;
+          }
+        }
+      }
+      if (best.misfit >= choice.misfit) break;
+      choice = std::move(best);
+      system = std::move(of_best);
+    }
     return choice;
   }
 
@@ -83,6 +115,48 @@ class PostureSearch {
   size_t num_postures() const { return num_postures_; }
 
  private:
+  // The normal equations of all views in their postures.
+  struct System {
+    Eigen::MatrixXd normal;
+    Eigen::VectorXd right;
+
+    void Move(const Equations& from, const Equations& to) {
+      normal += to.normal - from.normal;
+      right += to.right - from.right;
+    }
+  };
+  System SystemOf(const std::vector<size_t>& postures) const {
+    System system{prior_.asDiagonal(), Eigen::VectorXd::Zero(prior_.size())};
+    for (size_t i = 0; i < num_views_; ++i) {
+      system.normal += equations_[postures[i]][i].normal;
+      system.right += equations_[postures[i]][i].right;
+    }
+    return system;
+  }
+  // Returns whether a joint turns by more than a quarter from one view to the next; postures whose joints are not known
+  // differ.
+  bool IsJump(size_t view, size_t posture, size_t posture_before) const {
+    const Eigen::VectorXd& to = joints_[posture][view];
+    const Eigen::VectorXd& from = joints_[posture_before][view - 1];
+    if (to.size() == 0 || from.size() == 0) return posture != posture_before;
+    for (Eigen::Index j = 0; j < to.size(); ++j) {
+      if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return true;
+    }
+    return false;
+  }
+  double NumJumps(const std::vector<size_t>& postures) const {
+    double num_jumps = 0;
+    for (size_t i = 1; i < postures.size(); ++i) num_jumps += IsJump(i, postures[i], postures[i - 1]) ? 1 : 0;
+    return num_jumps;
+  }
+  // With the variance that the views show, and the price of the jumps.
+  double Misfit(const System& system, double num_jumps) const {
+    const double squares = std::max(1e-12 * sum_of_squares_,
+                                    sum_of_squares_ - system.right.dot(SolveSymmetric(system.normal, system.right)));
+    const auto num = static_cast<double>(num_views_);
+    return 6 * num * std::log(squares) + 2 * std::log(num + 1) * num_jumps;
+  }
+
   bool IsPossible(size_t posture, size_t view) const { return equations_[posture][view].rows.size() > 0; }
 
   // Returns the unknowns and errors that these views determine in these postures. The other views, in which nothing is
@@ -116,16 +190,18 @@ class PostureSearch {
     }
     // In units of the variance that remains.
     const double dof = 6 * static_cast<double>(num_views_);
-    const double change = 2 * std::log(static_cast<double>(num_views_ + 1)) * std::max(least / dof, 1e-12);
+    const double jump = 2 * std::log(static_cast<double>(num_views_ + 1)) * std::max(least / dof, 1e-12);
     std::vector<std::vector<size_t>> from(num_views_, std::vector<size_t>(num_postures_, 0));
     std::vector<double> best = cost[0];
     for (size_t i = 1; i < num_views_; ++i) {
-      const size_t cheapest = static_cast<size_t>(std::min_element(best.begin(), best.end()) - best.begin());
       std::vector<double> next(num_postures_, kImpossible);
       for (size_t k = 0; k < num_postures_; ++k) {
-        const bool stays = best[k] <= best[cheapest] + change;
-        from[i][k] = stays ? k : cheapest;
-        next[k] = (stays ? best[k] : best[cheapest] + change) + cost[i][k];
+        for (size_t before = 0; before < num_postures_; ++before) {
+          const double total = best[before] + (IsJump(i, k, before) ? jump : 0) + cost[i][k];
+          if (!(total < next[k])) continue;
+          next[k] = total;
+          from[i][k] = before;
+        }
       }
       best = std::move(next);
     }
@@ -140,10 +216,12 @@ class PostureSearch {
     return choice;
   }
 
+  const std::vector<std::vector<Eigen::VectorXd>>& joints_;
   size_t num_views_;
   size_t num_postures_;
   Eigen::MatrixXd without_normal_;  // The normal equations of all views without errors of the arm.
   Eigen::VectorXd without_right_;
+  double sum_of_squares_ = 0;                      // Of the offsets of all views.
   Eigen::VectorXd prior_;                          // The inverse variances of all unknowns.
   std::vector<std::vector<Equations>> equations_;  // By posture and view.
 };
@@ -166,7 +244,7 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
       try_from(k, first, first + window);
     }
   }
-  return best.postures;
+  return search.Improved(std::move(best)).postures;
 }
 
 }  // namespace heba

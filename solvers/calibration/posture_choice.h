@@ -21,13 +21,15 @@ struct PosturesOfCaptures {
   // For each posture and view: the derivative of the correction by the arm's errors; nothing if the arm cannot reach
   // the pose in this posture. A view has at least one.
   std::vector<std::vector<std::optional<Matrix6X>>> by_errors;
+  // The positions of the joints in each of them, rad or m; an empty list if they are not known.
+  std::vector<std::vector<Eigen::VectorXd>> joints;
   Eigen::VectorXd error_variances;  // The prior variances of the arm's errors.
 };
 
-// Returns the posture of each view under which one set of errors explains all views best. Arms change their
-// configuration rarely: each change between consecutive captures costs as much as the logarithm of the number of
-// captures. Errors are estimated from a few consecutive captures in one posture, for many such starts, and errors and
-// postures are then estimated in turn until no posture changes. `views` must not be empty.
+// Returns the posture of each view under which one set of errors explains all views best. Arms rarely jump from one
+// posture to another: a turn of a joint by more than a quarter between consecutive captures costs as much as the
+// logarithm of the number of captures. Errors are estimated from a few consecutive captures in one posture, for many
+// such starts, and errors and postures are then estimated in turn until no posture changes. `views` must not be empty.
 std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
 
 }  // namespace heba

@@ -320,6 +320,7 @@ RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinem
         effects[i] = MakeLinearEffect(Matrix6X::Zero(6, arm.num_params()));
       }
     }
+    errors.positions_of_captures.push_back(branch.joints);
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
     std::vector<Matrix6X>& by_joints = errors.joints_of_captures.emplace_back();
     for (const Eigen::VectorXd& joints : branch.joints) {

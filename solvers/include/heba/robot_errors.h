@@ -58,6 +58,9 @@ struct RigArmErrors {
   // Likewise View::gripper_by_joints, if the noise of the joints is part of the arm's noise; otherwise empty. It is
   // part of the model together with the errors or, without models, alone.
   std::vector<std::vector<Matrix6X>> joints_of_captures = {};
+  // The positions of the joints in each of them, rad or m; empty lists where they are not known. Arms move little
+  // between captures that follow one another.
+  std::vector<std::vector<Eigen::VectorXd>> positions_of_captures = {};
   // The errors by which the right effects are found; null: those of the last model.
   std::shared_ptr<const SharedEffects> of_branches = nullptr;
 };
