@@ -10,6 +10,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/rng.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/refine/fit.h"
@@ -147,8 +148,8 @@ using PoseEstimates = std::vector<std::optional<Outcome<PoseEstimate>>>;
 
 PoseEstimates EstimateJointly(const RigStudyCell& cell, const RigProblem& problem, size_t num_poses) {
   const Outcome<RigCalibration> calibration = CalibrateAsKnown(problem, cell.options);
-  if (!calibration) return PoseEstimates(num_poses, Failure{calibration.reason()});
-  if (!calibration->refined) return PoseEstimates(num_poses, Failure{calibration->refined.reason()});
+  if (!calibration) return PoseEstimates(num_poses, calibration.failure());
+  if (!calibration->refined) return PoseEstimates(num_poses, calibration->refined.failure());
   PoseEstimates estimates;
   for (const PoseEstimate& pose : PosesOf(problem, *calibration->refined)) estimates.emplace_back(pose);
   return estimates;
@@ -173,8 +174,8 @@ PoseEstimates EstimateOneByOne(const RigStudyCell& cell, const RigProblem& probl
     if (!options.has_camera.empty()) options.has_camera = {options.has_camera[c]};
     const Outcome<RigCalibration> calibration = CalibrateAsKnown(single->problem, options);
     const bool is_good = calibration && calibration->refined;
-    const Failure failure =
-        is_good ? Failure{} : Failure{calibration ? calibration->refined.reason() : calibration.reason()};
+    Failure failure;
+    if (!is_good) failure = calibration ? calibration->refined.failure() : calibration.failure();
     const std::vector<PoseEstimate> poses =
         is_good ? PosesOf(single->problem, *calibration->refined) : std::vector<PoseEstimate>();
     cameras[c] = is_good ? Outcome<PoseEstimate>(poses[0]) : failure;
@@ -207,7 +208,7 @@ PoseEstimates EstimateOneByOne(const RigStudyCell& cell, const RigProblem& probl
       const Outcome<PoseEstimate>& of_a = *cameras[a];
       const Outcome<PoseEstimate>& of_b = *cameras[b];
       estimate = of_a && of_b ? Outcome<PoseEstimate>(Between(*of_a, *of_b))
-                              : Outcome<PoseEstimate>(Failure{of_a ? of_b.reason() : of_a.reason()});
+                              : Outcome<PoseEstimate>((of_a ? of_b : of_a).failure());
     }
   }
   estimates.insert(estimates.end(), bases.begin(), bases.end());
@@ -271,7 +272,7 @@ Outcome<std::vector<Matrix6>> RigErrorBound(const RigStudyCell& cell) {
   auto problem = std::make_shared<RigProblem>(Simulated(cell, 0, RobotNoise(), &rng));
   Fit fit;
   fit.groups = GroupByRobotPoses(*problem);
-  if (fit.groups.empty()) return Failure{"no camera sees a target"};
+  if (fit.groups.empty()) return Failure{FailureCode("no_target_in_view")};
   fit.state.poses = cell.poses;
   for (const RigCamera& camera : problem->cameras) fit.state.cameras.push_back(camera.camera);
   for (const RigTarget& target : problem->targets) fit.state.shapes.push_back(target.shape);
@@ -299,7 +300,7 @@ std::vector<RigPoseSummary> SummariseRig(const RigStudyCell& cell,
     RigPoseSummary& summary = summaries.emplace_back();
     summary.pose = names[i];
     summary.bound = bounds ? Outcome<StudyErrors>(FromMeanSquares((*bounds)[i].diagonal()))
-                           : Outcome<StudyErrors>(Failure{bounds.reason()});
+                           : Outcome<StudyErrors>(bounds.failure());
     std::vector<std::vector<TrialEstimate>> of_pose;
     for (const std::vector<std::vector<TrialEstimate>>& trial : trials) of_pose.push_back(trial[i]);
     summary.methods = SummariseTrials(of_pose, &FromMeanSquares);

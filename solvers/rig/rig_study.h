@@ -52,7 +52,7 @@ Outcome<std::vector<Eigen::Matrix<double, 6, 6>>> RigErrorBound(const RigStudyCe
 // A pose's bound and the errors of its estimators; StudyErrors::hand_eye_m and hand_eye_rad are those of the pose.
 struct RigPoseSummary {
   std::string pose;
-  Outcome<StudyErrors> bound = Failure{"not run"};
+  Outcome<StudyErrors> bound = {};
   std::vector<MethodSummary> methods;
 };
 // Summarises the trials of a cell.

@@ -198,7 +198,7 @@ void AddCameraCells(const StudyGrid& grid, const NamedScene& named, int num_capt
   const std::optional<SceneArm>& arm = scene.arms[0];
   if (arm) {
     const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
-    if (failure) named.place.Fail(failure->reason);
+    if (failure) named.place.Fail(failure->ToString());
   } else {
     const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
     if (!poses) named.place.Fail(poses.reason());

@@ -4,7 +4,7 @@
 #include <map>
 #include <optional>
 
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_postures.h"
@@ -27,10 +27,9 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
     const double apart_m = DistanceM(tools[i], setup->tip_from_gripper);
     const double apart_deg = RadToDeg(AngleRad(tools[i], setup->tip_from_gripper));
     if (apart_m < kMostToolScatterM && apart_deg < kMostToolScatterDeg) continue;
-    setup->reason = "the recorded joints of capture " + dataset.captures[i].name + " put the tool " +
-                    Significant(1000 * apart_m, 3) + " mm and " + Significant(apart_deg, 3) +
-                    " deg from where those of the others do; check robot.model, joint_angle, and that joints and "
-                    "poses belong together; heba doctor says which";
+    setup->reason = {FailureCode("tool_scatter"),
+                     {{"apart_mm", 1000 * apart_m}, {"apart_deg", apart_deg}},
+                     {{"capture", dataset.captures[i].name}}};
     return;
   }
   setup->branches.push_back(std::move(branch));
@@ -60,7 +59,7 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     if (std::optional<ArmBranch> branch = Continued(dataset, gripper_from_tip, robot.joints_near)) {
       setup->branches.push_back(std::move(*branch));
     } else {
-      setup->reason = "no posture near joints_near continues to the poses of all captures";
+      setup->reason = FailureCode("no_posture_near");
     }
     return;
   }
@@ -70,15 +69,12 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     base_from_tip.push_back(capture.base_from_gripper * gripper_from_tip);
     Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(robot.arm, base_from_tip.back());
     if (!found) {
-      setup->reason = "the arm " + robot.arm.name + " does not reach the pose of capture " + capture.name + " (" +
-                      found.reason() + "): another arm, a base frame that is not the arm's, or a tool that " +
-                      "robot.tool does not state; heba doctor says which";
+      setup->reason = {
+          FailureCode("out_of_reach"), {}, {{"arm", robot.arm.name}, {"capture", capture.name}}, {found.failure()}};
       return;
     }
     if (!ConfigurationOf(robot.arm, found->front())) {
-      setup->reason = "the configurations of the arm " + robot.arm.name +
-                      " have no names, so that poses do not tell its joints; record them (captures.joints), or state "
-                      "those of the first capture (robot.joints_near)";
+      setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", robot.arm.name}}};
       return;
     }
     postures.push_back(std::move(*found));
@@ -88,8 +84,7 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     setup->branches.push_back(std::move(branch));
   }
   if (setup->branches.empty()) {
-    setup->reason = "no configuration of the arm " + robot.arm.name +
-                    " reaches the poses of all captures; record the joints (captures.joints)";
+    setup->reason = {FailureCode("no_configuration"), {}, {{"arm", robot.arm.name}}};
   }
 }
 
@@ -186,7 +181,7 @@ ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics) {
   }
   const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.robot->arm.load == nullptr;
   if (lacks_masses && setup.reason.empty()) {
-    setup.reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
+    setup.reason = FailureCode("no_masses");
   }
   return setup;
 }

@@ -31,8 +31,7 @@ struct ArmSetup {
   bool is_recorded = false;
   Rigid3d tip_from_gripper;
   std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right one.
-  // Reason why the kinematics cannot be estimated, in one clause; empty if they can.
-  std::string reason;
+  Failure reason;                   // The reason why the kinematics cannot be estimated; empty if they can.
 };
 
 // `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.

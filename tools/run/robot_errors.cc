@@ -5,18 +5,13 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/smooth_search.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/captures.h"
 
 namespace heba {
-namespace {
-
-constexpr const char* kNoBranch = "the errors of the arm could be fitted in none of its configurations";
-
-}  // namespace
-
 std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
                                                 CalibrationOptions* options, Calibration* calibration) {
   RobotErrors errors;
@@ -30,10 +25,8 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
   if (has_arm && found.arm) {
     const size_t branch = found.arm->branch;
     arm->reason = found.arm->reason;
-    if (arm->reason != kNoBranch) arm->branches = {arm->branches[branch]};
-    if (!arm->reason.empty() && !arm->is_recorded) {
-      arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
-    }
+    if (arm->reason.code != FailureCode("no_configuration_fits").name()) arm->branches = {arm->branches[branch]};
+    if (!arm->is_recorded) arm->reason = WithRemedyOfJoints(arm->reason);
     for (size_t i = 0; i < dataset->captures.size() && arm->reason.empty(); ++i) {
       Capture& capture = dataset->captures[i];
       if (found.arm->model != nullptr) capture.effect = errors.arm.effects_of_captures[branch][i];
@@ -61,7 +54,7 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
     const std::optional<size_t> found = MostLikelyPoseEffects(
         dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors.of_branches, effects);
     if (!found) {
-      arm->reason = kNoBranch;
+      arm->reason = FailureCode("no_configuration_fits");
       return;
     }
     branch = *found;

@@ -15,6 +15,7 @@
 #include "tools/pages/page.h"
 #include "tools/pages/plot.h"
 #include "tools/pages/static_chart.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -187,7 +188,7 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       table += SceneLine(labels) + ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px\n";
     }
     if (!result.bound) {
-      if (is_first) table += "  no bound: " + result.bound.reason() + "\n\n";
+      if (is_first) table += "  no bound: " + FailureText(result.bound.failure()) + "\n\n";
       continue;
     }
     if (!result.labels.pose.empty()) {

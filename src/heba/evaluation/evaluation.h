@@ -53,8 +53,8 @@ struct Estimate {
   std::string method;
   EstimateKind kind = EstimateKind::kClosedForm;
   bool ok = false;
-  std::string reason;  // Reason of the failure, if not ok.
-  HandEye hand_eye;    // Meaningful if ok.
+  Failure reason;    // Set if not ok.
+  HandEye hand_eye;  // Meaningful if ok.
   Camera camera;
   Errors errors;
   std::optional<Solution> solution;  // Set for refinements.
@@ -108,7 +108,7 @@ struct ModelEntry {
   int dof = 0;
   std::optional<double> p;
   std::optional<double> odds = {};  // ModelAlternative::odds.
-  std::string reason = {};          // Why it was not a candidate; empty if it was.
+  Failure reason = {};              // Why it was not a candidate; empty if it was.
 };
 
 // The error model that the refinement uses.
@@ -127,7 +127,7 @@ struct RobotSummary {
   std::string configuration;  // The one of all captures; empty if there are several.
   bool is_estimated = false;
   std::string errors_name;                          // SharedEffects::name of the estimated errors.
-  std::string reason;                               // Reason why they were not estimated, in one clause.
+  Failure reason;                                   // The reason why they were not estimated.
   Eigen::VectorXd errors;                           // One per parameter (ArmParamPlace); zero if not estimated.
   std::vector<std::optional<double>> error_sigmas;  // One for each; nothing if the parameter was held.
   // Parameters that nothing distinguishes from something else, and what this is.

@@ -110,7 +110,7 @@ TEST(RigStudyTest, SaysWhyThereIsNoBound) {
   cell.arms.resize(1);
   EXPECT_FALSE(RigErrorBound(cell).ok());
   cell.arms.clear();
-  EXPECT_EQ(RigErrorBound(cell).reason(), "no camera sees a target");
+  EXPECT_EQ(RigErrorBound(cell).reason(), "no_target_in_view");
 }
 
 // 40 trials: the squared error of a pose in units of its bound is chi-square of 240 degrees of freedom if the estimate
