@@ -20,8 +20,8 @@
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
-#include "tools/run/arm_keys.h"
 #include "tools/run/captures.h"
+#include "tools/text/arm_keys.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {
@@ -125,8 +125,8 @@ Options WithFolds(int num_folds, int num_threads) {
 // Returns the text of result.json, with the findings in words. Throws InputError if the calibration failed.
 template <class Output, class Result>
 std::string ResultText(Outcome<Output> output, std::string (*to_json)(const Result&)) {
-  if (!output) throw InputError(output.reason());
-  DescribeAll(&output->result.verdict.findings);
+  if (!output) throw InputError(FailureText(output.failure(), ConfigKeys::kOmitted));
+  Describe(&output->result, ConfigKeys::kOmitted);
   return to_json(output->result);
 }
 

@@ -17,6 +17,7 @@
 #include "python/bindings/bindings.h"
 #include "tools/config/finished_run.h"
 #include "tools/run/image_location.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/location_text.h"
 
 namespace heba {
@@ -123,7 +124,7 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
     run = ReadFinishedRun(folder);
     location = LocateWith(run, images, pixels, given, joints, &request);
   }
-  if (!location.fault.empty()) throw InputError(location.fault);
+  if (!location.fault.empty()) throw InputError(FailureText(location.fault));
   std::vector<pybind11::tuple> all;
   std::vector<std::string> faults;
   for (const TargetLocation& target : location.targets) {

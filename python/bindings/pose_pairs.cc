@@ -10,6 +10,7 @@
 #include "heba/closed_form.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
@@ -19,14 +20,14 @@ namespace {
 Outcome<HandEye> BestHandEye(Setup setup, const std::vector<PosePair>& pairs) {
   PoseCalibrationOptions options;
   options.setup = setup;
-  Outcome<HandEye> best = Failure{"no method has a result"};
+  Outcome<HandEye> best;
   for (const bool has_robot_noise : {true, false}) {
     Calibration calibration;
     calibration.pairs = pairs;
     options.has_robot_noise = has_robot_noise;
     CalibratePoses(options, &calibration);
     if (calibration.chain) return calibration.chain->hand_eye;
-    best = Failure{calibration.chain.reason()};
+    best = calibration.chain.failure();
     for (const MethodResult& method : calibration.methods) {
       if (method.method == calibration.seed && method.hand_eye) best = method.hand_eye;
     }
@@ -43,12 +44,12 @@ std::pair<pybind11::array, pybind11::array> SolvePairs(const std::string& setup_
   for (size_t i = 0; i < base_from_grippers.size(); ++i) {
     pairs.push_back({CameraMountFromTargetMount(setup, base_from_grippers[i]), camera_from_targets[i]});
   }
-  Outcome<HandEye> found = Failure{""};
+  Outcome<HandEye> found;
   {
     const pybind11::gil_scoped_release release;
     found = method == "best" ? BestHandEye(setup, pairs) : SolveClosedForm(method, pairs);
   }
-  if (!found) throw InputError(found.reason());
+  if (!found) throw InputError(FailureText(found.failure(), ConfigKeys::kOmitted));
   return {ArrayOf(found->camera_mount_from_camera), ArrayOf(found->target_mount_from_target)};
 }
 

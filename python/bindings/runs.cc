@@ -17,6 +17,7 @@
 #include "tools/doctor/rig_doctor.h"
 #include "tools/pipeline/any_run.h"
 #include "tools/text/console.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_table.h"
 
 namespace heba {
@@ -35,7 +36,7 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
     output = out ? std::filesystem::absolute(*out) : OutputOf(config);
     Console console(Verbosity::kQuiet);
     const Outcome<AnyResult> result = RunAny(config, output, num_threads, &console, &observer);
-    if (!result) failure = result.reason();
+    if (!result) failure = FailureText(result.failure());
   }
   observer.RethrowIfRaised();
   if (failure) throw InputError(config_path.string() + ": " + *failure);

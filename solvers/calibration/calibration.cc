@@ -5,6 +5,7 @@
 #include <map>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -279,7 +280,7 @@ struct CameraStarts {
   std::vector<Camera> candidates;               // AutoModel::lenses.
   std::vector<CameraAlternative> alternatives;  // Calibration::camera_alternatives.
   std::vector<std::string> smaller_models;      // Models that are estimated if the starts fail.
-  std::string refused;                          // Why the wanted camera could not be estimated; empty if it could.
+  Failure refused;                              // Why the wanted camera could not be estimated; empty if it could.
 };
 
 // Adds starts that hold one more group of the intrinsics each.
@@ -316,7 +317,7 @@ Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const Cal
   }
   if (options.choose_camera_model) {
     Outcome<CameraChoice> choice = ChooseCameraModel(views, options.width_px, options.height_px);
-    if (!choice) return Failure{choice.reason()};
+    if (!choice) return choice.failure();
     cameras.alternatives = std::move(choice->alternatives);
     cameras.candidates = std::move(choice->candidates);
     cameras.starts.push_back({choice->camera, free});
@@ -338,11 +339,11 @@ Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const Cal
     if (wanted) {
       cameras.starts.push_back({*wanted, free});
     } else {
-      cameras.refused = wanted.reason();
+      cameras.refused = wanted.failure();
     }
     cameras.smaller_models = SmallerCameraModels(options.camera_model);
     if (!wanted) AddSmallerStarts(views, options, &cameras);
-    if (cameras.starts.empty()) return Failure{cameras.refused};
+    if (cameras.starts.empty()) return cameras.refused;
   }
   return cameras;
 }
@@ -387,14 +388,15 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
   const std::vector<InitialGuess> seeds = SeedsOf(started.results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
     // If the motion is the cause, all methods fail for the same reason.
-    std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
+    Failure reason;
+    if (wanted != nullptr && !wanted->hand_eye) reason = wanted->hand_eye.failure();
     for (const MethodResult& result : started.results) {
       const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
-      if (reason.empty() && suits) reason = result.hand_eye.reason();
+      if (reason.empty() && suits && !result.hand_eye) reason = result.hand_eye.failure();
     }
-    if (reason.empty()) reason = "every closed form puts the target behind the camera; check setup and pose direction";
+    if (reason.empty()) reason = FailureCode("target_behind");
     for (size_t i = 0; i < sorted.misfits.size(); ++i) leave_out_misfit(i);
-    calibration.refined = Failure{reason};
+    calibration.refined = reason;
     return started;
   }
   // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
@@ -547,7 +549,7 @@ void Finish(const CalibrationOptions& options, bool has_methods, Calibration* ca
 }
 
 // Notes that the captures did not determine the camera that the options ask for.
-void NoteReduction(const std::string& reason, const CalibrationOptions& wanted, Calibration* calibration) {
+void NoteReduction(const Failure& reason, const CalibrationOptions& wanted, Calibration* calibration) {
   const bool has_other_model =
       !wanted.camera && !wanted.choose_camera_model && calibration->camera.model != wanted.camera_model;
   const bool holds_more = calibration->bundle.free_intrinsics != wanted.bundle.free_intrinsics;
@@ -560,16 +562,16 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   CalibrationOptions options = options_in;
   if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
   Outcome<CameraStarts> cameras = FindCameraStarts(views, options);
-  if (!cameras) return Failure{cameras.reason()};
+  if (!cameras) return cameras.failure();
   options.choose.lenses = cameras->candidates;
   // A camera that the captures do not determine steps down to one that they do.
   Started started = StartFrom(views, options, cameras->starts.front());
-  std::string refused = cameras->refused;
+  Failure refused = cameras->refused;
   if (!started.calibration.refined && refused.empty()) AddSmallerStarts(views, options, &*cameras);
   for (size_t k = 1; k < cameras->starts.size() && !started.calibration.refined; ++k) {
     Started other = StartFrom(views, options, cameras->starts[k]);
     if (!other.calibration.refined) continue;
-    if (refused.empty()) refused = started.calibration.refined.reason();
+    if (refused.empty()) refused = started.calibration.refined.failure();
     started = std::move(other);
   }
   options.bundle.free_intrinsics = started.free_intrinsics;
@@ -708,8 +710,8 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
     Finding finding{Grade::kDoubtful, FindingCode("camera_reduced")};
     finding.names = {{"model", solution.camera.model},
                      {"wanted", options.camera ? solution.camera.model : options.camera_model},
-                     {"free", GroupNames(bundle.free_intrinsics)},
-                     {"why", calibration.reduced_camera}};
+                     {"free", GroupNames(bundle.free_intrinsics)}};
+    finding.reason = calibration.reduced_camera;
     finding.is_cause = true;
     add(std::move(finding));
   }

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "heba/base/distributions.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/intrinsics.h"
@@ -112,10 +113,10 @@ LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double 
   return comparison;
 }
 
-std::string WhyNotBesideLarger(const Camera& camera) {
+Failure WhyNotBesideLarger(const Camera& camera) {
   const auto last_param = static_cast<int>(camera.params.size()) - 1;  // The distortion follows the other groups.
-  if (GroupOf(last_param) == ParameterGroup::kDistortion) return "";
-  return "a lens without distortion is taken only if none with distortion can be estimated";
+  if (GroupOf(last_param) == ParameterGroup::kDistortion) return {};
+  return FailureCode("undistorted");
 }
 
 double NumMoreParams(const Camera& smaller, const Camera& larger) {
@@ -136,16 +137,16 @@ std::vector<std::string> SmallerCameraModels(const std::string& model) {
 
 Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px) {
   std::vector<FittedCamera> fitted;
-  std::string reason;
+  Failure last;
   for (const char* model : {"pinhole", "brown4", "brown5", "rational8"}) {
     // A larger model also starts from the smaller model's optimum, so its fit is never worse.
     std::optional<Camera> start;
     if (!fitted.empty()) start = ConvertCamera(fitted.back().camera, model);
     const Outcome<Camera> camera = EstimateIntrinsics(views, model, width_px, height_px);
     const Outcome<Camera> other =
-        start ? EstimateIntrinsics(views, model, width_px, height_px, start) : Outcome<Camera>(Failure{""});
+        start ? EstimateIntrinsics(views, model, width_px, height_px, start) : Outcome<Camera>();
     if (!camera && !other) {
-      reason = camera.reason();
+      last = camera.failure();
       continue;
     }
     std::vector<FittedCamera> found;
@@ -195,10 +196,10 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
         chosen = fitted.size() - 1;
       }
     } else if (fitted.empty()) {
-      reason = fisheye.reason();
+      last = fisheye.failure();
     }
   }
-  if (fitted.empty()) return Failure{reason};
+  if (fitted.empty()) return last;
   choice.camera = fitted[chosen].camera;
   for (FittedCamera& candidate : fitted) choice.candidates.push_back(std::move(candidate.camera));
   return choice;

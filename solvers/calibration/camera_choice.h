@@ -36,7 +36,7 @@ LensComparison CompareLenses(const std::vector<double>& gain_of_capture, double 
 // Returns why `camera` is not taken beside a larger model that could be estimated, whatever the captures say: it has no
 // distortion. Captures that cannot tell it from a larger model would lend the result a certainty that comes from the
 // choice alone. The text is empty for every other model (CameraAlternative::reason).
-std::string WhyNotBesideLarger(const Camera& camera);
+Failure WhyNotBesideLarger(const Camera& camera);
 
 // Returns the number of parameters by which two models are compared, at least 1.
 double NumMoreParams(const Camera& smaller, const Camera& larger);

@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/parallel.h"
 #include "solvers/calibration/held_out.h"
 #include "solvers/refine/hand_eye_problem.h"
@@ -41,7 +42,7 @@ Outcome<FoldErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& hel
     AddImage(held_out.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations,
              held_out.poses[i], view.capture, &fold.errors);
   }
-  if (fold.errors.has_hidden) return Failure{"a held-out target lies behind the camera"};
+  if (fold.errors.has_hidden) return Failure{FailureCode("hidden_held_out")};
   return fold;
 }
 
@@ -82,8 +83,8 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   fold_options.bundle.num_threads = options.bundle.num_threads;
   fold_options.camera_model = full.camera.model;
   if (!options.camera) fold_options.camera_start = full.camera;
-  std::vector<std::vector<Outcome<FoldErrors>>> errors(
-      static_cast<size_t>(num_folds), std::vector<Outcome<FoldErrors>>(names.size(), Failure{"not run"}));
+  std::vector<std::vector<Outcome<FoldErrors>>> errors(static_cast<size_t>(num_folds),
+                                                       std::vector<Outcome<FoldErrors>>(names.size()));
   // Captures at the same robot pose are held out together, because they share its error.
   std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
   int num_held_out = 0;
@@ -107,21 +108,21 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     const Outcome<Calibration> calibration = Calibrate(training, fold_options);
     std::vector<Outcome<FoldErrors>>& row = errors[static_cast<size_t>(fold)];
     if (!calibration) {
-      std::fill(row.begin(), row.end(), Outcome<FoldErrors>(Failure{calibration.reason()}));
+      std::fill(row.begin(), row.end(), Outcome<FoldErrors>(calibration.failure()));
     } else {
       const SeenViews seen(calibration->camera, held_out);
       for (size_t m = 0; m < calibration->methods.size(); ++m) {
         const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
-        row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : Failure{hand_eye.reason()};
+        row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : hand_eye.failure();
         if (row[m] && calibration->refined) {
           row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out);
         }
       }
       const Outcome<Solution>& chain = calibration->chain;
-      row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
+      row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : chain.failure();
       const Outcome<Solution>& refined = calibration->refined;
       if (!refined) {
-        row.back() = Failure{refined.reason()};
+        row.back() = refined.failure();
       } else {
         const std::vector<View> corrected =
             ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape);
@@ -152,7 +153,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
         total.chi2.Add(of_fold->chi2);
         total.noise.Add(of_fold->noise);
       } else if (result.reason.empty()) {
-        result.reason = "fold " + std::to_string(fold + 1) + ": " + of_fold.reason();
+        result.reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {of_fold.failure()}};
       }
     }
     if (result.reason.empty()) {

@@ -56,7 +56,7 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
   RigOptions options = comparison.options;
   options.robot = model.robot;
   std::vector<FittedLens> fitted;  // The largest first.
-  std::string reason;
+  Failure last;
   double dof = std::numeric_limits<double>::infinity();
   for (size_t i = lenses.size(); i-- > 0;) {
     RigProblem with_lens = problem;
@@ -65,7 +65,7 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
     if (fitted.empty()) {
       const Outcome<RigSolution> own = RefineRig(with_lens, from, options);
       if (!own) {
-        choice.alternatives[i].reason = reason = own.reason();
+        choice.alternatives[i].reason = last = own.failure();
         continue;
       }
       dof = own->covariance_dof;
@@ -80,10 +80,10 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
                                    LossOf(options.loss)),
                         i});
     } else {
-      choice.alternatives[i].reason = solution.reason();
+      choice.alternatives[i].reason = solution.failure();
     }
   }
-  if (fitted.empty()) return Failure{reason};
+  if (fitted.empty()) return last;
   const auto sum = [](const std::vector<double>& costs) { return std::accumulate(costs.begin(), costs.end(), 0.0); };
   const FittedLens* chosen = nullptr;
   for (size_t k = fitted.size(); k-- > 0;) {

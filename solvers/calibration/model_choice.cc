@@ -8,6 +8,7 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "solvers/calibration/lens_choice.h"
 #include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
@@ -217,7 +218,7 @@ Outcome<bool> ChooseLenses(const ProblemModel& model, ModelComparison* compariso
   for (size_t c = 0; c < comparison->space.lenses.size(); ++c) {
     if (comparison->space.lenses[c].size() < 2) continue;
     Outcome<LensChoice> choice = ChooseLens(*comparison, c, model);
-    if (!choice) return Failure{choice.reason()};
+    if (!choice) return choice.failure();
     const Camera& chosen = choice->solution.cameras[c];
     const bool is_first = (*alternatives)[c].empty();
     if (!is_first && chosen.model == comparison->problem.cameras[c].camera.model) continue;
@@ -251,17 +252,17 @@ std::vector<ProblemModel> ToTry(const std::vector<std::vector<PartOptions>>& gro
 Outcome<LargestFit> FitLargest(const std::vector<RigProblem>& with_lenses, const RigPoses& start,
                                const RigOptions& options_in, const std::vector<ProblemModel>& to_try,
                                const ModelSpace& space) {
-  std::string reason;
+  Failure first;
   RigOptions options = options_in;
   for (const RigProblem& with_lens : with_lenses) {
     for (const ProblemModel& model : to_try) {
       options.robot = model.robot;
       Outcome<RigSolution> solution = RefineRig(WithModel(with_lens, model, space), start, options);
       if (solution) return LargestFit{model, std::move(*solution)};
-      if (reason.empty()) reason = solution.reason();
+      if (first.empty()) first = solution.failure();
     }
   }
-  return Failure{reason};
+  return first;
 }
 
 // Adds the points that were left out before a fit to those that it rejected.
@@ -361,7 +362,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
   const Outcome<LargestFit> largest =
       is_known ? LargestFit{largest_of_all, *at_largest}
                : FitLargest(WithLenses(problem, space), start, options, ToTry(groups, largest_of_all), space);
-  if (!largest) return Failure{largest.reason()};
+  if (!largest) return largest.failure();
   if (parts.empty() && !chooses_lens) {
     RigProblem with_model = WithModel(problem, largest->model, space);
     options.robot = largest->model.robot;
@@ -382,10 +383,10 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
   constexpr int kMostRounds = 3;
   for (int round = 0; round < kMostRounds; ++round) {
     const Outcome<bool> has_other_lens = ChooseLenses(model, &comparison, &choice.lenses);
-    if (!has_other_lens && !errors) return Failure{has_other_lens.reason()};
+    if (!has_other_lens && !errors) return has_other_lens.failure();
     if (round > 0 && !(has_other_lens && *has_other_lens)) break;
     std::optional<ErrorModelChoice> next = ChooseGroups(comparison, groups, largest->model);
-    if (!next && !errors) return Failure{"no model of the errors could be fitted"};
+    if (!next && !errors) return Failure{FailureCode("no_error_model")};
     if (!next) break;
     errors = std::move(next);
     model = errors->alternatives[errors->chosen].model;
@@ -425,7 +426,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
   }
   Outcome<ProblemChoice> chosen =
       ChooseModel(HandEyeProblem(problem, with_fixed), HandEyePosesOf(start), AdjustmentOptionsOf(with_fixed), space);
-  if (!chosen) return Failure{chosen.reason()};
+  if (!chosen) return chosen.failure();
   const std::shared_ptr<const SharedEffects>& fixed = with_fixed.effects;
   ModelChoice choice;
   ErrorModel model = ModelOf(chosen->model, 0, 0);

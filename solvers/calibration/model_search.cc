@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/posture_choice.h"
@@ -176,7 +176,7 @@ std::vector<ModelAlternative> AlternativesOf(const SearchedModel& chosen, size_t
 }
 
 // Returns why no model of an arm's errors was taken.
-std::string WhyNone(const SearchedModel& chosen, const std::vector<ModelAlternative>& alternatives, size_t robot) {
+Failure WhyNone(const SearchedModel& chosen, const std::vector<ModelAlternative>& alternatives, size_t robot) {
   const ErrorModel none = ModelOf(chosen.model, robot, 0);
   const ModelAlternative* without = nullptr;
   const ModelAlternative* best = nullptr;
@@ -186,27 +186,28 @@ std::string WhyNone(const SearchedModel& chosen, const std::vector<ModelAlternat
     if (!is_none && (best == nullptr || one.log_likelihood > best->log_likelihood)) best = &one;
   }
   if (without == nullptr || best == nullptr) {
-    return "the captures are too few to tell the errors of the arm from those of its poses";
+    return FailureCode("few_captures_of_arm");
   }
-  return "'" + best->model.effects->name + "' is not significantly better than the noise of the poses alone " +
-         "(log-likelihood higher by " + Significant(std::max(0.0, best->log_likelihood - without->log_likelihood), 2) +
-         " with " + std::to_string(best->dof - without->dof) + " more parameters)";
+  return {FailureCode("no_better_than_noise"),
+          {{"gain", std::max(0.0, best->log_likelihood - without->log_likelihood)},
+           {"parameters", best->dof - without->dof}},
+          {{"errors", best->model.effects->name}}};
 }
 
 // Returns why the errors of an arm cannot be estimated; empty if they can.
-std::string WhyNotEstimable(const SearchedModel& model, const ModelSpace& parts, size_t robot) {
+Failure WhyNotEstimable(const SearchedModel& model, const ModelSpace& parts, size_t robot) {
   if (model.options.robot != BundleOptions::Robot::kEstimatedNoise && !parts.robot_noise) {
-    return "the errors of an arm are estimated beside the noise of its poses, which refine.robot_noise holds";
+    return FailureCode("held_arm_noise");
   }
   const RigProblem used = UsedPoints(model.problem, model.judged);
   const std::vector<size_t> moving = MovingRobots(used);
   if (std::find(moving.begin(), moving.end(), robot) == moving.end()) {
-    return "the arm moves no target against a camera";
+    return FailureCode("idle_arm");
   }
   if (GroupByRobotPoses(used).size() < kMinPosesForVariances) {
-    return "the captures are too few to tell the errors of the arm from those of its poses";
+    return FailureCode("few_captures_of_arm");
   }
-  return "";
+  return {};
 }
 
 // Adjusts a model as it is, from its adjustment, and judges the images. Returns the Failure if that fails, which
@@ -215,7 +216,7 @@ std::optional<Failure> Readjust(const Judge& judge, SearchedModel* model) {
   JudgedRig& judged = model->judged;
   Outcome<RigSolution> solution = RefineRig(StartingFrom(Without(model->problem, judged.left_out), judged.solution),
                                             judged.solution.poses, model->options);
-  if (!solution) return Failure{solution.reason()};
+  if (!solution) return solution.failure();
   judged.solution = std::move(*solution);
   judged = judge(model->problem, std::move(judged), model->options);
   model->is_fitted = true;
@@ -235,7 +236,7 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
   for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = solution.cameras[c];
   const Outcome<ProblemChoice> choice =
       ChooseModel(used, solution.poses, model->options, space, model->is_fitted ? &solution : nullptr);
-  if (!choice) return Failure{choice.reason()};
+  if (!choice) return choice.failure();
   bool is_same = model->is_fitted && HasModel(model->problem, model->options, choice->model);
   for (size_t c = 0; c < space.lenses.size(); ++c) {
     Camera& camera = model->problem.cameras[c].camera;
@@ -276,16 +277,17 @@ std::optional<RobotNoise> NoiseOfPoses(const SearchedModel& model, size_t robot)
 
 // Returns why an arm's errors explain nothing: the noise of its poses stays. A better likelihood alone can be that of
 // another arm, or of joints that belong to other poses. Empty if they explain something.
-std::string WhyNothingExplained(const std::optional<RobotNoise>& before, const std::optional<RobotNoise>& after) {
+Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::optional<RobotNoise>& after) {
   constexpr double kMostLeft = 0.7;
   if (!before || !after || after->translation_m <= kMostLeft * before->translation_m ||
       after->rotation_rad <= kMostLeft * before->rotation_rad) {
-    return "";
+    return {};
   }
-  return "they explain little: the noise of the poses falls only from " + Significant(1000 * before->translation_m, 2) +
-         " mm and " + Significant(RadToDeg(before->rotation_rad), 2) + " deg to " +
-         Significant(1000 * after->translation_m, 2) + " mm and " + Significant(RadToDeg(after->rotation_rad), 2) +
-         " deg";
+  return {FailureCode("little_explained"),
+          {{"before_mm", 1000 * before->translation_m},
+           {"before_deg", RadToDeg(before->rotation_rad)},
+           {"after_mm", 1000 * after->translation_m},
+           {"after_deg", RadToDeg(after->rotation_rad)}}};
 }
 
 // Adds the errors of the arms, as AddErrors.
@@ -307,7 +309,7 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
     if (!choice.reason.empty()) continue;
     std::optional<std::vector<size_t>> branches = MostLikelyBranches(arm, r, space.parts, *model);
     if (!branches) {
-      choice.reason = "the errors of the arm could be fitted in none of its configurations";
+      choice.reason = FailureCode("no_configuration_fits");
       continue;
     }
     choice.branches = std::move(*branches);
@@ -324,7 +326,7 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   const auto decline_all = [&](const Failure& failure) {
     for (RigArmChoice& choice : choices) {
       choice.model = nullptr;
-      if (choice.reason.empty()) choice.reason = "the refinement with the arm's errors failed: " + failure.reason;
+      if (choice.reason.empty()) choice.reason = {FailureCode("arm_refinement_failed"), {}, {}, {failure}};
     }
     return choices;
   };
@@ -343,7 +345,7 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   }
   for (const RigArmChoice& choice : choices) {
     if (choice.model == nullptr || !space.arms[choice.robot].is_chosen) continue;
-    const std::string reason = WhyNothingExplained(choice.noise_before, NoiseOfPoses(with_errors, choice.robot));
+    const Failure reason = WhyNothingExplained(choice.noise_before, NoiseOfPoses(with_errors, choice.robot));
     if (reason.empty()) continue;
     // The others are judged without this arm.
     ErrorSpace without = space;

@@ -23,7 +23,7 @@ struct InitialGuess {
 double RobustScalePx(const Camera& camera, const std::vector<View>& views, const HandEye& hand_eye);
 
 struct MultiStartSolution {
-  Outcome<Solution> solution = Failure{"not run"};
+  Outcome<Solution> solution = {};
   std::string seed;  // Name of the initial guess that led to it.
 };
 

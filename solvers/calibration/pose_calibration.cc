@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/calibration.h"
 #include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/model_choice.h"
@@ -37,14 +38,14 @@ const MethodResult* FindStart(const std::vector<MethodResult>& results, const st
   return best;
 }
 
-std::string WhyNoStart(const std::vector<MethodResult>& results, const std::string& seed) {
-  std::string reason = "no closed form has a result";
+Failure WhyNoStart(const std::vector<MethodResult>& results, const std::string& seed) {
+  Failure last = FailureCode("no_closed_form");
   for (const MethodResult& result : results) {
     const bool counts =
         seed == kBestSeed ? FindHandEyeMethod(result.method)->motion == MethodMotion::kAny : result.method == seed;
-    if (counts && !result.hand_eye) reason = result.hand_eye.reason();
+    if (counts && !result.hand_eye) last = result.hand_eye.failure();
   }
-  return reason;
+  return last;
 }
 
 // Refines with the noise of the robot and the simplest systematic errors that the pairs do not reject.
@@ -54,18 +55,18 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
   candidates.insert(candidates.end(), options.effects.begin(), options.effects.end());
   if (options.must_have_effects) candidates = {options.effects.back()};
   std::vector<FittedChain> fitted;
-  std::string reason;
+  Failure last;
   for (const std::shared_ptr<const SharedEffects>& effects : candidates) {
     const Outcome<Solution> solution = RefineChainWithNoise(options.setup, calibration->pairs, start, effects);
     if (!solution) {
-      reason = solution.reason();
+      last = solution.failure();
       continue;
     }
     fitted.push_back({{BundleOptions::Robot::kEstimatedNoise, {}, effects},
                       *solution,
                       ChainLogLikelihoodOf(options.setup, calibration->pairs, *solution)});
   }
-  if (fitted.empty()) return Failure{reason};
+  if (fitted.empty()) return last;
   const FittedChain& largest = fitted.back();
   const FittedChain* chosen = nullptr;
   for (const FittedChain& smaller : fitted) {
@@ -94,11 +95,10 @@ void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibrat
   CHECK(options.has_robot_noise || options.effects.empty());
   const std::vector<MethodResult> results = RunMethods(*calibration);
   calibration->methods = Reported(results, options.methods);
-  calibration->refined =
-      Failure{"poses of the target are given, not its points: bundle adjustment needs images or corners"};
+  calibration->refined = Failure{FailureCode("no_pixels")};
   const MethodResult* const start = FindStart(results, options.seed, calibration->pairs);
   if (start == nullptr) {
-    calibration->chain = Failure{WhyNoStart(results, options.seed)};
+    calibration->chain = WhyNoStart(results, options.seed);
     return;
   }
   calibration->seed = start->method;

@@ -4,6 +4,7 @@
 #include <map>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/cross_validation.h"
 #include "solvers/residuals/repeated_poses.h"
 
@@ -15,7 +16,7 @@ struct HeldOutPoses {
   double sum_m2 = 0;
   double sum_rad2 = 0;
   std::vector<std::pair<size_t, double>> distance_m_of_capture;
-  std::string reason;  // Reason of the first failure.
+  Failure reason;  // The first failure.
 
   void Add(const Rigid3d& predicted, const Rigid3d& seen, size_t capture) {
     const double distance_m = (predicted.translation - seen.translation).norm();
@@ -23,8 +24,8 @@ struct HeldOutPoses {
     sum_rad2 += std::pow(AngleRad(predicted, seen), 2);
     distance_m_of_capture.emplace_back(capture, distance_m);
   }
-  void Fail(int fold, const std::string& why) {
-    if (reason.empty()) reason = "fold " + std::to_string(fold + 1) + ": " + why;
+  void Fail(int fold, const Failure& why) {
+    if (reason.empty()) reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {why}};
   }
 };
 
@@ -68,7 +69,7 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
     // Predicts the poses that were held out, with the errors of the robot that `solution` has found.
     const auto predict = [&](const std::string& method, const Outcome<HandEye>& hand_eye, const Solution& solution) {
       HeldOutPoses& of_method = errors[method];
-      if (!hand_eye) of_method.Fail(fold, hand_eye.reason());
+      if (!hand_eye) of_method.Fail(fold, hand_eye.failure());
       for (size_t k = 0; hand_eye && k < held_out.size(); ++k) {
         const PosePair& pair = full.pairs[held_out[k]];
         const Rigid3d mount =
@@ -80,7 +81,7 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
     if (part.chain) {
       predict(kChainMethod, part.chain->hand_eye, *part.chain);
     } else {
-      predict(kChainMethod, Failure{part.chain.reason()}, Solution());
+      predict(kChainMethod, part.chain.failure(), Solution());
     }
   }
   std::vector<HoldOut> results;

@@ -11,6 +11,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/data/prediction.h"
 #include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
@@ -394,10 +395,9 @@ Outcome<std::vector<LocatedTarget>> LocateInEachOrder(const RigProblem& rig, con
                                                       const std::vector<CameraObservations>& seen,
                                                       const std::vector<Rigid3d>& symmetries, const TargetShape* shape,
                                                       const std::vector<StatedPose>& base_from_gripper) {
-  const Failure failure{seen.size() == 1 ? "the " + std::to_string(seen.front().observations.size()) +
-                                               " visible points do not determine the target's pose"
-                                         : "the points that the cameras see do not determine a pose of the target"};
   CHECK(!symmetries.empty());
+  Failure failure{FailureCode("no_pose")};
+  if (seen.size() == 1) failure.numbers = {{"points", seen.front().observations.size()}};
   std::vector<ReadPoints> read;
   for (const CameraObservations& view : seen) {
     ReadPoints& points = read.emplace_back(ReadPoints{view.camera, {}});
@@ -492,11 +492,11 @@ struct RayPlaneIntersection {
 Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eigen::Vector2d& pixel,
                                                 const Eigen::Vector3d& normal, double distance_m) {
   const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixel);
-  if (!ray) return Failure{"no ray belongs to this pixel"};
+  if (!ray) return Failure{FailureCode("no_ray")};
   constexpr double kGrazing = 1e-3;
   const double slope = normal.dot(*ray);
   const double range_m = distance_m / slope;
-  if (std::abs(slope) < kGrazing || !(range_m > 0)) return Failure{"its ray does not meet the plane"};
+  if (std::abs(slope) < kGrazing || !(range_m > 0)) return Failure{FailureCode("ray_beside_plane")};
   RayPlaneIntersection meeting;
   meeting.in_camera = range_m * *ray;
   Points3 point(3, 1);
@@ -504,7 +504,7 @@ Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eige
   Points2 image;
   ProjectionJacobian jacobian;
   if (!camera.Model().Project(camera.params.data(), point, &image, &jacobian)) {
-    return Failure{"its ray does not meet the plane in front of the camera"};
+    return Failure{FailureCode("plane_behind")};
   }
   // The point stays on its ray and on the plane: its two pixel coordinates and its distance along the normal determine
   // it.
@@ -530,7 +530,7 @@ Outcome<LocatedPoint> PointOnPlane(const RigProblem& rig, const RigSolution& sol
   const Outcome<RayPlaneIntersection> meeting =
       IntersectRayPlane(solution.cameras[pixel.camera], pixel.pixel, rotation.transpose() * plane.normal,
                         plane.distance_m - plane.normal.dot(world_from_camera.translation));
-  if (!meeting) return Failure{meeting.reason()};
+  if (!meeting) return meeting.failure();
   LocatedPoint point;
   point.in_world = world_from_camera * meeting->in_camera;
   // A motion of the camera moves the point along, and the plane moves it back along its ray; a motion of the plane
@@ -577,7 +577,7 @@ Outcome<LocatedTarget> LocateInRig(const RigProblem& rig, const RigSolution& sol
                                    const std::vector<StatedPose>& base_from_gripper) {
   Outcome<std::vector<LocatedTarget>> located =
       LocateInEachOrder(rig, solution, seen, {Rigid3d()}, nullptr, base_from_gripper);
-  if (!located) return Failure{located.reason()};
+  if (!located) return located.failure();
   return std::move(located->front());
 }
 
@@ -608,7 +608,7 @@ std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const R
     return contradiction;
   }
   std::vector<size_t> wrong;
-  Located others = Failure{""};
+  Located others;
   for (size_t v = 0; v < seen.size(); ++v) {
     std::vector<CameraObservations> views = seen;
     views.erase(views.begin() + static_cast<std::ptrdiff_t>(v));
@@ -626,7 +626,7 @@ std::optional<RigContradiction> FindContradiction(const RigProblem& rig, const R
 Outcome<LocatedPoint> TriangulateInRig(const RigProblem& rig, const RigSolution& solution,
                                        const std::vector<CameraPixel>& pixels,
                                        const std::vector<StatedPose>& base_from_gripper) {
-  if (pixels.size() < 2) return Failure{"a point needs its pixels in at least two cameras"};
+  if (pixels.size() < 2) return Failure{FailureCode("one_camera")};
   std::vector<CameraObservations> seen;
   for (const CameraPixel& pixel : pixels) {
     CameraObservations& view = seen.emplace_back();
@@ -642,7 +642,7 @@ Outcome<LocatedPoint> TriangulateInRig(const RigProblem& rig, const RigSolution&
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (size_t v = 0; v < pixels.size(); ++v) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(solution.cameras[pixels[v].camera], pixels[v].pixel);
-    if (!ray) return Failure{"camera " + rig.cameras[pixels[v].camera].name + " has no ray at this pixel"};
+    if (!ray) return Failure{FailureCode("camera_without_ray"), {}, {{"camera", rig.cameras[pixels[v].camera].name}}};
     const Rigid3d world_from_camera = PlaceCamera(rig, solution, pixels[v].camera, arms).world_from_camera.pose;
     const Eigen::Vector3d direction = world_from_camera.rotation * *ray;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
@@ -651,11 +651,11 @@ Outcome<LocatedPoint> TriangulateInRig(const RigProblem& rig, const RigSolution&
   }
   constexpr double kParallel = 1e-9;
   if (!(EigenOfSymmetric(normal).values[0] > kParallel)) {
-    return Failure{"the rays of the pixels are parallel: they do not determine a point"};
+    return Failure{FailureCode("parallel_rays")};
   }
   const Eigen::Vector3d guess = SolveSymmetric(normal, right);
   const std::optional<LocatedFrame> found = location.From({Eigen::Quaterniond::Identity(), guess});
-  if (!found) return Failure{"the rays of the pixels do not meet in front of the cameras"};
+  if (!found) return Failure{FailureCode("rays_behind")};
   LocatedPoint point;
   // The frame has the axes of the world.
   point.in_world = found->state.world_from_frame.translation;

@@ -25,7 +25,7 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
                                     const StatedPose& camera_mount) {
   Outcome<std::vector<LocatedTarget>> possible =
       LocateSymmetricTarget(setup, solution, observations, {Rigid3d()}, camera_mount);
-  if (!possible) return Failure{possible.reason()};
+  if (!possible) return possible.failure();
   return std::move(possible->front());
 }
 
@@ -86,7 +86,7 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
   const HandEyeRig rig(setup, solution);
   const Outcome<std::vector<LocatedTarget>> target =
       LocateTargetInRig(rig.problem, rig.solution, 0, {{0, observations}}, {camera_mount});
-  if (!target) return Failure{target.reason()};
+  if (!target) return target.failure();
   return LocatePixelOnTargetInRig(rig.problem, rig.solution, {0, pixel}, target->front(), {camera_mount});
 }
 

@@ -9,8 +9,7 @@ HandEyeInput::HandEyeInput(const std::vector<PosePair>& pairs) : pairs_(&pairs) 
   std::vector<Rigid3d> poses;
   poses.reserve(pairs.size());
   for (const PosePair& pair : pairs) poses.push_back(pair.camera_mount_from_target_mount);
-  const std::string why = WhyNotObservable(AnalyseMotion(poses));
-  if (!why.empty()) why_not_ = Failure{why};
+  why_not_ = WhyNotObservable(AnalyseMotion(poses));
 }
 
 const MotionSums& HandEyeInput::motions() const {

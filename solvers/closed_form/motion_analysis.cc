@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "heba/base/factorisation.h"
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -29,29 +29,27 @@ MotionAnalysis AnalyseMotion(const std::vector<Rigid3d>& poses) {
   return motion;
 }
 
-std::string WhyNotObservable(const MotionAnalysis& motion) {
+std::optional<Failure> WhyNotObservable(const MotionAnalysis& motion) {
   constexpr int kMinCaptures = 3;
   // Smaller rotations are robot noise and not motion: robots repeat to 0.01 deg and are accurate to 0.2 deg.
   const double min_rotation_rad = DegToRad(0.5);
   if (motion.num_captures < kMinCaptures) {
-    return "at least 3 captures with the target are needed, there " +
-           std::string(motion.num_captures == 1 ? "is " : "are ") + std::to_string(motion.num_captures);
+    return Failure{FailureCode("few_captures"), {{"captures", motion.num_captures}}};
   }
   const double first_deg = RadToDeg(motion.rotation_rms_rad[0]);
-  const double second_deg = RadToDeg(motion.rotation_rms_rad[1]);
   if (motion.rotation_rms_rad[0] < min_rotation_rad) {
-    return "the robot did not rotate between the captures (" + Fixed(first_deg, 2) +
-           " deg rms), so the hand-eye pose is undetermined; rotate the gripper about two different axes by 20 deg or "
-           "more";
+    return Failure{FailureCode("no_rotation"), {{"rms_deg", first_deg}}};
   }
   if (motion.rotation_rms_rad[1] < min_rotation_rad) {
     const Eigen::Vector3d& axis = motion.main_axis;
-    return "the robot rotated about one axis only (" + Fixed(first_deg, 1) + " deg rms about [" + Fixed(axis.x(), 2) +
-           ", " + Fixed(axis.y(), 2) + ", " + Fixed(axis.z(), 2) + "], " + Fixed(second_deg, 2) +
-           " deg about any other), so the translation of the hand-eye pose along that axis is undetermined; rotate the "
-           "gripper about a second axis by 20 deg or more";
+    return Failure{FailureCode("one_axis"),
+                   {{"rms_deg", first_deg},
+                    {"x", axis.x()},
+                    {"y", axis.y()},
+                    {"z", axis.z()},
+                    {"other_deg", RadToDeg(motion.rotation_rms_rad[1])}}};
   }
-  return "";
+  return std::nullopt;
 }
 
 }  // namespace heba

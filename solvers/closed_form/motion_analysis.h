@@ -1,11 +1,12 @@
 // Analyses the robot's motion, without images, to decide whether a hand-eye calibration is possible.
 #pragma once
 
-#include <string>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "heba/base/error.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -23,9 +24,8 @@ struct MotionAnalysis {
 // Analyses one pose per capture: camera_mount_from_target_mount, or the inverse, for all captures.
 MotionAnalysis AnalyseMotion(const std::vector<Rigid3d>& poses);
 
-// Returns the reason why no method can find the hand-eye pose from such a motion, and how to correct it, as one
-// clause; empty if the motion is sufficient. The hand-eye pose requires rotations about two axes that are not
-// parallel (Tsai and Lenz 1989, section II).
-std::string WhyNotObservable(const MotionAnalysis& motion);
+// Returns the reason why no method can find the hand-eye pose from such a motion; nothing if the motion is sufficient.
+// The hand-eye pose requires rotations about two axes that are not parallel (Tsai and Lenz 1989, section II).
+std::optional<Failure> WhyNotObservable(const MotionAnalysis& motion);
 
 }  // namespace heba

@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include <ceres/solver.h>
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/median.h"
-#include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/homography.h"
 #include "heba/geometry/pose_block.h"
@@ -22,9 +21,6 @@
 
 namespace heba {
 namespace {
-
-constexpr std::string_view kNotDetermined =
-    "the captures do not determine a camera; give a camera file (camera.intrinsics)";
 
 // A camera without focal length and principal point, at which the estimation starts.
 struct InitialLens {
@@ -135,8 +131,8 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
   LoopProblem loops;
-  loops.layout.AddCamera(kCameraBlock, "the camera's", model, free);
-  loops.layout.AddTarget(kTargetBlock, "the target's", {});
+  loops.layout.AddCamera(kCameraBlock, model, free);
+  loops.layout.AddTarget(kTargetBlock, {});
   loops.cameras = {&model};
   loops.targets = {TargetShape()};
   for (const PosedView& entry : *posed) {
@@ -211,17 +207,17 @@ Outcome<EstimatedCamera> RefineInStages(Camera camera, const std::vector<const V
                                         const std::vector<FreeParameters>& stages) {
   std::vector<PosedView> posed;
   double rms_px = 0;
-  if (!PoseViews(camera, usable, &posed, &rms_px)) return Failure{std::string(kNotDetermined)};
+  if (!PoseViews(camera, usable, &posed, &rms_px)) return Failure{FailureCode("no_camera")};
   const Loss& loss = LossOf(LossKind::kHuber);
   // Errors that an intermediate stage leaves are corrected by the next one.
   constexpr double kPassing = 1e-3;
   constexpr double kLast = 1e-10;
   for (size_t i = 0; i < stages.size(); ++i) {
     if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &camera, &posed)) {
-      return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
+      return Failure{FailureCode("intrinsics_failed")};
     }
     const std::string faults = CheckCamera(camera);
-    if (!faults.empty()) return Failure{"the estimated camera is implausible (" + faults + "); give a camera file"};
+    if (!faults.empty()) return Failure{FailureCode("implausible_camera"), {}, {{"faults", faults}}};
   }
   const double sigma_px = SigmaFromMedian(SquaredDistances(camera, posed));
   return EstimatedCamera{std::move(camera), sigma_px};
@@ -244,8 +240,7 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     num_points += view.observations.size();
   }
   if (usable.size() < 3) {
-    return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
-                   " captures; use 3 or more, or a camera file (camera.intrinsics)"};
+    return Failure{FailureCode("few_captures_of_camera"), {{"captures", static_cast<double>(usable.size())}}};
   }
   // A point has two coordinates, a view has six unknowns; the distortion is estimated if at least three times the
   // number of camera parameters remains. Otherwise the distortion of `start` would remain, whatever these views show.
@@ -280,12 +275,12 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     stages.push_back(all);
     stages.push_back(all);
   }
-  Outcome<EstimatedCamera> best = Failure{std::string(kNotDetermined)};
+  Outcome<EstimatedCamera> best = Failure{FailureCode("no_camera")};
   for (const Camera& camera : starts) {
     Outcome<EstimatedCamera> estimated = RefineInStages(camera, usable, stages);
     if (!best || (estimated && estimated->sigma_px < best->sigma_px)) best = std::move(estimated);
   }
-  if (!best) return Failure{best.reason()};
+  if (!best) return best.failure();
   return best->camera;
 }
 

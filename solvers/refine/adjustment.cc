@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/refine/noise_iteration.h"
@@ -70,14 +71,10 @@ std::optional<Failure> CheckCovariance(const Fit& fit, const Covariance& covaria
   return CheckDetermined(covariance, ReachesOf(*fit.problem, fit.state));
 }
 
-// Returns what messages call the image of a capture, and what to check if it shows nothing.
 Failure HiddenAtStart(const RigProblem& problem, const ImageIndex& index) {
   const RigCapture& capture = problem.captures[index.capture];
   const std::string& camera = problem.cameras[capture.images[index.image].camera].name;
-  return {"at the initial guess the target of capture " + capture.name +
-          (camera.empty() ? "" : " in camera " + camera) + " lies behind the camera; " +
-          (camera.empty() ? "try another seed, or check the setup and the direction of the poses"
-                          : "check the mounts and the direction of the poses")};
+  return {FailureCode("hidden_at_start"), {}, {{"capture", capture.name}, {"camera", camera}}};
 }
 
 }  // namespace
@@ -106,7 +103,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   fit.unmodelled_sigma_px.resize(problem.cameras.size());
   PointFlags keep = AllFlags(problem, true);
   UsePoints(problem, keep, &fit);
-  if (fit.groups.empty()) return Failure{"no image has points of a target"};
+  if (fit.groups.empty()) return Failure{FailureCode("no_points")};
 
   const ImageDistances distances = DistancesAt(problem, fit.groups, fit.state, options.num_threads);
   const std::vector<ImageIndex> images = ImagesOf(problem, fit.groups);
@@ -153,7 +150,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   const Fit at_start = fit;
   Outcome<Fit> settled = is_truncated ? RefineWithRejection(problem, std::move(fit), options, &keep)
                                       : IterateNoiseAndFit(std::move(fit), loss, NoiseScale::kOfFit, options);
-  if (!settled) return Failure{settled.reason()};
+  if (!settled) return settled.failure();
   RigSolution solution = SolutionOf(problem, *settled, keep, options);
   // Both costs are those of the noise that was found.
   solution.convergence.initial_cost = FitCost(*at_start.problem, at_start.groups, at_start.state, settled->noise, loss);
@@ -166,7 +163,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
     const std::string camera_faults = CheckCamera(solution.cameras[c]);
     if (camera_faults.empty()) continue;
     const std::string& name = problem.cameras[c].name;
-    return Failure{"the refined camera " + (name.empty() ? "" : name + " ") + "is implausible: " + camera_faults};
+    return Failure{FailureCode("implausible_refined_camera"), {}, {{"camera", name}, {"faults", camera_faults}}};
   }
   if (const std::optional<Failure> failure = CheckCovariance(*settled, solution.covariance)) return *failure;
   return solution;

@@ -17,11 +17,10 @@ std::string BundleOptions::Check() const { return AdjustmentOptionsOf(*this).Che
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options) {
   std::vector<Rigid3d> poses;
   for (const View& view : problem.views) poses.push_back(view.camera_mount_from_target_mount);
-  const std::string why_not = WhyNotObservable(AnalyseMotion(poses));
-  if (!why_not.empty()) return Failure{why_not};
+  if (const std::optional<Failure> why_not = WhyNotObservable(AnalyseMotion(poses))) return *why_not;
   const Outcome<RigSolution> solution =
       RefineRig(HandEyeProblem(problem, options), HandEyePosesOf(start), AdjustmentOptionsOf(options));
-  if (!solution) return Failure{solution.reason()};
+  if (!solution) return solution.failure();
   return HandEyeSolution(*solution, options);
 }
 

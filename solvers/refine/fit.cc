@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/parallel.h"
 #include "heba/data/free_parameters.h"
 #include "heba/geometry/pose_block.h"
@@ -155,7 +156,7 @@ std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, c
   return of_cameras;
 }
 
-Failure HiddenPoint() { return {"the refined estimate leaves a point of the target without an image"}; }
+Failure HiddenPoint() { return FailureCode("hidden_point"); }
 
 std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
                                const FitNoise& noise, const Loss& loss) {

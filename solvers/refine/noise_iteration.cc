@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "solvers/refine/linearised_images.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -278,7 +279,7 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, con
       // The usual reason is missing information; the failure then names it.
       const std::optional<Information> weak = FitInformation(fit, loss, options.num_threads);
       const std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
-      return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
+      return failure.value_or(Failure{FailureCode("not_converged"), {}, {{"message", summary.message}}});
     }
     if (options.pixel_noise_px && options.robot != BundleOptions::Robot::kEstimatedNoise) break;
     std::optional<EstimatedNoise> next = EstimateNoise(fit, loss, scale, options);

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/residuals/inliers.h"
 
@@ -71,8 +72,7 @@ std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlag
   // If there were as many unknowns as measurements, no noise would be averaged.
   const auto num_unknowns = static_cast<int>(RigUnknowns(problem).size());
   if (2 * num_points > num_unknowns) return std::nullopt;
-  return Failure{std::to_string(2 * num_points) + " measured coordinates for " + std::to_string(num_unknowns) +
-                 " unknowns are too few; take more captures or hold the intrinsics"};
+  return Failure{FailureCode("few_coordinates"), {{"coordinates", 2.0 * num_points}, {"unknowns", num_unknowns}}};
 }
 
 Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOptions& options, PointFlags* keep) {
@@ -87,7 +87,7 @@ Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOp
     const std::vector<size_t> moving = MovingRobots(*next.problem);
     UsePoints(problem, *keep, &next);
     if (MovingRobots(*next.problem) != moving) {
-      return Failure{"nearly all points contradict the estimate; check that images and poses belong together"};
+      return Failure{FailureCode("points_contradict")};
     }
     settled = IterateNoiseAndFit(std::move(next), LossOf(LossKind::kNone), NoiseScale::kOfFit, options);
   }

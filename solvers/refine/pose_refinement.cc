@@ -6,6 +6,7 @@
 #include <ceres/ceres.h>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/reprojection_problem.h"
@@ -121,7 +122,7 @@ std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePa
 
 UnknownLayout ChainUnknowns(const SharedEffects* effects) {
   UnknownLayout layout = HandEyePoses();
-  if (effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", effects->Names());
+  if (effects != nullptr) layout.AddEffects(kRobotBlock, effects->Names());
   return layout;
 }
 
@@ -225,7 +226,7 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
       return solution;
     }
   }
-  return Failure{"the refinement of the poses did not converge"};
+  return Failure{FailureCode("poses_not_converged")};
 }
 
 Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
@@ -243,7 +244,9 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
   ceres::Solver::Options options = ReprojectionSolverOptions(kMaxIterations);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  if (summary.termination_type != ceres::CONVERGENCE) return Failure{"did not converge: " + summary.message};
+  if (summary.termination_type != ceres::CONVERGENCE) {
+    return Failure{FailureCode("chain_not_converged"), {}, {{"message", summary.message}}};
+  }
 
   Solution solution;
   solution.hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};

@@ -1,9 +1,9 @@
 #include "solvers/refine/uncertainty_limits.h"
 
 #include <cmath>
-#include <string>
+#include <utility>
 
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -16,9 +16,9 @@ std::optional<Failure> CheckDetermined(const Covariance& covariance, const std::
       const bool is_rotation = covariance.layout[i].group == UnknownGroup::kRotation;
       const double sigma = std::sqrt(covariance.matrix(i, i));
       if (sigma <= (is_rotation ? most_rad : camera.distance_m)) continue;
-      return Failure{"the captures do not determine " + covariance.layout.PlainName(i) + " (one sigma " +
-                     Significant(is_rotation ? RadToDeg(sigma) : 1000 * sigma, 2) + (is_rotation ? " deg" : " mm") +
-                     "); more captures with larger rotations about different axes are needed"};
+      return Failure{FailureCode("large_sigma"),
+                     {is_rotation ? std::pair("sigma_deg", RadToDeg(sigma)) : std::pair("sigma_mm", 1000 * sigma)},
+                     {{"unknown", covariance.layout.Name(i)}}};
     }
   }
   return std::nullopt;

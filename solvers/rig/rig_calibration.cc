@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
@@ -179,18 +180,15 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   calibration.problem = problem;
   RigProblem& rig = calibration.problem;
   Outcome<std::vector<Camera>> cameras = EstimateRigCameras(problem, options);
-  if (!cameras) return Failure{cameras.reason()};
+  if (!cameras) return cameras.failure();
   for (size_t c = 0; c < rig.cameras.size(); ++c) rig.cameras[c].camera = (*cameras)[c];
   calibration.pairs = CalibratePairs(rig, options);
   if (const std::optional<ShiftedCamera> shifted = FindShiftedCamera(rig, calibration.pairs, options)) {
-    const int places = std::abs(shifted->shift);
-    return Failure{"the images of camera " + rig.cameras[shifted->camera].name + " fit the poses of the captures " +
-                   (places == 1 ? "one place " : std::to_string(places) + " places ") +
-                   (shifted->shift > 0 ? "after" : "before") +
-                   " their own: its images are shifted against the poses; check which image is its first"};
+    return Failure{
+        FailureCode("shifted_images"), {{"shift", shifted->shift}}, {{"camera", rig.cameras[shifted->camera].name}}};
   }
   Outcome<RigPoses> start = JoinPairs(rig, calibration.pairs);
-  if (!start) return Failure{start.reason()};
+  if (!start) return start.failure();
   calibration.start = *start;
   ChooseReadingOrders(*start, &rig);
   // An outlier in one pair's calibration may be none in the adjustment of all.
@@ -213,7 +211,7 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
                                    options.adjustment);
   }
   if (!judged) {
-    calibration.refined = Failure{judged.reason()};
+    calibration.refined = judged.failure();
     return calibration;
   }
   SearchedModel model{std::move(rig), options.adjustment, std::move(*judged)};

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/parallel.h"
 #include "solvers/calibration/held_out.h"
 #include "solvers/residuals/capture_loops.h"
@@ -19,7 +20,7 @@ namespace {
 struct FoldErrors {
   std::vector<HeldOutErrors> of_cameras;
   // One per camera: the reason why its images were not held out; empty if they were.
-  std::vector<std::string> reasons;
+  std::vector<Failure> reasons;
   WhitenedSquares chi2;
 };
 
@@ -65,15 +66,15 @@ struct FoldEstimate {
 // Estimates without the images that a fold holds out. If the others do not suffice, because a camera has few images,
 // those of as few cameras as possible are kept. `reason` is then why they are needed.
 Outcome<FoldEstimate> EstimateFold(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
-                                   const std::vector<int>& fold_of, int fold, std::string* reason) {
+                                   const std::vector<int>& fold_of, int fold, Failure* reason) {
   Outcome<RigSolution> solution = RefineRig(PartOf(problem, fold_of, fold, {}, false), start, options);
   if (solution) return FoldEstimate{std::move(*solution), {}};
-  *reason = "fold " + std::to_string(fold + 1) + ": " + solution.reason();
+  *reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {solution.failure()}};
   for (const CameraSet& kept : CamerasToKeep(problem)) {
     solution = RefineRig(PartOf(problem, fold_of, fold, kept, false), start, options);
     if (solution) return FoldEstimate{std::move(*solution), kept};
   }
-  return Failure{*reason};
+  return *reason;
 }
 
 }  // namespace
@@ -90,13 +91,13 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   }
   RigOptions fold_options = options.adjustment;
   fold_options.num_threads = 1;
-  std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds), Failure{"not run"});
+  std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
   ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {
-    std::string reason;
+    Failure reason;
     const Outcome<FoldEstimate> estimate = EstimateFold(problem, full.start, fold_options, fold_of, fold, &reason);
     if (!estimate) {
-      folds[static_cast<size_t>(fold)] = Failure{estimate.reason()};
+      folds[static_cast<size_t>(fold)] = estimate.failure();
     } else {
       const RigSolution& solution = estimate->solution;
       FoldErrors errors;
@@ -126,7 +127,7 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   all.of_cameras.resize(problem.cameras.size());
   for (const Outcome<FoldErrors>& fold : folds) {
     if (!fold) {
-      for (RigHoldOut& camera : result.of_cameras) camera.reason = fold.reason();
+      for (RigHoldOut& camera : result.of_cameras) camera.reason = fold.failure();
       return result;
     }
     for (size_t c = 0; c < all.of_cameras.size(); ++c) {
@@ -140,12 +141,12 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
     RigHoldOut& camera = result.of_cameras[c];
     if (!camera.reason.empty()) continue;
     if (errors.has_hidden) {
-      camera.reason = "a held-out target lies behind the camera";
+      camera.reason = FailureCode("hidden_held_out");
     } else {
       camera.rms_px = errors.pixels.RmsPx();
     }
     if (errors.num_poses == 0) {
-      camera.reason = "no held-out image of it determines a pose of a target";
+      camera.reason = FailureCode("no_held_out_pose");
       continue;
     }
     camera.target_m = errors.RmsDistanceM();

@@ -79,7 +79,7 @@ JudgedRig LeaveOutOutliers(const RigProblem& problem, JudgedRig at, const RigOpt
 Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
                                          const RigOptions& options) {
   Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
-  if (!solution) return Failure{solution.reason()};
+  if (!solution) return solution.failure();
   return LeaveOutOutliers(problem, {std::move(*solution), std::move(left_out)}, options);
 }
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/parallel.h"
-#include "heba/base/text.h"
 #include "heba/calibration.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
@@ -197,15 +197,6 @@ std::string NameOf(const RigProblem& problem, const RigPart& part) {
   return "arm " + problem.robots[part.index];
 }
 
-// Names the parts, each in words.
-std::string NamesOf(const RigProblem& problem, const std::vector<RigPart>& parts) {
-  std::string text;
-  for (size_t i = 0; i < parts.size(); ++i) {
-    text += (i == 0 ? "" : i + 1 == parts.size() ? " and " : ", ") + NameOf(problem, parts[i]);
-  }
-  return text;
-}
-
 Failure WhyAmbiguous(const RigProblem& problem, const Joining& joining) {
   // The first one whose pose differs is the cause of the others.
   const auto cause =
@@ -213,12 +204,10 @@ Failure WhyAmbiguous(const RigProblem& problem, const Joining& joining) {
                    [&](const AmbiguousPart& ambiguous) { return NumPoses(joining, ambiguous.part) > 1; });
   CHECK(cause != joining.ambiguous.end());
   const RigTarget& target = problem.targets[cause->target];
-  return Failure{"the images allow " + std::to_string(NumPoses(joining, cause->part)) + " poses of " +
-                 NameOf(problem, cause->part) + ", because target " + target.name + " looks the same in " +
-                 std::to_string(target.symmetries.size()) +
-                 " orientations and no other images tell them apart; use a target without symmetry, or record images "
-                 "of another target that join " +
-                 NameOf(problem, cause->part) + " to the rest"};
+  return Failure{
+      FailureCode("ambiguous_part"),
+      {{"poses", NumPoses(joining, cause->part)}, {"symmetries", static_cast<double>(target.symmetries.size())}},
+      {{"part", NameOf(problem, cause->part)}, {"target", target.name}}};
 }
 
 // Returns a failure that names an arm that carries nothing, so that no image shows where it stands; nothing if all
@@ -230,9 +219,9 @@ std::optional<Failure> WhyArmNotJoined(const RigProblem& problem) {
     const bool carries = std::any_of(problem.cameras.begin(), problem.cameras.end(), is_on_it) ||
                          std::any_of(problem.targets.begin(), problem.targets.end(), is_on_it);
     if (carries) continue;
-    return Failure{"arm " + problem.robots[r] +
-                   " carries no camera and no target, so that no image joins it to the rest; give one the mount " +
-                   MountText(problem.robots, gripper) + (problem.robots.size() > 1 ? ", or leave the arm out" : "")};
+    return Failure{FailureCode("arm_carries_nothing"),
+                   {{"arms", static_cast<double>(problem.robots.size())}},
+                   {{"arm", problem.robots[r]}, {"mount", MountText(problem.robots, gripper)}}};
   }
   return std::nullopt;
 }
@@ -242,18 +231,19 @@ bool IsLocated(const PartPoses& placed, const RigPart& part, const Mount& mount)
   return placed.contains(part) && (mount.part == Mount::Part::kBase || placed.contains(BasePart(mount.robot)));
 }
 
-// Returns the images that would join what is not located to the rest: those with something that is.
-std::string WhatWouldJoin(const RigProblem& problem, const PartPoses& placed) {
+// Adds the images that would join what is not located to the rest: those with something that is.
+void AddWhatWouldJoin(const RigProblem& problem, const PartPoses& placed, Failure::Names* names) {
   constexpr size_t kMostNamed = 3;
-  std::vector<std::string> images;
+  size_t num_named = 0;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    for (size_t t = 0; t < problem.targets.size() && images.size() < kMostNamed; ++t) {
+    for (size_t t = 0; t < problem.targets.size() && num_named < kMostNamed; ++t) {
       const bool is_camera_located = IsLocated(placed, {Kind::kCamera, c}, problem.cameras[c].mount);
       if (is_camera_located == IsLocated(placed, {Kind::kTarget, t}, problem.targets[t].mount)) continue;
-      images.push_back("camera " + problem.cameras[c].name + " with target " + problem.targets[t].name);
+      names->emplace_back("of_camera", problem.cameras[c].name);
+      names->emplace_back("of_target", problem.targets[t].name);
+      ++num_named;
     }
   }
-  return images.empty() ? "a camera of both must see one target" : "images are needed of " + Join(images, " or ");
 }
 
 Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pairs,
@@ -265,23 +255,25 @@ Failure WhyNotJoined(const RigProblem& problem, const std::vector<RigPair>& pair
     std::vector<RigPart> unplaced = ImagesOfPair(pair, images).front().parts;
     std::erase_if(unplaced, [&](const RigPart& part) { return placed.contains(part); });
     if (unplaced.empty()) continue;
-    const std::string names = NamesOf(problem, {{Kind::kCamera, pair.camera}, {Kind::kTarget, pair.target}}) + " (" +
-                              std::to_string(pair.num_images) + (pair.num_images == 1 ? " image)" : " images)");
-    const std::string alone = names + " could not be calibrated, and no other images join them to the rest: ";
+    const Failure::Numbers count = {{"images", pair.num_images}};
+    Failure::Names names = {{"camera", problem.cameras[pair.camera].name},
+                            {"target", problem.targets[pair.target].name}};
     if (unplaced.size() == 1) {
-      return Failure{names + ": no image shows enough points for the pose of the target, and no other images join " +
-                     NameOf(problem, unplaced.front()) + " to the rest"};
+      names.emplace_back("part", NameOf(problem, unplaced.front()));
+      return {FailureCode("pair_without_pose"), count, names};
     }
     const bool is_on_two_arms =
         !pair.robot && MovesAgainst(problem.cameras[pair.camera].mount, problem.targets[pair.target].mount);
-    if (is_on_two_arms) {
-      return Failure{alone + "they are on two arms; each needs images with something else, for example a fixed target"};
-    }
-    if (pair.robot && !pair.calibration) return Failure{alone + pair.calibration.reason()};
-    if (pair.robot && !pair.calibration->refined) return Failure{alone + pair.calibration->refined.reason()};
+    std::vector<Failure> why;
+    if (is_on_two_arms) why = {FailureCode("on_two_arms")};
+    if (pair.robot && !pair.calibration) why = {pair.calibration.failure()};
+    if (pair.robot && pair.calibration && !pair.calibration->refined) why = {pair.calibration->refined.failure()};
+    if (!why.empty()) return {FailureCode("pair_failed"), count, names, why};
   }
-  return Failure{NamesOf(problem, missing) + (missing.size() == 1 ? " is" : " are") +
-                 " not joined to the rest by any image: " + WhatWouldJoin(problem, placed)};
+  Failure failure{FailureCode("not_joined")};
+  for (const RigPart& part : missing) failure.names.emplace_back("part", NameOf(problem, part));
+  AddWhatWouldJoin(problem, placed, &failure.names);
+  return failure;
 }
 
 // Returns the parts without a pose.
@@ -321,16 +313,12 @@ std::optional<Failure> WhyNotSeen(const RigProblem& problem) {
   }
   for (size_t c = 0; c < camera_has.size(); ++c) {
     if (camera_has[c]) continue;
-    std::vector<std::string> names;
-    for (const RigTarget& target : problem.targets) names.push_back(target.name);
-    return Failure{"camera " + problem.cameras[c].name +
-                   " saw no target in any image, so that nothing joins it to the "
-                   "rest: the rig has " +
-                   (names.size() == 1 ? "target " : "targets ") + Join(names, ", ") +
-                   "; add the one that it sees, or leave the camera out"};
+    Failure failure{FailureCode("camera_without_target"), {}, {{"camera", problem.cameras[c].name}}};
+    for (const RigTarget& target : problem.targets) failure.names.emplace_back("target", target.name);
+    return failure;
   }
   for (size_t t = 0; t < target_has.size(); ++t) {
-    if (!target_has[t]) return Failure{"no camera saw target " + problem.targets[t].name + " in any image"};
+    if (!target_has[t]) return Failure{FailureCode("unseen_target"), {}, {{"target", problem.targets[t].name}}};
   }
   return std::nullopt;
 }
@@ -379,7 +367,7 @@ Outcome<Camera> ChooseCamera(const RigProblem& problem, size_t camera, const std
     if (calibration && calibration->refined) return calibration->camera;
   }
   Outcome<CameraChoice> choice = ChooseCameraModel(views, size.width_px, size.height_px);
-  if (!choice) return Failure{choice.reason()};
+  if (!choice) return choice.failure();
   return choice->camera;
 }
 
@@ -388,7 +376,7 @@ Outcome<Camera> ChooseCamera(const RigProblem& problem, size_t camera, const std
 Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const RigCalibrationOptions& options) {
   if (std::optional<Failure> unseen = WhyNotSeen(problem)) return *std::move(unseen);
   std::vector<Camera> cameras;
-  std::vector<std::string> reasons(problem.cameras.size());
+  std::vector<Failure> failures(problem.cameras.size());
   for (const RigCamera& camera : problem.cameras) cameras.push_back(camera.camera);
   ParallelFor(static_cast<int>(cameras.size()), options.adjustment.num_threads, [&](int index) {
     const auto c = static_cast<size_t>(index);
@@ -402,10 +390,11 @@ Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const
                                        ? ChooseCamera(problem, c, views, options.adjustment.loss)
                                        : EstimateIntrinsics(views, known.model, known.width_px, known.height_px);
     if (camera) cameras[c] = *camera;
-    if (!camera) reasons[c] = camera.reason();
+    if (!camera) failures[c] = camera.failure();
   });
-  for (size_t c = 0; c < reasons.size(); ++c) {
-    if (!reasons[c].empty()) return Failure{"camera " + problem.cameras[c].name + ": " + reasons[c]};
+  for (size_t c = 0; c < failures.size(); ++c) {
+    if (failures[c].empty()) continue;
+    return Failure{FailureCode("of_camera"), {}, {{"camera", problem.cameras[c].name}}, {failures[c]}};
   }
   return cameras;
 }

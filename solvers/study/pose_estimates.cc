@@ -109,8 +109,8 @@ PoseEstimates EstimateOneByOne(const StudyCell& cell, const RigProblem& problem)
     mounts[c] = single->mount;
     const Outcome<RigCalibration> calibration = CalibrateAsKnown(cell, single->problem);
     const bool is_good = calibration && calibration->refined;
-    const Failure failure =
-        is_good ? Failure{} : Failure{calibration ? calibration->refined.reason() : calibration.reason()};
+    Failure failure;
+    if (!is_good) failure = calibration ? calibration->refined.failure() : calibration.failure();
     const std::vector<PoseEstimate> poses =
         is_good ? PosesOf(single->problem, *calibration->refined) : std::vector<PoseEstimate>();
     cameras[c] = is_good ? Outcome<PoseEstimate>(poses[0]) : failure;
@@ -143,7 +143,7 @@ PoseEstimates EstimateOneByOne(const StudyCell& cell, const RigProblem& problem)
       const Outcome<PoseEstimate>& of_a = *cameras[a];
       const Outcome<PoseEstimate>& of_b = *cameras[b];
       estimate = of_a && of_b ? Outcome<PoseEstimate>(Between(*of_a, *of_b))
-                              : Outcome<PoseEstimate>(Failure{of_a ? of_b.reason() : of_a.reason()});
+                              : Outcome<PoseEstimate>((of_a ? of_b : of_a).failure());
     }
   }
   estimates.insert(estimates.end(), bases.begin(), bases.end());
@@ -188,7 +188,7 @@ PoseEstimates EstimatePoses(const StudyCell& cell, StudyEstimator estimator, con
   const bool is_good = calibration && calibration->refined;
   if (!is_good) {
     const size_t num_poses = TruePoses(cell).size();
-    return PoseEstimates(num_poses, Failure{calibration ? calibration->refined.reason() : calibration.reason()});
+    return PoseEstimates(num_poses, calibration ? calibration->refined.failure() : calibration.failure());
   }
   const std::vector<PoseEstimate> poses = PosesOf(problem, *calibration->refined);
   return {poses.begin(), poses.end()};

@@ -5,6 +5,7 @@
 #include <memory>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/median.h"
 #include "heba/base/rng.h"
 #include "solvers/refine/fit.h"
@@ -144,7 +145,7 @@ Outcome<std::vector<PoseBound>> ErrorBounds(const StudyCell& cell) {
   Fit fit;
   fit.problem = Borrowed(problem);
   fit.groups = GroupByRobotPoses(problem);
-  if (fit.groups.empty()) return Failure{"no camera sees a target"};
+  if (fit.groups.empty()) return Failure{FailureCode("no_target_in_view")};
   fit.state.poses = cell.poses;
   for (const RigCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
   for (const RigTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
@@ -182,7 +183,7 @@ std::vector<PoseSummary> Summarise(const StudyCell& cell,
   for (size_t i = 0; i < names.size(); ++i) {
     PoseSummary& summary = summaries.emplace_back();
     summary.pose = names[i];
-    summary.bound = bounds ? Outcome<StudyErrors>((*bounds)[i].errors) : Outcome<StudyErrors>(Failure{bounds.reason()});
+    summary.bound = bounds ? Outcome<StudyErrors>((*bounds)[i].errors) : Outcome<StudyErrors>(bounds.failure());
     for (const TrialEstimate& first : trials.front()[i]) {
       std::vector<const TrialEstimate*> estimates;
       for (const std::vector<std::vector<TrialEstimate>>& trial : trials) {

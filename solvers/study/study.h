@@ -55,7 +55,7 @@ struct MethodSummary {
 // A pose's bound and the errors of its estimators.
 struct PoseSummary {
   std::string pose;
-  Outcome<StudyErrors> bound = Failure{"not run"};
+  Outcome<StudyErrors> bound = {};
   std::vector<MethodSummary> methods;  // In the order of the first trial.
 };
 // Summarises the trials of a cell.

@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "heba/base/factorisation.h"
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/geometry/pose_block.h"
 
 namespace heba {
@@ -18,22 +18,15 @@ Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
 
 }  // namespace
 
-std::string IntrinsicsKey(const UnknownBlock& block) {
-  constexpr std::string_view kOfRig = "cameras.";
-  const std::string key = "refine.intrinsics";
-  return block.name.starts_with(kOfRig) ? block.name.substr(0, block.name.rfind('.') + 1) + key : key;
-}
-
 std::optional<Failure> CheckObservable(const Information& information) {
   constexpr double kMinEigenvalue = 1e-9;
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
   for (Eigen::Index i = 0; i < scale.size(); ++i) {
     if (scale[i] != 0) continue;
+    Failure failure{FailureCode("no_information"), {}, {{"unknown", information.layout.Name(i)}}};
     const UnknownBlock& block = information.layout.BlockAt(i);
-    const std::string cure = block.owner == UnknownOwner::kCamera
-                                 ? "; hold it with a camera file and " + IntrinsicsKey(block)
-                                 : std::string();
-    return Failure{"the data do not determine " + information.layout.PlainName(i) + cure};
+    if (block.owner == UnknownOwner::kCamera) failure.names.emplace_back("of_camera", block.name);
+    return failure;
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
   // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
@@ -46,28 +39,25 @@ std::optional<Failure> CheckObservable(const Information& information) {
   std::vector<int> order(static_cast<size_t>(direction.size()));
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
-  // Parameters that can be held by the config come first; poses cannot be held.
+  // Parameters that can be held come first; poses cannot be held.
   const auto owner_of = [&](Eigen::Index i) { return information.layout.BlockAt(i).owner; };
   const double limit = 0.3 * std::abs(direction[order.front()]);
   order.erase(std::remove_if(order.begin(), order.end(), [&](int i) { return std::abs(direction[i]) < limit; }),
               order.end());
   std::stable_partition(order.begin(), order.end(), [&](int i) { return owner_of(i) != UnknownOwner::kPose; });
-  std::vector<std::string> parts;
-  std::vector<std::string> keys;  // The keys of a config that hold the intrinsics.
-  bool has_shape = false;
+  Failure failure{FailureCode("undetermined")};
+  size_t num_named = 0;
   for (const int i : order) {
-    if (owner_of(i) == UnknownOwner::kCamera) {
-      const std::string key = IntrinsicsKey(information.layout.BlockAt(i));
-      if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
-    }
-    has_shape = has_shape || owner_of(i) == UnknownOwner::kTarget;
-    constexpr size_t kMaxParts = 3;
-    if (parts.size() < kMaxParts) parts.push_back(information.layout.PlainName(i));
+    // The parts that can be held: the intrinsics of a camera, and the shape of targets.
+    const UnknownBlock& block = information.layout.BlockAt(i);
+    const bool is_camera = block.owner == UnknownOwner::kCamera;
+    const std::pair<std::string, std::string> part{is_camera ? "of_camera" : "of_target", block.name};
+    const bool is_known = std::find(failure.names.begin(), failure.names.end(), part) != failure.names.end();
+    if ((is_camera || block.owner == UnknownOwner::kTarget) && !is_known) failure.names.push_back(part);
+    constexpr size_t kMostNamed = 3;
+    if (num_named++ < kMostNamed) failure.names.emplace_back("unknown", information.layout.Name(i));
   }
-  std::vector<std::string> cures = {"move the target through more depth and tilt"};
-  if (!keys.empty()) cures.push_back("hold intrinsics (" + Join(keys, ", ") + ")");
-  if (has_shape) cures.emplace_back("hold the target's shape (refine.target_shape)");
-  return Failure{"the captures do not determine " + Join(parts, " together with ") + "; " + Join(cures, ", or ") + ""};
+  return failure;
 }
 
 Covariance InvertInformation(const Information& information, double factor) {

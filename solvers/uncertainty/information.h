@@ -16,12 +16,8 @@ struct Information {
   Eigen::MatrixXd matrix;  // sum w J^T J / sigma^2
 };
 
-// Returns the key of the config that holds the intrinsics of the camera with this block: refine.intrinsics or, for a
-// camera of a rig, cameras.NAME.refine.intrinsics.
-std::string IntrinsicsKey(const UnknownBlock& block);
-
-// Returns the reason why the unknowns cannot all be determined, with the unobservable direction in plain words, or
-// nothing if they can. The criterion is the smallest eigenvalue of the matrix scaled to a unit diagonal: below 1e-9,
+// Returns the reason why the unknowns cannot all be determined, with those of the unobservable direction, or nothing if
+// they can. The criterion is the smallest eigenvalue of the matrix scaled to a unit diagonal: below 1e-9,
 // a direction contains nothing but round-off.
 std::optional<Failure> CheckObservable(const Information& information);
 

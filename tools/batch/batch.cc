@@ -13,6 +13,7 @@
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
 #include "tools/pipeline/any_run.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -68,7 +69,7 @@ void RunItem(const BatchOptions& options, int num_threads, Item* item) {
     if (result) {
       item->run.result = *result;
     } else {
-      item->run.reason = item->config_path + ": " + result.reason();
+      item->run.reason = item->config_path + ": " + FailureText(result.failure());
     }
   } catch (const std::exception& error) {
     item->run.reason = error.what();

@@ -22,7 +22,7 @@
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
-#include "tools/run/arm_keys.h"
+#include "tools/text/arm_keys.h"
 
 namespace heba {
 namespace {

@@ -14,7 +14,7 @@
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
-#include "tools/run/arm_keys.h"
+#include "tools/text/arm_keys.h"
 
 namespace heba {
 namespace {
@@ -305,7 +305,7 @@ Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene,
   }
   if (motion.num_captures == 0) return poses;
   const Outcome<std::vector<Rigid3d>> free = SimulatePoses(camera, points, z_out, motion, rng);
-  if (!free) return Failure{free.reason()};
+  if (!free) return free.failure();
   for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? CaptureRole::kFree : CaptureRole::kNone, pose});
   return poses;
 }

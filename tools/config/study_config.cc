@@ -179,13 +179,13 @@ std::optional<Failure> AddCaptures(const SceneConfig& scene, StudyCell* cell) {
   if (scene.setup && scene.arms[0]) return SetUpStudyRobot(scene, &rng, cell);
   if (scene.setup) {
     const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
-    if (!poses) return Failure{poses.reason()};
+    if (!poses) return poses.failure();
     for (const SimulatedPose& pose : *poses) cell->captures.push_back({pose});
     return std::nullopt;
   }
   const Outcome<std::vector<ArmPoses>> arms =
       SimulateArmPoses(scene.problem, scene.poses, SimulatedTargets(scene), scene.options, &rng);
-  if (!arms) return Failure{arms.reason()};
+  if (!arms) return arms.failure();
   for (const ArmPoses& poses : *arms) cell->captures.push_back({{}, poses});
   return std::nullopt;
 }
@@ -211,7 +211,7 @@ Variant CellOf(const StudyGrid& grid, const NamedScene& named, int num_captures)
     cell.targets.push_back({AllPoints(*target.target), target.target->Draw().y_up});
     variant.labels.num_points += cell.targets.back().points.size();
   }
-  if (const std::optional<Failure> failure = AddCaptures(scene, &cell)) named.place.Fail(failure->reason);
+  if (const std::optional<Failure> failure = AddCaptures(scene, &cell)) named.place.Fail(failure->ToString());
   cell.num_repeats = scene.num_repeats;
   cell.margin_px = scene.options.motion.margin_px;
   cell.gives_cameras = grid.give_camera.value_or(scene.give_camera);

@@ -67,7 +67,7 @@ Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, siz
   SceneConfig larger = scene;
   larger.options.motion.num_captures = kPosesPerReached * static_cast<int>(num_needed);
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(larger, rng);
-  if (!poses) return Failure{poses.reason()};
+  if (!poses) return poses.failure();
   const SceneArm& arm = *scene.arms[0];
   std::vector<Eigen::VectorXd> joints;
   for (const SimulatedPose& pose : *poses) {
@@ -94,7 +94,7 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, Study
   const SceneArm& arm = *scene.arms[0];
   const auto num_captures = static_cast<size_t>(scene.options.motion.num_captures);
   const Outcome<std::vector<Eigen::VectorXd>> postures = DrawPostures(scene, num_captures + kNumPlaces, rng);
-  if (!postures) return Failure{postures.reason()};
+  if (!postures) return postures.failure();
   const bool yields = arm.sigmas.compliance_rad_per_nm > 0;
   SharedEffects errors = ArmErrors(arm.nominal, yields ? ArmErrorModel::kGravity : ArmErrorModel::kGeometry);
   errors.groups[0].sigma = arm.sigmas.offset_rad;

@@ -14,6 +14,7 @@
 #include "tools/doctor/rig_pairs.h"
 #include "tools/doctor/rig_symptoms.h"
 #include "tools/files/cached_detector.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
 
@@ -122,7 +123,7 @@ void AddResult(const RigConfig& config, const std::vector<DetectFunction>& detec
   const Outcome<RigRunOutput> run = RunRig(config.data, options);
   if (!run) {
     if (diagnosis->NumWrong() > 0) return;
-    diagnosis->symptoms.push_back({Severity::kWrong, "no_result", run.reason(), ""});
+    diagnosis->symptoms.push_back({Severity::kWrong, "no_result", FailureText(run.failure()), ""});
     return;
   }
   std::erase_if(diagnosis->symptoms,

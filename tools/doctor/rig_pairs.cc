@@ -6,7 +6,7 @@
 
 #include "heba/base/text.h"
 #include "solvers/initial/usable_views.h"
-#include "tools/run/arm_keys.h"
+#include "tools/text/arm_keys.h"
 
 namespace heba {
 namespace {

@@ -8,6 +8,7 @@
 #include "heba/data/setup.h"
 #include "heba/io/result_file.h"
 #include "heba/io/result_json.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/location_text.h"
 
 namespace heba {
@@ -213,7 +214,7 @@ Json TargetJson(const LocationRequest& request, const TargetLocation& location) 
 // Returns the members of the document of several cameras.
 Json RigJson(const LocationRequest& request, const ImageLocation& location) {
   const RigProblem& rig = request.result->rig;
-  Json json{{"reason", location.fault}, {"robots", Json::object()}};
+  Json json{{"reason", FailureText(location.fault)}, {"robots", Json::object()}};
   for (size_t r = 0; r < request.arms.size(); ++r) {
     if (request.arms[r].carries_camera) json["robots"][rig.robots[r]] = ArmPoseJson(request, r);
   }

@@ -54,7 +54,7 @@ std::vector<Row> RowsOf(const RunResult& result) {
   for (const Estimate& estimate : result.estimates) {
     rows.push_back({std::string(SetupName(result.setup)), result.target_type, std::to_string(result.num_target_points),
                     NumUsedCaptures(result), static_cast<int>(result.captures.size()), estimate.method, estimate.kind,
-                    estimate.ok, estimate.reason, FiguresOf(estimate.ok ? &estimate : nullptr)});
+                    estimate.ok, estimate.reason.ToString(), FiguresOf(estimate.ok ? &estimate : nullptr)});
   }
   return rows;
 }

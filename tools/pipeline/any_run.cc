@@ -9,7 +9,7 @@ namespace {
 
 template <class Result>
 Outcome<AnyResult> AnyOf(Outcome<Result> result) {
-  if (!result) return Failure{result.reason()};
+  if (!result) return result.failure();
   return AnyResult(*std::move(result));
 }
 

@@ -173,7 +173,7 @@ int WriteImages(const SceneConfig& scene, const std::vector<SceneCapture>& captu
 Outcome<int> WriteDataSet(const SceneConfig& scene, const fs::path& output, int num_threads, Verbosity verbosity) {
   StagedFolder folder(output, "a data set");
   const Outcome<SceneCaptures> drawn = DrawSceneCaptures(scene);
-  if (!drawn) return Failure{drawn.reason()};
+  if (!drawn) return drawn.failure();
   WriteArms(scene, drawn->captures, folder.staging());
   const int num_images = WriteImages(scene, drawn->captures, folder.staging(), num_threads, verbosity);
   for (const RigCamera& camera : scene.problem.cameras) {

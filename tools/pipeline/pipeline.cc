@@ -79,7 +79,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   options.detect = CachedDetection(data, config.target_used);
   SharedObserver<ConsoleObserver> observer(listener, data, console);
   const Outcome<RunOutput> run = Run(data, options, &observer);
-  if (!run) return Failure{run.reason()};
+  if (!run) return run.failure();
   const bool has_images = data.target_poses.empty();
   RunResult result = run->result;
   if (has_images && data.target->Symmetries().size() > 1) {
@@ -87,7 +87,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
     result.observations.push_back({Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}});
   }
   AppendDiagnosis(config, num_threads, &result);
-  DescribeAll(&result.verdict.findings);
+  Describe(&result);
   result.timing.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (has_images) {
     WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(run->dataset.captures, run->detections));
@@ -109,8 +109,9 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
     for (const std::string& remark : config.imported->remarks) console->Note(config.data.name + ": " + remark);
   }
   Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
-  if (result || result.reason() == kCancelled) return result;
-  return Failure{WithDiagnosis(result.reason(), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
+  if (result || result.failure().code == kCancelled) return result;
+  return Failure{
+      WithDiagnosis(FailureText(result.failure()), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
 }
 
 Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
@@ -127,7 +128,7 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
   SharedObserver<ProgressObserver> observer(listener, console->verbosity());
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
   const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
-  if (!run) return Failure{WithDiagnosis(run.reason(), diagnose())};
+  if (!run) return Failure{WithDiagnosis(FailureText(run.failure()), diagnose())};
   for (const std::string& note : DetectionNotes(data, run->detections)) console->Note(note);
   RigResult& result = run->result;
   for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
@@ -139,7 +140,7 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
     InsertCause(diagnosis, &result.observations);
     result.verdict = JudgeRig(result);
   }
-  DescribeAll(&result.verdict.findings);
+  Describe(&result);
   WriteRigDetections(data, run->detections, folder.staging() / "detections");
   const std::string report = ReportPage(ReportDataOf(data, *run), ContextOf(config.file, config.used, output));
   if (std::optional<Failure> fault =

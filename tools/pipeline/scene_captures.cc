@@ -54,7 +54,7 @@ Outcome<SceneCaptures> DrawShortForm(const SceneConfig& scene, Rng* rng) {
   SceneConfig larger = scene;
   if (scene.arms[0]) larger.options.motion.num_captures *= kPosesPerReached;
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(larger, rng);
-  if (!poses) return Failure{poses.reason()};
+  if (!poses) return poses.failure();
   const RobotNoise& noise = scene.options.robot_noise;
   SceneCaptures drawn{{}, {Eigen::VectorXd()}};
   for (const SimulatedPose& pose : *poses) {
@@ -80,7 +80,7 @@ Outcome<SceneCaptures> DrawNamed(const SceneConfig& scene, Rng* rng) {
   }
   const Outcome<ArmMotion> motion =
       SimulateArmMotion(problem, scene.poses, SimulatedTargets(scene), scene.options, arms, rng);
-  if (!motion) return Failure{motion.reason()};
+  if (!motion) return motion.failure();
   for (size_t i = 0; i < motion->exact.size(); ++i) {
     SceneCapture& capture = drawn.captures.emplace_back();
     capture.joints = motion->joints[i];

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/arm_uncertainty.h"
@@ -11,7 +12,7 @@
 
 namespace heba {
 
-std::string WhyDeclined(const Calibration& calibration) {
+Failure WhyDeclined(const Calibration& calibration) {
   const ModelAlternative* chosen = nullptr;
   const ModelAlternative* best_with_arm = nullptr;
   for (const ModelAlternative& alternative : calibration.alternatives) {
@@ -24,12 +25,16 @@ std::string WhyDeclined(const Calibration& calibration) {
     }
   }
   if (chosen == nullptr || best_with_arm == nullptr) {
-    return "the captures are too few to tell the errors of the arm from those of its poses";
+    return FailureCode("few_captures_of_arm");
   }
-  return "'" + NameOf(best_with_arm->model) + "' is not significantly better than '" + NameOf(chosen->model) +
-         "' (log-likelihood higher by " +
-         Significant(std::max(0.0, best_with_arm->log_likelihood - chosen->log_likelihood), 2) + " with " +
-         std::to_string(best_with_arm->dof - chosen->dof) + " more parameters)";
+  return {FailureCode("no_better_model"),
+          {{"gain", std::max(0.0, best_with_arm->log_likelihood - chosen->log_likelihood)},
+           {"parameters", best_with_arm->dof - chosen->dof}},
+          {{"model", NameOf(best_with_arm->model)}, {"chosen", NameOf(chosen->model)}}};
+}
+
+Failure WithRemedyOfJoints(const Failure& reason) {
+  return reason.empty() ? reason : Failure{FailureCode("record_joints"), {}, {}, {reason}};
 }
 
 namespace {
@@ -61,14 +66,13 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
   for (const UndeterminedParam& param : undetermined) {
     summary.undetermined.emplace_back(ArmParamName(param.place), param.with);
   }
-  if (kinematics == Kinematics::kNone) summary.reason = "refine.kinematics is none";
+  if (kinematics == Kinematics::kNone) summary.reason = FailureCode("kinematics_not_wanted");
   if (!setup) return summary;
   summary.has_recorded_joints = setup->is_recorded;
   if (setup->branches.size() == 1)
     summary.configuration = CommonConfiguration(summary.nominal, setup->branches.front());
   if (!setup->reason.empty()) {
     summary.reason = setup->reason;
-    summary.is_contradicted = setup->is_contradicted;
     return summary;
   }
   if (estimate.errors == nullptr) {
@@ -122,10 +126,10 @@ Finding DescribeEstimate(const RobotSummary& robot) {
   const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
   if (!robot.is_estimated) {
     // What was given and contradicts the data is not passed over.
-    return {robot.is_contradicted ? Grade::kDoubtful : Grade::kGood,
-            FindingCode("arm_declined"),
-            {},
-            {arm, {"reason", robot.reason}}};
+    Finding declined{
+        IsContradiction(robot.reason) ? Grade::kDoubtful : Grade::kGood, FindingCode("arm_declined"), {}, {arm}};
+    declined.reason = robot.reason;
+    return declined;
   }
   Finding finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}};
   if (const std::vector<std::string> implausible = ImplausibleErrors(robot); !implausible.empty()) {

@@ -16,7 +16,7 @@ namespace heba {
 // The part of a calibration that concerns one arm.
 struct ArmEstimate {
   std::shared_ptr<const SharedEffects> errors;  // The estimated errors; null if none were estimated.
-  std::string reason;                           // The reason if none were, in one clause.
+  Failure reason;                               // The reason if none were.
   Eigen::VectorXd values;                       // One per error.
   Eigen::VectorXd stddev;                       // One sigma of each.
   std::vector<double> group_sigmas;             // The standard deviation of each group of errors.
@@ -33,7 +33,10 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
                           const Calibration& calibration);
 
 // Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
-std::string WhyDeclined(const Calibration& calibration);
+Failure WhyDeclined(const Calibration& calibration);
+
+// Returns the reason of an arm whose joints were not recorded, with the advice to record them; no failure for none.
+Failure WithRemedyOfJoints(const Failure& reason);
 
 // Returns the finding that the errors of the arm were estimated, with the noise without and with them, or that they
 // were not.

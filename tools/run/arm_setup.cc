@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
@@ -89,21 +90,16 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
     const double apart_m = DistanceM(tools[i], setup->tip_from_gripper);
     const double apart_deg = RadToDeg(AngleRad(tools[i], setup->tip_from_gripper));
     if (apart_m < kMostToolScatterM && apart_deg < kMostToolScatterDeg) continue;
-    setup->reason = "the recorded joints of capture " + dataset.captures[i].name + " put the tool " +
-                    Significant(1000 * apart_m, 3) + " mm and " + Significant(apart_deg, 3) +
-                    " deg from where those of the others do; check robot.model, joint_angle, and that joints and "
-                    "poses belong together; heba doctor says which";
-    setup->is_contradicted = true;
+    setup->reason = {FailureCode("tool_scatter"),
+                     {{"apart_mm", 1000 * apart_m}, {"apart_deg", apart_deg}},
+                     {{"capture", dataset.captures[i].name}}};
     return;
   }
   const ToolScatter scatter = ExplainTools(arm, branch, tools, setup->tip_from_gripper);
   if (!scatter.IsExplained()) {
-    setup->reason = "the tool that the recorded joints imply scatters by " + Significant(1000 * scatter.rms_m, 2) +
-                    " mm, which errors of the arm " + arm.name + " do not explain (" +
-                    Significant(1000 * scatter.unexplained_m, 2) +
-                    " mm remain): another arm, or joints that belong to "
-                    "other poses; heba doctor says which";
-    setup->is_contradicted = true;
+    setup->reason = {FailureCode("tool_not_explained"),
+                     {{"scatter_mm", 1000 * scatter.rms_m}, {"unexplained_mm", 1000 * scatter.unexplained_m}},
+                     {{"arm", arm.name}}};
     return;
   }
   setup->branches.push_back(std::move(branch));
@@ -133,7 +129,7 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     if (std::optional<ArmBranch> branch = Continued(dataset, gripper_from_tip, robot.joints_near)) {
       setup->branches.push_back(std::move(*branch));
     } else {
-      setup->reason = "no posture near joints_near continues to the poses of all captures";
+      setup->reason = FailureCode("no_posture_near");
     }
     return;
   }
@@ -143,16 +139,12 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     base_from_tip.push_back(capture.base_from_gripper * gripper_from_tip);
     Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(robot.arm, base_from_tip.back());
     if (!found) {
-      setup->reason = "the arm " + robot.arm.name + " does not reach the pose of capture " + capture.name + " (" +
-                      found.reason() + "): another arm, a base frame that is not the arm's, or a tool that " +
-                      "robot.tool does not state; heba doctor says which";
-      setup->is_contradicted = true;
+      setup->reason = {
+          FailureCode("out_of_reach"), {}, {{"arm", robot.arm.name}, {"capture", capture.name}}, {found.failure()}};
       return;
     }
     if (!ConfigurationOf(robot.arm, found->front())) {
-      setup->reason = "the configurations of the arm " + robot.arm.name +
-                      " have no names, so that poses do not tell its joints; record them (captures.joints), or state "
-                      "those of the first capture (robot.joints_near)";
+      setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", robot.arm.name}}};
       return;
     }
     postures.push_back(std::move(*found));
@@ -211,6 +203,13 @@ ArmBranch Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip, c
 }
 
 }  // namespace
+
+bool IsContradiction(const Failure& reason) {
+  constexpr FailureCode kContradictions[] = {FailureCode("tool_scatter"), FailureCode("tool_not_explained"),
+                                             FailureCode("out_of_reach")};
+  return std::any_of(std::begin(kContradictions), std::end(kContradictions),
+                     [&](const FailureCode& code) { return reason.code == code.name(); });
+}
 
 bool ArmBranch::ReachesAll() const {
   return std::find(is_out_of_reach.begin(), is_out_of_reach.end(), true) == is_out_of_reach.end();
@@ -275,7 +274,7 @@ ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics) {
   }
   const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.robot->arm.load == nullptr;
   if (lacks_masses && setup.reason.empty()) {
-    setup.reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
+    setup.reason = FailureCode("no_masses");
   }
   return setup;
 }

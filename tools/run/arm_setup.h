@@ -36,10 +36,11 @@ struct ArmSetup {
   bool is_recorded = false;
   Rigid3d tip_from_gripper;
   std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right ones.
-  // Reason why the kinematics cannot be estimated, in one clause; empty if they can.
-  std::string reason;
-  bool is_contradicted = false;  // Whether the reason is that the arm, its tool or its joints contradict the poses.
+  Failure reason;                   // The reason why the kinematics cannot be estimated; empty if they can.
 };
+
+// Returns whether a reason is that the arm, its tool or its joints contradict the poses.
+bool IsContradiction(const Failure& reason);
 
 // `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.
 ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics);

@@ -118,8 +118,8 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
             Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
         const bool is_in_view = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
                                         ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
-        const Outcome<LocatedTarget> located = is_in_view ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
-                                                          : Outcome<LocatedTarget>(Failure{"it is not in view"});
+        const Outcome<LocatedTarget> located =
+            is_in_view ? LocateTarget(dataset.setup, solution, seen, Rigid3d()) : Outcome<LocatedTarget>();
         if (!located) {
           entry.reached_m.reset();
           entry.unreached = is_in_view ? Unreached::kUndetermined : Unreached::kNotInView;
@@ -182,7 +182,7 @@ Estimate EstimateOf(const std::string& method, EstimateKind kind, const Outcome<
   estimate.method = method;
   estimate.kind = kind;
   estimate.ok = outcome.ok();
-  estimate.reason = outcome.reason();
+  if (!outcome) estimate.reason = outcome.failure();
   return estimate;
 }
 

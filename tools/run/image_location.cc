@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/pose_correction.h"
@@ -12,7 +13,7 @@
 namespace heba {
 namespace {
 
-constexpr const char* kNotKnown = "the position or its uncertainty is not a finite number; do not use this result";
+const Failure kNotKnown = FailureCode("not_finite");
 constexpr const char* kNotCorrected = "the target was located with a pose that was not corrected";
 
 // Returns whether the figures of a position can be shown. The covariance in a result file may be invalid.
@@ -190,8 +191,10 @@ void LocatePixels(const LocationRequest& request, const LocatedTarget* target, I
     if (!located || !IsKnown(located->in_world, located->covariance)) {
       const std::string& camera = rig.cameras[pixel.camera].name;
       location->fault = located ? kNotKnown
-                                : "pixel " + Significant(pixel.pixel.x(), 6) + ", " + Significant(pixel.pixel.y(), 6) +
-                                      (camera.empty() ? "" : " of camera " + camera) + ": " + located.reason();
+                                : Failure{FailureCode("of_pixel"),
+                                          {{"u", pixel.pixel.x()}, {"v", pixel.pixel.y()}},
+                                          {{"camera", camera}},
+                                          {located.failure()}};
       return;
     }
     const bool is_seen_side = normal.dot(PositionOf(request, pixel.camera) - located->in_world) > 0;
@@ -206,7 +209,7 @@ void LocatePoint(const LocationRequest& request, ImageLocation* location) {
   const Outcome<LocatedPoint> located =
       TriangulateInRig(request.result->rig, request.result->solution, request.pixels, StatedPosesOf(request));
   if (!located || !IsKnown(located->in_world, located->covariance)) {
-    location->fault = located ? kNotKnown : located.reason();
+    location->fault = located ? kNotKnown : located.failure();
   } else {
     location->point = *located;
   }
@@ -254,7 +257,7 @@ void LocateSeen(const LocationRequest& request, const std::vector<CameraObservat
   if (location->contradiction) return;
   const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInRig(rig, solution, location->target, seen, arms);
   if (!possible) {
-    location->undetermined = possible.reason();
+    location->undetermined = possible.failure();
     return;
   }
   std::vector<Rigid3d> poses;
@@ -331,11 +334,13 @@ ImageLocation LocateInImages(const LocationRequest& request, const std::string& 
     if (seen.empty()) continue;
     if (request.pixels.empty() || is_on_target) LocateSeen(request, seen, &target);
     const std::string& why_few = sightings.front().detection.reason;
-    if (!target.undetermined.empty() && sightings.size() == 1 && !why_few.empty()) target.undetermined = why_few;
+    if (!target.undetermined.empty() && sightings.size() == 1 && !why_few.empty()) {
+      target.undetermined = {FailureCode("few_detected"), {}, {{"why", why_few}}};
+    }
     targets.push_back(std::move(target));
   }
   if (targets.empty() && (request.pixels.empty() || is_on_target)) {
-    location.fault = "no target was detected in these images";
+    location.fault = FailureCode("no_target");
   } else if (is_on_target) {
     TargetLocation& target = targets.front();
     location.fault = target.undetermined;

@@ -131,7 +131,7 @@ struct TargetLocation {
   std::optional<NearPoses> near;       // Of LocationRequest::near and the possible poses.
   std::vector<Reach> reaches;          // The reach of the chosen pose by each arm whose errors are estimated.
   std::optional<RigContradiction> contradiction;
-  std::string undetermined;  // Why the points do not determine a pose; empty otherwise.
+  Failure undetermined;  // Why the points do not determine a pose; empty otherwise.
 };
 
 // The images of one moment show targets or pixels.
@@ -140,7 +140,7 @@ struct ImageLocation {
   std::vector<TargetLocation> targets;
   std::vector<PixelPosition> pixels;
   std::optional<LocatedPoint> point;  // The point that the pixels show together.
-  std::string fault;                  // Why nothing is located; empty otherwise.
+  Failure fault;                      // Why nothing is located; empty otherwise.
 
   bool IsLocated() const;
 };

@@ -6,7 +6,6 @@
 
 #include "heba/robot/arm_errors.h"
 #include "tools/run/arm_assessment.h"
-#include "tools/run/arm_keys.h"
 
 namespace heba {
 namespace {
@@ -84,14 +83,13 @@ RigArmSummaries SummariseArms(const RigDataset& dataset, std::vector<std::option
     if (estimate.errors != nullptr) {
       setups[r]->branches = {Combined(setups[r]->branches, choice->branches)};
     } else if (choice != nullptr && !setups[r]->is_recorded) {
-      estimate.reason += "; if the captures are in several configurations, record their joints (captures.joints)";
+      estimate.reason = WithRemedyOfJoints(estimate.reason);
     }
     summaries.arms.back() = SummariseArm(robot, kinematics, setups[r],
                                          UndeterminedParams(robot.arm, "the poses of what is fixed in the base",
                                                             "the poses of what the gripper carries"),
                                          estimate);
     RobotSummary& arm = *summaries.arms.back();
-    arm.reason = WithArmKeys(arm.reason, dataset.rig.robots[r]);
     std::vector<Finding> findings = {DescribeEstimate(arm)};
     if (arm.is_estimated && !arm.configuration.empty()) {
       const std::optional<FixedPart> fixed = FindFixedPart(calibration.problem);

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -279,8 +280,8 @@ struct SeenAndCalibrated {
 
 Outcome<SeenAndCalibrated> CalibrateSeen(RigProblem seen, const RigCalibrationOptions& options) {
   Outcome<RigCalibration> calibration = CalibrateRig(seen, options);
-  if (!calibration) return Failure{calibration.reason()};
-  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  if (!calibration) return calibration.failure();
+  if (!calibration->refined) return calibration->refined.failure();
   return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
 }
 
@@ -335,7 +336,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
   Outcome<SeenAndCalibrated> calibrated =
       CalibrateDetections(dataset, duplicates, calibration_options, &output.detections, observer);
-  if (!calibrated) return Failure{calibrated.reason()};
+  if (!calibrated) return calibrated.failure();
   std::vector<Finding> missing_ids =
       FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
   const RigProblem seen = std::move(calibrated->seen);
@@ -485,7 +486,7 @@ Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& opt
     output->result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {
-    return Failure{kCancelled};
+    return Failure{FailureCode(kCancelled)};
   }
 }
 

@@ -5,18 +5,13 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/failure_code.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/smooth_search.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/captures.h"
 
 namespace heba {
-namespace {
-
-constexpr const char* kNoBranch = "the errors of the arm could be fitted in none of its configurations";
-
-}  // namespace
-
 std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
                                                 CalibrationOptions* options, Calibration* calibration) {
   RobotErrors errors;
@@ -31,9 +26,7 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
     const std::vector<size_t>& branches = found.arm->branches;
     arm->reason = found.arm->reason;
     if (!branches.empty()) arm->branches = {Combined(arm->branches, branches)};
-    if (!arm->reason.empty() && !arm->is_recorded) {
-      arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
-    }
+    if (!arm->is_recorded) arm->reason = WithRemedyOfJoints(arm->reason);
     for (size_t i = 0; i < dataset->captures.size() && arm->reason.empty(); ++i) {
       Capture& capture = dataset->captures[i];
       if (found.arm->model != nullptr) capture.effect = errors.arm.effects_of_captures[branches[i]][i];
@@ -56,8 +49,7 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
   if (!arm->reason.empty()) return;
   std::erase_if(arm->branches, [](const ArmBranch& one) { return !one.ReachesAll(); });
   if (arm->branches.empty()) {
-    arm->reason = "no configuration of the arm " + dataset.robot->arm.name +
-                  " reaches the poses of all captures; record the joints (captures.joints)";
+    arm->reason = {FailureCode("no_configuration"), {}, {{"arm", dataset.robot->arm.name}}};
     return;
   }
   const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
@@ -67,7 +59,7 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
     const std::optional<size_t> found = MostLikelyPoseEffects(
         dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors.of_branches, effects);
     if (!found) {
-      arm->reason = kNoBranch;
+      arm->reason = FailureCode("no_configuration_fits");
       return;
     }
     branch = *found;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "heba/base/failure_code.h"
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -112,14 +113,14 @@ Outcome<RunOutput> RunOnPoses(const Dataset& all, const RunOptions& run, RunObse
   options.seed = run.seed;
   options.setup = dataset.setup;
   CalibratePoses(options, &calibration);
-  if (!calibration.chain) return Failure{calibration.chain.reason()};
+  if (!calibration.chain) return calibration.chain.failure();
   std::optional<ArmSetup> arm;
   if (dataset.robot && run.kinematics != Kinematics::kNone) {
     arm = SetUpArm(dataset, run.kinematics);
     options.has_robot_noise = true;
     SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
     CalibratePoses(options, &calibration);
-    if (!calibration.chain) return Failure{calibration.chain.reason()};
+    if (!calibration.chain) return calibration.chain.failure();
   }
   if (observer != nullptr) observer->OnCalibrated(calibration);
   output.result = AssessPoses(dataset, run, calibration, options);
@@ -128,14 +129,6 @@ Outcome<RunOutput> RunOnPoses(const Dataset& all, const RunOptions& run, RunObse
   }
   InsertLeftOut(left_out, &output.result.captures);
   return output;
-}
-
-// Returns the reason why the target was detected in no image.
-std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
-  const std::string first = detections.front().detection.reason;
-  return "the target was not detected in any of the " + std::to_string(detections.size()) + " images" +
-         (first.empty() ? "" : " (" + dataset.captures[0].name + ": " + first + ")") +
-         "; is it the target that the config names?";
 }
 
 // Returns the detections with the points that a calibration has shown where to search; nothing if there are no others.
@@ -179,7 +172,7 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
   calibrated.dataset = dataset;
   calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
   Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
-  if (!calibration) return Failure{calibration.reason()};
+  if (!calibration) return calibration.failure();
   if (std::optional<std::vector<CaptureDetection>> again =
           DetectCapturesAgain(dataset, *detections, *calibration, options.num_threads, observer)) {
     EndIfCancelled(observer);
@@ -270,18 +263,22 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   if (observer != nullptr) {
     observer->OnDetected(left_out, static_cast<int>(num_seen), static_cast<int>(detections.size()));
   }
-  if (detections.empty()) return Failure{Join(left_out.notes, "; ")};
-  if (num_seen == 0) return Failure{NothingDetected(dataset, detections)};
+  if (detections.empty()) return Failure{FailureCode("all_left_out"), {}, {{"notes", Join(left_out.notes, "; ")}}};
+  if (num_seen == 0) {
+    return Failure{FailureCode("nothing_detected"),
+                   {{"images", static_cast<double>(detections.size())}},
+                   {{"image", dataset.captures[0].name}, {"why", detections.front().detection.reason}}};
+  }
 
   const Stopwatch solve_watch;
   std::vector<Finding> motions;
   Outcome<Calibrated> calibrated = CalibrateWithoutMotions(dataset, options, &detections, &motions, observer);
-  if (!calibrated) return Failure{calibrated.reason()};
+  if (!calibrated) return calibrated.failure();
   Calibration& calibration = output.calibration;
   calibration = std::move(calibrated->calibration);
   output.dataset = std::move(calibrated->dataset);
   if (observer != nullptr) observer->OnCalibrated(calibration);
-  if (!calibration.refined) return Failure{calibration.refined.reason()};
+  if (!calibration.refined) return calibration.refined.failure();
   timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   const Advice advice = Advise(calibration, calibrated->options);
@@ -313,7 +310,7 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
     output->result.timing.total_s = total.Seconds();
     return output;
   } catch (const Cancelled&) {
-    return Failure{kCancelled};
+    return Failure{FailureCode(kCancelled)};
   }
 }
 

@@ -166,7 +166,7 @@ bool IsSinglePair(const RigDataset& dataset) {
 Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
   const PairDataset pair = DatasetOfPair(dataset);
   const Outcome<RunOutput> run = Run(pair.dataset, OptionsOfPair(dataset, options), observer);
-  if (!run) return Failure{run.reason()};
+  if (!run) return run.failure();
   return PlacedInRig(dataset, *run);
 }
 

@@ -12,6 +12,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/files/program_digest.h"
 #include "tools/run/digest.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
@@ -181,7 +182,7 @@ Json ResultJson(const CellResult& result) {
   if (result.bound) {
     json["bound"] = ErrorsJson(*result.bound);
   } else {
-    json["no_bound"] = result.bound.reason();
+    json["no_bound"] = FailureText(result.bound.failure());
   }
   json["methods"] = Json::array();
   for (const MethodSummary& method : result.methods) json["methods"].push_back(MethodJson(method));

@@ -13,7 +13,7 @@ namespace heba {
 struct CellResult {
   int cell = 0;  // Index of the cell in the study.
   StudyLabels labels;
-  Outcome<StudyErrors> bound = Failure{"not run"};
+  Outcome<StudyErrors> bound = {};
   std::vector<MethodSummary> methods;
 };
 

@@ -4,6 +4,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -164,7 +165,7 @@ std::string StudyTable(const std::vector<CellResult>& results) {
     const bool is_last = i + 1 == results.size() || results[i + 1].cell != result.cell;
     if (is_first) table += ConditionLine(result.labels) + "\n";
     if (!result.bound) {
-      if (is_first) table += "  no bound: " + result.bound.reason() + "\n\n";
+      if (is_first) table += "  no bound: " + FailureText(result.bound.failure()) + "\n\n";
       continue;
     }
     const bool is_pose = !result.labels.pose.empty();

@@ -10,7 +10,7 @@
 
 #include "heba/base/text.h"
 #include "heba/evaluation/judgement.h"
-#include "tools/run/arm_keys.h"
+#include "tools/text/arm_keys.h"
 #include "tools/text/target_symmetry.h"
 
 namespace heba {
@@ -167,7 +167,7 @@ FindingText NoHoldOut(const Finding& finding) {
             "take more captures: too few are left to determine the camera and its pose when some are held out"};
   }
   if (Is(finding, "reason", "failed_for_camera")) {
-    return {"its hold-out error is not known: " + Name(finding, "why"),
+    return {"its hold-out error is not known: " + FailureText(finding.reason),
             "take more captures in which it sees a target: too few are left to determine it when some are held out"};
   }
   return {"no captures were held out: the hold-out error is not known",
@@ -349,7 +349,8 @@ FindingText ArmEstimated(const Finding& finding) {
 }
 
 FindingText ArmDeclined(const Finding& finding) {
-  return {"the kinematics of the arm " + Name(finding, "arm") + " were not estimated: " + Name(finding, "reason"), ""};
+  return {"the kinematics of the arm " + Name(finding, "arm") + " were not estimated: " + FailureText(finding.reason),
+          ""};
 }
 
 FindingText ArmOneConfiguration(const Finding& finding) {
@@ -470,7 +471,7 @@ FindingText CameraReduced(const Finding& finding) {
   const std::string free = Name(finding, "free");
   return {(model == wanted ? "of the camera's intrinsics only " + (free.empty() ? "none" : free) + " could be freed: "
                            : "the lens " + model + " was estimated in place of " + wanted + " (camera.model): ") +
-              Name(finding, "why"),
+              FailureText(finding.reason),
           "use camera.model: auto, or take captures with more depth and tilt over the whole image"};
 }
 
@@ -606,7 +607,8 @@ FindingText FindingWords(const Finding& finding) {
   return words;
 }
 
-void Describe(Finding* finding) {
+void Describe(Finding* finding, ConfigKeys keys) {
+  finding->reason.text = FailureText(finding->reason, keys);
   FindingText words = FindingWords(*finding);
   // A finding about one of several cameras, targets or arms names it.
   for (const auto& [key, kind] :
@@ -618,13 +620,30 @@ void Describe(Finding* finding) {
     words.text = WithArmKeys(words.text, *name);
     words.action = WithArmKeys(words.action, *name);
   }
-  DescribeAll(&finding->parts);
+  DescribeAll(&finding->parts, keys);
   finding->text = std::move(words.text);
   finding->action = std::move(words.action);
 }
 
-void DescribeAll(std::vector<Finding>* findings) {
-  for (Finding& finding : *findings) Describe(&finding);
+void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys) {
+  for (Finding& finding : *findings) Describe(&finding, keys);
+}
+
+void Describe(RunResult* result, ConfigKeys keys) {
+  const auto describe = [&](Failure* reason) { reason->text = FailureText(*reason, keys); };
+  for (Estimate& estimate : result->estimates) describe(&estimate.reason);
+  for (ModelEntry& entry : result->model.alternatives) describe(&entry.reason);
+  if (result->robot) describe(&result->robot->reason);
+  DescribeAll(&result->verdict.findings, keys);
+}
+
+void Describe(RigResult* result, ConfigKeys keys) {
+  for (size_t r = 0; r < result->arms.size(); ++r) {
+    if (!result->arms[r]) continue;
+    Failure& reason = result->arms[r]->reason;
+    reason.text = WithArmKeys(FailureText(reason, keys), result->rig.robots[r]);
+  }
+  DescribeAll(&result->verdict.findings, keys);
 }
 
 }  // namespace heba

@@ -5,8 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
+#include "heba/evaluation/rig_evaluation.h"
 #include "tools/text/config_setting.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 
@@ -25,7 +28,11 @@ FindingText FindingWords(const Finding& finding);
 
 // Sets the text and the action of a finding, and of its parts, to their words. A finding that was described before does
 // not change.
-void Describe(Finding* finding);
-void DescribeAll(std::vector<Finding>* findings);
+void Describe(Finding* finding, ConfigKeys keys = ConfigKeys::kNamed);
+void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys = ConfigKeys::kNamed);
+
+// Set the texts of the findings of a verdict, and of the failures in its result.
+void Describe(RunResult* result, ConfigKeys keys = ConfigKeys::kNamed);
+void Describe(RigResult* result, ConfigKeys keys = ConfigKeys::kNamed);
 
 }  // namespace heba

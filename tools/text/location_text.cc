@@ -5,6 +5,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/target_location.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 #include "tools/text/target_symmetry.h"
 
@@ -261,12 +262,12 @@ std::string TargetFault(const LocationRequest& request, const TargetLocation& lo
   const std::string& name = rig.targets[location.target].name;
   return (name.empty() ? "" : "target " + name + ": ") + (location.contradiction ? ContradictionText(rig, location)
                                                           : location.possible.empty()
-                                                              ? location.undetermined
+                                                              ? FailureText(location.undetermined)
                                                               : UndecidedText(request, location));
 }
 
 std::vector<std::string> LocationFaults(const LocationRequest& request, const ImageLocation& location) {
-  if (!location.fault.empty()) return {location.fault};
+  if (!location.fault.empty()) return {FailureText(location.fault)};
   std::vector<std::string> faults;
   if (!request.pixels.empty()) return faults;
   for (const TargetLocation& target : location.targets) {

@@ -32,7 +32,7 @@ std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunR
     const HandEyeMethod* const method = FindHandEyeMethod(estimate.method);
     const bool suits = method == nullptr || method->motion == MethodMotion::kAny;
     const bool is_asked_for = std::find(asked_for.begin(), asked_for.end(), estimate.method) != asked_for.end();
-    if (suits || is_asked_for) methods.emplace_back(estimate.method, estimate.reason);
+    if (suits || is_asked_for) methods.emplace_back(estimate.method, estimate.reason.ToString());
   }
   return GroupedByReason(methods);
 }

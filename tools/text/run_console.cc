@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "heba/base/text.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 #include "tools/text/target_symmetry.h"
 
@@ -29,7 +30,7 @@ void ConsoleObserver::OnDetected(const LeftOutCaptures& left_out, int num_seen, 
 
 void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
   if (!dataset_.target_poses.empty()) {
-    Note(calibration.refined.reason());
+    Note(FailureText(calibration.refined.failure()));
     return;
   }
   for (const UnusedView& unused : calibration.unused) {
@@ -42,7 +43,7 @@ void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
 void ConsoleObserver::OnHoldOuts(const std::vector<HoldOut>& hold_outs) {
   std::vector<NamedReason> reasons;
   for (const HoldOut& hold_out : hold_outs) {
-    if (!hold_out.reason.empty()) reasons.emplace_back(hold_out.method, hold_out.reason);
+    if (!hold_out.reason.empty()) reasons.emplace_back(hold_out.method, FailureText(hold_out.reason));
   }
   for (const auto& [reason, methods] : GroupedByReason(reasons)) {
     console_->Note("no hold-out figure for " + methods + ": " + reason);

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
@@ -43,10 +44,10 @@ Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
   const Eigen::Matrix3d sum_a = with_rotation_a(kOne);
   normal.bottomRightCorner<3, 3>() = 2 * sums(kOne, kOne) * identity - sum_a - sum_a.transpose();
   const Eigen::Matrix<double, 12, 1> solution = SolveSymmetric(normal, right);
-  if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
+  if (!solution.allFinite()) return Failure{FailureCode("no_solution"), {}, {{"equations", "linear"}}};
   const Eigen::Matrix3d linear = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   if (!(linear.determinant() > 1e-6)) {
-    return Failure{"the linear solution is not a rotation (the translations hardly determine the scale)"};
+    return Failure{FailureCode("not_a_rotation")};
   }
   return WithAverageBoardPose(input.pairs(), {NearestRotation(linear), solution.tail<3>()});
 }

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
@@ -64,7 +65,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
   double c = u2.dot(v2);
   const bool swapped = std::abs(a) < std::abs(c);
   if (swapped) std::swap(a, c);
-  if (std::abs(a) < 1e-300) return Failure{"the dual quaternion equations have no solution"};
+  if (std::abs(a) < 1e-300) return Failure{FailureCode("no_solution"), {}, {{"equations", "dual quaternion"}}};
   const double discriminant = std::max(0.0, b * b - 4 * a * c);
   // The root with the larger norm |q|^2 of the real part is used (equation (37)).
   double best_norm2 = 0;
@@ -82,7 +83,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
       dual = scale * (l1 * v1 + l2 * v2);
     }
   }
-  if (!(best_norm2 > 1e-12)) return Failure{"the dual quaternion equations have no solution"};
+  if (!(best_norm2 > 1e-12)) return Failure{FailureCode("no_solution"), {}, {{"equations", "dual quaternion"}}};
   const double norm = std::sqrt(best_norm2);
   const Eigen::Quaterniond q(real[0] / norm, real[1] / norm, real[2] / norm, real[3] / norm);
   const Eigen::Quaterniond q_dual(dual[0] / norm, dual[1] / norm, dual[2] / norm, dual[3] / norm);

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
@@ -34,11 +35,11 @@ Outcome<HandEye> SolveHandEye_li(const HandEyeInput& input) {
     right -= left.bottomRows<3>().transpose() * pair.camera_mount_from_target_mount.translation;
   }
   const Eigen::Matrix<double, 24, 1> solution = SolveSymmetric(normal, right);
-  if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
+  if (!solution.allFinite()) return Failure{FailureCode("no_solution"), {}, {{"equations", "linear"}}};
   const Eigen::Matrix3d linear_z = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   const Eigen::Matrix3d linear_x = Eigen::Map<const Eigen::Matrix3d>(solution.data() + 9);
   if (!(linear_x.determinant() > 1e-6) || !(linear_z.determinant() > 1e-6)) {
-    return Failure{"the linear solution is not a rotation (the translations hardly determine the scale)"};
+    return Failure{FailureCode("not_a_rotation")};
   }
   return HandEye{Rigid3d(NearestRotation(linear_x), solution.tail<3>()),
                  Rigid3d(NearestRotation(linear_z), solution.segment<3>(18))};

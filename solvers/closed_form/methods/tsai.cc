@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
 
@@ -36,7 +37,7 @@ Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
     smallest = p.norm();
     rotation_x = Eigen::Quaterniond(1, p.x(), p.y(), p.z()).normalized() * turn;
   }
-  if (!std::isfinite(smallest)) return Failure{"the rotation equations have no solution"};
+  if (!std::isfinite(smallest)) return Failure{FailureCode("no_solution"), {}, {{"equations", "rotation"}}};
   const Eigen::Matrix3d rotation = rotation_x.toRotationMatrix();
   return WithAverageBoardPose(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }

@@ -14,7 +14,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
-#include "heba/base/text.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
@@ -48,9 +48,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const std::vector<size_t> homes = WithRole(pairs, CaptureRole::kHome);
   const std::vector<size_t> turns = WithRole(pairs, CaptureRole::kRotate);
   if (homes.empty()) {
-    return Failure{
-        "no capture has the role home (home pose of the two-step motion), and none can be identified from the robot "
-        "poses"};
+    return Failure{FailureCode("no_home")};
   }
   const size_t home = homes.front();
   const auto mount_position = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.translation; };
@@ -61,8 +59,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
     const std::vector<size_t> candidates =
         WithRole(pairs, axis == "x" ? CaptureRole::kTranslateX : CaptureRole::kTranslateY);
     if (candidates.empty()) {
-      return Failure{"no capture moves the tool along its " + axis + " alone (role translate_" + axis +
-                     "): add one, 50 mm or more from home without rotation"};
+      return Failure{FailureCode("no_translation"), {}, {{"axis", axis}}};
     }
     translations.push_back(*std::max_element(candidates.begin(), candidates.end(), [&](size_t a, size_t b) {
       return (mount_position(a) - mount_position(home)).norm() < (mount_position(b) - mount_position(home)).norm();
@@ -89,10 +86,8 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const double least_rad = std::sqrt(std::max(0.0, EigenOfSymmetric(normal).values[0]));
   const double needed_rad = DegToRad(2.0);
   if (least_rad < needed_rad) {
-    return Failure{std::to_string(turns.size()) + (turns.size() == 1 ? " rotation" : " rotations") +
-                   " about the tool point (role rotate) rotate the least observable direction by " +
-                   Fixed(RadToDeg(least_rad), 2) +
-                   " deg in total: two or more about different axes, by 10 deg or more, are needed"};
+    return Failure{FailureCode("few_rotations"),
+                   {{"rotations", static_cast<double>(turns.size())}, {"least_deg", RadToDeg(least_rad)}}};
   }
   const Eigen::Vector3d point_in_mount = SolveSymmetric(normal, right);
   const Eigen::Vector3d translation =

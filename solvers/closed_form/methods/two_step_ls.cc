@@ -13,6 +13,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/known_rotation.h"
@@ -123,7 +124,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   std::vector<Measured> captures;
   for (size_t i = 0; i < pairs.size(); ++i) {
     const auto factor = Cholesky(positions.captures[i].covariance_at_1px);
-    if (!factor) return Failure{"the covariance of a target position is not positive definite"};
+    if (!factor) return Failure{FailureCode("bad_covariance")};
     captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
                         pairs[i].camera_mount_from_target_mount.translation - mean_position,
                         positions.captures[i].in_camera, factor->Inverse()});
@@ -142,7 +143,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
         Refined(few, WithRotation(few, turn), kFewIterations, kTellingDrop, std::isfinite(best.cost) ? &best : nullptr);
     if (found.cost < best.cost) best = found;
   }
-  if (!std::isfinite(best.cost)) return Failure{"the positions of the target do not determine the hand-eye pose"};
+  if (!std::isfinite(best.cost)) return Failure{FailureCode("weak_positions")};
   constexpr int kMaxIterations = 100;
   constexpr double kLastDrop = 1e-13;
   best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations, kLastDrop);

@@ -36,7 +36,7 @@ struct CameraAlternative {
   // The probability, if this model is right, of the gain in likelihood of a larger model: the smallest over the larger
   // models. Not set for the largest.
   std::optional<double> p;
-  std::string reason = {};  // Why it was not a candidate, in one clause; empty if it was.
+  Failure reason = {};  // Why it was not a candidate; empty if it was.
 };
 
 // The seed that stands for the closed form with the lowest reprojection RMS over all captures.
@@ -65,7 +65,7 @@ struct CalibrationOptions {
 
 struct MethodResult {
   std::string method;
-  Outcome<HandEye> hand_eye = Failure{"not run"};
+  Outcome<HandEye> hand_eye = {};
   // RMS over all used views; not set if the method failed or if a point has no image under its result.
   std::optional<double> reprojection_rms_px;
 };
@@ -78,7 +78,7 @@ struct Calibration {
   std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
   // Why the captures do not determine the camera that the options ask for, so that a smaller model was estimated or
   // intrinsics were held; empty if they do.
-  std::string reduced_camera;
+  Failure reduced_camera;
   std::vector<ModelAlternative> alternatives;  // The candidate error models; empty if there was only one.
   // Number of captures that fail their test, but were kept: JudgedCaptures::num_kept_against_test.
   int num_kept_against_test = 0;
@@ -93,9 +93,9 @@ struct Calibration {
   // again.
   std::vector<View> with_rejected;
   std::vector<MethodResult> methods;
-  Outcome<Solution> chain = Failure{"not run"};
+  Outcome<Solution> chain = {};
   std::string seed;  // The start that led to the refined result: a method, or one of solvers/calibration/multi_start.h.
-  Outcome<Solution> refined = Failure{"not run"};
+  Outcome<Solution> refined = {};
 };
 
 struct Advice {

@@ -18,7 +18,7 @@ namespace heba {
 struct HoldOut {
   std::string method;
   std::optional<double> rms_px;  // Not set if the method failed on a fold, or if a held-out point had no image.
-  std::string reason;            // The reason if `rms_px` is not set.
+  Failure reason;                // The reason if `rms_px` is not set.
   // The distance between the predicted pose of the target and the pose that its own image shows: RMS over captures.
   std::optional<double> target_m;
   std::optional<double> target_rad;

@@ -36,7 +36,7 @@ struct RigPair {
   // The arm that moves one against the other; nothing if none or two do.
   std::optional<size_t> robot;
   int num_images = 0;
-  Outcome<Calibration> calibration = Failure{"not run"};
+  Outcome<Calibration> calibration = {};
 };
 
 // An image that is not used; all images of the capture if `image` is not set.
@@ -67,7 +67,7 @@ struct RigCalibration {
   std::vector<RigArmChoice> arms;  // One for each arm with models to choose from (RigCalibrationOptions::arms).
   std::vector<RigSmoothErrors> smooth_errors;
   RigPoses start;
-  Outcome<RigSolution> refined = Failure{"not run"};
+  Outcome<RigSolution> refined = {};
 };
 
 }  // namespace heba

@@ -13,7 +13,7 @@ namespace heba {
 
 // The errors on held-out images of one camera.
 struct RigHoldOut {
-  std::string reason;  // The reason if a figure is not set.
+  Failure reason;  // The reason if a figure is not set.
   // No figure is set if one of the folds needs the images of this camera to be determined.
   std::optional<double> rms_px;  // Not set if a point had no image.
   // The distance and the angle between the predicted pose of the target and the pose that its own image shows: RMS over

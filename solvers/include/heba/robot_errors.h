@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heba/adjustment_options.h"
+#include "heba/base/error.h"
 #include "heba/data/shared_effects.h"
 
 namespace heba {
@@ -87,7 +88,7 @@ struct RigArmChoice {
   size_t robot = 0;
   std::vector<size_t> branches = {};           // One per capture: index in RigArmErrors::effects_of_captures.
   std::shared_ptr<const SharedEffects> model;  // The errors that are part of the solution; null if none are.
-  std::string reason;                          // Reason why none are, in one clause.
+  Failure reason;                              // The reason why none are.
   std::optional<RobotNoise> noise_before;      // The noise of the arm without them, if it has any.
   std::vector<ModelAlternative> alternatives;  // The models that were compared, the simplest first.
 };

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include <glog/logging.h>
 
@@ -28,15 +29,40 @@ class InputError : public std::runtime_error {
   }
 };
 
-// The reason why an algorithm has no result: one clause in plain words, without a full stop.
+class FailureCode;  // heba/base/failure_code.h.
+
+// The reason why an algorithm has no result. Libraries set a code with figures and names, as a Finding has them
+// (heba/evaluation/finding.h), and leave the words to whoever shows it to people. Functions that read or write files
+// set the words alone.
 struct Failure {
-  std::string reason;
+  using Numbers = std::vector<std::pair<std::string, double>>;
+  using Names = std::vector<std::pair<std::string, std::string>>;
+
+  // No failure.
+  Failure() = default;
+  Failure(FailureCode of_code, Numbers with_numbers = {}, Names with_names = {},  // NOLINT(google-explicit-constructor)
+          std::vector<Failure> with_causes = {});
+  explicit Failure(std::string words) : text(std::move(words)) {}
+
+  bool empty() const { return code.empty() && text.empty(); }
+  // Returns the text or, without one, the code with its figures, names and causes, for logs.
+  std::string ToString() const;
+
+  std::string code;             // Programs identify the failure by it; empty if there are only words.
+  Numbers numbers;              // Each under a key that names it with its unit.
+  Names names;                  // A list has several entries under one key.
+  std::vector<Failure> causes;  // The failures that this one quotes.
+  std::string text;             // One clause in plain words, without a full stop.
 };
+
+// Returns the failure of what was not run.
+Failure NotRun();
 
 // A value, or the reason why there is none.
 template <class T>
 class [[nodiscard]] Outcome {
  public:
+  Outcome() : result_(NotRun()) {}
   Outcome(T value) : result_(std::move(value)) {}            // NOLINT(google-explicit-constructor)
   Outcome(Failure failure) : result_(std::move(failure)) {}  // NOLINT(google-explicit-constructor)
 
@@ -46,8 +72,10 @@ class [[nodiscard]] Outcome {
   T& operator*() & { return Value(); }
   const T* operator->() const { return &Value(); }
   T* operator->() { return &Value(); }
-  // Returns the reason of the failure, or an empty string if there is a value.
-  std::string reason() const { return ok() ? std::string() : std::get<Failure>(result_).reason; }
+  // Returns the failure; there must be no value.
+  const Failure& failure() const { return std::get<Failure>(result_); }
+  // Returns Failure::ToString, or an empty string if there is a value.
+  std::string reason() const { return ok() ? std::string() : failure().ToString(); }
 
  private:
   const T& Value() const {

@@ -90,11 +90,6 @@ std::string BlockName(std::string_view alone, const std::string& before, const s
   return name.empty() ? std::string(alone) : before + name + after;
 }
 
-// Returns what messages call the owner of a block.
-std::string PlainName(const std::string& alone, const std::string& kind, const std::string& name) {
-  return name.empty() ? alone : kind + " " + name + "'s";
-}
-
 }  // namespace
 
 std::optional<RobotNoise> SmoothNoiseOf(const RigSolution& solution, size_t robot) {
@@ -116,27 +111,17 @@ std::string ErrorsBlock(const std::string& robot) { return BlockName(kRobotBlock
 
 UnknownLayout RigUnknowns(const RigProblem& problem) {
   UnknownLayout layout;
-  for (const RigCamera& camera : problem.cameras) {
-    layout.AddPose(CameraPoseBlock(camera), PlainName("the hand-eye", "camera", camera.name), "the camera's");
-  }
-  for (const RigTarget& target : problem.targets) {
-    layout.AddPose(TargetPoseBlock(target), PlainName("the board's", "target", target.name), "the target's");
-  }
-  for (size_t r = 1; r < problem.robots.size(); ++r) {
-    layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
-  }
+  for (const RigCamera& camera : problem.cameras) layout.AddPose(CameraPoseBlock(camera));
+  for (const RigTarget& target : problem.targets) layout.AddPose(TargetPoseBlock(target));
+  for (size_t r = 1; r < problem.robots.size(); ++r) layout.AddPose(BaseBlock(problem.robots[r]));
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
-    if (effects != nullptr) {
-      layout.AddEffects(ErrorsBlock(problem.robots[r]), PlainName("the arm's", "arm", problem.robots[r]),
-                        effects->Names());
-    }
+    if (effects != nullptr) layout.AddEffects(ErrorsBlock(problem.robots[r]), effects->Names());
   }
   for (const RigCamera& camera : problem.cameras) {
     if (camera.camera.params.empty()) continue;  // A calibration from poses alone has no camera.
     const CameraModel& model = camera.camera.Model();
-    layout.AddCamera(CameraBlock(camera), PlainName("the camera's", "camera", camera.name), model,
-                     FreeOf(model, camera.free_intrinsics));
+    layout.AddCamera(CameraBlock(camera), model, FreeOf(model, camera.free_intrinsics));
   }
   for (const RigTarget& target : problem.targets) {
     std::vector<bool> free;
@@ -144,7 +129,7 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
       const auto of_shape = FreeShapeOf(target.free_shape);
       free.assign(of_shape.begin(), of_shape.end());
     }
-    layout.AddTarget(TargetShapeBlock(target), PlainName("the target's", "target", target.name), free);
+    layout.AddTarget(TargetShapeBlock(target), free);
   }
   return layout;
 }

@@ -33,30 +33,24 @@ UnknownBlock& UnknownLayout::AddBlock(UnknownOwner owner, std::string_view name)
   return block;
 }
 
-void UnknownLayout::AddPose(std::string_view name, std::string_view plain_name, std::string_view plain_frame) {
+void UnknownLayout::AddPose(std::string_view name) {
   UnknownBlock& block = AddBlock(UnknownOwner::kPose, name);
-  block.plain_name = plain_name;
-  block.plain_frame = plain_frame;
   block.size = kPoseSize;
   for (int i = 0; i < kPoseSize; ++i) {
     unknowns_.push_back({i < 3 ? UnknownGroup::kTranslation : UnknownGroup::kRotation, i});
   }
 }
 
-void UnknownLayout::AddEffects(std::string_view name, std::string_view plain_name,
-                               const std::vector<std::string>& effects) {
+void UnknownLayout::AddEffects(std::string_view name, const std::vector<std::string>& effects) {
   UnknownBlock& block = AddBlock(UnknownOwner::kEffects, name);
-  block.plain_name = plain_name;
   block.effects = effects;
   block.size = static_cast<Eigen::Index>(effects.size());
   for (int i = 0; i < block.size; ++i) unknowns_.push_back({UnknownGroup::kEffect, i});
 }
 
-void UnknownLayout::AddCamera(std::string_view name, std::string_view plain_name, const CameraModel& model,
-                              const std::vector<bool>& free) {
+void UnknownLayout::AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free) {
   CHECK_EQ(free.size(), static_cast<size_t>(NumParams(model)));
   UnknownBlock& block = AddBlock(UnknownOwner::kCamera, name);
-  block.plain_name = plain_name;
   block.model = &model;
   for (int i = 0; i < NumParams(model); ++i) {
     if (free[static_cast<size_t>(i)]) unknowns_.push_back({GroupOfCameraParam(i), i});
@@ -64,10 +58,9 @@ void UnknownLayout::AddCamera(std::string_view name, std::string_view plain_name
   block.size = size() - block.first;
 }
 
-void UnknownLayout::AddTarget(std::string_view name, std::string_view plain_name, const std::vector<bool>& free) {
+void UnknownLayout::AddTarget(std::string_view name, const std::vector<bool>& free) {
   CHECK(free.empty() || free.size() == TargetShape::kNumParams);
   UnknownBlock& block = AddBlock(UnknownOwner::kTarget, name);
-  block.plain_name = plain_name;
   for (size_t i = 0; i < free.size(); ++i) {
     const auto param = static_cast<int>(i);
     const bool is_scale = ShapeGroupOf(param) == TargetShapeGroup::kScale;
@@ -91,26 +84,6 @@ std::string UnknownLayout::Name(Eigen::Index place) const {
       break;
   }
   return owner + std::string(kTargetShapeParamNames[index]);
-}
-
-std::string UnknownLayout::PlainName(Eigen::Index place) const {
-  const UnknownBlock& block = BlockAt(place);
-  const auto index = static_cast<size_t>((*this)[place].index);
-  constexpr std::string_view kAxes = "xyz";
-  constexpr std::string_view kShapeNames[] = {"scale along x", "scale along y", "bend along x", "bend along y"};
-  static_assert(std::size(kShapeNames) == TargetShape::kNumParams);
-  switch (block.owner) {
-    case UnknownOwner::kPose:
-      return block.plain_name + (index < 3 ? " translation along " : " rotation about ") + block.plain_frame + " " +
-             kAxes[index % 3];
-    case UnknownOwner::kEffects:
-      return block.plain_name + " " + block.effects[index];
-    case UnknownOwner::kCamera:
-      return block.plain_name + " " + block.model->param_names()[index];
-    case UnknownOwner::kTarget:
-      break;
-  }
-  return block.plain_name + " " + std::string(kShapeNames[index]);
 }
 
 std::vector<std::string> UnknownLayout::Names() const {
@@ -154,17 +127,17 @@ std::optional<Eigen::Index> UnknownLayout::Place(std::string_view name) const {
 
 UnknownLayout HandEyePoses() {
   UnknownLayout layout;
-  layout.AddPose(kHandEyeBlock, "the hand-eye", "the camera's");
-  layout.AddPose(kBoardBlock, "the board's", "the target's");
+  layout.AddPose(kHandEyeBlock);
+  layout.AddPose(kBoardBlock);
   return layout;
 }
 
 UnknownLayout HandEyeUnknowns(const CameraModel& model, const FreeUnknowns& free) {
   UnknownLayout layout = HandEyePoses();
-  if (free.effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", free.effects->Names());
+  if (free.effects != nullptr) layout.AddEffects(kRobotBlock, free.effects->Names());
   const auto end_of_camera = free.params.begin() + NumParams(model);
-  layout.AddCamera(kCameraBlock, "the camera's", model, {free.params.begin(), end_of_camera});
-  layout.AddTarget(kTargetBlock, "the target's", {end_of_camera, free.params.end()});
+  layout.AddCamera(kCameraBlock, model, {free.params.begin(), end_of_camera});
+  layout.AddTarget(kTargetBlock, {end_of_camera, free.params.end()});
   return layout;
 }
 

@@ -41,8 +41,6 @@ enum class UnknownOwner { kPose, kEffects, kCamera, kTarget };
 struct UnknownBlock {
   UnknownOwner owner = UnknownOwner::kPose;
   std::string name;                    // In files: the part of the names before the dot.
-  std::string plain_name;              // In messages: "the hand-eye", "the camera's".
-  std::string plain_frame;             // A pose's axes, in messages: "the camera's".
   const CameraModel* model = nullptr;  // A camera's.
   std::vector<std::string> effects;    // The names of effects.
   Eigen::Index first = 0;
@@ -61,24 +59,20 @@ inline constexpr std::string_view kTargetBlock = "target";
 // Unknowns in the order in which they were added. Blocks without unknowns are kept: their size is 0.
 class UnknownLayout {
  public:
-  // Adds the tangent (translation before rotation, in the child frame) of the pose `name`. In messages the pose is
-  // called `plain_name`, and its tangent is along and about the axes of `plain_frame`.
-  void AddPose(std::string_view name, std::string_view plain_name, std::string_view plain_frame);
+  // Adds the tangent (translation before rotation, in the child frame) of the pose `name`.
+  void AddPose(std::string_view name);
   // Adds effects, called "<name>.<effect>".
-  void AddEffects(std::string_view name, std::string_view plain_name, const std::vector<std::string>& effects);
+  void AddEffects(std::string_view name, const std::vector<std::string>& effects);
   // Adds the camera's parameters whose flag is set. The model must outlive the layout.
-  void AddCamera(std::string_view name, std::string_view plain_name, const CameraModel& model,
-                 const std::vector<bool>& free);
+  void AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free);
   // Adds the shape parameters whose flag is set (TargetShape::params); `free` may be empty.
-  void AddTarget(std::string_view name, std::string_view plain_name, const std::vector<bool>& free);
+  void AddTarget(std::string_view name, const std::vector<bool>& free);
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(unknowns_.size()); }
   const Unknown& operator[](Eigen::Index place) const { return unknowns_[static_cast<size_t>(place)]; }
   const std::vector<UnknownBlock>& blocks() const { return blocks_; }
   // Returns the name of an unknown in files: "hand_eye.tx_m".
   std::string Name(Eigen::Index place) const;
-  // Returns the name of an unknown in messages: "the hand-eye translation along the camera's x".
-  std::string PlainName(Eigen::Index place) const;
   std::vector<std::string> Names() const;
 
   // Returns the block of that name; its size is 0 if there is none.

@@ -102,7 +102,7 @@ StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const
 
 Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stated) {
   const Outcome<Eigen::VectorXd> joints = JointsAt(robot, stated);
-  if (!joints) return Failure{joints.reason()};
+  if (!joints) return joints.failure();
   return WithArmErrors(robot, stated, *joints);
 }
 
@@ -118,7 +118,7 @@ Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& st
                    std::to_string(robot->nominal.num_joints())};
   }
   const Outcome<Rigid3d> is_near = TruePose(*robot, stated, *joints);
-  if (!is_near) return Failure{is_near.reason()};
+  if (!is_near) return is_near.failure();
   return WithArmErrors(*robot, stated, *joints);
 }
 

@@ -57,8 +57,8 @@ struct Estimate {
   std::string method;
   EstimateKind kind = EstimateKind::kClosedForm;
   bool ok = false;
-  std::string reason;  // Reason of the failure, if not ok.
-  HandEye hand_eye;    // Meaningful if ok.
+  Failure reason;    // Set if not ok.
+  HandEye hand_eye;  // Meaningful if ok.
   Camera camera;
   Errors errors;
   std::optional<Solution> solution;  // Set for refinements.
@@ -112,7 +112,7 @@ struct ModelEntry {
   int dof = 0;
   std::optional<double> p;
   std::optional<double> odds = {};  // ModelAlternative::odds.
-  std::string reason = {};          // Why it was not a candidate; empty if it was.
+  Failure reason = {};              // Why it was not a candidate; empty if it was.
 };
 
 // The error model that the refinement uses.
@@ -130,10 +130,9 @@ struct RobotSummary {
   bool has_recorded_joints = false;
   std::string configuration;  // The one of all captures; empty if there are several.
   bool is_estimated = false;
-  std::string errors_name;       // SharedEffects::name of the estimated errors.
-  std::string reason;            // Reason why they were not estimated, in one clause.
-  bool is_contradicted = false;  // Whether the reason is that the arm, its tool or its joints contradict the poses.
-  Eigen::VectorXd errors;        // One per parameter (ArmParamPlace); zero if not estimated.
+  std::string errors_name;                          // SharedEffects::name of the estimated errors.
+  Failure reason;                                   // The reason why they were not estimated.
+  Eigen::VectorXd errors;                           // One per parameter (ArmParamPlace); zero if not estimated.
   std::vector<std::optional<double>> error_sigmas;  // One for each; nothing if the parameter was held.
   // Parameters that nothing distinguishes from something else, and what this is.
   std::vector<std::pair<std::string, std::string>> undetermined;

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "heba/base/error.h"
+
 namespace heba {
 
 enum class Grade { kGood, kDoubtful, kBad };
@@ -79,6 +81,7 @@ struct Finding {
   bool is_cause = false;
   // Findings that are reported within this one: the consequences of a cause, and the details of others.
   std::vector<Finding> parts = {};
+  Failure reason = {};  // The failure that the finding reports, if there is one.
   // The words for people: the observation with its figures, and the remedy, which is empty if nothing needs to be done.
   // Libraries leave both empty.
   std::string text = {};

@@ -13,7 +13,7 @@ namespace heba {
 Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& reported) {
   const Outcome<std::vector<Eigen::VectorXd>> postures =
       PosturesOf(robot.nominal, reported * Inverse(robot.tip_from_gripper));
-  if (!postures) return Failure{postures.reason()};
+  if (!postures) return postures.failure();
   if (robot.configuration.empty()) {
     return Failure{"the captures are in several configurations of the arm, so that a pose does not tell its joints"};
   }
@@ -35,7 +35,7 @@ Rigid3d TruePoseAt(const RobotSummary& robot, const Rigid3d& reported, const Eig
 
 Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported) {
   const Outcome<Eigen::VectorXd> joints = JointsAt(robot, reported);
-  if (!joints) return Failure{joints.reason()};
+  if (!joints) return joints.failure();
   return TruePoseAt(robot, reported, *joints);
 }
 
@@ -63,7 +63,7 @@ Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted) {
     const Outcome<Eigen::VectorXd> joints =
         JointsAt(robot, Rigid3d(wanted.rotation, (1 - shorter) * wanted.translation));
     if (joints) return CommandFor(robot, wanted, *joints);
-    if (!failure) failure = Failure{joints.reason()};
+    if (!failure) failure = joints.failure();
   }
   return *failure;
 }
@@ -81,7 +81,7 @@ Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted, co
     if (missing.norm() < kExact) return command;
     command = Retract(command, missing);
     Outcome<Eigen::VectorXd> next = PostureNear(robot.nominal, command * Inverse(robot.tip_from_gripper), *joints);
-    if (!next) return Failure{next.reason()};
+    if (!next) return next.failure();
     joints = std::move(next);
   }
   return Failure{"no command was found that reaches the pose"};

@@ -75,10 +75,9 @@ std::vector<Finding> JudgeHoldOut(const RigResult& result) {
   for (size_t c = 0; c < result.errors.size(); ++c) {
     const RigErrors& errors = result.errors[c];
     if (errors.holdout_reason.empty() || errors.holdout_target_mm) continue;
-    findings.push_back({Grade::kDoubtful,
-                        FindingCode("no_hold_out"),
-                        {},
-                        {CameraName(result, c), {"reason", "failed_for_camera"}, {"why", errors.holdout_reason}}});
+    findings.push_back(
+        {Grade::kDoubtful, FindingCode("no_hold_out"), {}, {CameraName(result, c), {"reason", "failed_for_camera"}}});
+    findings.back().reason = errors.holdout_reason;
   }
   Finding worst{Grade::kDoubtful, FindingCode("no_hold_out"), {}, {{"reason", "none_held_out"}}};
   double worst_mm = -1;
@@ -258,7 +257,9 @@ const RobotSummary* FindEstimatedArm(const RigResult& result, size_t robot) {
 std::string WhyNotEstimated(const RigResult& result, size_t robot) {
   const std::string& name = result.rig.robots[robot];
   std::string text = "the kinematics of the arm " + (name.empty() ? "" : name + " ") + "were not estimated";
-  if (robot < result.arms.size() && result.arms[robot]) return text + " (" + result.arms[robot]->reason + ")";
+  if (robot < result.arms.size() && result.arms[robot]) {
+    return text + " (" + result.arms[robot]->reason.ToString() + ")";
+  }
   if (name.empty()) return text + "; the config names no arm (robot.model)";
   return text + "; the config names no model of it (" +
          (result.rig.robots.size() == 1 ? "robot.model" : "robots." + name + ".model") + ")";

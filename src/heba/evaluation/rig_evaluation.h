@@ -30,7 +30,7 @@ struct RigErrors {
   std::optional<double> truth_mm = {};
   std::optional<double> truth_deg = {};
   // The reason if captures were held out, but a figure of them does not exist.
-  std::string holdout_reason = {};
+  Failure holdout_reason = {};
 };
 
 // The points of one target in one image.

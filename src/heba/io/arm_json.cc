@@ -61,7 +61,7 @@ Json ArmJson(const RobotSummary& robot) {
               {"undetermined", undetermined},
               {"sigma", sigma},
               {"decision", robot.is_estimated ? "estimated" : "declined"},
-              {"reason", robot.reason},
+              {"reason", robot.reason.ToString()},
               {"nominal", Json{{"base_from_first", PoseJson(robot.nominal.base_from_first, "base", "first")},
                                {"joints", joints},
                                {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
@@ -74,7 +74,7 @@ RobotSummary ReadArmJson(const JsonReader& reader) {
   robot.has_recorded_joints = reader.Get("angles").Text() == "recorded";
   robot.configuration = reader.Get("configuration").Text();
   robot.is_estimated = reader.Get("decision").Text() == "estimated";
-  robot.reason = reader.Get("reason").Text();
+  robot.reason = Failure(reader.Get("reason").Text());
   const JsonReader nominal = reader.Get("nominal");
   robot.nominal.base_from_first = ReadPoseJson(nominal.Get("base_from_first"), "base", "first");
   robot.nominal.last_from_tip = ReadPoseJson(nominal.Get("last_from_tip"), "last", "tip");

@@ -91,7 +91,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   json["method"] = estimate.method;
   json["kind"] = EstimateKindName(estimate.kind);
   json["ok"] = estimate.ok;
-  json["reason"] = estimate.reason;
+  json["reason"] = estimate.reason.ToString();
   const Solution* solution = estimate.solution ? &*estimate.solution : nullptr;
   const Covariance* const covariance = solution != nullptr ? &solution->covariance : nullptr;
   if (!estimate.ok) {
@@ -137,7 +137,7 @@ Json ModelJson(const ModelSummary& model) {
                                 {"dof", entry.dof},
                                 {"p", OrNull(entry.p)}});
     if (entry.odds) alternatives.back()["odds"] = Finite(*entry.odds);
-    if (!entry.reason.empty()) alternatives.back()["reason"] = entry.reason;
+    if (!entry.reason.empty()) alternatives.back()["reason"] = entry.reason.ToString();
   }
   return Json{{"robot_noise", model.robot_noise},
               {"target_shape", model.target_shape},

@@ -117,7 +117,7 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   estimate.method = reader.Get("method").Text();
   estimate.kind = ReadEnum<EstimateKind>(reader.Get("kind"), "kind", kEstimateKindNames);
   estimate.ok = reader.Get("ok").Bool();
-  estimate.reason = reader.Get("reason").Text();
+  estimate.reason = Failure(reader.Get("reason").Text());
   estimate.errors = ReadErrors(reader.Get("errors"));
   if (!estimate.ok) return estimate;
   estimate.hand_eye = {ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera"),
@@ -159,7 +159,7 @@ ModelSummary ReadModel(const JsonReader& reader) {
     model.alternatives.push_back({entry.Get("name").Text(), ReadFinite(entry, "log_likelihood", -kInfinity),
                                   entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"),
                                   ReadOptional(entry, "odds"),
-                                  entry.Has("reason") ? entry.Get("reason").Text() : std::string()});
+                                  Failure(entry.Has("reason") ? entry.Get("reason").Text() : "")});
   }
   return model;
 }

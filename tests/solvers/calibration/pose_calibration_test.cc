@@ -101,7 +101,7 @@ TEST(PoseCalibrationTest, FoldWithoutEnoughPosesFails) {
   CalibratePoses(plain, &calibration);
   const HoldOut chain = HoldOutOf(CrossValidatePoses(calibration, plain, 3), kChainMethod);
   EXPECT_FALSE(chain.target_m.has_value());
-  EXPECT_NE(chain.reason.find("fold 1"), std::string::npos) << chain.reason;
+  EXPECT_EQ(chain.reason.ToString().find("of_fold (fold 1): "), 0U) << chain.reason.ToString();
 }
 
 }  // namespace

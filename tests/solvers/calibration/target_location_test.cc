@@ -117,7 +117,7 @@ TEST(LocatePixelTest, HasNoNegativeVarianceAlongTheNormal) {
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
   solution.pixel_sigma_px = 0.1;
-  solution.covariance.layout.AddPose(kHandEyeBlock, "the hand-eye", "the camera's");
+  solution.covariance.layout.AddPose(kHandEyeBlock);
   solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(6, 6);
   const Rigid3d& camera = scene.hand_eye.camera_mount_from_camera;
   const Eigen::Vector3d ahead = camera.rotation * Eigen::Vector3d::UnitZ();
@@ -152,7 +152,7 @@ TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
   solution.shape = DesignedShape(options.points);
   solution.shape.params = options.shape;
   solution.pixel_sigma_px = 0.1;
-  solution.covariance.layout.AddPose(kHandEyeBlock, "the hand-eye", "the camera's");
+  solution.covariance.layout.AddPose(kHandEyeBlock);
   solution.covariance.matrix = Eigen::MatrixXd::Identity(6, 6);
   const std::vector<Rigid3d> symmetries = {
       Rigid3d(), Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(2 * 0.2, 2 * 0.1, 0))};

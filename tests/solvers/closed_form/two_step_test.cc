@@ -97,10 +97,10 @@ TEST_P(TwoStepTest, NamesMissingCaptures) {
     const Outcome<HandEye> found = FindHandEyeMethod("two_step")->solve(pairs);
     return found ? std::string("no failure") : found.reason();
   };
-  EXPECT_THAT(reason_without(CaptureRole::kHome, 0), testing::HasSubstr("no capture has the role home"));
-  EXPECT_THAT(reason_without(CaptureRole::kTranslateX, 0), testing::HasSubstr("along its x alone"));
-  EXPECT_THAT(reason_without(CaptureRole::kTranslateY, 0), testing::HasSubstr("along its y alone"));
-  EXPECT_THAT(reason_without(CaptureRole::kRotate, 1), testing::HasSubstr("two or more about different axes"));
+  EXPECT_THAT(reason_without(CaptureRole::kHome, 0), "no_home");
+  EXPECT_THAT(reason_without(CaptureRole::kTranslateX, 0), "no_translation (axis x)");
+  EXPECT_THAT(reason_without(CaptureRole::kTranslateY, 0), "no_translation (axis y)");
+  EXPECT_THAT(reason_without(CaptureRole::kRotate, 1), testing::StartsWith("few_rotations (rotations 1, "));
 }
 
 // Depth is the least certain coordinate of a small target. Weighted by their covariances, the positions give a far

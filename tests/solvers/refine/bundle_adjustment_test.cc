@@ -194,7 +194,7 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
   BundleOptions options;
   options.free_intrinsics = {};
   Problem two{scene.camera, {scene.views[0], scene.views[1]}};
-  EXPECT_THAT(RefineHandEye(two, scene.hand_eye, options).reason(), testing::HasSubstr("at least 3 captures"));
+  EXPECT_EQ(RefineHandEye(two, scene.hand_eye, options).failure().code, "few_captures");
 
   const auto with_turns = [&](double max_turn_rad) {
     Rng rng(3);
@@ -209,8 +209,8 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
     }
     return problem;
   };
-  EXPECT_THAT(RefineHandEye(with_turns(0.5), scene.hand_eye, options).reason(), testing::HasSubstr("one axis only"));
-  EXPECT_THAT(RefineHandEye(with_turns(0.0), scene.hand_eye, options).reason(), testing::HasSubstr("did not rotate"));
+  EXPECT_EQ(RefineHandEye(with_turns(0.5), scene.hand_eye, options).failure().code, "one_axis");
+  EXPECT_EQ(RefineHandEye(with_turns(0.0), scene.hand_eye, options).failure().code, "no_rotation");
 }
 
 // Returns captures at one distance with rotations by this angle about the centre of the target.
@@ -234,7 +234,7 @@ TEST(BundleAdjustmentTest, RefusesUnobservableIntrinsics) {
   const Outcome<Solution> solution =
       RefineHandEye(TurnedAtOneDistance(scene, GridPoints(2, 2, 0.02), 0.06), scene.hand_eye, options);
   ASSERT_FALSE(solution.ok());
-  EXPECT_THAT(solution.reason(), testing::HasSubstr("the captures do not determine the camera's"));
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("undetermined (of_camera camera, unknown camera."));
 }
 
 // With more tilt, they hardly can. What is known badly is a result, and its sigma says so.
@@ -288,8 +288,7 @@ TEST(BundleAdjustmentTest, NamesTheCaptureWithATargetBehindTheCamera) {
   wrong.camera_mount_from_camera.rotation = wrong.camera_mount_from_camera.rotation * ExpRotation({kPi, 0, 0});
   const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, wrong, {});
   ASSERT_FALSE(solution.ok());
-  EXPECT_THAT(solution.reason(), testing::HasSubstr("behind the camera"));
-  EXPECT_THAT(solution.reason(), testing::HasSubstr("view_"));
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("hidden_at_start (capture view_"));
 }
 
 // The parameter says if the captures contain little information about the focal length: rotations about the tool point
@@ -397,7 +396,7 @@ TEST(IntrinsicsSeedTest, RefusesTwoViews) {
   const TestScene scene = MakeTestScene(52);
   const Outcome<Camera> camera = EstimateIntrinsics({scene.views[0], scene.views[1]}, "brown5", 1600, 1200);
   ASSERT_FALSE(camera.ok());
-  EXPECT_THAT(camera.reason(), testing::HasSubstr("3 or more"));
+  EXPECT_EQ(camera.reason(), "few_captures_of_camera (captures 2)");
 }
 
 TEST(CalibrateTest, CalibratesWithoutACameraFile) {
@@ -463,7 +462,7 @@ TEST(CrossValidateTest, HoldOutErrorMatchesTheNoiseForAnyNumberOfThreads) {
   EXPECT_EQ(calls, 5);
   ASSERT_EQ(one.size(), 4U);  // park, shah, chain and bundle.
   for (size_t i = 0; i < one.size(); ++i) {
-    ASSERT_TRUE(one[i].rms_px.has_value()) << one[i].reason;
+    ASSERT_TRUE(one[i].rms_px.has_value()) << one[i].reason.ToString();
     EXPECT_EQ(*one[i].rms_px, *two[i].rms_px);
   }
   // The expected error is sqrt(2) x 0.2 px, with 2 % for the estimate's own error and 4 % (3 sigma) for the noise of

@@ -98,13 +98,13 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   LoopProblem& loops = random.loops;
   LoopValues& shared = random.truth.shared;
   for (int k = 0; k < kind.num_poses; ++k) {
-    loops.layout.AddPose("pose_" + std::to_string(k), "pose", "its frame's");
+    loops.layout.AddPose("pose_" + std::to_string(k));
     shared.poses.push_back(RandomPose(&rng, 0.3, 0.8));
   }
   if (kind.num_effects > 0) {
     std::vector<std::string> names;
     for (int e = 0; e < kind.num_effects; ++e) names.push_back(std::to_string(e));
-    loops.layout.AddEffects("effects", "effect", names);
+    loops.layout.AddEffects("effects", names);
     shared.effects.emplace_back(kind.num_effects);
     for (double& effect : shared.effects.back()) effect = kEffectSigma * rng.Normal();
     random.textbook.effect_sigmas = {kEffectSigma};
@@ -113,7 +113,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
     const Camera camera = TestCamera(kind.lenses[c]);
     FreeParameters free(camera.params.size(), kind.has_free_camera);
     if (c > 0) free[3] = false;  // One parameter of the second camera is held.
-    loops.layout.AddCamera("camera_" + std::to_string(c), "", camera.Model(), free);
+    loops.layout.AddCamera("camera_" + std::to_string(c), camera.Model(), free);
     loops.cameras.push_back(&camera.Model());
     shared.cameras.push_back(camera.params);
   }
@@ -121,7 +121,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   for (int t = 0; t < kind.num_targets; ++t) {
     FreeParameters free;
     if (kind.has_free_shape) free = {true, t == 0, true, true};
-    loops.layout.AddTarget("target_" + std::to_string(t), "", free);
+    loops.layout.AddTarget("target_" + std::to_string(t), free);
     loops.targets.push_back(designed);
     shared.targets.push_back(designed);
     if (kind.has_free_shape) shared.targets.back().params = {1.001, t == 0 ? 0.999 : 1.0, 5e-4, -3e-4};

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/error.h"
+#include "heba/base/failure_code.h"
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
 #include "heba/base/rng.h"
@@ -194,6 +195,15 @@ TEST(OutcomeTest, HoldsAValueOrAReason) {
   EXPECT_FALSE(failure);
   EXPECT_EQ(failure.reason(), "too few");
   EXPECT_DEATH(static_cast<void>(*failure), "too few");
+  EXPECT_EQ(Outcome<int>().failure().code, "not_run");
+}
+
+TEST(FailureTest, WithoutWordsIsShownAsItsCodeWithFiguresNamesAndCauses) {
+  const Failure cause{FailureCode("few_captures"), {{"captures", 2}}};
+  const Failure failure{FailureCode("of_camera"), {}, {{"camera", "left"}}, {cause}};
+  EXPECT_EQ(failure.ToString(), "of_camera (camera left): few_captures (captures 2)");
+  EXPECT_TRUE(Failure().empty());
+  EXPECT_FALSE(cause.empty());
 }
 
 void Write(const fs::path& path, const std::string& content) { std::ofstream(path, std::ios::binary) << content; }

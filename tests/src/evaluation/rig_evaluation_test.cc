@@ -45,13 +45,13 @@ TEST(RigVerdictTest, AGoodRigIsGood) { EXPECT_EQ(JudgeRig(GoodResult()).grade, G
 TEST(RigVerdictTest, NamesTheCameraWithoutHoldOut) {
   RigResult result = GoodResult();
   result.errors[1] = RigErrors();
-  result.errors[1].holdout_reason = "fold 2: the data do not determine it";
+  result.errors[1].holdout_reason = Failure("fold 2: the data do not determine it");
   const Verdict verdict = JudgeRig(result);
   EXPECT_EQ(verdict.grade, Grade::kDoubtful);
   const std::vector<Finding> missing = FindingsWith(verdict, "no_hold_out");
   ASSERT_EQ(missing.size(), 1U);
   EXPECT_EQ(missing.front().Name("of_camera"), "right");
-  EXPECT_EQ(missing.front().Name("why"), "fold 2: the data do not determine it");
+  EXPECT_EQ(missing.front().reason.text, "fold 2: the data do not determine it");
   const std::vector<Finding> known = FindingsWith(verdict, "hold_out");
   ASSERT_EQ(known.size(), 1U);
   EXPECT_EQ(known.front().Name("of_camera"), "left");

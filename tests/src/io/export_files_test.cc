@@ -211,7 +211,7 @@ RigResult WithArms(RigResult rig, const std::vector<bool>& are_estimated) {
     RobotSummary& robot = rig.arms.emplace_back(RobotSummary()).value();
     robot.nominal = *FindArm("ur10e");
     robot.is_estimated = is_estimated;
-    robot.reason = is_estimated ? "" : "they are not significantly better";
+    robot.reason = Failure(is_estimated ? "" : "they are not significantly better");
     robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
     rig.rig.effects.push_back(nullptr);
     rig.solution.effects.emplace_back();

@@ -35,11 +35,11 @@ RunResult SmallResult() {
   }
   Estimate closed;
   closed.method = "park";
-  closed.reason = "too few captures";
+  closed.reason = Failure("too few captures");
   Estimate refined;
   refined.method = kBundleMethod;
   refined.kind = EstimateKind::kRefined;
-  refined.reason = "not run";
+  refined.reason = Failure("not run");
   result.estimates = {closed, refined};
   return result;
 }
@@ -284,7 +284,7 @@ RigResult ResultWithArms() {
     robot.has_recorded_joints = is_estimated;
     robot.configuration = is_estimated ? "" : "shoulder +, elbow -, wrist +";
     robot.is_estimated = is_estimated;
-    robot.reason = is_estimated ? "" : "they are not significantly better";
+    robot.reason = Failure(is_estimated ? "" : "they are not significantly better");
     robot.errors = Eigen::VectorXd::Zero(nominal.num_params());
     robot.error_sigmas.resize(static_cast<size_t>(nominal.num_params()));
     robot.undetermined = {{"joint1.offset", "the poses of what is fixed in the base"}};
@@ -364,7 +364,7 @@ TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
   chain.camera = Camera();
   Solution& solution = *chain.solution;
   solution.covariance.layout = HandEyePoses();
-  solution.covariance.layout.AddEffects(kRobotBlock, "the arm's", solution.shared_effects->Names());
+  solution.covariance.layout.AddEffects(kRobotBlock, solution.shared_effects->Names());
   WriteFileAtomically(folder / "result.json", ResultToJson(result));
   const RigResult whole = ReadWholeResult(folder / "result.json");
   EXPECT_TRUE(whole.solution.cameras[0].params.empty());
@@ -380,7 +380,7 @@ TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
 TEST(WholeResultTest, AnArmWithoutANameIsNotNamed) {
   RunResult result = ResultWithEstimatedArm();
   result.robot->is_estimated = false;
-  result.robot->reason = "they are not significantly better";
+  result.robot->reason = Failure("they are not significantly better");
   EXPECT_EQ(WhyNotEstimated(AsRigResult(result), 0),
             "the kinematics of the arm were not estimated (they are not significantly better)");
   result.robot.reset();

@@ -35,7 +35,7 @@ OneError MakeOneError(int joint) {
   shared.groups = {{"offsets", "rad", kSigmaRad}};
   const int place = ArmParamPlace(joint, ArmParam::kTheta);
   shared.effects = {{ArmParamName(place), place, 0}};
-  made.solution.covariance.layout.AddEffects(kRobotBlock, "the arm's", shared.Names());
+  made.solution.covariance.layout.AddEffects(kRobotBlock, shared.Names());
   made.solution.covariance.matrix = Eigen::MatrixXd::Constant(1, 1, kSigmaRad * kSigmaRad);
   made.solution.effects = Eigen::VectorXd::Constant(1, kErrorRad);
   made.solution.shared_effects = std::make_shared<const SharedEffects>(std::move(shared));
@@ -96,8 +96,8 @@ TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
   Solution& solution = one.solution;
   solution.hand_eye.target_mount_from_target = Rigid3d(ExpRotation({0.1, 2, -0.3}), {0.4, -0.2, 0.1});
   UnknownLayout layout;
-  layout.AddPose(kBoardBlock, "the board", "the target's");
-  layout.AddEffects(kRobotBlock, "the arm's", solution.shared_effects->Names());
+  layout.AddPose(kBoardBlock);
+  layout.AddEffects(kRobotBlock, solution.shared_effects->Names());
   solution.covariance.layout = layout;
   // The target turns about the base's z axis, in its own frame, with the offset.
   Eigen::VectorXd by_offset(7);

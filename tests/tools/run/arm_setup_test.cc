@@ -59,7 +59,7 @@ TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   const Dataset dataset = DatasetOf(joints, false);
   const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
-  EXPECT_EQ(setup.reason, "");
+  EXPECT_EQ(setup.reason.ToString(), "");
   const std::string name = NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
   const ArmBranch* right = nullptr;
   for (const ArmBranch& branch : setup.branches) {

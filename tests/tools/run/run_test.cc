@@ -164,11 +164,11 @@ TEST(RunTest, EndsWhenItIsCancelled) {
   recorder.cancel_after = 2;
   const Outcome<RunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
   EXPECT_FALSE(run.ok());
-  EXPECT_EQ(run.reason(), kCancelled);
+  EXPECT_EQ(run.failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("hold-outs")));
   recorder.cancel_after = 0;
   recorder.events.clear();
-  EXPECT_EQ(heba::Run(SimulatedDataset(), FixedCamera(), &recorder).reason(), kCancelled);
+  EXPECT_EQ(heba::Run(SimulatedDataset(), FixedCamera(), &recorder).failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
 }
 
@@ -225,7 +225,7 @@ TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
 TEST(RunTest, FailsWhereNothingWasDetected) {
   Dataset dataset = SimulatedDataset();
   for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
-  EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("not detected in any of the 14 images"));
+  EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("nothing_detected (images 14, image "));
 }
 
 TEST(RunTest, RefusesAnIncompleteDataset) {

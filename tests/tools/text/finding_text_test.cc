@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heba/base/failure_code.h"
+
 namespace heba {
 namespace {
 using ::testing::HasSubstr;
@@ -195,8 +197,8 @@ TEST(FindingTextTest, AGoodWeakDirectionHasNoRemedy) {
 }
 
 TEST(FindingTextTest, AFailedFoldOfOneCameraHasItsReason) {
-  const Finding finding = FindingOf(
-      "no_hold_out", {}, {{"of_camera", "right"}, {"reason", "failed_for_camera"}, {"why", "fold 2: too few points"}});
+  Finding finding = FindingOf("no_hold_out", {}, {{"of_camera", "right"}, {"reason", "failed_for_camera"}});
+  finding.reason = {FailureCode("of_fold"), {{"fold", 2}}, {}, {Failure("too few points")}};
   EXPECT_EQ(TextOf(finding), "its hold-out error is not known: fold 2: too few points");
   EXPECT_THAT(ActionOf(finding), StartsWith("take more captures in which it sees a target"));
 }
@@ -275,9 +277,10 @@ TEST(FindingTextTest, FindingsAboutAnArmNameItsKeys) {
   EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
   Describe(&smooth);
   EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
-  Finding declined = FindingOf("arm_declined", {}, {{"reason", "check robots.myrobot.model"}, {"of_arm", "myrobot"}});
+  Finding declined = FindingOf("arm_declined", {}, {{"of_arm", "myrobot"}});
+  declined.reason = FailureCode("tool_scatter");
   Describe(&declined);
-  EXPECT_THAT(declined.text, HasSubstr("check robots.myrobot.model"));
+  EXPECT_THAT(declined.text, HasSubstr("check robots.myrobot.model, joint_angle, and that"));
   Finding known = FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}, {"arm", "ur5e"}});
   Describe(&known);
   EXPECT_THAT(known.text, Not(HasSubstr("if the config names it")));

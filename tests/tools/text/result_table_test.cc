@@ -63,7 +63,7 @@ TEST(ResultTableTest, FiguresHaveABlankBetweenThem) {
 TEST(ResultTableTest, MethodsWithoutAResultSayWhyOnceForAReason) {
   Estimate tsai = EstimateOf("tsai", 0.5);
   tsai.ok = false;
-  tsai.reason = "one axis only";
+  tsai.reason = Failure("one axis only");
   Estimate park = tsai;
   park.method = "park";
   const std::string table = ResultTable(ResultOf({tsai, park, EstimateOf("shah", 1)}), Colour::kPlain);
@@ -74,7 +74,7 @@ TEST(ResultTableTest, MethodsWithoutAResultSayWhyOnceForAReason) {
 TEST(ResultTableTest, MethodsForAnotherMotionAreListedIfAskedFor) {
   Estimate two_step = EstimateOf("two_step", 0.5);
   two_step.ok = false;
-  two_step.reason = "no capture has the role home";
+  two_step.reason = Failure("no capture has the role home");
   const RunResult result = ResultOf({two_step, EstimateOf("shah", 1)});
   EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("two_step")));
   EXPECT_THAT(ResultTable(result, Colour::kPlain, {"two_step", "shah"}),

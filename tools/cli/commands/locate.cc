@@ -254,7 +254,7 @@ ImageLocation LocateMoment(const FinishedRun& run, const LocationRequest& reques
     location.image = moment.name;
     const std::string fault = error.what();
     const std::string prefix = moment.name + ": ";  // The fault of an image is stated beside its name.
-    location.fault = fault.starts_with(prefix) ? fault.substr(prefix.size()) : fault;
+    location.fault = Failure(fault.starts_with(prefix) ? fault.substr(prefix.size()) : fault);
     return location;
   }
   return LocateInImages(request, moment.name, sightings);

@@ -6,6 +6,7 @@
 #include "tools/cli/flags.h"
 #include "tools/pipeline/any_run.h"
 #include "tools/text/console.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_table.h"
 #include "tools/text/result_text.h"
 
@@ -32,7 +33,7 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
   const Outcome<AnyResult> result =
       current ? Outcome<AnyResult>(*current) : RunAny(config, output, NumThreads(), &console);
   if (!result) {
-    PrintError(config_path + ": " + result.reason());
+    PrintError(config_path + ": " + FailureText(result.failure()));
     return kWorkFailed;
   }
   if (!FLAGS_quiet) {

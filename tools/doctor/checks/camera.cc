@@ -10,6 +10,7 @@
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 #include "tools/run/captures.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
@@ -50,7 +51,7 @@ std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) 
 Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views, const CaptureDetection& image) {
   if (config.options.choose_camera_model) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
-    return choice ? Outcome<Camera>(choice->camera) : Failure{choice.reason()};
+    return choice ? Outcome<Camera>(choice->camera) : choice.failure();
   }
   return EstimateIntrinsics(
       views, config.data.camera && config.options.camera_model == "pinhole" ? "brown5" : config.options.camera_model,
@@ -122,7 +123,8 @@ std::vector<Symptom> Check_camera(Examination* examination) {
     if (found) {
       estimated = *found;
     } else if (!config.data.camera) {
-      return {{Severity::kWrong, "no_camera", "the intrinsics cannot be estimated from these images: " + found.reason(),
+      return {{Severity::kWrong, "no_camera",
+               "the intrinsics cannot be estimated from these images: " + FailureText(found.failure()),
                "provide them (camera.intrinsics), or take more captures with the target tilted"}};
     }
   }

@@ -4,6 +4,7 @@
 #include "solvers/closed_form/motion_analysis.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 
@@ -11,12 +12,12 @@ std::vector<Symptom> Check_motion(Examination* examination) {
   std::vector<Rigid3d> poses;
   for (const ExaminedView& view : examination->views) poses.push_back(view.view.camera_mount_from_target_mount);
   const MotionAnalysis motion = AnalyseMotion(poses);
-  const std::string why = WhyNotObservable(motion);
+  const std::optional<Failure> why = WhyNotObservable(motion);
   // A previous check has already reported why too few captures show the target.
   if (poses.size() < 3 && examination->found_wrong) return {};
-  if (!why.empty()) {
-    return {{Severity::kWrong, poses.size() < 3 ? SymptomCode("few_captures") : SymptomCode("motion"), why,
-             "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}};
+  if (why) {
+    return {{Severity::kWrong, poses.size() < 3 ? SymptomCode("few_captures") : SymptomCode("motion"),
+             FailureText(*why), "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}};
   }
   std::vector<Symptom> symptoms;
   constexpr size_t kFew = 8;

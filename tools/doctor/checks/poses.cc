@@ -18,6 +18,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -561,14 +562,13 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
   const MotionAnalysis seen_motion = AnalyseMotion(seen);
   if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kLimits.no_rotation_deg) return {};
-  const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
+  const bool is_scale_only = WhyNotObservable(seen_motion).has_value();
   // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
   // thus every scale and small rotation that the images show, is arbitrary.
   std::vector<Rigid3d> robot;
   for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
-  if (!examination->config.data.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty())
-    return {};
+  if (!examination->config.data.camera && !has_clear_turns && WhyNotObservable(AnalyseMotion(robot))) return {};
   const PoseFormat& format_now = examination->config.pose_reading.format;
   examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
                                   now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};
@@ -646,10 +646,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     std::vector<Rigid3d> mounts;
     for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
     const MotionAnalysis motion = AnalyseMotion(mounts);
-    const std::string why = WhyNotObservable(motion);
+    const std::optional<Failure> why = WhyNotObservable(motion);
     const double turns_deg = RadToDeg(motion.rotation_rms_rad[0]);
     const double seen_turns_deg = RadToDeg(seen_motion.rotation_rms_rad[0]);
-    if (!why.empty() && seen_turns_deg > kLimits.unrecorded_ratio * turns_deg) {
+    if (why && seen_turns_deg > kLimits.unrecorded_ratio * turns_deg) {
       Symptom symptom{
           Severity::kWrong, "rotation_not_recorded",
           "the images show rotations of " + Significant(seen_turns_deg, 2) + " deg rms, but the robot's poses have " +
@@ -662,10 +662,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     Symptom symptom{Severity::kWrong, "poses_unexplained",
                     "robot and images differ by " + MisfitText(*now) +
                         ", and no other reading of the poses file explains it" +
-                        (why.empty() ? "" : "; the images show rotations that the poses do not"),
+                        (!why ? "" : "; the images show rotations that the poses do not"),
                     "check that all poses belong to these images and to one frame on the arm, and that neither the "
                     "camera nor the target moved on its mount"};
-    symptom.evidence = (why.empty() ? "" : why + "; ") + "7 of 10 captures differ by less";
+    symptom.evidence = (why ? FailureText(*why) + "; " : "") + "7 of 10 captures differ by less";
     return {std::move(symptom)};
   }
   return {};

@@ -5,6 +5,7 @@
 #include "tools/doctor/doctor.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 
@@ -23,7 +24,7 @@ std::vector<Symptom> Check_result(Examination* examination) {
     return detections[i];
   };
   const Outcome<RunOutput> run = Run(data, options);
-  if (!run) return {{Severity::kWrong, "no_result", run.reason(), ""}};
+  if (!run) return {{Severity::kWrong, "no_result", FailureText(run.failure()), ""}};
   std::vector<Symptom> symptoms;
   for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood) continue;

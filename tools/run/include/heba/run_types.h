@@ -135,7 +135,7 @@ struct RunOutput {
   Calibration calibration;
 };
 
-// The reason of the Failure of a run that was cancelled.
-inline constexpr const char* kCancelled = "the run was cancelled";
+// The code of the Failure of a run that was cancelled.
+inline constexpr const char* kCancelled = "cancelled";
 
 }  // namespace heba

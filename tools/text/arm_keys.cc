@@ -1,4 +1,4 @@
-#include "tools/run/arm_keys.h"
+#include "tools/text/arm_keys.h"
 
 #include <cctype>
 #include <string_view>
