@@ -3,6 +3,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "heba/base/units.h"
@@ -71,9 +72,12 @@ Json ArmJson(const RobotSummary& robot) {
 RobotSummary ReadArmJson(const JsonReader& reader) {
   RobotSummary robot;
   robot.nominal.name = reader.Get("model").Text();
+  if (robot.nominal.name.empty()) reader.Get("model").Fail("the arm has no name");
   robot.has_recorded_joints = reader.Get("angles").Text() == "recorded";
   robot.configuration = reader.Get("configuration").Text();
-  robot.is_estimated = reader.Get("decision").Text() == "estimated";
+  const std::string decision = reader.Get("decision").Text();
+  robot.is_estimated = decision == "estimated";
+  if (!robot.is_estimated && decision != "declined") reader.Get("decision").Fail("must be estimated or declined");
   robot.reason = Failure(reader.Get("reason").Text());
   const JsonReader nominal = reader.Get("nominal");
   robot.nominal.base_from_first = ReadPoseJson(nominal.Get("base_from_first"), "base", "first");
@@ -88,19 +92,23 @@ RobotSummary ReadArmJson(const JsonReader& reader) {
     const std::vector<double> centre = joint.Get("centre_of_mass_m").Numbers(3);
     links.push_back({ReadMagnitude(joint, "mass_kg"), {centre[0], centre[1], centre[2]}});
   }
+  if (robot.nominal.joints.empty()) nominal.Get("joints").Fail("the arm has no joints");
   if (!links.empty()) {
     if (links.size() != robot.nominal.joints.size()) nominal.Get("joints").Fail("some joints have no mass_kg");
     robot.nominal = WithLinks(std::move(robot.nominal), std::move(links));
   }
   robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
   robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
+  std::set<std::string> are_read;
   for (const JsonReader& parameter : reader.Get("parameters").List()) {
     const std::string name = parameter.Get("name").Text();
     const std::optional<int> place = FindPlace(robot.nominal, name);
     if (!place) parameter.Fail("the arm has no parameter '" + name + "'");
+    if (!are_read.insert(name).second) parameter.Fail("the parameter '" + name + "' is there twice");
     robot.errors[*place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
     robot.error_sigmas[static_cast<size_t>(*place)] = ReadOptionalMagnitude(parameter, "std");
   }
+  if (robot.is_estimated && are_read.empty()) reader.Get("parameters").Fail("an arm that was estimated has some");
   for (const JsonReader& entry : reader.Get("undetermined").List()) {
     robot.undetermined.emplace_back(entry.Get("name").Text(), entry.Get("with").Text());
   }
