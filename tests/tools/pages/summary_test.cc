@@ -23,7 +23,7 @@ RunResult SingleResult() {
   closed.errors.holdout_rms_px = 0.5;
   Estimate failed;
   failed.method = "tsai";
-  failed.reason = "one axis only";
+  failed.reason = Failure("one axis only");
   failed.errors.holdout_rms_px = 7;
   Estimate refined;
   refined.method = kBundleMethod;

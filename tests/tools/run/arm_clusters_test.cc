@@ -90,10 +90,10 @@ RunOptions FixedCamera() {
 TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
   for (const uint64_t seed : {1, 2, 3}) {
     const ArmDataset made = ThreeConfigurations(seed, LargeErrors(), 40, 4);
-    const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+    const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
-    EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason;
+    EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
     // The folds keep them, too: the error of held-out captures is that of the noise.
     EXPECT_LT(*FindRefined(run->result)->errors.holdout_target_mm, 0.5) << "seed " << seed;
   }
@@ -110,7 +110,7 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
   }
   // Joints that belong to other poses are no joints of an arm.
   made.dataset.robot.reset();
-  const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+  const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
   ASSERT_TRUE(run) << run.reason();
   EXPECT_EQ(LeftOutOf(run->result), wrong);
 }
@@ -119,10 +119,10 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
   std::vector<std::vector<double>> joints;
   for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
-  const Outcome<RunOutput> run = Run(made.dataset, FixedCamera());
+  const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.robot;
-  ASSERT_TRUE(robot.is_estimated) << robot.reason;
+  ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
   EXPECT_EQ(robot.configuration, "");
   // Errors in the wrong configuration would leave most of the noise.
   EXPECT_LT(robot.noise_after->translation_m, 0.3 * robot.noise_before->translation_m);
