@@ -641,9 +641,8 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View& view = problem.views[i];
     if (has_arm && found.arm->model != nullptr) view.effect = arm.effects_of_captures[found.arm->branches[i]][i];
-    if (has_arm && !arm.joints_of_captures.empty()) {
-      view.gripper_by_joints = arm.joints_of_captures[found.arm->branches[i]][i];
-    }
+    const std::vector<ArmPosture>& postures = problem.model.problem.captures[i].postures;
+    if (has_arm && !postures.empty()) view.gripper_by_joints = postures.front().gripper_by_joints;
     if (found.smooth) {
       view.effect = found.smooth->errors->EffectAt(BaseFromGripper(options.setup, view.camera_mount_from_target_mount));
     }

@@ -8,6 +8,7 @@
 
 #include "heba/base/failure_code.h"
 #include "heba/base/units.h"
+#include "solvers/calibration/capture_outliers.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/posture_choice.h"
 #include "solvers/calibration/smooth_search.h"
@@ -135,8 +136,15 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
   const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<RigSolution> {
     RigProblem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
-    SetJoints(arm, robot, branches, &with_errors);
-    Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
+    // Where the captures do not determine a noise of the joints, that of the poses contains it.
+    RigProblem with_joints = with_errors;
+    SetJoints(arm, robot, branches, &with_joints);
+    Outcome<RigSolution> refined = RefineRig(with_joints, solution.poses, options);
+    if (refined) {
+      with_errors = std::move(with_joints);
+    } else {
+      refined = RefineRig(with_errors, solution.poses, options);
+    }
     if (!refined) return std::nullopt;
     const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
     if (std::isfinite(log_likelihood) && (!best || log_likelihood > best_log_likelihood)) {
@@ -335,7 +343,10 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   with_errors.judged.left_out.clear();
   with_errors.is_fitted = false;
   if (space.parts.robot_noise) with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
-  if (const std::optional<Failure> failure = Readjust(judge, &with_errors)) return decline_all(*failure);
+  if (Readjust(judge, &with_errors)) {
+    with_errors.problem = WithoutNoisyJoints(std::move(with_errors.problem));
+    if (const std::optional<Failure> failure = Readjust(judge, &with_errors)) return decline_all(*failure);
+  }
   if (const std::optional<Failure> failure = ChooseParts(parts, judge, &with_errors)) return decline_all(*failure);
   for (RigArmChoice& choice : choices) {
     if (parts.arms[choice.robot].models.empty()) continue;
