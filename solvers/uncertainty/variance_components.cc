@@ -527,10 +527,12 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
   constexpr double kMinPixelVariance = 1e-12;
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
-    // A variance at zero stays there unless its gradient is positive.
+    // A variance at zero stays there unless its gradient is positive, and one at its largest value if it is.
     std::vector<Eigen::Index> free;
     for (Eigen::Index k = 0; k < variances.size(); ++k) {
-      if (groups[static_cast<size_t>(k)].is_free && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
+      const VarianceGroup& group = groups[static_cast<size_t>(k)];
+      const bool stays = here.gradient[k] > 0 ? variances[k] >= group.most : variances[k] <= 0;
+      if (group.is_free && !stays) free.push_back(k);
     }
     if (free.empty()) break;
     const Eigen::VectorXd direction = ScoringStep(here, free);
