@@ -253,8 +253,9 @@ std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows&
     double total = 0;
     for (size_t v = 0; v < views.size(); ++v) total += cost(v, step);
     for (size_t v = 0; v < views.size(); ++v) {
-      if (total < least) {
-        least = total;
+      // A row that is there twice fits in both parts: it belongs to the first.
+      if (total <= least + 1e-9) {
+        least = std::min(least, total);
         best_from = v;
       }
       total += cost(v, 0) - cost(v, step);
