@@ -171,7 +171,7 @@ TEST(StudyPosesTest, SaysWhyThereIsNoBound) {
   cell.captures.resize(1);
   EXPECT_FALSE(ErrorBounds(cell).ok());
   cell.captures.clear();
-  EXPECT_EQ(ErrorBounds(cell).reason(), "no camera sees a target");
+  EXPECT_EQ(ErrorBounds(cell).failure().code, "no_target_in_view");
 }
 
 // 40 trials: the squared error of a pose in units of its bound is chi-square of 240 degrees of freedom if the estimate
