@@ -211,7 +211,7 @@ TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
         CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
   }
   // One of the two poses of a flat target, turned.
-  dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}));
+  dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}), Eigen::Vector3d::Zero());
   const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
   EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
