@@ -56,7 +56,9 @@ bool ReachesAll(const ArmReading& reading, const std::vector<Rigid3d>& base_from
     postures[i] = std::move(*found);
   }
   const bool has_names = ConfigurationOf(reading.arm, postures.front().front()).has_value();
-  return !has_names || !BranchesOf(reading.arm, base_from_tip, postures).empty();
+  const std::vector<ArmBranch> branches = BranchesOf(reading.arm, base_from_tip, postures);
+  return !has_names ||
+         std::any_of(branches.begin(), branches.end(), [](const ArmBranch& branch) { return branch.ReachesAll(); });
 }
 
 // Returns the joints of all captures in each configuration in which the arm reaches all poses.

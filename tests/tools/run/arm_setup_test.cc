@@ -116,8 +116,10 @@ TEST(ArmSetupTest, ScatterOfTheToolIsExplainedByErrorsOfTheArmOrContradicts) {
     dataset.captures[i].base_from_gripper = BaseFromTip(own, joints[i]) * dataset.robot->tip_from_gripper;
   }
   EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason.ToString(), "");
-  // Another arm of the same maker is some millimetres away everywhere.
-  dataset.robot->arm = *FindArm("ur5");
+  // The links of another arm are some millimetres longer.
+  errors[ArmParamPlace(1, ArmParam::kA)] = 12e-3;
+  errors[ArmParamPlace(3, ArmParam::kD)] = 15e-3;
+  dataset.robot->arm = WithChanges(dataset.robot->arm, errors);
   const ArmSetup other = SetUpArm(dataset, Kinematics::kAuto);
   EXPECT_TRUE(IsContradiction(other.reason));
   EXPECT_EQ(other.reason.code, "tool_not_explained");
