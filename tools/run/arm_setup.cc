@@ -133,6 +133,10 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     }
     return;
   }
+  if (robot.arm.num_joints() > 6) {
+    setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", robot.arm.name}}};
+    return;
+  }
   std::vector<Rigid3d> base_from_tip;
   std::vector<std::vector<Eigen::VectorXd>> postures;
   for (const Capture& capture : dataset.captures) {
