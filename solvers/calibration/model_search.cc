@@ -136,7 +136,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
   const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<RigSolution> {
     RigProblem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
-    // Where the captures do not determine a noise of the joints, that of the poses contains it.
+    // The noise of the poses contains that of the joints where the captures do not determine it.
     RigProblem with_joints = with_errors;
     SetJoints(arm, robot, branches, &with_joints);
     Outcome<RigSolution> refined = RefineRig(with_joints, solution.poses, options);

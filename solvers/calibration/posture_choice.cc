@@ -221,7 +221,7 @@ class PostureSearch {
   size_t num_postures_;
   Eigen::MatrixXd without_normal_;  // The normal equations of all views without errors of the arm.
   Eigen::VectorXd without_right_;
-  double sum_of_squares_ = 0;                      // Of the offsets of all views.
+  double sum_of_squares_ = 0;                      // The sum over the offsets of all views.
   Eigen::VectorXd prior_;                          // The inverse variances of all unknowns.
   std::vector<std::vector<Equations>> equations_;  // By posture and view.
 };

@@ -15,7 +15,7 @@ namespace heba {
 // Captures that are linearised at an estimate without errors of the arm, in their order in time.
 struct PosturesOfCaptures {
   std::vector<LinearisedView> views;
-  Eigen::VectorXd variances;  // Of the columns of LinearisedView::by_effects.
+  Eigen::VectorXd variances;  // Each belongs to a column of LinearisedView::by_effects.
   // The first of the six columns of by_effects that are the correction of the arm's pose.
   Eigen::Index first_column = 0;
   // For each posture and view: the derivative of the correction by the arm's errors; nothing if the arm cannot reach

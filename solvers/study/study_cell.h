@@ -40,8 +40,8 @@ struct StudyTarget {
 };
 
 struct StudyCapture {
-  SimulatedPose seen;  // Of a hand-eye calibration.
-  ArmPoses arms = {};  // Otherwise the exact poses of all arms.
+  SimulatedPose seen;  // It is set in a hand-eye calibration.
+  ArmPoses arms = {};  // The exact poses of all arms are set in other cells.
 };
 
 // The ways to calibrate several cameras; their names are those of kStudyEstimatorNames, in this order.

@@ -125,7 +125,7 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
 Finding DescribeEstimate(const RobotSummary& robot) {
   const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
   if (!robot.is_estimated) {
-    // What was given and contradicts the data is not passed over.
+    // An arm that was given and contradicts the data is not passed over.
     Finding declined{
         IsContradiction(robot.reason) ? Grade::kDoubtful : Grade::kGood, FindingCode("arm_declined"), {}, {arm}};
     declined.reason = robot.reason;

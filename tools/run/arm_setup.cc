@@ -18,7 +18,7 @@ namespace {
 // How well the errors that arms have explain the scatter of the tool that recorded joints imply.
 struct ToolScatter {
   double rms_m = 0;          // The scatter.
-  double unexplained_m = 0;  // What remains of it, at the gripper.
+  double unexplained_m = 0;  // The part of it that remains, at the gripper.
   double largest_error = 0;  // The largest error of the arm that it takes, in standard deviations of arms.
   bool IsExplained() const {
     constexpr double kMostUnexplainedM = 1e-3;

@@ -19,8 +19,8 @@ using Json = nlohmann::ordered_json;
 // A kind of chart that every sweep has.
 struct ChartKind {
   const char* heading;
-  const char* y_label;          // Of a hand-eye calibration.
-  const char* y_label_of_pose;  // Of a pose of named cameras.
+  const char* y_label;          // The label for a hand-eye calibration.
+  const char* y_label_of_pose;  // The label for a pose of named cameras.
   std::optional<double> (*figure)(const StudyRow& row);
   bool is_share;  // Shares have a linear axis and their expected range, others a logarithmic one and the bound.
 };

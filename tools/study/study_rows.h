@@ -34,11 +34,11 @@ struct StudyRow {
   const MethodSummary* method = nullptr;
   std::string name = {};
   bool is_emphasised = false;  // Whether the method is the one that heba recommends.
-  ShownErrors errors = {};     // Those of a method that failed in all trials are missing.
+  ShownErrors errors = {};     // A method that failed in all trials has none.
   ShownErrors bound = {};
   std::optional<double> axxb_mm = {};
   std::optional<double> coverage = {};
-  // Of a joint calibration: the error of the cameras calibrated one by one relative to its own.
+  // The gain of a joint calibration is the error of the cameras calibrated one by one relative to its own.
   std::optional<double> gain_mm = {};
   std::optional<double> gain_deg = {};
 

@@ -117,7 +117,7 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
   ASSERT_TRUE(run) << run.reason();
   const std::vector<std::string> left_out = LeftOutOf(run->result);
   for (const std::string& name : wrong) EXPECT_THAT(left_out, Contains(name));
-  // Of captures in a configuration that is half wrong, few right ones may look wrong, too.
+  // A few right captures may look wrong, too, in a configuration of which half are.
   EXPECT_LE(left_out.size(), wrong.size() + 2);
 }
 

@@ -67,7 +67,7 @@ struct Change {
 
 // The poses of a file, corrected row by row.
 struct CorrectedRows {
-  std::vector<PoseRow> rows;         // Those that have a correction.
+  std::vector<PoseRow> rows;         // The rows that have a correction.
   std::vector<std::string> unmoved;  // One line for each of the others: where it is, and why.
   Change largest;
 };
