@@ -522,21 +522,6 @@ void TakeBackRejected(Calibration* calibration) {
   calibration->with_rejected.clear();
 }
 
-// Returns the configurations of all captures of the data set from those of the views: a capture without a view is in
-// that of the capture before it, as far as the arm can be.
-std::vector<size_t> OfAllCaptures(const RigArmErrors& arm, const std::vector<View>& views,
-                                  const std::vector<size_t>& of_views) {
-  std::vector<size_t> branches(arm.effects_of_captures.front().size(), of_views.front());
-  for (size_t i = 0, v = 0; i < branches.size(); ++i) {
-    if (i > 0) branches[i] = branches[i - 1];
-    if (v < views.size() && views[v].capture == i) branches[i] = of_views[v++];
-    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[branches[i]][i] == nullptr; ++k) {
-      branches[i] = k;
-    }
-  }
-  return branches;
-}
-
 // Ends a calibration: names the captures that are left out, removes rejected points, and runs the methods on what is
 // used. `has_methods`: whether their results are there already, for these captures with this camera.
 void Finish(const CalibrationOptions& options, bool has_methods, Calibration* calibration) {
@@ -660,7 +645,11 @@ RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const Calibrati
     return std::any_of(before.left_out.begin(), before.left_out.end(),
                        [&](const View& view) { return view.capture == unused.capture; });
   });
-  if (has_arm) found.arm->branches = OfAllCaptures(errors.arm, problem.views, found.arm->branches);
+  if (has_arm) {
+    std::vector<size_t> captures;
+    for (const View& view : problem.views) captures.push_back(view.capture);
+    found.arm->branches = BranchesOfAll(errors.arm, captures, found.arm->branches);
+  }
   TakeModel(problem, fixed, &calibration);
   Finish(with_errors, false, &calibration);
   if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found.smooth, before, &calibration);

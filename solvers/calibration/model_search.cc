@@ -94,20 +94,7 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
     }
   }
   postures.views = std::move(*views);
-  const std::vector<size_t> chosen = ChoosePostures(postures);
-  // Captures without points are in the configuration of those before them, as far as the arm can be.
-  std::vector<size_t> branches(fixed.captures.size(), chosen.front());
-  for (size_t i = 0, v = 0; i < branches.size(); ++i) {
-    if (v < captures.size() && captures[v] == i) {
-      branches[i] = chosen[v++];
-    } else if (i > 0) {
-      branches[i] = branches[i - 1];
-    }
-    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[branches[i]][i] == nullptr; ++k) {
-      branches[i] = k;
-    }
-  }
-  return branches;
+  return BranchesOfAll(arm, captures, ChoosePostures(postures));
 }
 
 // Returns the configurations of an arm's captures that explain them best: one for all, or one for each capture, of the
@@ -137,12 +124,11 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
     RigProblem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
-    RigProblem with_joints = with_errors;
-    SetJoints(arm, robot, branches, &with_joints);
-    Outcome<RigSolution> refined = RefineRig(with_joints, solution.poses, options);
-    if (refined) {
-      with_errors = std::move(with_joints);
-    } else {
+    const RigProblem without_joints = with_errors;
+    SetJoints(arm, robot, branches, &with_errors);
+    Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
+    if (!refined && !arm.joints_of_captures.empty()) {
+      with_errors = without_joints;
       refined = RefineRig(with_errors, solution.poses, options);
     }
     if (!refined) return std::nullopt;
@@ -406,6 +392,20 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
 }
 
 }  // namespace
+
+std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+                                  const std::vector<size_t>& branches) {
+  CHECK_EQ(captures.size(), branches.size());
+  std::vector<size_t> of_all(arm.effects_of_captures.front().size(), branches.front());
+  for (size_t i = 0, v = 0; i < of_all.size(); ++i) {
+    if (i > 0) of_all[i] = of_all[i - 1];
+    if (v < captures.size() && captures[v] == i) of_all[i] = branches[v++];
+    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[of_all[i]][i] == nullptr; ++k) {
+      of_all[i] = k;
+    }
+  }
+  return of_all;
+}
 
 RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
   double translation_m2 = 0;

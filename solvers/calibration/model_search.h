@@ -42,6 +42,11 @@ struct FoundErrors {
   std::vector<RigSmoothErrors> smooth;
 };
 
+// Returns the configurations of all captures from those of some, which are in increasing order: another capture is in
+// that of the capture before it, as far as the arm can be.
+std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+                                  const std::vector<size_t>& branches);
+
 // Makes the errors of the arms part of a model if the captures require them or if they are wanted without a choice
 // (RigArmErrors), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
 // stays as it is if there are none.

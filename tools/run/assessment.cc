@@ -12,7 +12,6 @@
 #include "heba/data/stated_pose.h"
 #include "heba/target_location.h"
 #include "solvers/calibration/calibration_problem.h"
-#include "solvers/calibration/held_out.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
 #include "tools/run/captures.h"
@@ -318,11 +317,10 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
   AddChanges(advice.changes, &result.estimates.back().solution->covariance);
-  const SearchedModel of_all = AsProblem(calibration, options).model;
-  const HeldOutErrors left_out = ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0);
-  if (!left_out.has_hidden) result.estimates.back().errors.left_out_rms_px = left_out.pixels.RmsPx();
-  if (const std::optional<double> distance_m = left_out.RmsDistanceM()) {
-    result.estimates.back().errors.left_out_target_mm = 1000 * *distance_m;
+  if (!calibration.left_out.empty()) {
+    const SearchedModel of_all = AsProblem(calibration, options).model;
+    SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
+               &result.estimates.back().errors);
   }
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "heba/run_types.h"
+#include "solvers/calibration/held_out.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {
@@ -13,6 +14,15 @@ namespace heba {
 // target (Target::Symmetries).
 std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
+
+// Sets the errors of the captures that were left out in the figures of one camera or of one of several.
+template <class ErrorFigures>
+void SetLeftOut(const HeldOutErrors& left_out, ErrorFigures* figures) {
+  if (!left_out.has_hidden) figures->left_out_rms_px = left_out.pixels.RmsPx();
+  if (const std::optional<double> distance_m = left_out.RmsDistanceM()) {
+    figures->left_out_target_mm = 1000 * *distance_m;
+  }
+}
 
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
 // (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used. `advice` is

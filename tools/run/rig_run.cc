@@ -13,10 +13,10 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
-#include "solvers/calibration/held_out.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
+#include "tools/run/assessment.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/rig_arm_errors.h"
 #include "tools/run/rig_requirements.h"
@@ -245,11 +245,7 @@ void AddLeftOutErrors(const RigProblem& seen, const RigCalibration& calibration,
                std::find(moved.left_out.begin(), moved.left_out.end(), image.first) != moved.left_out.end();
       });
     }
-    const HeldOutErrors errors = ErrorsOfUnused(seen, *calibration.refined, of_camera, c);
-    if (!errors.has_hidden) result->errors[c].left_out_rms_px = errors.pixels.RmsPx();
-    if (const std::optional<double> distance_m = errors.RmsDistanceM()) {
-      result->errors[c].left_out_target_mm = 1000 * *distance_m;
-    }
+    SetLeftOut(ErrorsOfUnused(seen, *calibration.refined, of_camera, c), &result->errors[c]);
   }
 }
 

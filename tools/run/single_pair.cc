@@ -11,16 +11,10 @@
 namespace heba {
 namespace {
 
-// The data set of a single camera, and the capture of the rig that each of its captures is.
-struct PairDataset {
-  Dataset dataset;
-  std::map<size_t, size_t> capture_of_rig;  // By the index of the capture of the rig.
-};
-
 // Captures without an image are left out.
-PairDataset DatasetOfPair(const RigDataset& rig) {
-  PairDataset pair;
-  Dataset& dataset = pair.dataset;
+Dataset DatasetOfPair(const RigDataset& rig) {
+  Dataset dataset;
+  std::map<size_t, size_t> place_of;  // The capture of the data set for that of the rig.
   const RigCamera& camera = rig.rig.cameras.front();
   dataset.name = rig.name;
   dataset.about = rig.about;
@@ -33,20 +27,20 @@ PairDataset DatasetOfPair(const RigDataset& rig) {
   for (size_t i = 0; i < rig.captures.size(); ++i) {
     const RigRecording& recording = rig.captures[i];
     if (recording.images.front().empty()) continue;
-    pair.capture_of_rig[i] = dataset.captures.size();
+    place_of[i] = dataset.captures.size();
     Capture& capture = dataset.captures.emplace_back();
     capture.name = recording.name;
     capture.image = recording.images.front();
     capture.base_from_gripper = recording.base_from_gripper.front();
     if (!recording.joints.empty()) capture.joints = recording.joints.front();
   }
-  if (rig.given_detections.empty()) return pair;
+  if (rig.given_detections.empty()) return dataset;
   dataset.given_detections.resize(dataset.captures.size());
   for (const RigDetection& given : rig.given_detections) {
-    const auto capture = pair.capture_of_rig.find(given.capture);
-    if (capture != pair.capture_of_rig.end()) dataset.given_detections[capture->second] = given.detection;
+    const auto capture = place_of.find(given.capture);
+    if (capture != place_of.end()) dataset.given_detections[capture->second] = given.detection;
   }
-  return pair;
+  return dataset;
 }
 
 // An estimated noise of the arm is one that is chosen from the captures, unless smooth errors are wanted beside it.
@@ -164,8 +158,7 @@ bool IsSinglePair(const RigDataset& dataset) {
 }
 
 Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
-  const PairDataset pair = DatasetOfPair(dataset);
-  const Outcome<RunOutput> run = Run(pair.dataset, OptionsOfPair(dataset, options), observer);
+  const Outcome<RunOutput> run = Run(DatasetOfPair(dataset), OptionsOfPair(dataset, options), observer);
   if (!run) return run.failure();
   return PlacedInRig(dataset, *run);
 }
