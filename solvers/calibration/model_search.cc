@@ -258,17 +258,6 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
   return std::nullopt;
 }
 
-// Returns the noise of an arm's poses, that of its joints included.
-std::optional<RobotNoise> NoiseOfPoses(const SearchedModel& model, size_t robot) {
-  const std::optional<RobotNoise>& noise = model.judged.solution.robot_noise[robot];
-  if (!noise) return std::nullopt;
-  std::vector<Matrix6X> by_joints;
-  for (const RigCapture& capture : model.problem.captures) {
-    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
-  }
-  return WithJointNoise(*noise, by_joints);
-}
-
 // Returns why an arm's errors explain nothing: the noise of its poses stays. A better likelihood alone can be that of
 // another arm, or of joints that belong to other poses. Empty if they explain something.
 Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::optional<RobotNoise>& after) {
@@ -342,7 +331,8 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   }
   for (const RigArmChoice& choice : choices) {
     if (choice.model == nullptr || !space.arms[choice.robot].is_chosen) continue;
-    const Failure reason = WhyNothingExplained(choice.noise_before, NoiseOfPoses(with_errors, choice.robot));
+    const Failure reason = WhyNothingExplained(
+        choice.noise_before, NoiseOfPoses(with_errors.problem, with_errors.judged.solution, choice.robot));
     if (reason.empty()) continue;
     // The others are judged without this arm.
     ErrorSpace without = space;
@@ -418,6 +408,16 @@ RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& 
       noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(gripper_by_joints.size()));
   return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
           std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
+}
+
+std::optional<RobotNoise> NoiseOfPoses(const RigProblem& problem, const RigSolution& solution, size_t robot) {
+  const std::optional<RobotNoise>& noise = solution.robot_noise[robot];
+  if (!noise) return std::nullopt;
+  std::vector<Matrix6X> by_joints;
+  for (const RigCapture& capture : problem.captures) {
+    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
+  }
+  return WithJointNoise(*noise, by_joints);
 }
 
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model) {

@@ -42,6 +42,9 @@ struct FoundErrors {
   std::vector<RigSmoothErrors> smooth;
 };
 
+// Returns the noise of an arm's poses, that of its joints included (WithJointNoise); nothing if the arm has none.
+std::optional<RobotNoise> NoiseOfPoses(const RigProblem& problem, const RigSolution& solution, size_t robot);
+
 // Returns the configurations of all captures from those of some, which are in increasing order: another capture is in
 // that of the capture before it, as far as the arm can be.
 std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,

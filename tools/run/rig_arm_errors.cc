@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "heba/robot/arm_errors.h"
+#include "solvers/calibration/model_search.h"
 #include "tools/run/arm_assessment.h"
 
 namespace heba {
@@ -20,11 +21,7 @@ const RigArmChoice* FindChoice(const RigCalibration& calibration, size_t robot) 
 ArmEstimate EstimateOf(const RigCalibration& calibration, const RigArmChoice* choice, size_t robot) {
   const RigSolution& solution = *calibration.refined;
   ArmEstimate estimate;
-  std::vector<Matrix6X> by_joints;
-  for (const RigCapture& capture : calibration.problem.captures) {
-    if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
-  }
-  if (solution.robot_noise[robot]) estimate.noise_after = WithJointNoise(*solution.robot_noise[robot], by_joints);
+  estimate.noise_after = NoiseOfPoses(calibration.problem, solution, robot);
   if (choice == nullptr) return estimate;
   estimate.reason = choice->reason;
   if (choice->model == nullptr) return estimate;
