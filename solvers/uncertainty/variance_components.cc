@@ -188,9 +188,12 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
       if (num_rows - view.num_rows_without_effects <= num_rows_) {
         capture.by_effects.topRows(num_dependent) = by_effects.topRows(num_dependent);
       } else {
-        const HouseholderFactor factor(by_effects);
+        // Columns that combine others span nothing more than those, and no rows of their own.
+        const Eigen::Index num_independent = view.by_effects.cols() - view.num_combined_effects;
+        const HouseholderFactor factor(effects_.size() < num_independent ? by_effects
+                                                                         : view.by_effects.leftCols(num_independent));
         rotated = factor.Rotated(rotated);
-        capture.by_effects = factor.R();
+        capture.by_effects = factor.Rotated(by_effects).topRows(num_rows_);
       }
       capture.rows.topRows(num_dependent) = rotated.topRows(num_dependent);
     }

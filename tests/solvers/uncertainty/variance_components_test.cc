@@ -255,6 +255,59 @@ TEST(GeneralVariancesTest, LikelihoodAndScoresAreThoseOfTheDefinition) {
   }
 }
 
+// Adds effects that combine those which arms of six effects have: the noise of each arm's joints. The groups are in the
+// order of the arms: the first three effects of an arm, its last three, and its joints.
+GeneralViews MakeViewsOfArms(int num_arms) {
+  constexpr Eigen::Index kJoints = 4;
+  GeneralViews general = MakeGeneralViews(5, 6, std::vector<double>(static_cast<size_t>(3 * num_arms), 0.5), {0.2});
+  std::mt19937 random(6);
+  std::normal_distribution<double> normal;
+  const Eigen::Index num_own = 6 * num_arms;
+  for (LinearisedView& view : general.views) {
+    view.num_combined_effects = kJoints * num_arms;
+    view.by_effects.conservativeResize(Eigen::NoChange, num_own + kJoints * num_arms);
+    for (int arm = 0; arm < num_arms; ++arm) {
+      const Eigen::MatrixXd by_joints = Eigen::MatrixXd::NullaryExpr(6, kJoints, [&] { return normal(random); });
+      view.by_effects.middleCols(num_own + kJoints * arm, kJoints) = view.by_effects.middleCols(6 * arm, 6) * by_joints;
+    }
+  }
+  const VarianceGroup shared = general.groups.back();
+  general.groups.resize(1);
+  const auto add = [&](Eigen::Index first, Eigen::Index size, double variance) {
+    VarianceGroup& group = general.groups.emplace_back();
+    group.kind = VarianceGroup::Kind::kEffects;
+    group.variance = variance;
+    for (Eigen::Index i = 0; i < size; ++i) group.columns.push_back(first + i);
+  };
+  for (int arm = 0; arm < num_arms; ++arm) {
+    add(6 * arm, 3, 0.3);
+    add(6 * arm + 3, 3, 0.2);
+    add(num_own + kJoints * arm, kJoints, 0.1);
+  }
+  general.groups.push_back(shared);
+  return general;
+}
+
+// Effects that combine others need no rows of their own, whatever the order of the groups.
+TEST(GeneralVariancesTest, CombinedEffectsOfSeveralArmsAreThoseOfTheDefinition) {
+  for (const int num_arms : {1, 2, 3}) {
+    SCOPED_TRACE(num_arms);
+    GeneralViews general = MakeViewsOfArms(num_arms);
+    const std::optional<LikelihoodScores> here = ScoresOf(general.views, general.groups);
+    ASSERT_TRUE(here.has_value());
+    EXPECT_NEAR(here->log_likelihood, DenseLogLikelihood(general), 1e-9 * std::abs(here->log_likelihood));
+    for (size_t k = 0; k < general.groups.size(); ++k) {
+      GeneralViews moved = general;
+      constexpr double kStep = 1e-5;
+      moved.groups[k].variance = general.groups[k].variance + kStep;
+      const double above = DenseLogLikelihood(moved);
+      moved.groups[k].variance = general.groups[k].variance - kStep;
+      const double numeric = (above - DenseLogLikelihood(moved)) / (2 * kStep);
+      EXPECT_NEAR(here->scores[static_cast<Eigen::Index>(k)], numeric, 1e-4 * std::abs(numeric) + 1e-3) << k;
+    }
+  }
+}
+
 // The Fisher information is the covariance of the scores at the true variances.
 TEST(GeneralVariancesTest, FisherInformationIsTheCovarianceOfTheScores) {
   constexpr int kSeeds = 1500;
