@@ -354,6 +354,25 @@ TEST_F(ArmRunTest, CalibratedArmIsExported) {
               HasSubstr("the estimate 'chain' has no kinematics of the arm"));
 }
 
+// Errors that no arm has are exported with a warning that names them.
+TEST_F(ArmRunTest, ImplausibleArmIsExportedWithAWarning) {
+  const auto export_of = [&](const fs::path& run) { return RunHeba({"export", run.string(), "--to", "dh_csv"}); };
+  EXPECT_EQ(export_of(folder() / "one" / "run").err, "");
+  Json result = Json::parse(ReadAll(folder() / "one" / "run" / "result.json"));
+  for (Json& estimate : result["estimates"]) {
+    if (estimate["method"] != "bundle") continue;
+    for (Json& parameter : estimate["robot"]["parameters"]) {
+      if (parameter["name"] == "joint2.a") parameter["value"] = parameter["nominal"].get<double>() + 0.009;
+    }
+  }
+  fs::create_directories(folder() / "implausible");
+  WriteAll(folder() / "implausible" / "result.json", result.dump());
+  const CommandResult exported = export_of(folder() / "implausible");
+  EXPECT_EQ(exported.status, 0);
+  EXPECT_EQ(exported.err, "heba: warning: the arm is exported with errors that no arm has: joint2.a +9.0 mm\n");
+  EXPECT_THAT(exported.out, HasSubstr("joint,theta_rad"));
+}
+
 // The arm yields to gravity, and each pose is captured twice.
 TEST_F(ArmRunTest, CompliancesOfASimulatedArmAreFound) {
   const fs::path data = folder() / "gravity";

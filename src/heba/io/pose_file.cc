@@ -193,10 +193,28 @@ std::vector<size_t> ExtraPlaces(const Line& line, const std::map<std::string, si
   return found;
 }
 
+// Returns the columns of a header. The names of captures may be called so in place of the images'.
+std::vector<std::string> NamesOfColumns(std::vector<std::string> names) {
+  const bool has_images = std::find(names.begin(), names.end(), kImageColumn) != names.end();
+  if (!has_images) std::replace(names.begin(), names.end(), std::string("capture"), std::string(kImageColumn));
+  return names;
+}
+
+// Returns whether a name continues the numbers of the last of these columns, as j7 does after j1 to j6.
+bool ContinuesNumbers(const std::string& name, const std::vector<std::string>& columns) {
+  const auto stem_of = [](const std::string& column) {
+    return column.substr(0, column.find_last_not_of("0123456789") + 1);
+  };
+  const std::string stem = stem_of(name);
+  const std::string& last = columns.back();
+  return stem == stem_of(last) && stem.size() < name.size() && stem.size() < last.size() &&
+         std::make_pair(name.size(), name) > std::make_pair(last.size(), last);
+}
+
 Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
                   const std::vector<std::string>& extra_columns, const std::vector<std::string>& cameras) {
   Header header;
-  header.names = Fields(line, separator);
+  header.names = NamesOfColumns(Fields(line, separator));
   std::vector<std::string> known = format.columns;
   known.insert(known.end(), {std::string(kImageColumn), std::string(kRoleColumn)});
   known.insert(known.end(), extra_columns.begin(), extra_columns.end());
@@ -214,6 +232,9 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
         continue;
       }
       if (std::find(own.begin(), own.end(), kNoColumn) != own.end()) continue;
+      if (ContinuesNumbers(name, format.columns)) {
+        line.Fail("column " + Quoted(name) + " is one too many; needed: " + Join(format.columns, ", "));
+      }
       const std::string other = OtherFormat(header.names);
       line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
                 "; needed: " + Join(format.columns, ", ") + "; possible: " +

@@ -342,6 +342,23 @@ TEST(PoseFileTest, QuotesProtectSeparators) {
   EXPECT_EQ(rows[0].image, "a, \"b\".png");
 }
 
+// Recordings that have no images call the names of their captures so.
+TEST(PoseFileTest, CapturesNamesMayHaveAColumnOfTheirOwn) {
+  EXPECT_EQ(Parse("capture,x,y,z,qx,qy,qz,qw\n007,1,2,3,0,0,0,1\n").front().image, "007");
+  EXPECT_THAT(ErrorOf("image,capture,x,y,z,qx,qy,qz,qw\n"), StartsWith("poses.csv:1: unknown column 'capture'"));
+}
+
+TEST(PoseFileTest, ColumnsBeyondTheLastNumberAreTooMany) {
+  const PoseFormat joints = NumbersFormat({"j1", "j2", "j3"});
+  const auto error_of = [&](const std::string& text) {
+    return InputErrorOf([&] { ParsePoses(text, "joints.csv", joints); });
+  };
+  EXPECT_EQ(error_of("image,j1,j2,j3,j4\na,1,2,3,4\n"),
+            "joints.csv:1: column 'j4' is one too many; needed: j1, j2, j3");
+  EXPECT_THAT(error_of("image,j1,j2,j3,j10\na,1,2,3,4\n"), StartsWith("joints.csv:1: column 'j10' is one too many"));
+  EXPECT_THAT(error_of("image,j0,j2,j3\na,1,2,3\n"), StartsWith("joints.csv:1: unknown column 'j0'"));
+}
+
 TEST(PoseFileTest, ReportsFaultsOfTheHeader) {
   EXPECT_EQ(ErrorOf(""), "poses.csv: is empty; a header line and one line per capture are needed");
   EXPECT_EQ(ErrorOf("\n# only this\n"), "poses.csv: is empty; a header line and one line per capture are needed");

@@ -6,6 +6,7 @@
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
+#include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
@@ -152,6 +153,18 @@ ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from)
   return requests;
 }
 
+// Warns of arms that are exported with errors that no arm has.
+void WarnOfImplausibleArms(const RigResult& result) {
+  for (size_t r = 0; r < result.arms.size(); ++r) {
+    if (!result.arms[r] || !result.arms[r]->is_estimated) continue;
+    const std::vector<std::string> errors = ImplausibleErrors(*result.arms[r]);
+    if (errors.empty()) continue;
+    const std::string arm = result.arms.size() > 1 ? "the arm " + result.rig.robots[r] : "the arm";
+    std::cerr << "heba: warning: " << arm << " is exported with errors that no arm has: " << Join(errors, ", ")
+              << std::endl;
+  }
+}
+
 // Returns the files of the formats. A calibrated arm of a run that is bad is not written.
 std::vector<ExportedFile> FilesOf(const std::vector<ExportFormat>& formats, const ExportRequests& requests,
                                   Grade grade) {
@@ -273,6 +286,7 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
               << std::endl;
   }
   const std::vector<ExportedFile> files = FilesOf(formats, requests, grade);
+  if (!FLAGS_quiet && !Select(files, ExportedContent::kArm, true).empty()) WarnOfImplausibleArms(from.result);
   const std::string why_refused = all ? "" : WhyRefused(files);
   if (!why_refused.empty()) {
     PrintError(file.string() + ": " + why_refused);
