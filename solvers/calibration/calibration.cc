@@ -19,6 +19,7 @@
 #include "solvers/calibration/influence.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/calibration/observability.h"
+#include "solvers/calibration/smooth_remainder.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/two_step_motion.h"
 #include "solvers/initial/intrinsics.h"
@@ -711,6 +712,15 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
                  {"most_robot_mm", 1000 * kIndustrialArmM[1]},
                  {"least_robot_deg", kIndustrialArmDeg[0]},
                  {"most_robot_deg", kIndustrialArmDeg[1]}}});
+  }
+  if (bundle.effects != nullptr && bundle.effects->kind == SharedEffectsKind::kArm) {
+    const SearchedModel all = AsProblem(calibration, options).model;
+    Advice of_remainder = DiagnoseSmoothRemainder(Without(all.problem, all.judged.left_out), all.judged.solution);
+    // A single arm has no name.
+    for (Finding& finding : of_remainder.findings) {
+      std::erase_if(finding.names, [](const auto& name) { return name.first == "of_arm"; });
+    }
+    append(of_remainder);
   }
   add(DiagnoseWeakDirections(solved, solution, bundle));
   add(DescribeModel(model, calibration.alternatives, solution));

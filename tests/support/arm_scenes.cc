@@ -32,8 +32,12 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
   const auto mount_of = [&](const Arm& arm, const Eigen::VectorXd& joints) {
     return CameraMountFromTargetMount(options.setup, BaseFromGripper(arm, joints, motion.tip_from_gripper));
   };
+  Eigen::VectorXd phases_rad = Eigen::VectorXd::Zero(made.nominal.num_joints());
+  if (options.joint_ripple_rad > 0) {
+    for (double& phase : phases_rad) phase = rng.Uniform(-kPi, kPi);
+  }
   for (const Eigen::VectorXd& joints : made.joints) {
-    Eigen::VectorXd reached = joints;
+    Eigen::VectorXd reached = joints + options.joint_ripple_rad * (2 * joints + phases_rad).array().sin().matrix();
     for (double& joint : reached) joint += options.joint_noise_rad * rng.Normal();
     std::optional<View> view = SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
                                             mount_of(actual, reached), options.points, options.noise_px, &rng);

@@ -24,6 +24,8 @@ struct ArmSceneOptions {
   double angle_rad = DegToRad(0.03);
   double compliance_rad_per_nm = 0;
   double joint_noise_rad = DegToRad(0.003);
+  // Amplitude of an error of each joint that has two periods in a turn, which no model of an arm has.
+  double joint_ripple_rad = 0;
   std::vector<std::pair<int, double>> changes = {};  // Further errors: the place of a parameter, rad or m.
   std::optional<Rigid3d> tip_from_gripper = {};      // Random by default.
   Points3 points = TestSceneOptions().points;

@@ -14,6 +14,7 @@
 #include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
 #include "solvers/calibration/influence.h"
+#include "solvers/calibration/smooth_remainder.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
 #include "tools/run/assessment.h"
@@ -340,7 +341,9 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
   std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
   Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
+  Advice of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
   AddChanges(of_held.changes, &output.calibration.refined->covariance);
+  AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
   const RigSolution& solution = *output.calibration.refined;
   const RigProblem used = WithoutRejected(output.calibration.problem, solution);
   MovesOfCameras moves;
@@ -413,6 +416,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   NameKnownArms(result.arms, result.rig.robots, &result.observations);
   for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : of_held.findings) result.observations.push_back(std::move(finding));
+  for (Finding& finding : of_smooth.findings) result.observations.push_back(std::move(finding));
   for (Finding& finding : directions) result.observations.push_back(std::move(finding));
   for (Finding& finding : missing_ids) result.observations.push_back(std::move(finding));
   result.requirements = ReachedInRig(options.requirements, used, solution);

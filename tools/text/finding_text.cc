@@ -494,15 +494,24 @@ FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
     return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
   };
+  const std::string lengths =
+      ", over " + Amount(finding, "length_mm") + " mm and " + Amount(finding, "length_deg") + " deg)";
+  if (Is(finding, "beside", "errors_of_arm")) {
+    const std::string subject =
+        Is(finding, "evidence", "not_excluded")
+            ? "the captures do not exclude that, beside the estimated errors of the arm, its poses have "
+            : "beside the estimated errors of the arm, its poses have ";
+    return {subject + "errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + lengths +
+                ": the stated uncertainties contain them",
+            ""};
+  }
   const std::string subject =
       Is(finding, "evidence", "not_excluded")
           ? "the captures do not exclude that the robot's poses have errors that vary smoothly with the pose, as those "
             "of most robots do (one sigma "
           : "the robot's poses have errors that vary smoothly with the pose (one sigma ";
-  return {subject + sigmas("smooth") + ", over " + Amount(finding, "length_mm") + " mm and " +
-              Amount(finding, "length_deg") +
-              " deg): they are predicted between the captures, which leaves a noise of " + sigmas("after") +
-              " instead of " + sigmas("before") +
+  return {subject + sigmas("smooth") + lengths + ": they are predicted between the captures, which leaves a noise of " +
+              sigmas("after") + " instead of " + sigmas("before") +
               "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "
               "or in other configurations of the arm" +
               // With the arms of a rig, `arm` is the one that the config names.
