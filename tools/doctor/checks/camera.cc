@@ -111,6 +111,72 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   return symptom;
 }
 
+// A fault of the given intrinsics, with the camera that the checks that follow use instead.
+struct CameraFault {
+  Symptom symptom;
+  Camera camera;
+};
+
+// Returns the fault of intrinsics that are for images half or twice as large; nothing if they are not. `fit_px` is
+// FitPx of `camera`.
+std::optional<CameraFault> FindOtherResolution(const Examination& examination, const Camera& camera, double fit_px) {
+  const std::optional<PoseConsistency> by_robot = ByRobot(examination, camera);
+  // Intrinsics of another resolution are only reported if both the views and the robot's poses support it.
+  constexpr double kDecidedly = 2.5;
+  for (const double factor : {2.0, 0.5}) {
+    const Camera scaled = Scaled(camera, factor);
+    const std::optional<PoseConsistency> then = ByRobot(examination, scaled);
+    if (!by_robot || !then || !(FitPx(examination, scaled) < fit_px)) continue;
+    if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
+    return CameraFault{{Severity::kWrong, "camera_scale",
+                        "the intrinsics of " + examination.config.data.camera_source + " are for images " +
+                            (factor > 1 ? "half" : "twice") + " as large: with " + Fixed(factor, 1) +
+                            " times the focal length and principal point, robot and images differ by " +
+                            MisfitText(*then) + ", with the given ones by " + MisfitText(*by_robot),
+                        "provide the intrinsics of this resolution, or leave camera.intrinsics out to estimate them"},
+                       scaled};
+  }
+  return std::nullopt;
+}
+
+// Returns the fault of intrinsics that fit single views decidedly worse than the estimated ones; nothing if they do
+// not. `fit_px` is FitPx of `camera`.
+std::optional<CameraFault> FindOtherLens(const Examination& examination, const Camera& camera, const Camera& estimated,
+                                         double fit_px) {
+  const double estimated_fit_px = FitPx(examination, estimated);
+  const double ratio = estimated.params[0] / camera.params[0];
+  constexpr double kPoorPx = 0.5;
+  constexpr double kPoorRatio = 2.5;
+  const std::string fits = "single views fit to " + Significant(fit_px, 2) + " px with the given intrinsics, to " +
+                           Significant(estimated_fit_px, 2) + " px with those estimated from the images";
+  if (!std::isfinite(estimated_fit_px) || fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) {
+    return std::nullopt;
+  }
+  constexpr double kOther = 0.08;
+  const bool is_other_lens = std::abs(ratio - 1) > kOther;
+  // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
+  const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
+  return CameraFault{
+      {is_wrong ? Severity::kWrong : Severity::kRemark,
+       is_other_lens ? SymptomCode("camera") : SymptomCode("distortion"),
+       is_other_lens ? "the intrinsics belong to another camera or resolution: " + fits + "; focal length " +
+                           FocalText(camera) + " given, " + FocalText(estimated) + " estimated from the images"
+                     : "the distortion of the lens differs from that of the intrinsics: " + fits,
+       "provide the intrinsics of this camera at this resolution, or leave camera.intrinsics out to have them "
+       "estimated (camera.model: " +
+           estimated.model + ")"},
+      estimated};
+}
+
+// Returns what is wrong with the given intrinsics of images of the right size; nothing if they fit.
+std::optional<CameraFault> FindFault(const Examination& examination, const Camera& camera,
+                                     const std::optional<Camera>& estimated) {
+  const double fit_px = FitPx(examination, camera);
+  std::optional<CameraFault> fault = FindOtherResolution(examination, camera, fit_px);
+  if (!fault && estimated) fault = FindOtherLens(examination, camera, *estimated, fit_px);
+  return fault;
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_camera(Examination* examination) {
@@ -139,47 +205,10 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   const Camera camera = OfSize(given, image);
   examination->camera = camera;
   if (views.empty()) return {};
-
-  const double fit_px = FitPx(*examination, camera);
-  const std::optional<PoseConsistency> by_robot = ByRobot(*examination, camera);
-  // Intrinsics of another resolution are only reported if both the views and the robot's poses support it.
-  constexpr double kDecidedly = 2.5;
-  for (const double factor : {2.0, 0.5}) {
-    const Camera scaled = Scaled(camera, factor);
-    const std::optional<PoseConsistency> then = ByRobot(*examination, scaled);
-    if (!by_robot || !then || !(FitPx(*examination, scaled) < fit_px)) continue;
-    if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
-    examination->camera = scaled;
-    return {{Severity::kWrong, "camera_scale",
-             "the intrinsics of " + config.data.camera_source + " are for images " + (factor > 1 ? "half" : "twice") +
-                 " as large: with " + Fixed(factor, 1) +
-                 " times the focal length and principal point, robot and images differ by " + MisfitText(*then) +
-                 ", with the given ones by " + MisfitText(*by_robot),
-             "provide the intrinsics of this resolution, or leave camera.intrinsics out to estimate them"}};
-  }
-  if (!estimated) return {};
-  const double estimated_fit_px = FitPx(*examination, *estimated);
-  const double ratio = estimated->params[0] / camera.params[0];
-  constexpr double kPoorPx = 0.5;
-  constexpr double kPoorRatio = 2.5;
-  const std::string fits = "single views fit to " + Significant(fit_px, 2) + " px with the given intrinsics, to " +
-                           Significant(estimated_fit_px, 2) + " px with those estimated from the images";
-  if (!std::isfinite(estimated_fit_px) || fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
-  constexpr double kOther = 0.08;
-  const bool is_other_lens = std::abs(ratio - 1) > kOther;
-  // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
-  const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
-  Symptom symptom{
-      is_wrong ? Severity::kWrong : Severity::kRemark,
-      is_other_lens ? SymptomCode("camera") : SymptomCode("distortion"),
-      is_other_lens ? "the intrinsics belong to another camera or resolution: " + fits + "; focal length " +
-                          FocalText(camera) + " given, " + FocalText(*estimated) + " estimated from the images"
-                    : "the distortion of the lens differs from that of the intrinsics: " + fits,
-      "provide the intrinsics of this camera at this resolution, or leave camera.intrinsics out to have them "
-      "estimated (camera.model: " +
-          estimated->model + ")"};
-  examination->camera = estimated;
-  return {symptom};
+  const std::optional<CameraFault> fault = FindFault(*examination, camera, estimated);
+  if (!fault) return {};
+  examination->camera = fault->camera;
+  return {fault->symptom};
 }
 
 }  // namespace heba

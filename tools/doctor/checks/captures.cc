@@ -228,6 +228,126 @@ Symptom JumpSymptom(const Jump& jump, const std::vector<ExaminedView>& views, Se
               ": correct the poses, or leave out one part (captures.exclude)"};
 }
 
+// Misfits below this share of the working distance are no reason to look for a fault.
+constexpr double kLeastShare = 0.01;
+
+// Returns whether several captures are displaced by more than noise.
+bool HasSeveralOutside(const PoseConsistency& consistency, double distance_m) {
+  constexpr auto kSeveral = 3;
+  const auto num_outside = std::count_if(consistency.misfit_m.begin(), consistency.misfit_m.end(),
+                                         [&](double misfit_m) { return misfit_m > kLeastShare * distance_m; });
+  return num_outside >= kSeveral;
+}
+
+// The misfit beyond which a view contradicts the others, and the one below which it fits a pose well.
+struct MisfitLimits {
+  double outside_m = 0;
+  double inside_m = 0;
+};
+
+MisfitLimits LimitsOf(double typical_misfit_m, double distance_m) {
+  constexpr double kOutside = 6;
+  constexpr double kInside = 3;
+  return {std::max(kOutside * typical_misfit_m, kLeastShare * distance_m),
+          std::max(kInside * typical_misfit_m, 0.25 * kLeastShare * distance_m)};
+}
+
+// Returns the views that contradict the others, in their order.
+std::vector<size_t> OutsideOf(const PoseConsistency& consistency, double limit_m) {
+  // A list of more captures would not be read.
+  constexpr size_t kMostOutside = 100;
+  std::vector<size_t> outside;
+  for (size_t i = 0; i < consistency.misfit_m.size() && outside.size() < kMostOutside; ++i) {
+    if (consistency.misfit_m[i] > limit_m) outside.push_back(i);
+  }
+  return outside;
+}
+
+// Returns the other view whose pose the image of view i would fit, preferably one that does not fit its own pose;
+// nothing if it fits none.
+std::optional<size_t> FindPoseFor(size_t i, const PoseConsistency& consistency, const std::vector<ExaminedView>& views,
+                                  const std::vector<size_t>& outside, const MisfitLimits& limits) {
+  std::optional<size_t> best;
+  double best_share = 1;
+  for (size_t j = 0; j < views.size(); ++j) {
+    if (j == i) continue;
+    const double misfit_m = MisfitM(consistency, views[i], views[j].view.camera_mount_from_target_mount);
+    const bool is_outside = std::find(outside.begin(), outside.end(), j) != outside.end();
+    const double share = misfit_m / (is_outside ? limits.outside_m : limits.inside_m);
+    if (share >= best_share) continue;
+    best_share = share;
+    best = j;
+  }
+  return best;
+}
+
+Symptom SwappedSymptom(const std::string& name, const std::string& other, const std::string& evidence) {
+  Symptom symptom{Severity::kWrong, "swapped",
+                  name + " and " + other + " are swapped: each fits the other's pose; " + evidence,
+                  "swap their names in the poses file"};
+  symptom.captures = {name, other};
+  return symptom;
+}
+
+Symptom WrongPoseSymptom(const std::string& name, const std::string& other, const std::string& evidence) {
+  Symptom symptom{Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
+                  "look at the two images and at the poses file's lines for them; leave out the one that does not have "
+                  "its own pose"};
+  symptom.captures = {name};
+  return symptom;
+}
+
+// Describes the views that contradict the others and fit no other pose.
+Symptom ContradictsSymptom(const std::vector<size_t>& alone, const PoseConsistency& consistency,
+                           const std::vector<ExaminedView>& views) {
+  std::vector<std::string> texts;
+  std::vector<std::string> names;
+  for (const size_t i : alone) {
+    const std::string& name = views[i].view.name;
+    texts.push_back(name + " (" + Significant(1000 * consistency.misfit_m[i], 2) + " mm)");
+    names.push_back(name);
+  }
+  Symptom symptom{Severity::kRemark, "contradicts",
+                  std::to_string(alone.size()) + (alone.size() == 1 ? " capture contradicts" : " captures contradict") +
+                      " the others, which differ from the robot by " +
+                      Significant(1000 * consistency.typical_misfit_m, 2) + " mm at the target: " + Join(texts, ", "),
+                  "the pose belongs to another moment, the robot had not settled, or the target was misread: leave "
+                  "them out or take them again"};
+  symptom.captures = std::move(names);
+  return symptom;
+}
+
+// Reports the views that contradict the others: one by one if they fit the pose of another view, else together.
+std::vector<Symptom> WrongPoses(const PoseConsistency& consistency, const std::vector<ExaminedView>& views,
+                                const MisfitLimits& limits) {
+  const std::vector<size_t> outside = OutsideOf(consistency, limits.outside_m);
+  std::map<size_t, size_t> belongs;
+  for (const size_t i : outside) {
+    if (const std::optional<size_t> j = FindPoseFor(i, consistency, views, outside, limits)) belongs[i] = *j;
+  }
+  std::vector<Symptom> symptoms;
+  std::vector<size_t> alone;
+  for (const size_t i : outside) {
+    const auto found = belongs.find(i);
+    if (found == belongs.end()) {
+      alone.push_back(i);
+      continue;
+    }
+    const size_t j = found->second;
+    const auto back = belongs.find(j);
+    const bool is_swapped = back != belongs.end() && back->second == i;
+    if (is_swapped && j < i) continue;  // Reported with the other one.
+    const std::string& name = views[i].view.name;
+    const std::string evidence = "by its own pose, " + name + " is off by " +
+                                 Significant(1000 * consistency.misfit_m[i], 2) + " mm at the target, the others by " +
+                                 Significant(1000 * consistency.typical_misfit_m, 2) + " mm";
+    const std::string& other = views[j].view.name;
+    symptoms.push_back(is_swapped ? SwappedSymptom(name, other, evidence) : WrongPoseSymptom(name, other, evidence));
+  }
+  if (!alone.empty()) symptoms.push_back(ContradictsSymptom(alone, consistency, views));
+  return symptoms;
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_captures(Examination* examination) {
@@ -236,91 +356,18 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   const std::vector<ExaminedView>& views = examination->views;
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
   if (!consistency) return symptoms;
-  constexpr double kOutside = 6;
-  constexpr double kLeastShare = 0.01;
-  constexpr double kInside = 3;
   const double distance_m = WorkingDistanceM(views);
-  const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
-  const bool fits = consistency->typical_misfit_m <= kPoorShare * distance_m;
-  constexpr auto kSeveral = 3;
-  const auto num_outside = std::count_if(consistency->misfit_m.begin(), consistency->misfit_m.end(),
-                                         [&](double misfit_m) { return misfit_m > kLeastShare * distance_m; });
-  if (num_outside >= kSeveral) {
+  if (HasSeveralOutside(*consistency, distance_m)) {
     if (const std::optional<Jump> jump = FindJump(views, distance_m)) {
       symptoms.push_back(JumpSymptom(*jump, views, examination->config.data.setup));
       return symptoms;
     }
   }
   // If nothing fits, there are no outliers.
-  if (!fits) return symptoms;
-  const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);
-  for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
-
-  std::vector<size_t> outside;
-  // A list of more captures would not be read.
-  constexpr size_t kMostOutside = 100;
-  for (size_t i = 0; i < views.size() && outside.size() < kMostOutside; ++i) {
-    if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
-  }
-  // Returns the other capture whose pose this image would fit, preferably one that does not fit its own pose.
-  const auto pose_for = [&](size_t i) -> std::optional<size_t> {
-    std::optional<size_t> best;
-    double best_share = 1;
-    for (size_t j = 0; j < views.size(); ++j) {
-      if (j == i) continue;
-      const double misfit_m = MisfitM(*consistency, views[i], views[j].view.camera_mount_from_target_mount);
-      const bool is_outside = std::find(outside.begin(), outside.end(), j) != outside.end();
-      const double share = misfit_m / (is_outside ? limit_m : fits_m);
-      if (share >= best_share) continue;
-      best_share = share;
-      best = j;
-    }
-    return best;
-  };
-  std::map<size_t, size_t> belongs;
-  for (const size_t i : outside) {
-    if (const std::optional<size_t> j = pose_for(i)) belongs[i] = *j;
-  }
-  std::vector<std::string> alone;
-  std::vector<std::string> names_alone;
-  for (const size_t i : outside) {
-    const std::string& name = views[i].view.name;
-    const std::string evidence = "by its own pose, " + name + " is off by " +
-                                 Significant(1000 * consistency->misfit_m[i], 2) + " mm at the target, the others by " +
-                                 Significant(1000 * consistency->typical_misfit_m, 2) + " mm";
-    const auto found = belongs.find(i);
-    if (found == belongs.end()) {
-      alone.push_back(name + " (" + Significant(1000 * consistency->misfit_m[i], 2) + " mm)");
-      names_alone.push_back(name);
-      continue;
-    }
-    const size_t j = found->second;
-    const auto back = belongs.find(j);
-    const bool is_swapped = back != belongs.end() && back->second == i;
-    if (is_swapped && j < i) continue;  // Reported with the other one.
-    const std::string& other = views[j].view.name;
-    Symptom& symptom = symptoms.emplace_back(
-        is_swapped
-            ? Symptom{Severity::kWrong, "swapped",
-                      name + " and " + other + " are swapped: each fits the other's pose; " + evidence,
-                      "swap their names in the poses file"}
-            : Symptom{
-                  Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
-                  "look at the two images and at the poses file's lines for them; leave out the one that does not have "
-                  "its own pose"});
-    symptom.captures.push_back(name);
-    if (is_swapped) symptom.captures.push_back(other);
-  }
-  if (!alone.empty()) {
-    symptoms.push_back(
-        {Severity::kRemark, "contradicts",
-         std::to_string(alone.size()) + (alone.size() == 1 ? " capture contradicts" : " captures contradict") +
-             " the others, which differ from the robot by " + Significant(1000 * consistency->typical_misfit_m, 2) +
-             " mm at the target: " + Join(alone, ", "),
-         "the pose belongs to another moment, the robot had not settled, or the target was misread: leave "
-         "them out or take them again"});
-    symptoms.back().captures = std::move(names_alone);
-  }
+  if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
+  const MisfitLimits limits = LimitsOf(consistency->typical_misfit_m, distance_m);
+  for (Symptom& symptom : SamePoses(views, limits.outside_m)) symptoms.push_back(std::move(symptom));
+  for (Symptom& symptom : WrongPoses(*consistency, views, limits)) symptoms.push_back(std::move(symptom));
   return symptoms;
 }
 

@@ -374,82 +374,124 @@ std::string EitherSetUp(const RunConfig& config) {
          "; the data cannot distinguish these two, but you can see which one applies";
 }
 
-// Describes the best reading. Returns nothing if it differs from the config's only by an insignificant scale.
-std::optional<Symptom> Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
-                                const std::vector<std::string>& alike) {
-  const RunConfig& config = examination.config;
-  const PoseFormat& format_now = config.pose_reading.format;
-  Symptom symptom;
-  symptom.severity = Severity::kWrong;
-  const Reading& reading = best.reading;
-  symptom.evidence = "with this reading, robot and images differ by " + MisfitText(best.consistency) +
-                     ", with the config's by " + MisfitText(now) + " (7 of 10 captures by less)";
-  if (!reading.arm.empty()) {
-    symptom.code = "other_arm";
-    symptom.reading = reading.arm;
-    symptom.what = "the poses of arm " + reading.arm + " fit the images, those of the config's arm do not";
-    symptom.evidence = "with the poses of arm " + reading.arm + ", robot and images differ by " +
-                       MisfitText(best.consistency) + ", with the config's by " + MisfitText(now) +
-                       " (7 of 10 captures by less)";
-    return symptom;
-  }
-  if (!reading.pairing.empty()) {
-    symptom.code = "pairing";
-    symptom.reading = reading.pairing;
-    symptom.what = "images and poses are paired wrongly: " + reading.pairing;
-    symptom.cure = "correct the rows of the poses file, and name the image of each in a column image";
-    return symptom;
-  }
-  std::vector<SymptomCode> codes;
-  std::vector<std::string> faults;
-  std::vector<std::string> cures;
-  PoseFormat format = reading.format;
+// What is wrong with the config's reading of the poses, and the changes that correct it.
+struct Fault {
+  SymptomCode code;
+  std::string what;
+  std::vector<std::string> cures = {};
+};
+
+// Returns the settings that give the rotations, angles and positions of the best reading; none if the config has them.
+std::vector<ConfigSetting> SettingsOf(const JudgedReading& best, const PoseFormat& format_now) {
+  PoseFormat format = best.reading.format;
   format.translation_unit = best.unit;
-  const bool other_rotation = format.rotation != format_now.rotation || format.robot != format_now.robot;
-  const bool other_angle = format.angle_unit != format_now.angle_unit;
-  const bool other_unit = best.unit != format_now.translation_unit;
-  if (other_rotation) {
-    codes.push_back("rotation_format");
+  if (format.rotation == format_now.rotation && format.robot == format_now.robot &&
+      format.angle_unit == format_now.angle_unit && format.translation_unit == format_now.translation_unit) {
+    return {};
+  }
+  if (format.robot.empty()) return {{"captures.pose_format", PoseFormatText(format)}};
+  return {{"captures.robot", format.robot}, {"captures.joint_angles", format.angle_unit}};
+}
+
+// Returns the faults of the config's rotations or angles, and of its unit of positions.
+std::vector<Fault> FormatFaults(const JudgedReading& best, const PoseFormat& format_now,
+                                const std::vector<std::string>& alike) {
+  const PoseFormat& format = best.reading.format;
+  std::vector<Fault> faults;
+  if (format.rotation != format_now.rotation || format.robot != format_now.robot) {
     faults.push_back(
-        "the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
-        (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot distinguish them)"));
-  } else if (other_angle) {
-    codes.push_back("angle_unit");
-    faults.push_back("the angles are in " + format.angle_unit + ", not in " + format_now.angle_unit);
+        {"rotation_format",
+         "the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
+             (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot distinguish them)")});
+  } else if (format.angle_unit != format_now.angle_unit) {
+    faults.push_back({"angle_unit", "the angles are in " + format.angle_unit + ", not in " + format_now.angle_unit});
   }
-  if (other_unit) {
-    codes.push_back("pose_units");
-    faults.push_back("the positions are in " + best.unit + ", not in " + format_now.translation_unit);
+  if (best.unit != format_now.translation_unit) {
+    faults.push_back({"pose_units", "the positions are in " + best.unit + ", not in " + format_now.translation_unit});
   }
-  if (best.target_unit != "m") {
-    codes.push_back("pose_units");
-    faults.push_back("the positions of the target are in " + best.target_unit + ", not in m");
-    cures.push_back("set captures.target_poses: {file: " + config.data.detections_source +
-                    ", pose_format: {columns: [x, y, z, qx, qy, qz, qw], translation: " + best.target_unit +
-                    ", rotation: quaternion_xyzw}}");
+  return faults;
+}
+
+Fault TargetUnitFault(const RunConfig& config, const std::string& target_unit) {
+  return {"pose_units",
+          "the positions of the target are in " + target_unit + ", not in m",
+          {"set captures.target_poses: {file: " + config.data.detections_source +
+           ", pose_format: {columns: [x, y, z, qx, qy, qz, qw], translation: " + target_unit +
+           ", rotation: quaternion_xyzw}}"}};
+}
+
+Fault InverseFault(const Examination& examination, const JudgedReading& best) {
+  const RunConfig& config = examination.config;
+  const bool has_target_poses = !config.data.target_poses.empty();
+  Fault fault{"pose_direction", has_target_poses
+                                    ? "the poses of the robot, or those of the target, are the inverse of what the "
+                                      "config says"
+                                    : "the poses are the inverse of what the config says"};
+  // In a rig, the other cameras and targets help to tell.
+  if (!examination.rig.captures.empty()) return fault;
+  // With poses alone, both readings fit: what one calls the camera's pose is the target's in the other.
+  if (has_target_poses) {
+    fault.cures.push_back("if those of the target are, set captures.target_poses: {file: " +
+                          config.data.detections_source + ", poses_are: target_from_camera}, which gives " +
+                          HandEyeText(config.data.setup, best.consistency.hand_eye.target_mount_from_target));
   }
-  if (other_rotation || other_angle || other_unit) {
-    symptom.settings = format.robot.empty()
-                           ? std::vector<ConfigSetting>{{"captures.pose_format", PoseFormatText(format)}}
-                           : std::vector<ConfigSetting>{{"captures.robot", format.robot},
-                                                        {"captures.joint_angles", format.angle_unit}};
-    cures.push_back("set " + SettingsText(symptom.settings));
+  fault.cures.push_back((has_target_poses ? "if those of the robot are: " : "") + EitherSetUp(config));
+  return fault;
+}
+
+Fault InverseRotationFault() {
+  return {"rotation_inverse",
+          "the rotations (not the positions) are the inverse of what they should be: transposed matrices or "
+          "conjugate quaternions",
+          {"transpose the matrices (or change the signs of the quaternions' x, y, z) in the poses file"}};
+}
+
+Fault ScaleFault(double scale) {
+  return {"target_scale",
+          "the target is " + Significant(1 / scale, 4) + " times as large as the config says",
+          {"measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 4)}};
+}
+
+// Returns all faults of the config's reading, with their cures; `settings` are SettingsOf the best one.
+std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedReading& best,
+                                   const std::vector<std::string>& alike, const std::vector<ConfigSetting>& settings) {
+  const RunConfig& config = examination.config;
+  std::vector<Fault> faults = FormatFaults(best, config.pose_reading.format, alike);
+  if (best.target_unit != "m") faults.push_back(TargetUnitFault(config, best.target_unit));
+  // One change cures all faults of the format.
+  if (!settings.empty()) faults.back().cures.push_back("set " + SettingsText(settings));
+  if (best.reading.direction == Direction::kInverse) faults.push_back(InverseFault(examination, best));
+  if (best.reading.direction == Direction::kInverseRotation) faults.push_back(InverseRotationFault());
+  const double rest = RestScale(best);
+  if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) faults.push_back(ScaleFault(rest));
+  return faults;
+}
+
+// Describes the best reading as one of other numbers. Returns nothing if it differs from the config's only by an
+// insignificant scale. `evidence` compares the two.
+std::optional<Symptom> DescribeNumbers(const Examination& examination, const JudgedReading& best,
+                                       const std::vector<std::string>& alike, const std::string& evidence) {
+  const RunConfig& config = examination.config;
+  const std::vector<ConfigSetting> settings = SettingsOf(best, config.pose_reading.format);
+  const std::vector<Fault> faults = FaultsOfNumbers(examination, best, alike, settings);
+  if (faults.empty()) return std::nullopt;
+  std::vector<std::string> what;
+  std::vector<std::string> cures;
+  for (const Fault& fault : faults) {
+    what.push_back(fault.what);
+    cures.insert(cures.end(), fault.cures.begin(), fault.cures.end());
   }
-  if (reading.direction == Direction::kInverse) {
-    codes.push_back("pose_direction");
-    const bool has_target_poses = !config.data.target_poses.empty();
-    faults.push_back(has_target_poses ? "the poses of the robot, or those of the target, are the inverse of what the "
-                                        "config says"
-                                      : "the poses are the inverse of what the config says");
-    // In a rig, the other cameras and targets help to tell.
+  if (config.imported && config.poses_file.empty()) {
+    cures.emplace_back(
+        "the poses of a data set have a fixed format: convert it to heba's files first (heba import), "
+        "and change it there");
+  }
+  Symptom symptom{Severity::kWrong, faults.front().code, Join(what, "; "), Join(cures, "; ")};
+  // Settings that are only a part of the cure would look like all of it.
+  if (cures.size() <= 1) symptom.settings = settings;
+  symptom.evidence = evidence;
+  if (best.reading.direction == Direction::kInverse) {
     if (examination.rig.captures.empty()) {
-      // With poses alone, both readings fit: what one calls the camera's pose is the target's in the other.
-      if (has_target_poses) {
-        cures.push_back("if those of the target are, set captures.target_poses: {file: " +
-                        config.data.detections_source + ", poses_are: target_from_camera}, which gives " +
-                        HandEyeText(config.data.setup, best.consistency.hand_eye.target_mount_from_target));
-      }
-      cures.push_back((has_target_poses ? "if those of the robot are: " : "") + EitherSetUp(config));
       symptom.evidence +=
           "; base_from_camera, if the camera is fixed, or gripper_from_camera, if the robot carries it, is " +
           PoseText(best.consistency.hand_eye.camera_mount_from_camera);
@@ -457,31 +499,32 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
       symptom.reading = kInversePoses;
     }
   }
-  if (reading.direction == Direction::kInverseRotation) {
-    codes.push_back("rotation_inverse");
-    faults.push_back(
-        "the rotations (not the positions) are the inverse of what they should be: transposed matrices or "
-        "conjugate quaternions");
-    cures.emplace_back("transpose the matrices (or change the signs of the quaternions' x, y, z) in the poses file");
-  }
-  const double rest = RestScale(best);
-  if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) {
-    codes.push_back("target_scale");
-    faults.push_back("the target is " + Significant(1 / rest, 4) + " times as large as the config says");
-    cures.push_back("measure the target and multiply its lengths in the config by about " + Significant(1 / rest, 4));
-  }
-  if (config.imported && config.poses_file.empty()) {
-    cures.emplace_back(
-        "the poses of a data set have a fixed format: convert it to heba's files first (heba import), "
-        "and change it there");
-  }
-  if (codes.empty()) return std::nullopt;
-  symptom.code = codes.front();
-  symptom.what = Join(faults, "; ");
-  symptom.cure = Join(cures, "; ");
-  // Settings that are only a part of the cure would look like all of it.
-  if (cures.size() > 1) symptom.settings.clear();
   return symptom;
+}
+
+// Describes the best reading. Returns nothing if it differs from the config's only by an insignificant scale. `alike`
+// are the rotations that these captures cannot distinguish from it.
+std::optional<Symptom> Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
+                                const std::vector<std::string>& alike) {
+  const Reading& reading = best.reading;
+  const std::string difference = ", robot and images differ by " + MisfitText(best.consistency) +
+                                 ", with the config's by " + MisfitText(now) + " (7 of 10 captures by less)";
+  const std::string evidence = "with this reading" + difference;
+  if (!reading.arm.empty()) {
+    Symptom symptom{Severity::kWrong, "other_arm",
+                    "the poses of arm " + reading.arm + " fit the images, those of the config's arm do not", ""};
+    symptom.evidence = "with the poses of arm " + reading.arm + difference;
+    symptom.reading = reading.arm;
+    return symptom;
+  }
+  if (!reading.pairing.empty()) {
+    Symptom symptom{Severity::kWrong, "pairing", "images and poses are paired wrongly: " + reading.pairing,
+                    "correct the rows of the poses file, and name the image of each in a column image"};
+    symptom.evidence = evidence;
+    symptom.reading = reading.pairing;
+    return symptom;
+  }
+  return DescribeNumbers(examination, best, alike, evidence);
 }
 
 void Apply(const JudgedReading& best, Examination* examination) {
@@ -551,124 +594,177 @@ std::vector<Symptom> CheckFewPoses(const std::vector<PoseCandidates>& captures) 
            "check that all poses belong to these images, and the meaning of their rotations"}};
 }
 
+// Returns the fit of the poses as the config reads them.
+PoseFit FitAsRead(const Examination& examination, const PoseConsistency& now) {
+  constexpr double kSamePlaceShare = 0.03;
+  const double distance_m = WorkingDistanceM(examination.views);
+  PoseFit fit{examination.config.pose_reading.format, now.typical_misfit_m, MisfitText(now),
+              now.typical_misfit_m <= kPoorShare * distance_m};
+  const Rigid3d& mount = now.hand_eye.camera_mount_from_camera;
+  fit.is_of_camera = std::max(mount.translation.norm() / distance_m, RotationAngle(mount.rotation)) < kSamePlaceShare;
+  return fit;
+}
+
+// Returns whether a reading is of the config's captures: neither other rows nor another arm.
+bool IsOfNumbers(const Reading& reading) { return reading.pairing.empty() && reading.arm.empty(); }
+
+// Returns whether a reading differs from the config's by the unit of the positions at most.
+bool HasSameRotations(const Reading& reading, const PoseFormat& format_now) {
+  return reading.direction == Direction::kAsRead && IsOfNumbers(reading) &&
+         reading.format.rotation == format_now.rotation && reading.format.robot == format_now.robot &&
+         reading.format.angle_unit == format_now.angle_unit;
+}
+
+// Returns all readings that determine a hand-eye pose, with their misfits. If the motion only determines a scale,
+// `is_scale_only`, readings of other rotations are left out.
+std::vector<JudgedReading> JudgeReadings(const Examination& examination, bool is_scale_only) {
+  std::vector<JudgedReading> judged;
+  for (const std::vector<Reading>& readings :
+       {ReadingsOfNumbers(examination), Pairings(examination), OtherArms(examination)}) {
+    for (const Reading& reading : readings) {
+      if (is_scale_only && !HasSameRotations(reading, examination.config.pose_reading.format)) continue;
+      if (std::optional<JudgedReading> one = Judge(examination, reading)) judged.push_back(std::move(*one));
+    }
+  }
+  return judged;
+}
+
+// The reading that explains the images best, and the rotations of those that explain them as well.
+struct BestReading {
+  JudgedReading best;
+  std::vector<std::string> alike;  // RotationText.
+};
+
+// Returns the most likely of the readings that explain the images decidedly better than the config's does; nothing if
+// there is none.
+std::optional<BestReading> FindBetterReading(const std::vector<JudgedReading>& judged, double misfit_now_m,
+                                             double distance_m) {
+  const auto misfit_m = [](const JudgedReading& one) { return one.consistency.typical_misfit_m; };
+  double least_m = std::numeric_limits<double>::infinity();
+  for (const JudgedReading& one : judged) least_m = std::min(least_m, misfit_m(one));
+  if (!(kLimits.better * least_m < misfit_now_m && misfit_now_m > kLimits.good_share * distance_m)) {
+    return std::nullopt;
+  }
+  const double alike_m = std::max(kLimits.alike * least_m, 0.5 * kLimits.good_share * distance_m);
+  const JudgedReading* best = nullptr;
+  for (const JudgedReading& one : judged) {
+    if (misfit_m(one) > alike_m) continue;
+    if (best == nullptr || std::pair(one.oddness, misfit_m(one)) < std::pair(best->oddness, misfit_m(*best))) {
+      best = &one;
+    }
+  }
+  BestReading result{*best, {}};
+  for (const JudgedReading& one : judged) {
+    const bool is_other = RotationText(one.reading.format) != RotationText(best->reading.format);
+    if (misfit_m(one) <= alike_m && one.oddness == best->oddness && is_other && IsOfNumbers(one.reading)) {
+      result.alike.push_back(RotationText(one.reading.format));
+    }
+  }
+  return result;
+}
+
+// Returns the fit of the poses by another reading of the same numbers.
+PoseFit FitByReading(const JudgedReading& judged, double distance_m) {
+  const double misfit_m = judged.consistency.typical_misfit_m;
+  PoseFit fit{judged.reading.format, misfit_m, MisfitText(judged.consistency), misfit_m <= kPoorShare * distance_m};
+  fit.format.translation_unit = judged.unit;
+  return fit;
+}
+
+// Returns whether a fit with a free scale of the positions shows a target of another size.
+bool ShowsOtherSize(const PoseConsistency& scaled, const PoseConsistency& now, double distance_m) {
+  // The scale is only reported if the poses fit otherwise: unrelated poses may result in any scale.
+  const bool fits_scaled = IsPlausibleScale(scaled.robot_scale) && scaled.typical_misfit_m < kPoorShare * distance_m;
+  return fits_scaled &&
+         std::abs(scaled.robot_scale - 1) > std::max(kLimits.scale, kLimits.scale_sigmas * scaled.robot_scale_stddev) &&
+         scaled.typical_translation_m < kLimits.scale_gain * now.typical_translation_m;
+}
+
+Symptom OtherSize(const RunConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
+  const double scale = scaled.robot_scale;
+  Symptom symptom{Severity::kWrong, "target_scale",
+                  "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
+                      Significant(scaled.robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
+                  "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
+                      " (or, if it is right, the focal length is wrong by this factor)" +
+                      SpacingConventions(config.target_used, 1 / scale)};
+  symptom.evidence =
+      "with this scale, robot and images differ by " + MisfitText(scaled) + ", without it by " + MisfitText(now);
+  return symptom;
+}
+
+// Describes poses that no reading explains, by the motion that the images show and that of the poses.
+Symptom Unexplained(const PoseConsistency& now, const MotionAnalysis& seen_motion, const MotionAnalysis& robot_motion) {
+  const std::optional<Failure> why = WhyNotObservable(robot_motion);
+  const double turns_deg = RadToDeg(robot_motion.rotation_rms_rad[0]);
+  const double seen_turns_deg = RadToDeg(seen_motion.rotation_rms_rad[0]);
+  if (why && seen_turns_deg > kLimits.unrecorded_ratio * turns_deg) {
+    Symptom symptom{
+        Severity::kWrong, "rotation_not_recorded",
+        "the images show rotations of " + Significant(seen_turns_deg, 2) + " deg rms, but the robot's poses have " +
+            (turns_deg < 0.01 ? std::string("one and the same rotation") : Significant(turns_deg, 2) + " deg"),
+        "record the rotations of the poses with their positions: the poses file has none, or columns of "
+        "another quantity"};
+    symptom.evidence = "robot and images differ by " + MisfitText(now);
+    return symptom;
+  }
+  Symptom symptom{Severity::kWrong, "poses_unexplained",
+                  "robot and images differ by " + MisfitText(now) +
+                      ", and no other reading of the poses file explains it" +
+                      (!why ? "" : "; the images show rotations that the poses do not"),
+                  "check that all poses belong to these images and to one frame on the arm, and that neither the "
+                  "camera nor the target moved on its mount"};
+  symptom.evidence = (why ? FailureText(*why) + "; " : "") + "7 of 10 captures differ by less";
+  return symptom;
+}
+
 }  // namespace
 
 std::vector<Symptom> Check_poses(Examination* examination) {
   const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
   if (!now) return CheckFewPoses(captures);
+  std::vector<Rigid3d> seen;
+  std::vector<Rigid3d> robot;
+  for (const PoseCandidates& capture : captures) {
+    seen.push_back(capture.camera_from_target.front());
+    robot.push_back(capture.camera_mount_from_target_mount);
+  }
+  const MotionAnalysis seen_motion = AnalyseMotion(seen);
+  const MotionAnalysis robot_motion = AnalyseMotion(robot);
   // If the images themselves show no rotation, or rotations about one axis only, any reading of the rotations may fit
   // as well as another by chance.
-  std::vector<Rigid3d> seen;
-  for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
-  const MotionAnalysis seen_motion = AnalyseMotion(seen);
   if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kLimits.no_rotation_deg) return {};
   const bool is_scale_only = WhyNotObservable(seen_motion).has_value();
   // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
   // thus every scale and small rotation that the images show, is arbitrary.
-  std::vector<Rigid3d> robot;
-  for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
-  if (!examination->config.data.camera && !has_clear_turns && WhyNotObservable(AnalyseMotion(robot))) return {};
-  const PoseFormat& format_now = examination->config.pose_reading.format;
-  examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
-                                  now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};
-  const Rigid3d& mount = now->hand_eye.camera_mount_from_camera;
-  constexpr double kSamePlaceShare = 0.03;
-  examination->pose_fit->is_of_camera = std::max(mount.translation.norm() / WorkingDistanceM(examination->views),
-                                                 RotationAngle(mount.rotation)) < kSamePlaceShare;
-  const auto is_tellable = [&](const Reading& reading) {
-    return !is_scale_only ||
-           (reading.direction == Direction::kAsRead && reading.pairing.empty() && reading.arm.empty() &&
-            reading.format.rotation == format_now.rotation && reading.format.robot == format_now.robot &&
-            reading.format.angle_unit == format_now.angle_unit);
-  };
-  std::vector<JudgedReading> judged;
-  for (const std::vector<Reading>& readings :
-       {ReadingsOfNumbers(*examination), Pairings(*examination), OtherArms(*examination)}) {
-    for (const Reading& reading : readings) {
-      if (!is_tellable(reading)) continue;
-      if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
-    }
-  }
-  const auto misfit_m = [](const JudgedReading& one) { return one.consistency.typical_misfit_m; };
-  double least_m = std::numeric_limits<double>::infinity();
-  for (const JudgedReading& one : judged) least_m = std::min(least_m, misfit_m(one));
-  const double distance_m = WorkingDistanceM(examination->views);
+  if (!examination->config.data.camera && !has_clear_turns && WhyNotObservable(robot_motion)) return {};
+  examination->pose_fit = FitAsRead(*examination, *now);
 
-  if (kLimits.better * least_m < now->typical_misfit_m && now->typical_misfit_m > kLimits.good_share * distance_m) {
-    const double alike_m = std::max(kLimits.alike * least_m, 0.5 * kLimits.good_share * distance_m);
-    const JudgedReading* best = nullptr;
-    for (const JudgedReading& one : judged) {
-      if (misfit_m(one) > alike_m) continue;
-      if (best == nullptr || std::pair(one.oddness, misfit_m(one)) < std::pair(best->oddness, misfit_m(*best))) {
-        best = &one;
+  const double distance_m = WorkingDistanceM(examination->views);
+  const std::optional<BestReading> better =
+      FindBetterReading(JudgeReadings(*examination, is_scale_only), now->typical_misfit_m, distance_m);
+  if (better) {
+    if (const std::optional<Symptom> symptom = Describe(*examination, better->best, *now, better->alike)) {
+      const Reading& reading = better->best.reading;
+      if (reading.direction == Direction::kAsRead && IsOfNumbers(reading)) {
+        examination->pose_fit = FitByReading(better->best, distance_m);
       }
-    }
-    std::vector<std::string> alike;
-    for (const JudgedReading& one : judged) {
-      const bool is_other = RotationText(one.reading.format) != RotationText(best->reading.format);
-      const bool is_of_numbers = one.reading.pairing.empty() && one.reading.arm.empty();
-      if (misfit_m(one) <= alike_m && one.oddness == best->oddness && is_other && is_of_numbers) {
-        alike.push_back(RotationText(one.reading.format));
-      }
-    }
-    if (const std::optional<Symptom> symptom = Describe(*examination, *best, *now, alike)) {
-      if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty() && best->reading.arm.empty()) {
-        examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency),
-                                        misfit_m(*best) <= kPoorShare * distance_m};
-        examination->pose_fit->format.translation_unit = best->unit;
-      }
-      Apply(*best, examination);
+      Apply(better->best, examination);
       return {*symptom};
     }
   }
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
-  const double scale = scaled ? scaled->robot_scale : 1;
   examination->pose_fit->tells_scale = scaled && kLimits.scale_sigmas * scaled->robot_scale_stddev < kLimits.scale;
-  // The scale is only reported if the poses fit otherwise: unrelated poses may result in any scale.
-  const bool fits_scaled = scaled && IsPlausibleScale(scale) && scaled->typical_misfit_m < kPoorShare * distance_m;
-  if (fits_scaled && std::abs(scale - 1) > std::max(kLimits.scale, kLimits.scale_sigmas * scaled->robot_scale_stddev) &&
-      scaled->typical_translation_m < kLimits.scale_gain * now->typical_translation_m) {
-    for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
-    Symptom symptom{Severity::kWrong, "target_scale",
-                    "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
-                        Significant(scaled->robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
-                    "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
-                        " (or, if it is right, the focal length is wrong by this factor)" +
-                        SpacingConventions(examination->config.target_used, 1 / scale)};
-    symptom.evidence =
-        "with this scale, robot and images differ by " + MisfitText(*scaled) + ", without it by " + MisfitText(*now);
-    return {std::move(symptom)};
-  }
-
-  if (now->typical_misfit_m > kPoorShare * distance_m) {
-    std::vector<Rigid3d> mounts;
-    for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
-    const MotionAnalysis motion = AnalyseMotion(mounts);
-    const std::optional<Failure> why = WhyNotObservable(motion);
-    const double turns_deg = RadToDeg(motion.rotation_rms_rad[0]);
-    const double seen_turns_deg = RadToDeg(seen_motion.rotation_rms_rad[0]);
-    if (why && seen_turns_deg > kLimits.unrecorded_ratio * turns_deg) {
-      Symptom symptom{
-          Severity::kWrong, "rotation_not_recorded",
-          "the images show rotations of " + Significant(seen_turns_deg, 2) + " deg rms, but the robot's poses have " +
-              (turns_deg < 0.01 ? std::string("one and the same rotation") : Significant(turns_deg, 2) + " deg"),
-          "record the rotations of the poses with their positions: the poses file has none, or columns of "
-          "another quantity"};
-      symptom.evidence = "robot and images differ by " + MisfitText(*now);
-      return {std::move(symptom)};
+  if (scaled && ShowsOtherSize(*scaled, *now, distance_m)) {
+    for (ExaminedView& view : examination->views) {
+      view.view.camera_mount_from_target_mount.translation *= scaled->robot_scale;
     }
-    Symptom symptom{Severity::kWrong, "poses_unexplained",
-                    "robot and images differ by " + MisfitText(*now) +
-                        ", and no other reading of the poses file explains it" +
-                        (!why ? "" : "; the images show rotations that the poses do not"),
-                    "check that all poses belong to these images and to one frame on the arm, and that neither the "
-                    "camera nor the target moved on its mount"};
-    symptom.evidence = (why ? FailureText(*why) + "; " : "") + "7 of 10 captures differ by less";
-    return {std::move(symptom)};
+    return {OtherSize(examination->config, *scaled, *now)};
   }
+  if (now->typical_misfit_m > kPoorShare * distance_m) return {Unexplained(*now, seen_motion, robot_motion)};
   return {};
 }
 

@@ -217,78 +217,106 @@ std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection
               : " (" + Fixed(100 * MiddleShare(config, detections), 0) + " % of its points in the median image)");
 }
 
-}  // namespace
+// Another target than the config's, with its detections in all images.
+struct ShownTarget {
+  OtherTarget target;
+  std::vector<CaptureDetection> detections;
+};
 
-std::vector<Symptom> Check_target(Examination* examination) {
-  RunConfig& config = examination->config;
-  if (!config.data.given_detections.empty()) {
-    examination->detections = Detections(config, examination->num_threads, examination->verbosity);
-    return {};
-  }
-  // A few images come first, because searching all of them for the wrong target may take long.
-  constexpr size_t kFew = 2;
-  constexpr size_t kSome = 4;
-  constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
-  const std::vector<std::string>& other_codes = examination->rig.other_codes;
-  const RunConfig sample = Sample(config, other_codes.empty() ? kSome : kMore);
-  const std::vector<CaptureDetection> few =
-      Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
-  const auto detect_all = [&] {
-    examination->detections = Detections(config, examination->num_threads, examination->verbosity);
-  };
-  bool is_looked_for = false;
-  const auto look_for_other = [&](const std::string& seen) -> std::optional<Symptom> {
-    is_looked_for = true;
-    // Both targets are compared in the same images: the few may not show the target at all.
-    const size_t num_now = NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
-    std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination->num_threads);
-    if (!other) other = Recognise(sample, other_codes, num_now, examination->num_threads);
-    if (!other) return std::nullopt;
-    const RunConfig config_now = config;
-    config.data.target = other->target;
-    config.target_used = other->used;
-    detect_all();
-    // A target of which most is not there is another one again.
-    if (MiddleShare(config, examination->detections) < kLeastShare) {
-      config = config_now;
-      detect_all();
-      return std::nullopt;
-    }
-    return Symptom{Severity::kWrong, "target",
-                   "the images show another target than the config names: that one is detected " + seen + "; with " +
-                       TargetSettingsText(other->settings) + " it is detected " +
-                       SeenText(config, examination->detections),
-                   "set in the target: " + TargetSettingsText(other->settings), InConfig(config, *other)};
-  };
-  if (NumSeen(few) == 0) {
-    if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were searched")) {
-      return {*symptom};
-    }
-  }
-  detect_all();
-  const std::vector<CaptureDetection>& all = examination->detections;
-  if (IsSeenWell(config, all)) return {};
-  const std::string seen = SeenText(config, all);
-  if (!is_looked_for) {
-    if (const std::optional<Symptom> symptom = look_for_other(seen)) return {*symptom};
-  }
+RunConfig WithTarget(RunConfig config, const OtherTarget& other) {
+  config.data.target = other.target;
+  config.target_used = other.used;
+  return config;
+}
 
-  std::string why;
-  for (size_t i = 0; i < all.size() && why.empty(); ++i) {
-    if (all[i].detection.ids.size() >= kMinPosePoints || all[i].detection.reason.empty()) continue;
-    why = " (" + config.data.captures[i].name + ": " + all[i].detection.reason + ")";
+// Returns the target that the images show instead of the config's; nothing if `sample`, a part of them, does not tell
+// it.
+std::optional<ShownTarget> FindShownTarget(const Examination& examination, const RunConfig& sample) {
+  const std::vector<std::string>& other_codes = examination.rig.other_codes;
+  // Both targets are compared in the same images: the few may not show the target at all.
+  const size_t num_now = NumPoints(Detections(sample, examination.num_threads, Verbosity::kQuiet));
+  std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination.num_threads);
+  if (!other) other = Recognise(sample, other_codes, num_now, examination.num_threads);
+  if (!other) return std::nullopt;
+  const RunConfig config = WithTarget(examination.config, *other);
+  std::vector<CaptureDetection> detections = Detections(config, examination.num_threads, examination.verbosity);
+  // A target of which most is not there is another one again.
+  if (MiddleShare(config, detections) < kLeastShare) return std::nullopt;
+  return ShownTarget{std::move(*other), std::move(detections)};
+}
+
+// Makes the examination one of the other target. `seen` says how well that of the config is detected.
+Symptom TakeShownTarget(ShownTarget shown, const std::string& seen, Examination* examination) {
+  const OtherTarget& other = shown.target;
+  examination->config = WithTarget(std::move(examination->config), other);
+  examination->detections = std::move(shown.detections);
+  const std::string settings = TargetSettingsText(other.settings);
+  return {Severity::kWrong, "target",
+          "the images show another target than the config names: that one is detected " + seen + "; with " + settings +
+              " it is detected " + SeenText(examination->config, examination->detections),
+          "set in the target: " + settings, InConfig(examination->config, other)};
+}
+
+// Returns why the first of the images without a pose has none, in parentheses; empty if no reason is known.
+std::string ReasonText(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  for (size_t i = 0; i < detections.size(); ++i) {
+    const Detection& detection = detections[i].detection;
+    if (detection.ids.size() >= kMinPosePoints || detection.reason.empty()) continue;
+    return " (" + config.data.captures[i].name + ": " + detection.reason + ")";
   }
-  const double share = static_cast<double>(NumSeen(all)) / static_cast<double>(all.size());
+  return "";
+}
+
+// Reports that the config's target, which is the right one as far as is known, is detected in too few images. `seen`
+// says how well it is detected.
+std::vector<Symptom> SeldomSeen(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                const std::string& seen) {
+  const std::string why = ReasonText(config, detections);
+  const size_t num_seen = NumSeen(detections);
+  const double share = static_cast<double>(num_seen) / static_cast<double>(detections.size());
   constexpr double kHardly = 0.3;
-  if (share < kHardly || NumSeen(all) < 3) {
+  if (share < kHardly || num_seen < 3) {
     return {{Severity::kWrong, "target_not_seen", "the target is detected " + seen + why,
-             std::string(NumSeen(all) == 0 ? "look at the images" : "look at the images that 'heba detect' writes") +
+             std::string(num_seen == 0 ? "look at the images" : "look at the images that 'heba detect' writes") +
                  ": the target must be complete, sharp and lit, and of the type that the config names"}};
   }
   if (share >= kMostImages) return {};
   return {{Severity::kRemark, "target_often_missed", "the target is detected only " + seen + why,
            "look at the images without points that 'heba detect' writes: are they sharp and lit, and is the target in "
            "view?"}};
+}
+
+}  // namespace
+
+std::vector<Symptom> Check_target(Examination* examination) {
+  const RunConfig& config = examination->config;
+  const auto detect_all = [&] { return Detections(config, examination->num_threads, examination->verbosity); };
+  if (!config.data.given_detections.empty()) {
+    examination->detections = detect_all();
+    return {};
+  }
+  // A few images come first, because searching all of them for the wrong target may take long.
+  constexpr size_t kFew = 2;
+  constexpr size_t kSome = 4;
+  constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
+  const RunConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
+  const std::vector<CaptureDetection> few =
+      Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
+  const bool is_in_none = NumSeen(few) == 0;
+  if (is_in_none) {
+    if (std::optional<ShownTarget> shown = FindShownTarget(*examination, sample)) {
+      return {TakeShownTarget(std::move(*shown), SeenText(config, few) + " that were searched", examination)};
+    }
+  }
+  examination->detections = detect_all();
+  if (IsSeenWell(config, examination->detections)) return {};
+  const std::string seen = SeenText(config, examination->detections);
+  if (!is_in_none) {
+    if (std::optional<ShownTarget> shown = FindShownTarget(*examination, sample)) {
+      return {TakeShownTarget(std::move(*shown), seen, examination)};
+    }
+  }
+  return SeldomSeen(config, examination->detections, seen);
 }
 
 }  // namespace heba
