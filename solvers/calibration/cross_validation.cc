@@ -66,38 +66,111 @@ WhitenedSquares NoiseSquares(const HandEye& hand_eye, const Camera& camera, cons
   return SquaresOfViews(at, held, setup, held_out, false);
 }
 
-}  // namespace
-
-std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
-                                   int num_threads, const std::function<void()>& progress) {
-  CHECK(!options.methods.empty());
-  std::vector<std::string> names = options.methods;
-  names.emplace_back(kChainMethod);
-  names.emplace_back(kBundleMethod);
-  CalibrationOptions fold_options = options;
-  fold_options.symmetries = {Rigid3d()};
-  // Folds use the model that was chosen from all captures.
-  fold_options.choose = {};
-  fold_options.choose_camera_model = false;
-  fold_options.bundle = full.bundle;
-  fold_options.bundle.num_threads = options.bundle.num_threads;
-  fold_options.camera_model = full.camera.model;
-  if (!options.camera) fold_options.camera_start = full.camera;
-  std::vector<std::vector<Outcome<FoldErrors>>> errors(static_cast<size_t>(num_folds),
-                                                       std::vector<Outcome<FoldErrors>>(names.size()));
+// Returns the fold that holds out each view.
+std::vector<int> FoldsOf(heba::Setup setup, const std::vector<View>& views, int num_folds) {
   // Captures at the same robot pose are held out together, because they share its error.
-  std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
+  std::vector<int> fold_of(views.size(), kAlwaysTraining);
   int num_held_out = 0;
-  for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.views)) {
+  for (const std::vector<size_t>& group : GroupByRobotPose(setup, views)) {
     // The two-step method needs these captures, so every fold is trained on them.
     const bool is_needed = std::any_of(group.begin(), group.end(), [&](size_t i) {
-      const CaptureRole role = full.views[i].role;
+      const CaptureRole role = views[i].role;
       return role == CaptureRole::kHome || role == CaptureRole::kTranslateX || role == CaptureRole::kTranslateY;
     });
     if (is_needed) continue;
     for (const size_t i : group) fold_of[i] = num_held_out % num_folds;
     ++num_held_out;
   }
+  return fold_of;
+}
+
+// Returns the options with which the folds are calibrated. They use the model that was chosen from all captures.
+CalibrationOptions OptionsOfFolds(const Calibration& full, const CalibrationOptions& options) {
+  CalibrationOptions fold_options = options;
+  fold_options.symmetries = {Rigid3d()};
+  fold_options.choose = {};
+  fold_options.choose_camera_model = false;
+  fold_options.bundle = full.bundle;
+  fold_options.bundle.num_threads = options.bundle.num_threads;
+  fold_options.camera_model = full.camera.model;
+  if (!options.camera) fold_options.camera_start = full.camera;
+  return fold_options;
+}
+
+// Returns the errors of the refinement, which corrects held-out views by the errors that captures share.
+Outcome<FoldErrors> PredictByRefinement(const Calibration& calibration, heba::Setup setup,
+                                        const std::vector<View>& held_out) {
+  const Outcome<Solution>& refined = calibration.refined;
+  if (!refined) return refined.failure();
+  const std::vector<View> corrected = ApplyShape(CorrectedViews(setup, held_out, *refined), refined->shape);
+  Outcome<FoldErrors> errors = PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, corrected));
+  if (errors) {
+    errors->chi2 = SquaresOfViews(*refined, calibration.bundle, setup, held_out, true);
+    errors->noise = NoiseSquares(refined->hand_eye, refined->camera, *refined, setup, corrected);
+  }
+  return errors;
+}
+
+// Returns the errors on held-out views of all methods, the chain and the refinement, in this order, from a calibration
+// of the others.
+std::vector<Outcome<FoldErrors>> PredictFold(const std::vector<View>& training, const std::vector<View>& held_out,
+                                             const CalibrationOptions& fold_options) {
+  const Outcome<Calibration> calibration = Calibrate(training, fold_options);
+  std::vector<Outcome<FoldErrors>> row(fold_options.methods.size() + 2);
+  if (!calibration) {
+    std::fill(row.begin(), row.end(), Outcome<FoldErrors>(calibration.failure()));
+    return row;
+  }
+  const SeenViews seen(calibration->camera, held_out);
+  for (size_t m = 0; m < calibration->methods.size(); ++m) {
+    const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
+    row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : hand_eye.failure();
+    if (row[m] && calibration->refined) {
+      row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, fold_options.setup, held_out);
+    }
+  }
+  const Outcome<Solution>& chain = calibration->chain;
+  row[row.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : chain.failure();
+  row.back() = PredictByRefinement(*calibration, fold_options.setup, held_out);
+  return row;
+}
+
+// Returns the hold-out of a method, the m-th in each of the `folds`. Folds on which the refinement failed are left out
+// if `drops_failed`.
+HoldOut SumOfFolds(const std::string& name, const std::vector<std::vector<Outcome<FoldErrors>>>& folds, size_t m,
+                   bool drops_failed) {
+  HoldOut result;
+  result.method = name;
+  FoldErrors total;
+  for (size_t fold = 0; fold < folds.size(); ++fold) {
+    const Outcome<FoldErrors>& of_fold = folds[fold][m];
+    if (drops_failed && !folds[fold].back()) continue;
+    if (of_fold) {
+      total.errors.Add(of_fold->errors);
+      total.chi2.Add(of_fold->chi2);
+      total.noise.Add(of_fold->noise);
+    } else if (result.reason.empty()) {
+      result.reason = {FailureCode("of_fold"), {{"fold", static_cast<int>(fold) + 1}}, {}, {of_fold.failure()}};
+    }
+  }
+  if (!result.reason.empty()) return result;
+  result.rms_px = total.errors.pixels.RmsPx();
+  result.target_m = total.errors.RmsDistanceM();
+  result.target_rad = total.errors.RmsAngleRad();
+  result.target_m_of_capture = std::move(total.errors.distance_m_of_capture);
+  result.chi2_per_dof = total.chi2.Mean();
+  if (const std::optional<double> squares = total.noise.Mean()) result.sigmas = std::sqrt(*squares);
+  return result;
+}
+
+}  // namespace
+
+std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
+                                   int num_threads, const std::function<void()>& progress) {
+  CHECK(!options.methods.empty());
+  const CalibrationOptions fold_options = OptionsOfFolds(full, options);
+  const std::vector<int> fold_of = FoldsOf(options.setup, full.views, num_folds);
+  std::vector<std::vector<Outcome<FoldErrors>>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
   ParallelFor(num_folds, num_threads, [&](int fold) {
     std::vector<View> training;
@@ -105,67 +178,19 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     for (size_t i = 0; i < full.views.size(); ++i) {
       (fold_of[i] == fold ? held_out : training).push_back(full.views[i]);
     }
-    const Outcome<Calibration> calibration = Calibrate(training, fold_options);
-    std::vector<Outcome<FoldErrors>>& row = errors[static_cast<size_t>(fold)];
-    if (!calibration) {
-      std::fill(row.begin(), row.end(), Outcome<FoldErrors>(calibration.failure()));
-    } else {
-      const SeenViews seen(calibration->camera, held_out);
-      for (size_t m = 0; m < calibration->methods.size(); ++m) {
-        const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
-        row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : hand_eye.failure();
-        if (row[m] && calibration->refined) {
-          row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out);
-        }
-      }
-      const Outcome<Solution>& chain = calibration->chain;
-      row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : chain.failure();
-      const Outcome<Solution>& refined = calibration->refined;
-      if (!refined) {
-        row.back() = refined.failure();
-      } else {
-        const std::vector<View> corrected =
-            ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape);
-        row.back() = PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, corrected));
-        if (row.back()) {
-          row.back()->chi2 = SquaresOfViews(*refined, calibration->bundle, options.setup, held_out, true);
-          row.back()->noise = NoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, corrected);
-        }
-      }
-    }
+    folds[static_cast<size_t>(fold)] = PredictFold(training, held_out, fold_options);
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
   });
   // A few folds that the refinement cannot fit leave the hold-out to the others, for all methods alike.
   const auto num_failed =
-      std::count_if(errors.begin(), errors.end(), [](const auto& of_fold) { return !of_fold.back(); });
+      std::count_if(folds.begin(), folds.end(), [](const auto& of_fold) { return !of_fold.back(); });
   const bool drops_failed = 2 * num_failed < num_folds;
+  std::vector<std::string> names = options.methods;
+  names.emplace_back(kChainMethod);
+  names.emplace_back(kBundleMethod);
   std::vector<HoldOut> results;
-  for (size_t m = 0; m < names.size(); ++m) {
-    HoldOut result;
-    result.method = names[m];
-    FoldErrors total;
-    for (int fold = 0; fold < num_folds; ++fold) {
-      const Outcome<FoldErrors>& of_fold = errors[static_cast<size_t>(fold)][m];
-      if (drops_failed && !errors[static_cast<size_t>(fold)].back()) continue;
-      if (of_fold) {
-        total.errors.Add(of_fold->errors);
-        total.chi2.Add(of_fold->chi2);
-        total.noise.Add(of_fold->noise);
-      } else if (result.reason.empty()) {
-        result.reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {of_fold.failure()}};
-      }
-    }
-    if (result.reason.empty()) {
-      result.rms_px = total.errors.pixels.RmsPx();
-      result.target_m = total.errors.RmsDistanceM();
-      result.target_rad = total.errors.RmsAngleRad();
-      result.target_m_of_capture = std::move(total.errors.distance_m_of_capture);
-      result.chi2_per_dof = total.chi2.Mean();
-      if (const std::optional<double> squares = total.noise.Mean()) result.sigmas = std::sqrt(*squares);
-    }
-    results.push_back(std::move(result));
-  }
+  for (size_t m = 0; m < names.size(); ++m) results.push_back(SumOfFolds(names[m], folds, m, drops_failed));
   return results;
 }
 

@@ -107,12 +107,9 @@ double PredictionError(const Camera& camera, const View& view, const Rigid3d& ca
   return errors ? std::min(cap, errors->sum_px2) : cap;
 }
 
-}  // namespace
-
-ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
-                        const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries) {
-  CHECK_EQ(views.size(), poses.size());
-  CHECK(!symmetries.empty());
+// Returns the candidates of each view: each of its poses in each reading order, pose by pose.
+Candidates CandidatesOf(const std::vector<View>& views, const std::vector<std::vector<TargetPose>>& poses,
+                        const std::vector<Rigid3d>& symmetries) {
   Candidates candidates(views.size());
   for (size_t i = 0; i < views.size(); ++i) {
     CHECK(!poses[i].empty()) << views[i].name;
@@ -124,36 +121,83 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
       }
     }
   }
+  return candidates;
+}
 
-  // The captures vote, starting from each pose of a few views; one of these poses is correct.
+// Returns the choice for which the captures vote, starting from each pose of a few views; one of these poses is
+// correct.
+Choice VotedChoice(const std::vector<View>& views, const Candidates& candidates, size_t num_symmetries) {
   const AngleVote vote(views, candidates);
   constexpr size_t kMaxAnchors = 5;
   const size_t step = std::max<size_t>(1, views.size() / kMaxAnchors);
   Choice choice(views.size(), 0);
   double best_total = std::numeric_limits<double>::infinity();
   for (size_t anchor = 0; anchor < views.size(); anchor += step) {
-    for (size_t p = 0; p < poses[anchor].size(); ++p) {
+    // The first reading order of each pose suffices.
+    for (size_t a = 0; a < candidates[anchor].size(); a += num_symmetries) {
       double total = 0;
-      const Choice found = vote.From(anchor, static_cast<int>(p * symmetries.size()), &total);
+      const Choice found = vote.From(anchor, static_cast<int>(a), &total);
       if (total < best_total - 1e-12) {
         best_total = total;
         choice = found;
       }
     }
   }
+  return choice;
+}
 
-  // Then refine the choice by calibration: each view takes the reading order that fits its prediction best and,
-  // within that order, the pose nearest to the prediction, until nothing changes. The method with the smallest error
-  // decides.
+// The choice that fits the predictions of a hand-eye calibration best, and the sum of its PredictionErrors, px^2.
+struct PredictedChoice {
+  Choice choice;
+  double error_px2 = 0;
+};
+
+// Returns for each view the reading order that fits its prediction best and, within that order, the pose nearest to the
+// prediction.
+PredictedChoice PredictChoice(const Camera& camera, const std::vector<View>& views, const Candidates& candidates,
+                              const std::vector<Rigid3d>& symmetries, const HandEye& hand_eye) {
+  PredictedChoice next{Choice(views.size()), 0};
+  for (size_t i = 0; i < views.size(); ++i) {
+    const Rigid3d predicted = CameraFromTarget(hand_eye, views[i].camera_mount_from_target_mount);
+    std::vector<double> errors;
+    for (const Rigid3d& symmetry : symmetries) {
+      errors.push_back(PredictionError(camera, views[i], predicted, symmetry));
+    }
+    const int best = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+    next.error_px2 += errors[static_cast<size_t>(best)];
+    double best_angle = std::numeric_limits<double>::infinity();
+    for (size_t a = 0; a < candidates[i].size(); ++a) {
+      if (candidates[i][a].symmetry != best) continue;
+      const double angle = AngleRad(candidates[i][a].camera_from_target, predicted);
+      if (angle >= best_angle) continue;
+      best_angle = angle;
+      next.choice[i] = static_cast<int>(a);
+    }
+  }
+  return next;
+}
+
+// The hand-eye calibration of a choice by one method.
+struct Solved {
+  size_t method;
+  Choice choice;
+  Outcome<HandEye> hand_eye;
+};
+
+}  // namespace
+
+ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
+                        const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries) {
+  CHECK_EQ(views.size(), poses.size());
+  CHECK(!symmetries.empty());
+  const Candidates candidates = CandidatesOf(views, poses, symmetries);
+  const Choice choice = VotedChoice(views, candidates, symmetries.size());
+
+  // The choice is then refined by calibration, until nothing changes. The method with the smallest error decides.
   Choice best_choice = choice;
-  double best_error = std::numeric_limits<double>::infinity();
+  double best_error_px2 = std::numeric_limits<double>::infinity();
   const std::vector<PosePair> voted = Pairs(views, candidates, choice);
   const HandEyeInput voted_input(voted);
-  struct Solved {
-    size_t method;
-    Choice choice;
-    Outcome<HandEye> hand_eye;
-  };
   std::vector<Solved> solved;
   for (size_t m = 0; m < HandEyeMethods().size(); ++m) {
     const HandEyeMethod& method = HandEyeMethods()[m];
@@ -164,31 +208,13 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
           current == choice ? method.solve(voted_input) : method.solve(Pairs(views, candidates, current));
       solved.push_back({m, current, hand_eye});
       if (!hand_eye) break;
-      double error = 0;
-      Choice next(views.size());
-      for (size_t i = 0; i < views.size(); ++i) {
-        const Rigid3d predicted = CameraFromTarget(*hand_eye, views[i].camera_mount_from_target_mount);
-        std::vector<double> errors;
-        for (const Rigid3d& symmetry : symmetries) {
-          errors.push_back(PredictionError(camera, views[i], predicted, symmetry));
-        }
-        const int best = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
-        error += errors[static_cast<size_t>(best)];
-        double best_angle = std::numeric_limits<double>::infinity();
-        for (size_t a = 0; a < candidates[i].size(); ++a) {
-          if (candidates[i][a].symmetry != best) continue;
-          const double angle = AngleRad(candidates[i][a].camera_from_target, predicted);
-          if (angle >= best_angle) continue;
-          best_angle = angle;
-          next[i] = static_cast<int>(a);
-        }
+      const PredictedChoice next = PredictChoice(camera, views, candidates, symmetries, *hand_eye);
+      const bool settled = next.choice == current;
+      if (next.error_px2 < best_error_px2) {
+        best_error_px2 = next.error_px2;
+        best_choice = next.choice;
       }
-      const bool settled = next == current;
-      if (error < best_error) {
-        best_error = error;
-        best_choice = next;
-      }
-      current = next;
+      current = next.choice;
       if (settled) break;
     }
   }

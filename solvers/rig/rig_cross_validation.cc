@@ -77,6 +77,91 @@ Outcome<FoldEstimate> EstimateFold(const RigProblem& problem, const RigPoses& st
   return *reason;
 }
 
+// Returns the fold that holds out each capture.
+std::vector<int> FoldsOf(const RigProblem& problem, int num_folds) {
+  std::vector<int> fold_of(problem.captures.size(), -1);
+  const CaptureGroups groups = GroupByRobotPoses(problem);
+  for (size_t g = 0; g < groups.size(); ++g) {
+    for (const size_t i : groups[g]) fold_of[i] = static_cast<int>(g) % num_folds;
+  }
+  return fold_of;
+}
+
+// Returns the errors on the images of a problem, by a solution that was estimated without them. No camera has a reason.
+FoldErrors ErrorsOnImages(const RigProblem& held_out, const RigSolution& solution) {
+  FoldErrors errors;
+  errors.of_cameras.resize(held_out.cameras.size());
+  errors.reasons.resize(held_out.cameras.size());
+  for (size_t i = 0; i < held_out.captures.size(); ++i) {
+    const std::vector<Rigid3d> base_from_gripper = WithErrors(held_out.captures[i], solution.effects);
+    for (const RigImage& image : held_out.captures[i].images) {
+      if (image.observations.size() == 0) continue;
+      const Camera& camera = solution.cameras[image.camera];
+      const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
+      AddImage(camera, CameraFromTarget(held_out, solution.poses, image.camera, image.target, base_from_gripper),
+               points, EstimateTargetPose(camera, points), i, &errors.of_cameras[image.camera]);
+    }
+  }
+  errors.chi2 = SquaresOf(held_out, solution, true);
+  return errors;
+}
+
+// Returns the errors on the images that a fold holds out.
+Outcome<FoldErrors> PredictFold(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
+                                const std::vector<int>& fold_of, int fold) {
+  Failure reason;
+  const Outcome<FoldEstimate> estimate = EstimateFold(problem, start, options, fold_of, fold, &reason);
+  if (!estimate) return estimate.failure();
+  FoldErrors errors = ErrorsOnImages(PartOf(problem, fold_of, fold, estimate->kept, true), estimate->solution);
+  for (const size_t camera : estimate->kept) errors.reasons[camera] = reason;
+  return errors;
+}
+
+// Returns the figures of a camera by the errors of all folds; `reason` says why it has none, or is empty.
+RigHoldOut HoldOutOf(const HeldOutErrors& errors, const Failure& reason) {
+  RigHoldOut camera;
+  camera.reason = reason;
+  if (!reason.empty()) return camera;
+  if (errors.has_hidden) {
+    camera.reason = FailureCode("hidden_held_out");
+  } else {
+    camera.rms_px = errors.pixels.RmsPx();
+  }
+  if (errors.num_poses == 0) {
+    camera.reason = FailureCode("no_held_out_pose");
+    return camera;
+  }
+  camera.target_m = errors.RmsDistanceM();
+  camera.target_rad = errors.RmsAngleRad();
+  return camera;
+}
+
+// Returns the figures of `num_cameras` cameras; if a fold failed, none has any.
+RigHoldOuts SumOfFolds(const std::vector<Outcome<FoldErrors>>& folds, size_t num_cameras) {
+  RigHoldOuts result;
+  FoldErrors all;
+  all.of_cameras.resize(num_cameras);
+  all.reasons.resize(num_cameras);
+  for (const Outcome<FoldErrors>& fold : folds) {
+    if (!fold) {
+      RigHoldOut failed;
+      failed.reason = fold.failure();
+      result.of_cameras.assign(num_cameras, failed);
+      return result;
+    }
+    for (size_t c = 0; c < num_cameras; ++c) {
+      all.of_cameras[c].Add(fold->of_cameras[c]);
+      if (all.reasons[c].empty()) all.reasons[c] = fold->reasons[c];
+    }
+    all.chi2.Add(fold->chi2);
+  }
+  for (size_t c = 0; c < num_cameras; ++c) {
+    result.of_cameras.push_back(HoldOutOf(all.of_cameras[c], all.reasons[c]));
+  }
+  result.chi2_per_dof = all.chi2.Mean();
+  return result;
+}
+
 }  // namespace
 
 RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOptions& options, int num_folds,
@@ -84,76 +169,17 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   CHECK(full.refined.ok());
   // The points that the full adjustment rejected are no measure of its error.
   const RigProblem problem = WithoutRejected(full.problem, *full.refined);
-  std::vector<int> fold_of(problem.captures.size(), -1);
-  const CaptureGroups groups = GroupByRobotPoses(problem);
-  for (size_t g = 0; g < groups.size(); ++g) {
-    for (const size_t i : groups[g]) fold_of[i] = static_cast<int>(g) % num_folds;
-  }
+  const std::vector<int> fold_of = FoldsOf(problem, num_folds);
   RigOptions fold_options = options.adjustment;
   fold_options.num_threads = 1;
   std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
   ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {
-    Failure reason;
-    const Outcome<FoldEstimate> estimate = EstimateFold(problem, full.start, fold_options, fold_of, fold, &reason);
-    if (!estimate) {
-      folds[static_cast<size_t>(fold)] = estimate.failure();
-    } else {
-      const RigSolution& solution = estimate->solution;
-      FoldErrors errors;
-      errors.of_cameras.resize(problem.cameras.size());
-      errors.reasons.resize(problem.cameras.size());
-      for (const size_t camera : estimate->kept) errors.reasons[camera] = reason;
-      const RigProblem held_out = PartOf(problem, fold_of, fold, estimate->kept, true);
-      for (size_t i = 0; i < held_out.captures.size(); ++i) {
-        const std::vector<Rigid3d> base_from_gripper = WithErrors(held_out.captures[i], solution.effects);
-        for (const RigImage& image : held_out.captures[i].images) {
-          if (image.observations.size() == 0) continue;
-          const Camera& camera = solution.cameras[image.camera];
-          const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
-          AddImage(camera, CameraFromTarget(held_out, solution.poses, image.camera, image.target, base_from_gripper),
-                   points, EstimateTargetPose(camera, points), i, &errors.of_cameras[image.camera]);
-        }
-      }
-      errors.chi2 = SquaresOf(held_out, solution, true);
-      folds[static_cast<size_t>(fold)] = errors;
-    }
+    folds[static_cast<size_t>(fold)] = PredictFold(problem, full.start, fold_options, fold_of, fold);
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
   });
-  RigHoldOuts result;
-  result.of_cameras.resize(problem.cameras.size());
-  FoldErrors all;
-  all.of_cameras.resize(problem.cameras.size());
-  for (const Outcome<FoldErrors>& fold : folds) {
-    if (!fold) {
-      for (RigHoldOut& camera : result.of_cameras) camera.reason = fold.failure();
-      return result;
-    }
-    for (size_t c = 0; c < all.of_cameras.size(); ++c) {
-      all.of_cameras[c].Add(fold->of_cameras[c]);
-      if (result.of_cameras[c].reason.empty()) result.of_cameras[c].reason = fold->reasons[c];
-    }
-    all.chi2.Add(fold->chi2);
-  }
-  for (size_t c = 0; c < all.of_cameras.size(); ++c) {
-    const HeldOutErrors& errors = all.of_cameras[c];
-    RigHoldOut& camera = result.of_cameras[c];
-    if (!camera.reason.empty()) continue;
-    if (errors.has_hidden) {
-      camera.reason = FailureCode("hidden_held_out");
-    } else {
-      camera.rms_px = errors.pixels.RmsPx();
-    }
-    if (errors.num_poses == 0) {
-      camera.reason = FailureCode("no_held_out_pose");
-      continue;
-    }
-    camera.target_m = errors.RmsDistanceM();
-    camera.target_rad = errors.RmsAngleRad();
-  }
-  result.chi2_per_dof = all.chi2.Mean();
-  return result;
+  return SumOfFolds(folds, problem.cameras.size());
 }
 
 }  // namespace heba

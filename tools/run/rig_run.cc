@@ -316,13 +316,94 @@ Outcome<SeenAndCalibrated> CalibrateDetections(const RigDataset& dataset, const 
   return second;
 }
 
+MovesOfCameras MovesWithoutCaptures(const RigProblem& used, const RigSolution& solution) {
+  MovesOfCameras moves;
+  for (size_t c = 0; c < used.cameras.size(); ++c) {
+    moves.push_back(MoveWithoutEachCapture(used, solution, c, LossOf(LossKind::kNone)));
+  }
+  return moves;
+}
+
+// Returns the description and the poses of the rig, without captures and figures.
+RigResult PosesResult(const RigDataset& dataset, const RigCalibration& calibration) {
+  RigResult result;
+  result.name = dataset.name;
+  result.about = dataset.about;
+  result.rig = calibration.problem;
+  result.rig.captures.clear();
+  // The basis of smooth errors is not written.
+  for (std::shared_ptr<const SharedEffects>& effects : result.rig.effects) {
+    if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) effects = nullptr;
+  }
+  for (const std::shared_ptr<const Target>& target : dataset.targets)
+    result.target_types.push_back(std::string(target->type()));
+  result.solution = WithEffectsOf(result.rig, *calibration.refined);
+  result.solution.captures.clear();
+  result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
+  result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
+  result.relative_bases = RelativeBasePoses(result.rig, result.solution);
+  return result;
+}
+
+// Returns the entries of images with the reasons and the points of those that are copies.
+std::vector<RigImageResult> WithDuplicates(std::vector<RigImageResult> images, const RigDataset& dataset,
+                                           const std::vector<DuplicateInRig>& duplicates,
+                                           const std::vector<RigDetection>& detections) {
+  for (const DuplicateInRig& duplicate : duplicates) {
+    const auto entry = std::find_if(images.begin(), images.end(), [&](const RigImageResult& image) {
+      return image.capture == dataset.captures[duplicate.capture].name &&
+             image.camera == dataset.rig.cameras[duplicate.camera].name;
+    });
+    CHECK(entry != images.end());
+    entry->reason = duplicate.reason;
+    for (const RigDetection& detection : detections) {
+      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
+      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
+      if (num_points == 0) continue;
+      entry->targets.push_back(
+          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
+    }
+  }
+  return images;
+}
+
+// Returns the poses of the arms in all captures, with their corrections.
+std::vector<RigCaptureResult> CaptureResults(const RigDataset& dataset, const RigCalibration& calibration) {
+  const RigSolution& solution = *calibration.refined;
+  std::vector<RigCaptureResult> results;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    // With the errors that captures share.
+    std::vector<Rigid3d> corrections =
+        Corrected(WithErrors(calibration.problem.captures[i], solution.effects), solution.captures[i].corrections);
+    for (size_t r = 0; r < corrections.size(); ++r) {
+      corrections[r] = Inverse(dataset.captures[i].base_from_gripper[r]) * corrections[r];
+    }
+    if (solution.captures[i].corrections.empty()) corrections.clear();
+    results.push_back({dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
+  }
+  return results;
+}
+
+// Returns the errors of the cameras with those of held-out images.
+std::vector<RigErrors> WithHoldOuts(std::vector<RigErrors> errors, const std::vector<RigHoldOut>& hold_outs) {
+  for (size_t c = 0; c < hold_outs.size(); ++c) {
+    const RigHoldOut& camera = hold_outs[c];
+    errors[c].holdout_rms_px = camera.rms_px;
+    if (camera.target_m) errors[c].holdout_target_mm = 1000 * *camera.target_m;
+    if (camera.target_rad) errors[c].holdout_target_deg = RadToDeg(*camera.target_rad);
+    errors[c].holdout_reason = camera.reason;
+  }
+  return errors;
+}
+
 Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
   RigRunOutput output;
   RigResult& result = output.result;
+  Timing timing;
   const Stopwatch detect_watch;
   CheckCamerasByHeader(dataset);
   output.detections = DetectRig(dataset, options.detect, options.num_threads, observer);
-  result.timing.detect_s = detect_watch.Seconds();
+  timing.detect_s = detect_watch.Seconds();
   const std::vector<DuplicateInRig> duplicates = FindDuplicates(dataset, output.detections);
   EndIfCancelled(observer);
   const Stopwatch solve_watch;
@@ -334,91 +415,43 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   Outcome<SeenAndCalibrated> calibrated =
       CalibrateDetections(dataset, duplicates, calibration_options, &output.detections, observer);
   if (!calibrated) return calibrated.failure();
-  std::vector<Finding> missing_ids =
+  const std::vector<Finding> missing_ids =
       FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
   const RigProblem seen = std::move(calibrated->seen);
   output.calibration = std::move(calibrated->calibration);
   std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
-  std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
-  Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
-  Advice of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
+  const std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
+  const Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
+  const Advice of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
   AddChanges(of_held.changes, &output.calibration.refined->covariance);
   AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
   const RigSolution& solution = *output.calibration.refined;
   const RigProblem used = WithoutRejected(output.calibration.problem, solution);
-  MovesOfCameras moves;
-  for (size_t c = 0; c < used.cameras.size(); ++c) {
-    moves.push_back(MoveWithoutEachCapture(used, solution, c, LossOf(LossKind::kNone)));
-  }
-  result.timing.refine_s = solution.convergence.seconds;
-  result.timing.seed_s = std::max(0.0, solve_watch.Seconds() - result.timing.refine_s);
+  const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
+  timing.refine_s = solution.convergence.seconds;
+  timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
 
-  result.name = dataset.name;
-  result.about = dataset.about;
-  result.rig = output.calibration.problem;
-  result.rig.captures.clear();
-  // The basis of smooth errors is not written.
-  for (std::shared_ptr<const SharedEffects>& effects : result.rig.effects) {
-    if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) effects = nullptr;
-  }
-  for (const std::shared_ptr<const Target>& target : dataset.targets)
-    result.target_types.push_back(std::string(target->type()));
-  result.solution = WithEffectsOf(result.rig, solution);
-  result.solution.captures.clear();
-  result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
-  result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
-  result.relative_bases = RelativeBasePoses(result.rig, result.solution);
-  result.images = ImageResults(dataset, seen, used, output.calibration, moves);
-  for (const DuplicateInRig& duplicate : duplicates) {
-    const auto entry = std::find_if(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
-      return image.capture == dataset.captures[duplicate.capture].name &&
-             image.camera == dataset.rig.cameras[duplicate.camera].name;
-    });
-    CHECK(entry != result.images.end());
-    entry->reason = duplicate.reason;
-    for (const RigDetection& detection : output.detections) {
-      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
-      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
-      if (num_points == 0) continue;
-      entry->targets.push_back(
-          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
-    }
-  }
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    // With the errors that captures share.
-    std::vector<Rigid3d> corrections = Corrected(WithErrors(output.calibration.problem.captures[i], solution.effects),
-                                                 solution.captures[i].corrections);
-    for (size_t r = 0; r < corrections.size(); ++r) {
-      corrections[r] = Inverse(dataset.captures[i].base_from_gripper[r]) * corrections[r];
-    }
-    if (solution.captures[i].corrections.empty()) corrections.clear();
-    result.captures.push_back(
-        {dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
-  }
+  result = PosesResult(dataset, output.calibration);
+  result.timing = timing;
+  result.images = WithDuplicates(ImageResults(dataset, seen, used, output.calibration, moves), dataset, duplicates,
+                                 output.detections);
+  result.captures = CaptureResults(dataset, output.calibration);
   AddErrors(used, solution, &result);
   AddLeftOutErrors(seen, output.calibration, &result);
   if (options.folds > 1) {
     StageReport report(RunStage::kHoldOut, options.folds, observer);
-    const RigHoldOuts errors =
+    const RigHoldOuts hold_outs =
         CrossValidateRig(output.calibration, calibration_options, options.folds, [&] { report.Step(); });
-    for (size_t c = 0; c < errors.of_cameras.size(); ++c) {
-      const RigHoldOut& camera = errors.of_cameras[c];
-      result.errors[c].holdout_rms_px = camera.rms_px;
-      if (camera.target_m) result.errors[c].holdout_target_mm = 1000 * *camera.target_m;
-      if (camera.target_rad) result.errors[c].holdout_target_deg = RadToDeg(*camera.target_rad);
-      result.errors[c].holdout_reason = camera.reason;
-    }
-    result.holdout_chi2 = errors.chi2_per_dof;
+    result.errors = WithHoldOuts(std::move(result.errors), hold_outs.of_cameras);
+    result.holdout_chi2 = hold_outs.chi2_per_dof;
   }
   RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
-  result.observations = std::move(of_rig);
-  NameKnownArms(result.arms, result.rig.robots, &result.observations);
-  for (Finding& finding : summaries.findings) result.observations.push_back(std::move(finding));
-  for (Finding& finding : of_held.findings) result.observations.push_back(std::move(finding));
-  for (Finding& finding : of_smooth.findings) result.observations.push_back(std::move(finding));
-  for (Finding& finding : directions) result.observations.push_back(std::move(finding));
-  for (Finding& finding : missing_ids) result.observations.push_back(std::move(finding));
+  NameKnownArms(result.arms, result.rig.robots, &of_rig);
+  for (const std::vector<Finding>& findings :
+       {of_rig, summaries.findings, of_held.findings, of_smooth.findings, directions, missing_ids}) {
+    result.observations.insert(result.observations.end(), findings.begin(), findings.end());
+  }
   result.requirements = ReachedInRig(options.requirements, used, solution);
   result.verdict = JudgeRig(result);
   return output;
