@@ -373,36 +373,99 @@ PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::option
   return source;
 }
 
-YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
-  MapReader reader(captures);
+namespace {
+
+// Returns the source of the images that the config names. If it names none, that is the first, whose missing key is
+// reported as an error.
+const Source& FindSource(MapReader& reader) {
   const Source* source = nullptr;
   for (const Source& known : kSources) {
     if (!reader.Has(known.key)) continue;
     if (source != nullptr) reader.Get(known.key).Fail("cannot be combined with '" + std::string(source->key) + "'");
     source = &known;
   }
-  if (source == nullptr) source = &kSources[0];  // No source is given: the missing key is reported as an error.
-  const ConfigValue seen_value = reader.Get(source->key);
-  const std::vector<Seen> seen = source->read(seen_value, &reader, config);
+  return source == nullptr ? kSources[0] : *source;
+}
+
+// The poses of the robot as their file, or folder of files, has them.
+struct RobotPoses {
+  fs::path file;
+  PoseReading reading;
+  std::vector<PoseRow> rows;
+  std::vector<fs::path> data_files;  // The other files that they are read from.
+};
+
+RobotPoses ReadRobotPoses(MapReader& reader) {
+  std::optional<MapReader> mapping;
+  const PoseSource source = ReadPoseSource(reader, "poses", &mapping);
+  if (mapping) {
+    mapping->Finish();
+    reader.Record("poses", mapping->used());
+  }
+  RobotPoses poses;
+  poses.file = source.path;
+  poses.reading = ReadPoseReading(reader);
+  if (poses.reading.format.arm) poses.data_files.emplace_back(poses.reading.format.robot);
+  std::error_code error;
+  if (fs::is_directory(poses.file, error)) {
+    for (const fs::path& file : PoseFilesOf(poses.file)) poses.data_files.push_back(file);
+  }
+  poses.rows = ReadPoses(poses.file, poses.reading.format, {}, source.paths);
+  return poses;
+}
+
+// Returns for each image whether it is left out, by its own name or by that of its row.
+std::vector<bool> ExcludedImages(const std::vector<Seen>& seen, const std::vector<PoseRow>& rows,
+                                 const std::vector<std::optional<size_t>>& image_of_row,
+                                 const std::set<std::string>& excluded) {
+  std::vector<bool> is_excluded(seen.size(), false);
+  for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (image_of_row[i] && excluded.count(rows[i].image) > 0) is_excluded[*image_of_row[i]] = true;
+  }
+  return is_excluded;
+}
+
+// Returns the rows that have no image and are not left out.
+std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
+                                           const std::vector<std::optional<size_t>>& image_of_row,
+                                           const std::set<std::string>& excluded) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!image_of_row[i] && excluded.count(rows[i].image) == 0) names.push_back(rows[i].image);
+  }
+  return names;
+}
+
+// Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
+void CheckCaptures(const Dataset& data, const ConfigValue& value) {
+  if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
+  const bool has_images = std::all_of(data.captures.begin(), data.captures.end(),
+                                      [](const Capture& capture) { return !capture.image.empty(); });
+  if (!has_images && data.given_detections.empty() && data.target_poses.size() != data.captures.size()) {
+    value.Fail(
+        "neither images nor corners nor poses of the target belong to these poses; name the images "
+        "(images)");
+  }
+}
+
+}  // namespace
+
+YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
+  MapReader reader(captures);
+  const Source& source = FindSource(reader);
+  const ConfigValue seen_value = reader.Get(source.key);
+  const std::vector<Seen> seen = source.read(seen_value, &reader, config);
   std::vector<PoseRow> rows;
   if (config->imported && !reader.Has("poses")) {
     config->pose_reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
   } else {
-    std::optional<MapReader> mapping;
-    const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
-    if (mapping) {
-      mapping->Finish();
-      reader.Record("poses", mapping->used());
-    }
-    config->poses_file = poses.path;
-    config->pose_reading = ReadPoseReading(reader);
-    if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
-    std::error_code error;
-    if (fs::is_directory(config->poses_file, error)) {
-      for (const fs::path& file : PoseFilesOf(config->poses_file)) config->data_files.push_back(file);
-    }
-    rows = ReadPoses(config->poses_file, config->pose_reading.format, {}, poses.paths);
+    RobotPoses poses = ReadRobotPoses(reader);
+    config->poses_file = poses.file;
+    config->pose_reading = poses.reading;
+    config->data_files.insert(config->data_files.end(), poses.data_files.begin(), poses.data_files.end());
+    rows = std::move(poses.rows);
   }
 
   ReadJointsFile(reader, config);
@@ -410,21 +473,17 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   reader.Finish();
   const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, *config);
   config->num_images = seen.size();
+  config->poses_without_image = PosesWithoutImage(rows, image_of_row, excluded);
+  for (const std::string& name : config->poses_without_image) {
+    config->data.left_out.push_back({name, "the image is not among those of " + seen_value.key()});
+  }
+  const std::vector<bool> is_excluded = ExcludedImages(seen, rows, image_of_row, excluded);
   std::vector<bool> has_row(seen.size(), false);
-  std::vector<bool> is_excluded(seen.size(), false);
-  for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
   for (size_t i = 0; i < rows.size(); ++i) {
+    if (!image_of_row[i]) continue;
     // A capture is named after its image, or after its row if the row has another name.
-    const bool is_row_excluded = excluded.count(rows[i].image) > 0;
-    if (!image_of_row[i]) {
-      if (is_row_excluded) continue;
-      config->poses_without_image.push_back(rows[i].image);
-      config->data.left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
-      continue;
-    }
     const size_t image = *image_of_row[i];
     has_row[image] = true;
-    if (is_row_excluded) is_excluded[image] = true;
     if (!is_excluded[image]) AddCapture(seen[image], rows[i], config);
   }
   for (size_t i = 0; i < seen.size(); ++i) {
@@ -435,15 +494,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
       config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
     }
   }
-  if (config->data.captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
-  const bool has_images = std::all_of(config->data.captures.begin(), config->data.captures.end(),
-                                      [](const Capture& capture) { return !capture.image.empty(); });
-  if (!has_images && config->data.given_detections.empty() &&
-      config->data.target_poses.size() != config->data.captures.size()) {
-    seen_value.Fail(
-        "neither images nor corners nor poses of the target belong to these poses; name the images "
-        "(images)");
-  }
+  CheckCaptures(config->data, seen_value);
   return reader.used();
 }
 

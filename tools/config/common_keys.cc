@@ -49,6 +49,18 @@ std::string ReadFolderName(MapReader& reader, const std::string& fallback) {
   return name;
 }
 
+fs::path ReadOutput(MapReader& reader, const fs::path& fallback) {
+  if (reader.Has("output")) return reader.Path("output");
+  reader.Record("output", YAML::Node(fallback.string()));
+  return fallback;
+}
+
+std::string UsedText(const MapReader& reader) {
+  YAML::Emitter emitter;
+  emitter << reader.used();
+  return std::string(emitter.c_str()) + "\n";
+}
+
 std::vector<std::pair<std::string, std::string>> ReadAbout(MapReader& root) {
   std::vector<std::pair<std::string, std::string>> about;
   const std::optional<ConfigValue> value = root.Find("about");

@@ -1,6 +1,7 @@
 // Keys that several kinds of configs have.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,6 +22,10 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
 bool HoldsTargetKeys(MapReader& reader, const std::string& key);
 // Reads the key `name`, which must be able to name a folder.
 std::string ReadFolderName(MapReader& reader, const std::string& fallback);
+// Reads the key `output`, a folder, which is `fallback` if it is not stated.
+std::filesystem::path ReadOutput(MapReader& reader, const std::filesystem::path& fallback);
+// Returns what was read, with every default filled in, as YAML.
+std::string UsedText(const MapReader& reader);
 // Reads the key `about`: the user's own texts, for the record.
 std::vector<std::pair<std::string, std::string>> ReadAbout(MapReader& root);
 

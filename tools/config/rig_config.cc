@@ -448,6 +448,69 @@ std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::strin
   return excluded;
 }
 
+// Refuses keys of configs of one camera and one target, and the key that `robots` replaces.
+void RefuseKeysOfOnePair(MapReader& reader) {
+  if (reader.Has("robots") && reader.Has("robot")) {
+    reader.Get("robot").Fail("with 'robots', the keys of an arm are beside its poses: robots.NAME.model");
+  }
+  for (const char* key : {"target", "camera", "setup"}) {
+    if (reader.Has(key)) {
+      reader.Get(key).Fail(
+          "belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
+          "mounts");
+    }
+  }
+}
+
+// Returns a capture with its images, without the arms.
+RigRecording ImagesOfCapture(const std::string& name, const std::vector<std::vector<fs::path>>& images_of_cameras,
+                             size_t index) {
+  RigRecording capture{name, {}, {}};
+  for (const std::vector<fs::path>& of_camera : images_of_cameras) capture.images.push_back(of_camera[index]);
+  return capture;
+}
+
+// Returns the reason why a capture is left out; an empty text if it is not.
+std::string WhyLeftOut(const RigRecording& capture, const std::set<std::string>& excluded) {
+  if (excluded.contains(capture.name)) return "left out by captures.exclude";
+  const bool has_none =
+      std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
+  return has_none ? "no camera has an image of it" : "";
+}
+
+// For each arm the row of each capture; nothing if there is none.
+using RowsOfArms = std::vector<std::vector<std::optional<size_t>>>;
+
+// Returns the row of each arm that belongs to a capture, which must have one of every arm.
+std::vector<size_t> RowsOfCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms, size_t index,
+                                  const std::string& name) {
+  std::vector<size_t> rows;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (!rows_of_arms[r][index]) {
+      throw InputError(arms[r].file.string() + ": has no row for the capture " + name + " of " +
+                       arms.front().file.string());
+    }
+    rows.push_back(*rows_of_arms[r][index]);
+  }
+  return rows;
+}
+
+// Returns the rows of the arms but the first that belong to no capture.
+std::vector<RigLeftOut> RowsWithoutCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms) {
+  std::vector<RigLeftOut> left_out;
+  for (size_t r = 1; r < arms.size(); ++r) {
+    for (size_t j = 0; j < arms[r].rows.size(); ++j) {
+      const auto& places = rows_of_arms[r];
+      if (std::find(places.begin(), places.end(), std::optional(j)) != places.end()) continue;
+      left_out.push_back({RowName(arms[r].file.filename(), arms[r].rows[j]),
+                          "the pose belongs to no capture of " + arms.front().file.filename().string(),
+                          "",
+                          {}});
+    }
+  }
+  return left_out;
+}
+
 }  // namespace
 
 bool IsRigConfig(const fs::path& path, const std::vector<std::string>& settings) {
@@ -463,16 +526,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   MapReader reader(value);
   data.name = ReadFolderName(reader, path.stem().string());
   data.about = ReadAbout(reader);
-  if (reader.Has("robots") && reader.Has("robot")) {
-    reader.Get("robot").Fail("with 'robots', the keys of an arm are beside its poses: robots.NAME.model");
-  }
-  for (const char* key : {"target", "camera", "setup"}) {
-    if (reader.Has(key)) {
-      reader.Get(key).Fail(
-          "belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
-          "mounts");
-    }
-  }
+  RefuseKeysOfOnePair(reader);
   MapReader cameras_reader(reader.Get("cameras"));
   const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
   const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
@@ -486,60 +540,35 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   }
   const std::vector<std::string> names = CaptureNames(first, cameras, images_of_cameras);
   const std::set<std::string> excluded = ReadExcluded(reader, names);
-  std::vector<std::vector<std::optional<size_t>>> rows_of_arms;
+  RowsOfArms rows_of_arms;
   for (const ArmRows& arm : arms) {
     rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
     config.arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
     data.arms.push_back(arm.robot);
   }
   for (size_t i = 0; i < names.size(); ++i) {
-    RigRecording capture{names[i], {}, {}};
-    for (const std::vector<fs::path>& of_camera : images_of_cameras) capture.images.push_back(of_camera[i]);
-    const bool has_none =
-        std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
-    const bool is_excluded = excluded.contains(capture.name);
-    if (is_excluded || has_none) {
-      data.left_out.push_back({capture.name,
-                               is_excluded ? "left out by captures.exclude" : "no camera has an image of it",
-                               capture.name, capture.images});
+    RigRecording capture = ImagesOfCapture(names[i], images_of_cameras, i);
+    if (const std::string reason = WhyLeftOut(capture, excluded); !reason.empty()) {
+      data.left_out.push_back({capture.name, reason, capture.name, capture.images});
       continue;
     }
+    const std::vector<size_t> rows = RowsOfCapture(arms, rows_of_arms, i, capture.name);
     for (size_t r = 0; r < arms.size(); ++r) {
-      if (!rows_of_arms[r][i]) {
-        throw InputError(arms[r].file.string() + ": has no row for the capture " + capture.name + " of " +
-                         first.file.string());
-      }
-      const PoseRow& row = arms[r].rows[*rows_of_arms[r][i]];
+      const PoseRow& row = arms[r].rows[rows[r]];
       capture.base_from_gripper.push_back(row.pose);
-      capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[*rows_of_arms[r][i]]);
+      capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[rows[r]]);
       config.arms[r].numbers.push_back(row.numbers);
     }
     data.captures.push_back(std::move(capture));
   }
-  for (size_t r = 1; r < arms.size(); ++r) {
-    for (size_t j = 0; j < arms[r].rows.size(); ++j) {
-      const auto& places = rows_of_arms[r];
-      if (std::find(places.begin(), places.end(), std::optional(j)) != places.end()) continue;
-      data.left_out.push_back({RowName(arms[r].file.filename(), arms[r].rows[j]),
-                               "the pose belongs to no capture of " + first.file.filename().string(),
-                               "",
-                               {}});
-    }
-  }
+  for (RigLeftOut& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
   if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
-  if (reader.Has("output")) {
-    config.output = reader.Path("output");
-  } else {
-    config.output = fs::absolute(path).parent_path() / "runs" / data.name;
-    reader.Record("output", YAML::Node(config.output.string()));
-  }
+  config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();
-  YAML::Emitter emitter;
-  emitter << reader.used();
-  config.used = std::string(emitter.c_str()) + "\n";
+  config.used = UsedText(reader);
   return config;
 }
 

@@ -209,16 +209,9 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.options.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
-  if (reader.Has("output")) {
-    config.output = reader.Path("output");
-  } else {
-    config.output = fs::absolute(path).parent_path() / "runs" / config.data.name;
-    reader.Record("output", YAML::Node(config.output.string()));
-  }
+  config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);
   reader.Finish();
-  YAML::Emitter emitter;
-  emitter << reader.used();
-  config.used = std::string(emitter.c_str()) + "\n";
+  config.used = UsedText(reader);
   return config;
 }
 

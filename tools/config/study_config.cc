@@ -69,6 +69,12 @@ double ReadShare(const ConfigValue& value) {
   return share;
 }
 
+double ReadPixelSigma(const ConfigValue& value) {
+  const double sigma_px = value.AsQuantity(Quantity::kPixels);
+  if (!(sigma_px > 0)) value.Fail("must be greater than zero");
+  return sigma_px;
+}
+
 YAML::Node ShareNode(double share) { return YAML::Node(RoundTrip(share)); }
 YAML::Node PixelsNode(double value_px) { return QuantityNode(value_px, Quantity::kPixels); }
 
@@ -305,25 +311,10 @@ void RefuseUnused(const StudyGrid& grid, const std::vector<NamedScene>& scenes, 
   }
 }
 
-}  // namespace
-
-StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
-  StudyConfig study;
-  RefuseFolder(path, FileKind::kStudy);
-  const ConfigValue file = ReadYamlFile(path);
-  RefuseOtherKind(file, path, FileKind::kStudy);
-  MapReader reader(file);
-  study.name = ReadFolderName(reader, path.stem().string());
-  study.num_trials = reader.Int("trials", {1, 100000000}, 300);
-  study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
-  const std::vector<NamedScene> scenes = ReadScenes(reader);
-  const auto read_pixel_sigma = [](const ConfigValue& value) {
-    const double sigma_px = value.AsQuantity(Quantity::kPixels);
-    if (!(sigma_px > 0)) value.Fail("must be greater than zero");
-    return sigma_px;
-  };
+// Reads the values of all lists, and what all cells have in common.
+StudyGrid ReadGrid(MapReader& reader) {
   StudyGrid grid;
-  grid.pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, read_pixel_sigma, PixelsNode);
+  grid.pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, ReadPixelSigma, PixelsNode);
   grid.robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise, NoiseNode);
   grid.captures = ReadList<int>(
       reader, "captures", {},
@@ -356,19 +347,25 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   grid.options.seed = reader.Choice("start", seeds, kBestSeed);
   grid.options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   grid.intrinsics = ReadIntrinsics(reader);
-  if (reader.Has("output")) {
-    study.output = reader.Path("output");
-  } else {
-    study.output = std::filesystem::absolute(path).parent_path() / "studies" / study.name;
-    reader.Record("output", YAML::Node(study.output.string()));
-  }
-  reader.Finish();
-  study.used = [&] {
-    YAML::Emitter emitter;
-    emitter << reader.used();
-    return std::string(emitter.c_str()) + "\n";
-  }();
+  return grid;
+}
 
+}  // namespace
+
+StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
+  StudyConfig study;
+  RefuseFolder(path, FileKind::kStudy);
+  const ConfigValue file = ReadYamlFile(path);
+  RefuseOtherKind(file, path, FileKind::kStudy);
+  MapReader reader(file);
+  study.name = ReadFolderName(reader, path.stem().string());
+  study.num_trials = reader.Int("trials", {1, 100000000}, 300);
+  study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  const std::vector<NamedScene> scenes = ReadScenes(reader);
+  const StudyGrid grid = ReadGrid(reader);
+  study.output = ReadOutput(reader, std::filesystem::absolute(path).parent_path() / "studies" / study.name);
+  reader.Finish();
+  study.used = UsedText(reader);
   RefuseUnused(grid, scenes, reader);
   for (const NamedScene& named : scenes) RefuseUnsimulated(named);
   for (const NamedScene& named : scenes) {

@@ -101,80 +101,100 @@ ImportedFiles FilesOf(const ImportedRig& rig, const fs::path& output) {
   return made;
 }
 
+namespace {
+
+bool HasImages(const ImportedSet& set) {
+  return All(set, [](const ImportedCapture& capture) { return !capture.image.empty(); });
+}
+
+bool HasCorners(const ImportedSet& set) {
+  return std::any_of(set.captures.begin(), set.captures.end(),
+                     [](const ImportedCapture& capture) { return !capture.ids.empty(); });
+}
+
+bool HasTargetPoses(const ImportedSet& set) {
+  return All(set, [](const ImportedCapture& capture) { return capture.camera_from_target.has_value(); });
+}
+
+// Each of the following functions returns a part of the config with the files that it names.
+
+ImportedFiles TargetPart(const ImportedSet& set) {
+  if (!set.target.empty()) return {{{"target.yaml", set.target}}, "target: target.yaml\n"};
+  if (HasImages(set) || HasCorners(set)) return {{}, "# target: ...: the data set does not describe it\n"};
+  return {};
+}
+
+ImportedFiles CameraPart(const ImportedSet& set) {
+  if (!set.camera) return {};
+  Camera camera = *set.camera;
+  if (camera.width_px == 0 && HasImages(set)) {
+    const cv::Mat image = ReadGreyImage(set.captures.front().image);
+    camera.width_px = image.cols;
+    camera.height_px = image.rows;
+  }
+  if (camera.width_px <= 0) {
+    return {{}, "# camera: the data set has one, but does not state the size of its images\n"};
+  }
+  return {{{"camera.yaml", CameraToYaml(camera)}}, "camera:\n  intrinsics: camera.yaml\n"};
+}
+
+// Returns the file with the corners.
+std::string DetectionsOf(const ImportedSet& set) {
+  std::vector<Capture> captures;
+  std::vector<CaptureDetection> detections;
+  for (const ImportedCapture& capture : set.captures) {
+    captures.push_back({capture.name, capture.image, CaptureRole::kNone, Rigid3d()});
+    CaptureDetection detection;
+    detection.detection.ids = capture.ids;
+    detection.detection.pixels = capture.pixels;
+    detections.push_back(std::move(detection));
+  }
+  return DetectionsToJson(captures, detections);
+}
+
+// Returns the part with the corners, the images or the poses of the target, of which the first that the data set has
+// are used.
+ImportedFiles SeenPart(const ImportedSet& set, const fs::path& output) {
+  if (HasCorners(set)) return {{{"detections.json", DetectionsOf(set)}}, "  detections: detections.json\n"};
+  if (HasImages(set)) {
+    ImportedFiles part{{}, "  images:\n"};
+    for (const ImportedCapture& capture : set.captures) {
+      part.config += "    - " + PathFrom(output, capture.image) + "\n";
+    }
+    return part;
+  }
+  if (!HasTargetPoses(set)) return {{}, "  # images: ...: the data set has poses only\n"};
+  std::vector<PoseRow> rows;
+  for (const ImportedCapture& capture : set.captures) {
+    rows.push_back({capture.name, CaptureRole::kNone, *capture.camera_from_target, 0, {}});
+  }
+  return {{{"target_poses.csv", PoseFileText(rows, *FindPoseFormat("ros"))}}, "  target_poses: target_poses.csv\n"};
+}
+
+ImportedFiles PosesPart(const ImportedSet& set) {
+  if (!All(set, [](const ImportedCapture& capture) { return capture.base_from_gripper.has_value(); })) {
+    return {{}, "  # poses: ...: the data set has none\n"};
+  }
+  const bool is_named = HasImages(set) || HasCorners(set) || HasTargetPoses(set);
+  std::vector<PoseRow> rows;
+  for (const ImportedCapture& capture : set.captures) {
+    rows.push_back({is_named ? capture.name : "", CaptureRole::kNone, *capture.base_from_gripper, 0, {}});
+  }
+  return {{{"poses.csv", PoseFileText(rows, *FindPoseFormat("ros"))}}, "  poses: poses.csv\n  pose_format: ros\n"};
+}
+
+}  // namespace
+
 ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   ImportedFiles made;
-  std::string& config = made.config;
-  const auto add = [&](const std::string& name, const std::string& text) { made.files.emplace_back(name, text); };
-  config = "# From a data set of " + set.format + ".\n";
-  for (const std::string& remark : set.remarks) config += "# " + remark + "\n";
-  config += set.setup ? "setup: " + std::string(SetupName(*set.setup)) + "\n"
-                      : "# setup: eye_to_hand (camera fixed) or eye_in_hand: the data set does not say which\n";
-  const bool has_images = All(set, [](const ImportedCapture& capture) { return !capture.image.empty(); });
-  const bool has_corners =
-      std::any_of(set.captures.begin(), set.captures.end(), [](const ImportedCapture& c) { return !c.ids.empty(); });
-  const bool has_target_poses = All(set, [](const ImportedCapture& c) { return c.camera_from_target.has_value(); });
-  if (!set.target.empty()) {
-    add("target.yaml", set.target);
-    config += "target: target.yaml\n";
-  } else if (has_images || has_corners) {
-    config += "# target: ...: the data set does not describe it\n";
-  }
-  if (set.camera) {
-    Camera camera = *set.camera;
-    if (camera.width_px == 0 && has_images) {
-      const cv::Mat image = ReadGreyImage(set.captures.front().image);
-      camera.width_px = image.cols;
-      camera.height_px = image.rows;
-    }
-    if (camera.width_px > 0) {
-      add("camera.yaml", CameraToYaml(camera));
-      config += "camera:\n  intrinsics: camera.yaml\n";
-    } else {
-      config += "# camera: the data set has one, but does not state the size of its images\n";
-    }
-  }
-  config += "captures:\n";
-  const PoseFormat& ros = *FindPoseFormat("ros");
-  if (has_images && !has_corners) {
-    config += "  images:\n";
-    for (const ImportedCapture& capture : set.captures) {
-      config += "    - " + PathFrom(output, capture.image) + "\n";
-    }
-  } else if (has_corners) {
-    std::vector<Capture> captures;
-    std::vector<CaptureDetection> detections;
-    for (const ImportedCapture& capture : set.captures) {
-      captures.push_back({capture.name, capture.image, CaptureRole::kNone, Rigid3d()});
-      CaptureDetection detection;
-      detection.detection.ids = capture.ids;
-      detection.detection.pixels = capture.pixels;
-      detections.push_back(std::move(detection));
-    }
-    add("detections.json", DetectionsToJson(captures, detections));
-    config += "  detections: detections.json\n";
-  } else if (has_target_poses) {
-    std::vector<PoseRow> rows;
-    for (const ImportedCapture& c : set.captures) {
-      rows.push_back({c.name, CaptureRole::kNone, *c.camera_from_target, 0, {}});
-    }
-    add("target_poses.csv", PoseFileText(rows, ros));
-    config += "  target_poses: target_poses.csv\n";
-  } else {
-    config += "  # images: ...: the data set has poses only\n";
-  }
-  if (All(set, [](const ImportedCapture& capture) { return capture.base_from_gripper.has_value(); })) {
-    std::vector<PoseRow> rows;
-    for (const ImportedCapture& c : set.captures) {
-      rows.push_back({has_images || has_corners || has_target_poses ? c.name : "",
-                      CaptureRole::kNone,
-                      *c.base_from_gripper,
-                      0,
-                      {}});
-    }
-    add("poses.csv", PoseFileText(rows, ros));
-    config += "  poses: poses.csv\n  pose_format: ros\n";
-  } else {
-    config += "  # poses: ...: the data set has none\n";
+  made.config = "# From a data set of " + set.format + ".\n";
+  for (const std::string& remark : set.remarks) made.config += "# " + remark + "\n";
+  made.config += set.setup ? "setup: " + std::string(SetupName(*set.setup)) + "\n"
+                           : "# setup: eye_to_hand (camera fixed) or eye_in_hand: the data set does not say which\n";
+  for (const ImportedFiles& part :
+       {TargetPart(set), CameraPart(set), {{}, "captures:\n"}, SeenPart(set, output), PosesPart(set)}) {
+    made.files.insert(made.files.end(), part.files.begin(), part.files.end());
+    made.config += part.config;
   }
   return made;
 }

@@ -245,16 +245,15 @@ std::optional<ShownTarget> FindShownTarget(const Examination& examination, const
   return ShownTarget{std::move(*other), std::move(detections)};
 }
 
-// Makes the examination one of the other target. `seen` says how well that of the config is detected.
-Symptom TakeShownTarget(ShownTarget shown, const std::string& seen, Examination* examination) {
-  const OtherTarget& other = shown.target;
-  examination->config = WithTarget(std::move(examination->config), other);
-  examination->detections = std::move(shown.detections);
+// Reports that the images show another target. `config` and `detections` are those with it; `seen` says how well that
+// of the config is detected.
+Symptom OtherTargetSymptom(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                           const OtherTarget& other, const std::string& seen) {
   const std::string settings = TargetSettingsText(other.settings);
   return {Severity::kWrong, "target",
           "the images show another target than the config names: that one is detected " + seen + "; with " + settings +
-              " it is detected " + SeenText(examination->config, examination->detections),
-          "set in the target: " + settings, InConfig(examination->config, other)};
+              " it is detected " + SeenText(config, detections),
+          "set in the target: " + settings, InConfig(config, other)};
 }
 
 // Returns why the first of the images without a pose has none, in parentheses; empty if no reason is known.
@@ -303,20 +302,19 @@ std::vector<Symptom> Check_target(Examination* examination) {
   const std::vector<CaptureDetection> few =
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;
-  if (is_in_none) {
-    if (std::optional<ShownTarget> shown = FindShownTarget(*examination, sample)) {
-      return {TakeShownTarget(std::move(*shown), SeenText(config, few) + " that were searched", examination)};
-    }
+  std::string seen = SeenText(config, few) + " that were searched";
+  std::optional<ShownTarget> shown;
+  if (is_in_none) shown = FindShownTarget(*examination, sample);
+  if (!shown) {
+    examination->detections = detect_all();
+    if (IsSeenWell(config, examination->detections)) return {};
+    seen = SeenText(config, examination->detections);
+    if (!is_in_none) shown = FindShownTarget(*examination, sample);
   }
-  examination->detections = detect_all();
-  if (IsSeenWell(config, examination->detections)) return {};
-  const std::string seen = SeenText(config, examination->detections);
-  if (!is_in_none) {
-    if (std::optional<ShownTarget> shown = FindShownTarget(*examination, sample)) {
-      return {TakeShownTarget(std::move(*shown), seen, examination)};
-    }
-  }
-  return SeldomSeen(config, examination->detections, seen);
+  if (!shown) return SeldomSeen(config, examination->detections, seen);
+  examination->config = WithTarget(std::move(examination->config), shown->target);
+  examination->detections = std::move(shown->detections);
+  return {OtherTargetSymptom(config, examination->detections, shown->target, seen)};
 }
 
 }  // namespace heba
