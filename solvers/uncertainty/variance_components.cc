@@ -231,6 +231,30 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     return derivatives;
   }
 
+  // C, the unknowns C J^T S^-1 y and the log-determinant of the inverse of C in units of the priors' sigmas.
+  struct EstimatedUnknowns {
+    Eigen::MatrixXd covariance;
+    Eigen::VectorXd step;
+    double log_determinant = 0;
+  };
+  // Returns nothing if the captures and the priors do not determine the unknowns. `products` are [J, y]^T S^-1 [J, y].
+  std::optional<EstimatedUnknowns> EstimateUnknowns(const Eigen::MatrixXd& products,
+                                                    const Eigen::VectorXd& variances) const;
+
+  // A capture's S^-1 and S^-1 J C J^T S^-1 ("seen"), multiplied by its effects A on the right, or on both sides.
+  struct ProductsOfEffects {
+    ByEffects inverse_a;
+    ByEffects seen_a;
+    EffectSquare a_inverse_a;
+    EffectSquare a_seen_a;
+
+    ProductsOfEffects(const ByEffects& a, const Square& inverse, const Square& seen)
+        : inverse_a(inverse * a),
+          seen_a(seen * a),
+          a_inverse_a(a.transpose() * inverse_a),
+          a_seen_a(a.transpose() * seen_a) {}
+  };
+
   // Adds the scores and the Fisher information of the variances of unknowns: J^T S^-1 [J, y] in `products`, C in
   // `covariance`, and the other variances' derivatives.
   void AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
@@ -248,6 +272,56 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   double num_independent_ = 0;
 };
 
+// Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both multiplied by
+// the factors of V_k and V_l.
+template <class Inverse, class Seen>
+double FisherOf(const Inverse& inverse, const Seen& seen) {
+  return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
+}
+
+// Returns 1/2 tr(C F_k C F_l) for each pair of F, the derivatives that are not empty, in the lower triangle.
+Eigen::MatrixXd FisherOfUnknowns(const Eigen::MatrixXd& covariance, const std::vector<Eigen::MatrixXd>& derivatives) {
+  const auto size = static_cast<Eigen::Index>(derivatives.size());
+  Eigen::MatrixXd fisher = Eigen::MatrixXd::Zero(size, size);
+  std::vector<Eigen::MatrixXd> falls(derivatives.size());
+  for (size_t k = 0; k < derivatives.size(); ++k) {
+    if (derivatives[k].size() > 0) falls[k] = covariance * derivatives[k];
+  }
+  for (size_t k = 0; k < falls.size(); ++k) {
+    for (size_t l = 0; l <= k; ++l) {
+      if (falls[k].size() == 0 || falls[l].size() == 0) continue;
+      fisher(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) =
+          0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
+    }
+  }
+  return fisher;
+}
+
+template <int kRows, int kEffects>
+auto LikelihoodOfRows<kRows, kEffects>::EstimateUnknowns(const Eigen::MatrixXd& products,
+                                                         const Eigen::VectorXd& variances) const
+    -> std::optional<EstimatedUnknowns> {
+  const Eigen::Index n = num_unknowns_;
+  // The unknowns in units of their prior's sigma, so that a sigma of zero is allowed.
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(n);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    units[shared_.columns[i]] = std::sqrt(variances[shared_.groups[i]]);
+  }
+  Eigen::MatrixXd information = units.asDiagonal() * products.topLeftCorner(n, n) * units.asDiagonal();
+  for (const Eigen::Index column : shared_.columns) information(column, column) += 1;
+  // Scaled before factorisation because metres, radians and pixels are mixed.
+  const Eigen::VectorXd scale =
+      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const auto factor = Cholesky(scale.asDiagonal() * information * scale.asDiagonal());
+  if (!factor) return std::nullopt;
+  const Eigen::VectorXd all_units = units.cwiseProduct(scale);
+  EstimatedUnknowns unknowns;
+  unknowns.covariance = all_units.asDiagonal() * factor->Inverse() * all_units.asDiagonal();
+  unknowns.step = unknowns.covariance * products.col(n).head(n);
+  unknowns.log_determinant = factor->LogDeterminant() - 2 * scale.array().log().sum();
+  return unknowns;
+}
+
 // With the unknowns' columns J, the covariance S of the captures' rows and D, the prior variances of unknowns that have
 // one, the covariance of all rows is S + J D J^T. Its projection P = S^-1 - S^-1 J C J^T S^-1, where C is the inverse
 // of J^T S^-1 J + D^-1 (no row for a prior that does not exist, and the limit for a variance of zero), gives
@@ -263,25 +337,10 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   result.fisher.setZero(num_groups_, num_groups_);
   const Whitening whitening(*this, variances);
   if (!whitening.is_regular()) return result;
-  double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants();
   const Eigen::MatrixXd products = independent_ / p + whitening.products();
-  // The unknowns in units of their prior's sigma, so that a sigma of zero is allowed.
-  Eigen::VectorXd units = Eigen::VectorXd::Ones(n);
-  for (size_t i = 0; i < shared_.columns.size(); ++i) {
-    units[shared_.columns[i]] = std::sqrt(variances[shared_.groups[i]]);
-  }
-  Eigen::MatrixXd information = units.asDiagonal() * products.topLeftCorner(n, n) * units.asDiagonal();
-  for (const Eigen::Index column : shared_.columns) information(column, column) += 1;
-  // Scaled before factorisation because metres, radians and pixels are mixed.
-  const Eigen::VectorXd scale =
-      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
-  const auto factor = Cholesky(scale.asDiagonal() * information * scale.asDiagonal());
-  if (!factor) return result;
-  log_determinants += factor->LogDeterminant() - 2 * scale.array().log().sum();
-  const Eigen::VectorXd all_units = units.cwiseProduct(scale);
-  const Eigen::MatrixXd covariance = all_units.asDiagonal() * factor->Inverse() * all_units.asDiagonal();
-  const Eigen::VectorXd step = covariance * products.col(n).head(n);
-
+  const std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
+  if (!unknowns) return result;
+  const auto& [covariance, step, log_determinant] = *unknowns;
   const double independent_squares =
       independent_(n, n) - 2 * step.dot(independent_right) + step.dot(independent * step);
   const double independent_seen = covariance.cwiseProduct(independent).sum();
@@ -292,11 +351,6 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   }
   result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
   result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
-  // Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both
-  // multiplied by the factors of V_k and V_l.
-  const auto fisher_of = [](const auto& inverse, const auto& seen) {
-    return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
-  };
   Rows by_covariance(num_rows_, n);
   for (size_t v = 0; v < dependent_.size(); ++v) {
     const DependentRows& capture = dependent_[v];
@@ -307,48 +361,35 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
     squares += residual.dot(weighted);
     by_covariance = by_unknowns.lazyProduct(covariance);
     const Square seen = by_covariance.lazyProduct(by_unknowns.transpose());
-    const ByEffects& g = capture.by_effects;
-    const ByEffects inverse_g = inverse * g;
-    const ByEffects seen_g = seen * g;
-    const EffectSquare g_inverse_g = g.transpose() * inverse_g;
-    const EffectSquare g_seen_g = g.transpose() * seen_g;
-    const EffectVector g_weighted = g.transpose() * weighted;
+    const ProductsOfEffects of(capture.by_effects, inverse, seen);
+    const EffectVector a_weighted = capture.by_effects.transpose() * weighted;
     result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
-    result.fisher(0, 0) += fisher_of(inverse, seen);
+    result.fisher(0, 0) += FisherOf(inverse, seen);
     for (const EffectColumns::Range& a : effects_.ranges) {
       WithSize(a.size, [&](auto a_size) {
         constexpr int kA = a_size();
-        result.gradient[a.group] += 0.5 * (g_weighted.template segment<kA>(a.first, a.size).squaredNorm() -
-                                           g_inverse_g.diagonal().template segment<kA>(a.first, a.size).sum() +
-                                           g_seen_g.diagonal().template segment<kA>(a.first, a.size).sum());
-        result.fisher(a.group, 0) += fisher_of(inverse_g.template middleCols<kA>(a.first, a.size),
-                                               seen_g.template middleCols<kA>(a.first, a.size));
+        result.gradient[a.group] += 0.5 * (a_weighted.template segment<kA>(a.first, a.size).squaredNorm() -
+                                           of.a_inverse_a.diagonal().template segment<kA>(a.first, a.size).sum() +
+                                           of.a_seen_a.diagonal().template segment<kA>(a.first, a.size).sum());
+        result.fisher(a.group, 0) += FisherOf(of.inverse_a.template middleCols<kA>(a.first, a.size),
+                                              of.seen_a.template middleCols<kA>(a.first, a.size));
         for (const EffectColumns::Range& b : effects_.ranges) {
           if (b.group > a.group) break;
           WithSize(b.size, [&](auto b_size) {
             constexpr int kB = b_size();
             result.fisher(a.group, b.group) +=
-                fisher_of(g_inverse_g.template block<kA, kB>(a.first, b.first, a.size, b.size),
-                          g_seen_g.template block<kA, kB>(a.first, b.first, a.size, b.size));
+                FisherOf(of.a_inverse_a.template block<kA, kB>(a.first, b.first, a.size, b.size),
+                         of.a_seen_a.template block<kA, kB>(a.first, b.first, a.size, b.size));
           });
         }
       });
     }
   }
   const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
-  std::vector<Eigen::MatrixXd> falls(derivatives.size());
-  for (size_t k = 0; k < derivatives.size(); ++k) {
-    if (derivatives[k].size() > 0) falls[k] = covariance * derivatives[k];
-  }
-  for (size_t k = 0; k < falls.size(); ++k) {
-    for (size_t l = 0; l <= k; ++l) {
-      if (falls[k].size() == 0 || falls[l].size() == 0) continue;
-      result.fisher(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
-          0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
-    }
-  }
+  result.fisher += FisherOfUnknowns(covariance, derivatives);
   if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, variances, derivatives, &result);
   result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
+  const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;
 }

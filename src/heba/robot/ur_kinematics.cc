@@ -31,6 +31,54 @@ bool IsCosine(double* value) {
 
 std::string Mm(double m) { return Significant(1000 * m, 3) + " mm"; }
 
+// Returns whether the sixth joint is undetermined, by the sine of the angle between the arm's normal and axis 6.
+bool IsWristFree(double wrist_sine) {
+  constexpr double kNothing = 1e-9;
+  return wrist_sine < kNothing;
+}
+
+// Returns UrPosture::singularity; `elbow_rad` is the third joint.
+std::string SingularityText(double wrist_sine, double elbow_rad, double shoulder_cosine) {
+  constexpr double kNearSingular = 1e-3;  // Limit of the sine.
+  std::vector<std::string> words;
+  if (IsWristFree(wrist_sine)) {
+    words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and set to 0");
+  } else if (wrist_sine < kNearSingular) {
+    words.emplace_back("wrist: axes 4 and 6 are nearly parallel");
+  }
+  if (std::abs(std::sin(elbow_rad)) < kNearSingular) words.emplace_back("elbow: the arm is stretched or folded");
+  if (std::abs(std::sin(std::acos(shoulder_cosine))) < kNearSingular) {
+    words.emplace_back("shoulder: the wrist is close to the axis of the base");
+  }
+  return Join(words, "; ");
+}
+
+// Joints 2 to 4, whose axes are parallel.
+struct PlanarJoints {
+  double q2 = 0;
+  double q3 = 0;
+  double q4 = 0;
+};
+
+// Returns the postures of a planar arm with two links whose last frame is `from_4` in the first: elbow up and down, or
+// none if it is out of reach.
+std::vector<PlanarJoints> PlanarPosturesOf(const UrRobot& robot, const Rigid3d& from_4) {
+  const double u = from_4.translation.x();
+  const double v = from_4.translation.y();
+  const double squared = u * u + v * v;
+  double elbow_cosine = (squared - robot.a2_m * robot.a2_m - robot.a3_m * robot.a3_m) / (2 * robot.a2_m * robot.a3_m);
+  if (!IsCosine(&elbow_cosine)) return {};
+  std::vector<PlanarJoints> postures;
+  for (const double elbow : {1.0, -1.0}) {
+    const double q3 = elbow * std::acos(elbow_cosine);
+    const double q2 = std::atan2(v, u) - std::atan2(robot.a3_m * std::sin(q3), robot.a2_m + robot.a3_m * std::cos(q3));
+    const Eigen::Matrix3d r4 = from_4.RotationMatrix();
+    const double q4 = std::atan2(r4(1, 0), r4(0, 0)) - q2 - q3;
+    postures.push_back({q2, q3, q4});
+  }
+  return postures;
+}
+
 }  // namespace
 
 const std::vector<UrRobot>& UrRobots() {
@@ -54,7 +102,6 @@ Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& q) {
 }
 
 Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange) {
-  constexpr double kNearSingular = 1e-3;  // Limit of the sine.
   const Eigen::Matrix3d r = base_from_flange.RotationMatrix();
   const Eigen::Vector3d& p = base_from_flange.translation;
   // The origin of frame 5, the wrist, has the distance d4 from the plane of the arm, which leaves two solutions for the
@@ -77,50 +124,28 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
     // the sixth. If it is parallel to axis 6, the sixth joint is undetermined.
     const Eigen::Vector3d normal = r.transpose() * Eigen::Vector3d(s1, -c1, 0);
     const double sine = normal.head<2>().norm();
-    constexpr double kNothing = 1e-9;
-    const bool is_free = sine < kNothing;
+    const bool is_free = IsWristFree(sine);
     for (const double flip : {1.0, -1.0}) {
       if (is_free && flip < 0) continue;  // It is the same posture.
       const double q5 = flip * std::atan2(sine, normal.z());
       const double q6 = is_free ? 0 : std::atan2(-flip * normal.y(), flip * normal.x());
-      // The remaining problem is a planar arm with two links.
       const Rigid3d from_4 = Inverse(DhLink(q1, robot.d1_m, 0, kPi / 2)) * base_from_flange *
                              Inverse(DhLink(q5, robot.d5_m, 0, -kPi / 2) * DhLink(q6, robot.d6_m, 0, 0));
-      const double u = from_4.translation.x();
-      const double v = from_4.translation.y();
-      const double squared = u * u + v * v;
-      double elbow_cosine =
-          (squared - robot.a2_m * robot.a2_m - robot.a3_m * robot.a3_m) / (2 * robot.a2_m * robot.a3_m);
-      if (!IsCosine(&elbow_cosine)) {
+      const std::vector<PlanarJoints> planar = PlanarPosturesOf(robot, from_4);
+      if (planar.empty()) {
+        const double u = from_4.translation.x();
+        const double v = from_4.translation.y();
+        const double distance_m = std::sqrt(u * u + v * v);
         const double reach_m = std::abs(robot.a2_m) + std::abs(robot.a3_m);
         const double least_m = std::abs(std::abs(robot.a2_m) - std::abs(robot.a3_m));
-        const double distance_m = std::sqrt(squared);
         if (distance_m > reach_m)
           too_far_m = too_far_m == 0 ? distance_m - reach_m : std::min(too_far_m, distance_m - reach_m);
         if (distance_m < least_m)
           too_near_m = too_near_m == 0 ? least_m - distance_m : std::min(too_near_m, least_m - distance_m);
-        continue;
       }
-      for (const double elbow : {1.0, -1.0}) {
-        const double q3 = elbow * std::acos(elbow_cosine);
-        const double q2 =
-            std::atan2(v, u) - std::atan2(robot.a3_m * std::sin(q3), robot.a2_m + robot.a3_m * std::cos(q3));
-        const Eigen::Matrix3d r4 = from_4.RotationMatrix();
-        const double q4 = std::atan2(r4(1, 0), r4(0, 0)) - q2 - q3;
-        UrPosture posture;
-        posture.joints_rad = {Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)};
-        std::vector<std::string> words;
-        if (is_free) {
-          words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and set to 0");
-        } else if (sine < kNearSingular) {
-          words.emplace_back("wrist: axes 4 and 6 are nearly parallel");
-        }
-        if (std::abs(std::sin(q3)) < kNearSingular) words.emplace_back("elbow: the arm is stretched or folded");
-        if (std::abs(std::sin(std::acos(shoulder_cosine))) < kNearSingular) {
-          words.emplace_back("shoulder: the wrist is close to the axis of the base");
-        }
-        posture.singularity = Join(words, "; ");
-        postures.push_back(std::move(posture));
+      for (const auto& [q2, q3, q4] : planar) {
+        postures.push_back({{Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)},
+                            SingularityText(sine, q3, shoulder_cosine)});
       }
     }
   }

@@ -27,12 +27,16 @@ KDL::Frame ToKdl(const urdf::Pose& pose) {
           ToKdl(pose.position)};
 }
 
+bool IsTurningJoint(const urdf::Joint& joint) {
+  return joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS;
+}
+
 // Converts a joint to KDL's convention: the motion about an axis in the parent's frame, then the pose of the child.
 KDL::Segment ToKdl(const urdf::Joint& joint) {
   const KDL::Frame origin = ToKdl(joint.parent_to_joint_origin_transform);
   const KDL::Vector axis = origin.M * ToKdl(joint.axis);
   KDL::Joint::JointType type = KDL::Joint::None;
-  if (joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS) type = KDL::Joint::RotAxis;
+  if (IsTurningJoint(joint)) type = KDL::Joint::RotAxis;
   if (joint.type == urdf::Joint::PRISMATIC) type = KDL::Joint::TransAxis;
   const KDL::Joint moving =
       type == KDL::Joint::None ? KDL::Joint(joint.name, type) : KDL::Joint(joint.name, origin.p, axis, type);
@@ -246,73 +250,86 @@ void CheckXml(const std::filesystem::path& path, const std::string& text) {
   if (DepthOf(text) > kMaxDepth) throw InputError(path.string() + ": is not a URDF: elements are nested too deeply");
 }
 
-}  // namespace
-
-std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, const std::string& base_link,
-                                             const std::string& tip_link) {
+// Returns the model of a file; it may be null or have no root.
+urdf::ModelInterfaceSharedPtr ParseModel(const std::filesystem::path& path) {
   constexpr size_t kMaxBytes = size_t{16} << 20;
   const std::string text = ReadTextFile(path, kMaxBytes);
   CheckXml(path, text);
   // The parser would otherwise print messages to the terminal.
   console_bridge::noOutputHandler();
-  urdf::ModelInterfaceSharedPtr model;
   try {
-    model = urdf::parseURDF(text);
+    return urdf::parseURDF(text);
   } catch (const std::exception& error) {
     throw InputError(path.string() + ": is not a URDF: " + Quoted(error.what()));
   }
-  const LinkRings rings{model};
-  if (!model || !model->getRoot()) throw InputError(path.string() + ": is not a URDF; xacro must be expanded first");
-  const std::string base = base_link.empty() ? model->getRoot()->name : base_link;
-  const std::string tip = tip_link.empty() ? FindTip(*model, path) : tip_link;
+}
+
+void CheckLink(const urdf::ModelInterface& model, const std::string& name, const std::filesystem::path& path) {
+  if (model.getLink(name)) return;
   std::vector<std::string> names;
-  for (const auto& entry : model->links_) names.push_back(entry.first);
-  for (const std::string& name : {base, tip}) {
-    if (!model->getLink(name)) {
-      throw InputError(path.string() + ": has no link " + Quoted(name) + DidYouMean(name, names));
-    }
-  }
+  for (const auto& entry : model.links_) names.push_back(entry.first);
+  throw InputError(path.string() + ": has no link " + Quoted(name) + DidYouMean(name, names));
+}
+
+// Returns the joints that lead from one link to another, in their order.
+std::vector<urdf::JointConstSharedPtr> JointsBetween(const urdf::ModelInterface& model, const std::string& base,
+                                                     const std::string& tip, const std::filesystem::path& path) {
   std::vector<urdf::JointConstSharedPtr> joints;
-  for (urdf::LinkConstSharedPtr link = model->getLink(tip); link->name != base; link = link->getParent()) {
+  for (urdf::LinkConstSharedPtr link = model.getLink(tip); link->name != base; link = link->getParent()) {
     if (!link->parent_joint) {
       throw InputError(path.string() + ": link " + Quoted(tip) + " is not connected to " + Quoted(base));
     }
-    if (joints.size() == model->joints_.size()) {
+    if (joints.size() == model.joints_.size()) {
       throw InputError(path.string() + ": the joints that lead to link " + Quoted(tip) + " form a loop");
     }
     joints.push_back(link->parent_joint);
   }
   std::reverse(joints.begin(), joints.end());
+  return joints;
+}
 
+// Throws InputError for a joint whose motion is not known.
+void CheckJoint(const urdf::Joint& joint, const std::filesystem::path& path) {
+  const bool is_sliding = joint.type == urdf::Joint::PRISMATIC;
+  if (!IsTurningJoint(joint) && !is_sliding && joint.type != urdf::Joint::FIXED) {
+    throw InputError(path.string() + ": joint " + Quoted(joint.name) +
+                     " is neither revolute, continuous, prismatic nor fixed");
+  }
+  if (joint.mimic) {
+    throw InputError(path.string() + ": joint " + Quoted(joint.name) + " mimics another joint, which is not supported");
+  }
+  const urdf::Vector3& axis = joint.axis;
+  const urdf::Vector3& origin = joint.parent_to_joint_origin_transform.position;
+  const double axis_length = std::hypot(axis.x, axis.y, axis.z);
+  const double distance_m = std::hypot(origin.x, origin.y, origin.z);
+  constexpr double kFarthestM = 1e6;
+  if (!(distance_m < kFarthestM) || (joint.type != urdf::Joint::FIXED && !(axis_length > 1e-6 && axis_length < 1e6))) {
+    throw InputError(path.string() + ": joint " + Quoted(joint.name) +
+                     " has no axis, or its origin is absurdly far away");
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, const std::string& base_link,
+                                             const std::string& tip_link) {
+  const urdf::ModelInterfaceSharedPtr model = ParseModel(path);
+  const LinkRings rings{model};
+  if (!model || !model->getRoot()) throw InputError(path.string() + ": is not a URDF; xacro must be expanded first");
+  const std::string base = base_link.empty() ? model->getRoot()->name : base_link;
+  const std::string tip = tip_link.empty() ? FindTip(*model, path) : tip_link;
+  for (const std::string& name : {base, tip}) CheckLink(*model, name, path);
+  const std::vector<urdf::JointConstSharedPtr> joints = JointsBetween(*model, base, tip, path);
   KDL::Chain chain;
   std::vector<std::string> moving;
   std::vector<bool> turns;
   std::vector<Limits> limits;
   for (const urdf::JointConstSharedPtr& joint : joints) {
-    const bool is_turning = joint->type == urdf::Joint::REVOLUTE || joint->type == urdf::Joint::CONTINUOUS;
-    const bool is_sliding = joint->type == urdf::Joint::PRISMATIC;
-    if (!is_turning && !is_sliding && joint->type != urdf::Joint::FIXED) {
-      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
-                       " is neither revolute, continuous, prismatic nor fixed");
-    }
-    if (joint->mimic) {
-      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
-                       " mimics another joint, which is not supported");
-    }
-    const urdf::Vector3& axis = joint->axis;
-    const urdf::Vector3& origin = joint->parent_to_joint_origin_transform.position;
-    const double axis_length = std::hypot(axis.x, axis.y, axis.z);
-    const double distance_m = std::hypot(origin.x, origin.y, origin.z);
-    constexpr double kFarthestM = 1e6;
-    if (!(distance_m < kFarthestM) ||
-        (joint->type != urdf::Joint::FIXED && !(axis_length > 1e-6 && axis_length < 1e6))) {
-      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
-                       " has no axis, or its origin is absurdly far away");
-    }
+    CheckJoint(*joint, path);
     chain.addSegment(ToKdl(*joint));
-    if (!is_turning && !is_sliding) continue;
+    if (joint->type == urdf::Joint::FIXED) continue;
     moving.push_back(joint->name);
-    turns.push_back(is_turning);
+    turns.push_back(IsTurningJoint(*joint));
     const bool has_limits = joint->type != urdf::Joint::CONTINUOUS && joint->limits;
     limits.push_back(has_limits ? Limits{joint->limits->lower, joint->limits->upper} : Limits{});
   }
