@@ -253,6 +253,40 @@ HEBA_INLINE UnitCovariance<V> InUnits(const UnitByPixel<V>& by_px, double uu, do
           by_px.y_by_u * (uu * by_px.y_by_u + 2.0 * uv * by_px.y_by_v) + vv * by_px.y_by_v * by_px.y_by_v};
 }
 
+// The inverse standard deviations of a Gaussian along the axes of the unit coordinates, and its correlation.
+template <class V>
+struct UnitBlur {
+  V inverse_x;
+  V inverse_y;
+  V correlation;
+};
+template <class V>
+HEBA_INLINE UnitBlur<V> BlurOf(const UnitCovariance<V>& covariance) {
+  const V inverse_x = 1.0 / SqrtLanes<V>(covariance.xx);
+  const V inverse_y = 1.0 / SqrtLanes<V>(covariance.yy);
+  const V most = AllLanes<V>(0.999);
+  V correlation = covariance.xy * inverse_x * inverse_y;
+  correlation = correlation > most ? most : correlation;
+  correlation = correlation < -most ? -most : correlation;
+  return {inverse_x, inverse_y, correlation};
+}
+
+// The square root of the weight of a residual, and its loss.
+template <class V>
+struct WeightedLoss {
+  V root;
+  V rho;
+};
+// `counts` is 1 for the pixels that count and 0 for the others, whose weight is 0.
+template <class V>
+HEBA_INLINE WeightedLoss<V> LossOfResidual(const V& residual, const V& counts, double huber_grey) {
+  if (LargestLane(AbsLanes(residual)) > huber_grey) {
+    const HuberLanes<V> huber = HuberOf(residual, huber_grey);
+    return {counts * SqrtLanes(huber.weight), 0.5 * huber.cost};
+  }
+  return {counts, 0.5 * residual * residual};
+}
+
 // Returns the largest standard deviation of the blur in any direction.
 double LargestBlurPx(const double* params) {
   return params[kBlur] * std::sqrt(1 + std::hypot(params[kStretch], params[kStretch + 1]));
@@ -458,14 +492,8 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const double variance_px2 = params[kBlur] * params[kBlur];
   const double p = params[kStretch];
   const double q = params[kStretch + 1];
-  const UnitCovariance<V> blur = InUnits(by_px, variance_px2 * (1 + p), variance_px2 * q, variance_px2 * (1 - p));
-  const V inverse_x = 1.0 / SqrtLanes<V>(blur.xx);
-  const V inverse_y = 1.0 / SqrtLanes<V>(blur.yy);
-  const V most = AllLanes<V>(0.999);
-  V correlation = blur.xy * inverse_x * inverse_y;
-  correlation = correlation > most ? most : correlation;
-  correlation = correlation < -most ? -most : correlation;
-  const BlurredLanes<V> albedo = Blur(numbers, num_x, num_y, x, y, inverse_x, inverse_y, correlation);
+  const UnitBlur<V> blur = BlurOf(InUnits(by_px, variance_px2 * (1 + p), variance_px2 * q, variance_px2 * (1 - p)));
+  const BlurredLanes<V> albedo = Blur(numbers, num_x, num_y, x, y, blur.inverse_x, blur.inverse_y, blur.correlation);
   const V light_x = LoadLanes<V>(task.light_x + i);
   const V light_y = LoadLanes<V>(task.light_y + i);
   const V light[kNumLight] = {light_x, light_y, light_x * light_x, light_x * light_y, light_y * light_y};
@@ -476,23 +504,17 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const V scale = lit * contrast;
   const V residual = lit * level - LoadLanes<V>(task.grey + i);
   const V counts = LoadLanes<V>(task.counts + i);
-  V root = counts;
-  V rho = 0.5 * residual * residual;
-  if (LargestLane(AbsLanes(residual)) > task.huber_grey) {
-    const HuberLanes<V> huber = HuberOf(residual, task.huber_grey);
-    root = counts * SqrtLanes(huber.weight);
-    rho = 0.5 * huber.cost;
-  }
+  const WeightedLoss<V> loss = LossOfResidual(residual, counts, task.huber_grey);
   StoreLanes(residual, residuals + i);
-  *cost += SumOfLanes<V>(counts * rho);
-  const V by_x = albedo.by_a * inverse_x * scale * root;
-  const V by_y = albedo.by_b * inverse_y * scale * root;
+  *cost += SumOfLanes<V>(counts * loss.rho);
+  const V by_x = albedo.by_a * blur.inverse_x * scale * loss.root;
+  const V by_y = albedo.by_b * blur.inverse_y * scale * loss.root;
   // The pattern moves with the map while the pixel stays: the derivatives have the opposite sign of the image's
   // gradient.
   const V by_u = -(by_px.x_by_u * by_x + by_px.y_by_u * by_y);
   const V by_v = -(by_px.x_by_v * by_x + by_px.y_by_v * by_y);
   const V edge_weight = by_u * by_u + by_v * by_v;
-  const V size = root * AbsLanes(residual);
+  const V size = loss.root * AbsLanes(residual);
   at_edges->weights += SumOfLanes<V>(edge_weight);
   at_edges->weights_squared += SumOfLanes<V>(edge_weight * edge_weight);
   at_edges->sizes += SumOfLanes<V>(edge_weight * size);
@@ -506,26 +528,27 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   ForEachDisplacement(
       map, x, y, in_u,
       in_v, [&](const V& u_px, const V& v_px) __attribute__((always_inline)) { add(by_u * u_px + by_v * v_px); });
-  const V root_lit = root * lit;
+  const V root_lit = loss.root * lit;
   add(root_lit * (1.0 - albedo.value));
   add(root_lit * albedo.value);
-  add(root * scale * (albedo.by_aa + 2.0 * correlation * albedo.by_ab + albedo.by_bb) * (1 / params[kBlur]));
-  const V root_level = root * level;
+  add(loss.root * scale * (albedo.by_aa + 2.0 * blur.correlation * albedo.by_ab + albedo.by_bb) * (1 / params[kBlur]));
+  const V root_level = loss.root * level;
   const int num_light = IsLightBent(map.form) ? kNumLight : kLightBend - kLight;
   for (int k = 0; k < num_light; ++k) add(root_level * light[k]);
   // Adds the derivative by a parameter of the blur by which its covariance changes like this.
   const auto add_blur = [&](double uu, double uv, double vv) __attribute__((always_inline)) {
     const UnitCovariance<V> change = InUnits(by_px, uu, uv, vv);
-    add(root * scale *
-        (0.5 * (albedo.by_aa * inverse_x * inverse_x * change.xx + albedo.by_bb * inverse_y * inverse_y * change.yy) +
-         albedo.by_ab * inverse_x * inverse_y * change.xy));
+    add(loss.root * scale *
+        (0.5 * (albedo.by_aa * blur.inverse_x * blur.inverse_x * change.xx +
+                albedo.by_bb * blur.inverse_y * blur.inverse_y * change.yy) +
+         albedo.by_ab * blur.inverse_x * blur.inverse_y * change.xy));
   };
   const auto add_stretch = [&]() __attribute__((always_inline)) {
     add_blur(variance_px2, 0, -variance_px2);
     add_blur(0, variance_px2, 0);
   };
   if (task.columns.stretch) add_stretch();
-  add(root * residual);
+  add(loss.root * residual);
   if (!task.columns.additional) return true;
   ForEachPower(x, y, true, in_u);
   ForEachPower(x, y, true, in_v);

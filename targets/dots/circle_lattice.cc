@@ -5,6 +5,7 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <optional>
 #include <set>
 
 #include <Eigen/Dense>
@@ -85,73 +86,90 @@ struct LatticeSeedLimits {
 };
 constexpr LatticeSeedLimits kSeedLimits;
 
-// Finds the two directions of the lattice at a dot. The dot's own shape undoes the tilt: in units of its outline, the
-// two are approximately equally long and orthogonal.
-bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot, Seed* seed) {
+// Another dot near one, relative to that.
+struct Neighbour {
+  Eigen::Vector2d offset_px;
+  Eigen::Vector2d offset;  // In units of the dot's outline.
+  double distance;         // Length of `offset`.
+};
+
+// Returns the dots of similar size near a dot, nearest first.
+std::vector<Neighbour> NeighboursOf(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio,
+                                    int dot) {
   const Ellipse& ellipse = dots[dot];
   const double reach_px = kSeedLimits.reach * ellipse.SemiAxesPx().x();
-  struct Neighbour {
-    int dot;
-    double distance;
-    Eigen::Vector2d offset;  // Offset in units of the outline.
-  };
   const Eigen::Matrix2d units_from_px = EigenOfSymmetric(ellipse.shape).Root();
   std::vector<Neighbour> neighbours;
   for (const int other : index.Near(ellipse.centre_px, reach_px)) {
     if (other == dot) continue;
     if (!AreAlike(ellipse, dots[other], max_size_ratio)) continue;
-    const Eigen::Vector2d offset = units_from_px * (dots[other].centre_px - ellipse.centre_px);
+    const Eigen::Vector2d offset_px = dots[other].centre_px - ellipse.centre_px;
+    const Eigen::Vector2d offset = units_from_px * offset_px;
     if (offset.norm() < kSeedLimits.min_distance) continue;
-    neighbours.push_back({other, offset.norm(), offset});
+    neighbours.push_back({offset_px, offset, offset.norm()});
   }
   std::sort(neighbours.begin(), neighbours.end(),
             [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
   if (neighbours.size() > kSeedLimits.num_neighbours) neighbours.resize(kSeedLimits.num_neighbours);
-  bool found = false;
-  for (size_t a = 0; a < std::min(neighbours.size(), kSeedLimits.num_first); ++a) {
-    for (size_t b = 0; b < neighbours.size(); ++b) {
-      const Eigen::Vector2d& offset_i = neighbours[a].offset;
-      const Eigen::Vector2d& offset_j = neighbours[b].offset;
-      const double length_ratio = offset_j.norm() / offset_i.norm();
-      if (length_ratio < kSeedLimits.min_length_ratio || length_ratio > kSeedLimits.max_length_ratio) continue;
-      const double sine = Cross(offset_i, offset_j) / (offset_i.norm() * offset_j.norm());
-      if (sine < kSeedLimits.min_sine) continue;
-      Seed candidate{dot, dots[neighbours[a].dot].centre_px - ellipse.centre_px,
-                     dots[neighbours[b].dot].centre_px - ellipse.centre_px, 0, 0};
-      const double spacing_px = std::min(candidate.i_px.norm(), candidate.j_px.norm());
-      bool has_closer = false;
-      for (int i = -1; i <= 1; ++i) {
-        for (int j = -1; j <= 1; ++j) {
-          if (i == 0 && j == 0) continue;
-          const Eigen::Vector2d expected = i * candidate.i_px + j * candidate.j_px;
-          double nearest = kSeedLimits.agreement * spacing_px;
-          for (const Neighbour& neighbour : neighbours) {
-            const double off = (dots[neighbour.dot].centre_px - ellipse.centre_px - expected).norm();
-            nearest = std::min(nearest, off);
-          }
-          candidate.num_agreeing += nearest < kSeedLimits.agreement * spacing_px ? 1 : 0;
-          candidate.spread += nearest / spacing_px;
-        }
-      }
-      // A dot in the middle of the mesh shows that the two directions are diagonals.
+  return neighbours;
+}
+
+// Returns the seed with two directions, and how well the neighbours agree with it.
+Seed SeedOf(int dot, const Eigen::Vector2d& i_px, const Eigen::Vector2d& j_px,
+            const std::vector<Neighbour>& neighbours) {
+  Seed seed{dot, i_px, j_px, 0, 0};
+  const double spacing_px = std::min(i_px.norm(), j_px.norm());
+  for (int i = -1; i <= 1; ++i) {
+    for (int j = -1; j <= 1; ++j) {
+      if (i == 0 && j == 0) continue;
+      const Eigen::Vector2d expected = i * i_px + j * j_px;
+      double nearest = kSeedLimits.agreement * spacing_px;
       for (const Neighbour& neighbour : neighbours) {
-        const Eigen::Vector2d offset = dots[neighbour.dot].centre_px - ellipse.centre_px;
-        for (const double si : {-0.5, 0.5}) {
-          for (const double sj : {-0.5, 0.5}) {
-            if ((offset - si * candidate.i_px - sj * candidate.j_px).norm() < kSeedLimits.centre * spacing_px)
-              has_closer = true;
-          }
-        }
+        nearest = std::min(nearest, (neighbour.offset_px - expected).norm());
       }
-      if (has_closer) continue;
-      if (!found || candidate.num_agreeing > seed->num_agreeing ||
-          (candidate.num_agreeing == seed->num_agreeing && candidate.spread < seed->spread)) {
-        *seed = candidate;
-        found = true;
+      seed.num_agreeing += nearest < kSeedLimits.agreement * spacing_px ? 1 : 0;
+      seed.spread += nearest / spacing_px;
+    }
+  }
+  return seed;
+}
+
+// Returns whether a dot is in the middle of the mesh, which shows that the two directions are diagonals.
+bool HasDotInMesh(const Seed& seed, const std::vector<Neighbour>& neighbours) {
+  const double spacing_px = std::min(seed.i_px.norm(), seed.j_px.norm());
+  for (const Neighbour& neighbour : neighbours) {
+    for (const double si : {-0.5, 0.5}) {
+      for (const double sj : {-0.5, 0.5}) {
+        const Eigen::Vector2d off_px = neighbour.offset_px - si * seed.i_px - sj * seed.j_px;
+        if (off_px.norm() < kSeedLimits.centre * spacing_px) return true;
       }
     }
   }
-  return found && seed->num_agreeing >= 3;
+  return false;
+}
+
+// Returns the two directions of the lattice at a dot, if there are any. The dot's own shape undoes the tilt: in units
+// of its outline, the two are approximately equally long and orthogonal.
+std::optional<Seed> FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot) {
+  const std::vector<Neighbour> neighbours = NeighboursOf(dots, index, max_size_ratio, dot);
+  std::optional<Seed> best;
+  for (size_t a = 0; a < std::min(neighbours.size(), kSeedLimits.num_first); ++a) {
+    for (const Neighbour& along_j : neighbours) {
+      const Neighbour& along_i = neighbours[a];
+      const double length_ratio = along_j.offset.norm() / along_i.offset.norm();
+      if (length_ratio < kSeedLimits.min_length_ratio || length_ratio > kSeedLimits.max_length_ratio) continue;
+      const double sine = Cross(along_i.offset, along_j.offset) / (along_i.offset.norm() * along_j.offset.norm());
+      if (sine < kSeedLimits.min_sine) continue;
+      const Seed candidate = SeedOf(dot, along_i.offset_px, along_j.offset_px, neighbours);
+      if (HasDotInMesh(candidate, neighbours)) continue;
+      if (!best || candidate.num_agreeing > best->num_agreeing ||
+          (candidate.num_agreeing == best->num_agreeing && candidate.spread < best->spread)) {
+        best = candidate;
+      }
+    }
+  }
+  constexpr int kFewestAgreeing = 3;
+  return best && best->num_agreeing >= kFewestAgreeing ? best : std::nullopt;
 }
 
 // The predicted position of a neighbour of a dot, from the part of the lattice that is known.
@@ -275,8 +293,8 @@ std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const Lattic
   const DotIndex index(dots);
   std::vector<Seed> seeds;
   for (size_t n = 0; n < dots.size(); ++n) {
-    Seed seed;
-    if (FindSeed(dots, index, options.max_size_ratio, static_cast<int>(n), &seed)) seeds.push_back(seed);
+    const std::optional<Seed> seed = FindSeed(dots, index, options.max_size_ratio, static_cast<int>(n));
+    if (seed) seeds.push_back(*seed);
   }
   std::stable_sort(seeds.begin(), seeds.end(), [](const Seed& a, const Seed& b) {
     return a.num_agreeing != b.num_agreeing ? a.num_agreeing > b.num_agreeing : a.spread < b.spread;

@@ -179,37 +179,76 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
   return std::make_unique<AprilTagGrid>(std::move(family), geometry);
 }
 
-std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
-  struct Border {
-    const TagFamilyName* family;
-    int bits;
-    bool has_outer_cells;
-  };
-  std::vector<Border> borders;
-  std::vector<std::unique_ptr<TagCodes>> codes;
-  std::vector<const TagCodes*> families;
+namespace {
+
+// A family of tags with borders of some width.
+struct TagBorder {
+  const TagFamilyName* family;
+  int bits;
+  bool has_outer_cells;
+};
+
+// Returns the borders that are searched for in images of unknown targets.
+std::vector<TagBorder> CommonBorders() {
+  std::vector<TagBorder> borders;
   for (const TagFamilyName& entry : kTagFamilies) {
-    // 16h5 is read in any clutter. The codes of the largest families are not all used by any target.
+    // 16h5 is read in any clutter.
     if (std::string_view(entry.name) == "tag16h5") continue;
-    constexpr int kMostTags = 587;
-    TagGridGeometry all;
-    all.family = entry.name;
-    all.rows = 1;
-    all.columns = std::min(kMostTags, static_cast<int>(TagFamily(entry)->ncodes));
     const bool has_outer_cells = TagFamily(entry).NumOuterCells() > 0;
     for (const int bits : {1, 2}) {
       if (has_outer_cells && bits > 1) continue;
-      all.border_bits = bits;
       borders.push_back({&entry, bits, has_outer_cells});
-      codes.push_back(std::make_unique<TagCodes>(TagFamily(entry), all, 0));
-      families.push_back(codes.back().get());
     }
+  }
+  return borders;
+}
+
+std::unique_ptr<TagCodes> CodesOf(const TagBorder& border) {
+  // The codes of the largest families are not all used by any target.
+  constexpr int kMostTags = 587;
+  TagFamily family(*border.family);
+  TagGridGeometry all;
+  all.family = border.family->name;
+  all.rows = 1;
+  all.columns = std::min(kMostTags, static_cast<int>(family->ncodes));
+  all.border_bits = border.bits;
+  return std::make_unique<TagCodes>(std::move(family), all, 0);
+}
+
+// Returns the settings of a grid with corner squares, if the border allows them, and of one without. An empty
+// `tag_spacing` is left out.
+std::vector<TargetSettings> GridsOf(const TagBorder& border, int rows, int columns, int first_id,
+                                    const std::string& tag_spacing) {
+  std::vector<TargetSettings> grids;
+  for (const bool has_squares : {true, false}) {
+    if (has_squares && border.has_outer_cells) continue;
+    TargetSettings grid = {{"family", border.family->name}};
+    for (auto& setting : RowsAndColumns(rows, columns)) grid.push_back(std::move(setting));
+    grid.emplace_back("tag_size", UnitLength(1, 1));
+    if (!tag_spacing.empty()) grid.emplace_back("tag_spacing", tag_spacing);
+    if (border.bits != 1) grid.emplace_back("border_bits", std::to_string(border.bits));
+    if (first_id > 0) grid.emplace_back("first_id", std::to_string(first_id));
+    if (!has_squares && !border.has_outer_cells) grid.emplace_back("corner_squares", "false");
+    grids.push_back(std::move(grid));
+  }
+  return grids;
+}
+
+}  // namespace
+
+std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
+  const std::vector<TagBorder> borders = CommonBorders();
+  std::vector<std::unique_ptr<TagCodes>> codes;
+  std::vector<const TagCodes*> families;
+  for (const TagBorder& border : borders) {
+    codes.push_back(CodesOf(border));
+    families.push_back(codes.back().get());
   }
   constexpr double kDecimate = 2;
   const std::vector<std::vector<SeenTag>> tags_of = TagCodes::DetectAll(families, grey, kDecimate);
   std::vector<TargetSettings> proposals;
   for (size_t k = 0; k < borders.size(); ++k) {
-    const Border& border = borders[k];
+    const TagBorder& border = borders[k];
     const std::vector<SeenTag>& tags = tags_of[k];
     if (tags.empty()) continue;
     std::vector<SeenNumber> seen;
@@ -218,29 +257,20 @@ std::vector<TargetSettings> ProposeTargets_apriltag_grid(const cv::Mat& grey) {
       seen.push_back({tag.index, CentreOf(tag.corners_px)});
       last = std::max(last, tag.index);
     }
-    const auto add = [&](int rows, int columns, int first, const std::string& spacing) {
-      for (const bool has_squares : {true, false}) {
-        if (has_squares && border.has_outer_cells) continue;
-        TargetSettings grid = {{"family", border.family->name}};
-        for (auto& setting : RowsAndColumns(rows, columns)) grid.push_back(std::move(setting));
-        grid.emplace_back("tag_size", UnitLength(1, 1));
-        if (!spacing.empty()) grid.emplace_back("tag_spacing", spacing);
-        if (border.bits != 1) grid.emplace_back("border_bits", std::to_string(border.bits));
-        if (first > 0) grid.emplace_back("first_id", std::to_string(first));
-        if (!has_squares && !border.has_outer_cells) grid.emplace_back("corner_squares", "false");
-        proposals.push_back(std::move(grid));
-      }
-    };
     constexpr int kMostColumns = 30;
     const std::optional<NumberedGrid> grid = FindNumberedGrid(
         seen, kMostColumns, [](int index, int columns) { return Eigen::Vector2d(index % columns, index / columns); });
+    if (!grid && tags.size() > 1) continue;
     if (!grid) {
-      if (tags.size() == 1) add(1, 1, last, "");
+      for (TargetSettings& single : GridsOf(border, 1, 1, last, "")) proposals.push_back(std::move(single));
       continue;
     }
     const double spacing = 1 / MedianSideInCells(tags, grid->pixel_from_cell) - 1;
     if (!(spacing > 0.01)) continue;
-    add((last - grid->first) / grid->columns + 1, grid->columns, grid->first, Fixed(spacing, 2));
+    const int rows = (last - grid->first) / grid->columns + 1;
+    for (TargetSettings& whole : GridsOf(border, rows, grid->columns, grid->first, Fixed(spacing, 2))) {
+      proposals.push_back(std::move(whole));
+    }
     return proposals;
   }
   return proposals;

@@ -335,8 +335,63 @@ double LeastWidthPx(const std::vector<Eigen::Vector2d>& corners_px, int columns)
   return least_px;
 }
 
-// Lists the boards that heba refuses or finds wrongly among rendered boards of any size that are entirely in the image,
-// tilted by up to 60 degrees, with squares of 10 to 80 px before the tilt.
+// Returns whether a grid of points all over a drawing is within a box of the image.
+bool IsWithin(const Eigen::AlignedBox2d& box_px, const Drawing& drawing, const Camera& camera,
+              const Rigid3d& camera_from_target) {
+  constexpr int kSteps = 12;
+  for (int k = 0; k < kSteps * kSteps; ++k) {
+    const int line = k / kSteps;
+    const Eigen::Vector2d share((k % kSteps) / (kSteps - 1.0), line / (kSteps - 1.0));
+    const Eigen::Vector2d at_m = drawing.min_m + share.cwiseProduct(drawing.max_m - drawing.min_m);
+    const std::optional<Eigen::Vector2d> pixel =
+        ProjectPoint(camera, camera_from_target * Eigen::Vector3d(at_m.x(), at_m.y(), 0));
+    if (!pixel || !box_px.contains(*pixel)) return false;
+  }
+  return true;
+}
+
+// Draws a pose in which the whole board is in the image, tilted by up to 60 degrees, with squares of 10 to 80 px before
+// the tilt.
+Rigid3d DrawWholePose(const Drawing& drawing, const Camera& camera, double square_m, Rng& rng) {
+  const Eigen::AlignedBox2d image(Eigen::Vector2d(2, 2), Eigen::Vector2d(camera.width_px - 3, camera.height_px - 3));
+  while (true) {
+    const double tilt_deg = rng.Uniform(0, 60);
+    const double square_px = std::exp(rng.Uniform(std::log(10.0), std::log(80.0)));
+    const double towards = rng.Uniform(0, 2 * kPi);
+    const Eigen::Quaterniond rotation =
+        ExpRotation(tilt_deg * kPi / 180 * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
+        ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)});
+    const double distance_m = camera.params[0] * square_m / square_px;
+    const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+    const Eigen::Vector3d place_m(rng.Uniform(-0.5, 0.5) * distance_m, rng.Uniform(-0.4, 0.4) * distance_m, distance_m);
+    const Rigid3d camera_from_target(rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
+    if (IsWithin(image, drawing, camera, camera_from_target)) return camera_from_target;
+  }
+}
+
+RenderOptions DrawRenderOptions(Rng& rng) {
+  RenderOptions options;
+  options.blur_sigma_px = rng.Uniform(0.2, 1.0);
+  options.noise_sigma_grey = rng.Uniform(0, 4);
+  options.light_gradient = rng.Uniform(0, 0.8);
+  options.black_grey = rng.Uniform(5, 60);
+  options.white_grey = options.black_grey + rng.Uniform(60, 190);
+  options.clutter = rng.Uniform(0, 1) < 0.7;
+  options.background_albedo = rng.Uniform(0, 1);
+  return options;
+}
+
+// Returns the names of the other detectors that find the board, each with a comma after it.
+std::string FoundByOthers(const cv::Mat& grey, const BoardSize& size) {
+  std::string others;
+  for (const Method& method : MethodsFor(size)) {
+    if (!method.find(grey, size).empty()) others += std::string(" ") + method.name + ",";
+  }
+  return others.empty() ? " none," : others;
+}
+
+// Lists the boards that heba refuses or finds wrongly among rendered boards of any size that are entirely in the image
+// (DrawWholePose).
 void ReportRefusals() {
   constexpr double kSquareM = 0.02;
   std::vector<std::string> refusals(static_cast<size_t>(FLAGS_sweep));
@@ -348,42 +403,8 @@ void ReportRefusals() {
                                                     ", columns: " + std::to_string(columns));
     const Drawing& drawing = target->Draw();
     const Camera camera{"brown5", 1280, 960, {1100, 1100, 641, 478, rng.Uniform(-0.25, 0.05), 0.05, 5e-4, -5e-4, 0}};
-    const Eigen::AlignedBox2d image(Eigen::Vector2d(2, 2), Eigen::Vector2d(1277, 957));
-    RenderOptions options;
-    Rigid3d camera_from_target;
-    double tilt_deg = 0;
-    double square_px = 0;
-    bool is_whole = false;
-    while (!is_whole) {
-      tilt_deg = rng.Uniform(0, 60);
-      square_px = std::exp(rng.Uniform(std::log(10.0), std::log(80.0)));
-      const double towards = rng.Uniform(0, 2 * kPi);
-      const Eigen::Quaterniond rotation =
-          ExpRotation(tilt_deg * kPi / 180 * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
-          ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)});
-      const double distance_m = camera.params[0] * kSquareM / square_px;
-      const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
-      const Eigen::Vector3d place_m(rng.Uniform(-0.5, 0.5) * distance_m, rng.Uniform(-0.4, 0.4) * distance_m,
-                                    distance_m);
-      camera_from_target = Rigid3d(rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
-      is_whole = true;
-      constexpr int kSteps = 12;
-      for (int k = 0; k < kSteps * kSteps && is_whole; ++k) {
-        const int line = k / kSteps;
-        const Eigen::Vector2d share((k % kSteps) / (kSteps - 1.0), line / (kSteps - 1.0));
-        const Eigen::Vector2d at_m = drawing.min_m + share.cwiseProduct(drawing.max_m - drawing.min_m);
-        const std::optional<Eigen::Vector2d> pixel =
-            ProjectPoint(camera, camera_from_target * Eigen::Vector3d(at_m.x(), at_m.y(), 0));
-        is_whole = pixel && image.contains(*pixel);
-      }
-    }
-    options.blur_sigma_px = rng.Uniform(0.2, 1.0);
-    options.noise_sigma_grey = rng.Uniform(0, 4);
-    options.light_gradient = rng.Uniform(0, 0.8);
-    options.black_grey = rng.Uniform(5, 60);
-    options.white_grey = options.black_grey + rng.Uniform(60, 190);
-    options.clutter = rng.Uniform(0, 1) < 0.7;
-    options.background_albedo = rng.Uniform(0, 1);
+    const Rigid3d camera_from_target = DrawWholePose(drawing, camera, kSquareM, rng);
+    RenderOptions options = DrawRenderOptions(rng);
     options.seed = static_cast<uint64_t>(FLAGS_seed) * 15485863 + static_cast<uint64_t>(i);
     const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
     const Detection detection = target->Detect(grey);
@@ -391,16 +412,12 @@ void ReportRefusals() {
     for (const TargetPoint& point : target->points()) truth_px.push_back(*PixelOf(point, camera, camera_from_target));
     const Errors errors = Compare(CornersOf(detection, {rows, columns}), truth_px, detection.covariances_px2);
     if (errors.num_found == 1 && errors.num_wild == 0) return;
-    std::string others;
-    for (const Method& method : MethodsFor({rows, columns})) {
-      if (!method.find(grey, {rows, columns}).empty()) others += std::string(" ") + method.name + ",";
-    }
     char line[400];
     std::snprintf(line, sizeof line,
                   "%6d: %d x %d, squares at least %.1f px wide, found by%s blur %.1f, noise %.1f, grey %.0f to %.0f, "
                   "uneven light "
                   "%.1f, clutter %d: %zu corners, %d more than 0.5 px off: %s",
-                  i, rows, columns, LeastWidthPx(truth_px, columns), others.empty() ? " none," : others.c_str(),
+                  i, rows, columns, LeastWidthPx(truth_px, columns), FoundByOthers(grey, {rows, columns}).c_str(),
                   options.blur_sigma_px, options.noise_sigma_grey, options.black_grey, options.white_grey,
                   options.light_gradient, options.clutter ? 1 : 0, detection.ids.size(), errors.num_wild,
                   detection.reason.c_str());

@@ -178,6 +178,31 @@ constexpr Kind kKinds[] = {
     {"circle_grid, asymmetric", "type: circle_grid, rows: 11, columns: 4, spacing: 15 mm, asymmetric: true"},
 };
 
+// The duration of a search in some images, and the smallest and the largest number of points that it found.
+struct SearchFigures {
+  double middle_ms = 0;
+  double longest_ms = 0;
+  size_t least_found = 0;
+  size_t most_found = 0;
+};
+
+// Searches FLAGS_images images for a target; `render` returns that of a seed.
+SearchFigures MeasureSearch(const Target& target, const std::function<cv::Mat(uint64_t seed)>& render) {
+  std::vector<double> cpu_ms;
+  size_t most_found = 0;
+  size_t least_found = target.points().size();
+  for (int picture = 0; picture < FLAGS_images; ++picture) {
+    const cv::Mat grey = render(static_cast<uint64_t>(picture));
+    const double start_ms = CpuMs();
+    const size_t num_found = target.Detect(grey).ids.size();
+    cpu_ms.push_back(CpuMs() - start_ms);
+    most_found = std::max(most_found, num_found);
+    least_found = std::min(least_found, num_found);
+  }
+  std::sort(cpu_ms.begin(), cpu_ms.end());
+  return {cpu_ms[cpu_ms.size() / 2], cpu_ms.back(), least_found, most_found};
+}
+
 // Searches for one kind of target in images that show it, that do not, and that show two thirds of it.
 void RunMisses(const Kind& kind, int width_px, int height_px) {
   const std::string name = std::string(kind.name) + ", " + std::to_string(width_px) + " x " + std::to_string(height_px);
@@ -234,22 +259,11 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
   }
   double shown_ms = 0;
   for (const Scene& scene : scenes) {
-    std::vector<double> cpu_ms;
-    size_t most_found = 0;
-    size_t least_found = target->points().size();
-    for (int picture = 0; picture < FLAGS_images; ++picture) {
-      const cv::Mat grey = scene.render(static_cast<uint64_t>(picture));
-      const double start_ms = CpuMs();
-      const size_t num_found = target->Detect(grey).ids.size();
-      cpu_ms.push_back(CpuMs() - start_ms);
-      most_found = std::max(most_found, num_found);
-      least_found = std::min(least_found, num_found);
-    }
-    std::sort(cpu_ms.begin(), cpu_ms.end());
-    const double middle_ms = cpu_ms[cpu_ms.size() / 2];
-    if (scene.what == "shown") shown_ms = middle_ms;
+    const SearchFigures figures = MeasureSearch(*target, scene.render);
+    if (scene.what == "shown") shown_ms = figures.middle_ms;
     std::printf("| %-38s | %-31s | %8.0f | %8.0f | %6.2f | %3zu to %3zu of %3zu |\n", name.c_str(), scene.what.c_str(),
-                middle_ms, cpu_ms.back(), middle_ms / shown_ms, least_found, most_found, target->points().size());
+                figures.middle_ms, figures.longest_ms, figures.middle_ms / shown_ms, figures.least_found,
+                figures.most_found, target->points().size());
     std::fflush(stdout);
   }
 }

@@ -96,6 +96,25 @@ std::vector<Rigid3d> FromBlocks(const std::vector<PoseBlock>& blocks) {
   return poses;
 }
 
+// Returns the cost of a point; `has_base` says whether the base of the target's arm is unknown.
+ceres::CostFunction* CostOf(const PointResidual& residual, bool has_base) {
+  if (has_base) {
+    return new ceres::AutoDiffCostFunction<PointResidual, 2, 7, 7, 7, 9, 7>(new PointResidual(residual));
+  }
+  return new ceres::AutoDiffCostFunction<PointResidual, 2, 7, 7, 7, 9>(new PointResidual(residual));
+}
+
+ceres::Solver::Options SolverOptions(const TextbookRigOptions& rig_options,
+                                     const std::shared_ptr<ceres::ParameterBlockOrdering>& ordering) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.linear_solver_ordering = ordering;
+  options.max_num_iterations = rig_options.max_iterations;
+  options.function_tolerance = rig_options.function_tolerance;
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
 }  // namespace
 
 TextbookRigResult RefineRigAsInTextbooks(const RigProblem& problem, const TextbookRigState& start,
@@ -136,29 +155,18 @@ TextbookRigResult RefineRigAsInTextbooks(const RigProblem& problem, const Textbo
       add_pose(target, 1);
       if (arm > 0) add_pose(&bases[arm], 1);
       ordering->AddElementToGroup(intrinsics, 1);
+      std::vector<double*> blocks = {camera->data(), target->data(), correction->data(), intrinsics};
+      if (arm > 0) blocks.push_back(bases[arm].data());
       for (Eigen::Index p = 0; p < image.observations.size(); ++p) {
-        auto* const residual =
-            new PointResidual{problem.captures[i].base_from_gripper[arm], image.observations.points_in_target.col(p),
-                              image.observations.pixels.col(p), rig_options.pixel_noise_px};
-        if (arm == 0) {
-          ceres_problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointResidual, 2, 7, 7, 7, 9>(residual),
-                                         nullptr, camera->data(), target->data(), correction->data(), intrinsics);
-        } else {
-          ceres_problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointResidual, 2, 7, 7, 7, 9, 7>(residual),
-                                         nullptr, camera->data(), target->data(), correction->data(), intrinsics,
-                                         bases[arm].data());
-        }
+        const PointResidual residual{problem.captures[i].base_from_gripper[arm],
+                                     image.observations.points_in_target.col(p), image.observations.pixels.col(p),
+                                     rig_options.pixel_noise_px};
+        ceres_problem.AddResidualBlock(CostOf(residual, arm > 0), nullptr, blocks);
       }
     }
   }
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.linear_solver_ordering = ordering;
-  options.max_num_iterations = rig_options.max_iterations;
-  options.function_tolerance = rig_options.function_tolerance;
-  options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &ceres_problem, &summary);
+  ceres::Solve(SolverOptions(rig_options, ordering), &ceres_problem, &summary);
   result.state.poses = {FromBlocks(cameras), FromBlocks(targets), FromBlocks(bases)};
   for (const std::vector<PoseBlock>& of_capture : corrections) {
     result.state.corrections.push_back(FromBlocks(of_capture));
