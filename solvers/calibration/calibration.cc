@@ -358,6 +358,46 @@ struct Started {
   std::vector<ParameterGroup> free_intrinsics;
 };
 
+// Returns the reason why there is no start: that of the method that was asked for, if it failed, or of all methods.
+Failure WhyNoStart(const std::vector<MethodResult>& results, const MethodResult* wanted) {
+  Failure reason;
+  if (wanted != nullptr && !wanted->hand_eye) reason = wanted->hand_eye.failure();
+  // If the motion is the cause, all methods fail for the same reason.
+  for (const MethodResult& result : results) {
+    const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
+    if (reason.empty() && suits && !result.hand_eye) reason = result.hand_eye.failure();
+  }
+  return reason.empty() ? Failure(FailureCode("target_behind")) : reason;
+}
+
+// Returns the options of the first refinement. Wrong captures are searched for with an exact robot first, because robot
+// noise could absorb their errors.
+BundleOptions FirstBundle(const CalibrationOptions& options, const std::vector<ParameterGroup>& free_intrinsics) {
+  BundleOptions first = options.bundle;
+  first.robot = BundleOptions::Robot::kExact;
+  first.free_intrinsics = free_intrinsics;
+  // Errors that captures share are no reason to reject those in which they are large.
+  if (!options.choose.effects.empty()) first.effects = options.choose.effects.back();
+  if (options.bundle.loss != LossKind::kNone) first.loss = LossKind::kTruncated;
+  return first;
+}
+
+// Refines from all seeds, with a free scale of the target if that is required and possible.
+MultiStartSolution RefineFirst(const Calibration& calibration, const CalibrationOptions& options,
+                               const std::vector<InitialGuess>& seeds, const BundleOptions& first) {
+  MultiStartSolution refined =
+      RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, first);
+  if (!refined.solution && options.choose.target_shape) {
+    // A target whose size differs from the design leaves residuals that can prevent the refinement with a free camera.
+    BundleOptions scaled = first;
+    scaled.free_shape = {TargetShapeGroup::kScale};
+    MultiStartSolution other =
+        RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
+    if (other.solution) return other;
+  }
+  return refined;
+}
+
 Started StartFrom(const std::vector<View>& views, const CalibrationOptions& options, const CameraStart& start) {
   Started started;
   started.free_intrinsics = start.free_intrinsics;
@@ -388,26 +428,11 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
   const std::vector<InitialGuess> seeds = SeedsOf(started.results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
-    // If the motion is the cause, all methods fail for the same reason.
-    Failure reason;
-    if (wanted != nullptr && !wanted->hand_eye) reason = wanted->hand_eye.failure();
-    for (const MethodResult& result : started.results) {
-      const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
-      if (reason.empty() && suits && !result.hand_eye) reason = result.hand_eye.failure();
-    }
-    if (reason.empty()) reason = FailureCode("target_behind");
     for (size_t i = 0; i < sorted.misfits.size(); ++i) leave_out_misfit(i);
-    calibration.refined = reason;
+    calibration.refined = WhyNoStart(started.results, wanted);
     return started;
   }
-  // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
-  BundleOptions first = options.bundle;
   const bool drops_wrong = options.bundle.loss != LossKind::kNone;
-  first.robot = BundleOptions::Robot::kExact;
-  first.free_intrinsics = start.free_intrinsics;
-  // Errors that captures share are no reason to reject those in which they are large.
-  if (!options.choose.effects.empty()) first.effects = options.choose.effects.back();
-  if (drops_wrong) first.loss = LossKind::kTruncated;
   // A view with some wrong points has other points, which the truncated loss separates.
   for (size_t i = 0; i < sorted.misfits.size(); ++i) {
     if (drops_wrong && options.symmetries.size() == 1) {
@@ -416,16 +441,7 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
       leave_out_misfit(i);
     }
   }
-  MultiStartSolution refined =
-      RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, first);
-  if (!refined.solution && options.choose.target_shape) {
-    // A target whose size differs from the design leaves residuals that can prevent the refinement with a free camera.
-    BundleOptions scaled = first;
-    scaled.free_shape = {TargetShapeGroup::kScale};
-    MultiStartSolution other =
-        RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
-    if (other.solution) refined = std::move(other);
-  }
+  MultiStartSolution refined = RefineFirst(calibration, options, seeds, FirstBundle(options, start.free_intrinsics));
   calibration.seed = refined.seed;
   calibration.refined = std::move(refined.solution);
   return started;

@@ -135,51 +135,74 @@ std::vector<std::string> SmallerCameraModels(const std::string& model) {
   return after(kFisheyes);
 }
 
+namespace {
+
+// Fits a model. A larger model also starts from the optimum of the last smaller one, so its fit is never worse.
+Outcome<FittedCamera> FitModel(const std::vector<View>& views, const std::string& model, int width_px, int height_px,
+                               const std::vector<FittedCamera>& smaller) {
+  std::optional<Camera> start;
+  if (!smaller.empty()) start = ConvertCamera(smaller.back().camera, model);
+  const Outcome<Camera> camera = EstimateIntrinsics(views, model, width_px, height_px);
+  const Outcome<Camera> other =
+      start ? EstimateIntrinsics(views, model, width_px, height_px, start) : Outcome<Camera>();
+  if (!camera && !other) return camera.failure();
+  std::vector<FittedCamera> found;
+  if (camera) found.push_back(Measure(*camera, views));
+  if (other) found.push_back(Measure(*other, views));
+  const bool takes_second = found.size() == 2 && Compare(found[0], found[1], SigmaPx(found[0])).gain > 0;
+  return std::move(found[takes_second ? 1 : 0]);
+}
+
+CameraAlternative AlternativeOf(const FittedCamera& fitted, const std::vector<View>& views, double sigma_px) {
+  return {fitted.camera.model, LogLikelihood(fitted, views, sigma_px), static_cast<int>(fitted.camera.params.size()),
+          std::nullopt};
+}
+
+// The comparison of a model with all larger ones.
+struct BesideLarger {
+  double least_p = 1;
+  bool is_rejected = false;
+};
+
+// A model is rejected by any larger one that is better, not only by the next.
+BesideLarger CompareWithLarger(const std::vector<FittedCamera>& fitted, size_t index, double sigma_px) {
+  BesideLarger result;
+  for (size_t k = index + 1; k < fitted.size(); ++k) {
+    const LensComparison comparison = Compare(fitted[index], fitted[k], sigma_px);
+    result.least_p = std::min(result.least_p, comparison.p);
+    result.is_rejected = result.is_rejected || comparison.RejectsSmaller();
+  }
+  return result;
+}
+
+}  // namespace
+
 Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px) {
   std::vector<FittedCamera> fitted;
   Failure last;
   for (const char* model : {"pinhole", "brown4", "brown5", "rational8"}) {
-    // A larger model also starts from the smaller model's optimum, so its fit is never worse.
-    std::optional<Camera> start;
-    if (!fitted.empty()) start = ConvertCamera(fitted.back().camera, model);
-    const Outcome<Camera> camera = EstimateIntrinsics(views, model, width_px, height_px);
-    const Outcome<Camera> other =
-        start ? EstimateIntrinsics(views, model, width_px, height_px, start) : Outcome<Camera>();
-    if (!camera && !other) {
-      last = camera.failure();
-      continue;
+    Outcome<FittedCamera> of_model = FitModel(views, model, width_px, height_px, fitted);
+    if (of_model) {
+      fitted.push_back(std::move(*of_model));
+    } else {
+      last = of_model.failure();
     }
-    std::vector<FittedCamera> found;
-    if (camera) found.push_back(Measure(*camera, views));
-    if (other) found.push_back(Measure(*other, views));
-    const bool takes_second = found.size() == 2 && Compare(found[0], found[1], SigmaPx(found[0])).gain > 0;
-    fitted.push_back(std::move(found[takes_second ? 1 : 0]));
   }
   CameraChoice choice;
   size_t chosen = 0;
   double sigma_px = 1;
   if (!fitted.empty()) {
     sigma_px = SigmaPx(fitted.back());
+    for (const FittedCamera& camera : fitted) choice.alternatives.push_back(AlternativeOf(camera, views, sigma_px));
     for (size_t i = 0; i < fitted.size(); ++i) {
-      choice.alternatives.push_back({fitted[i].camera.model, LogLikelihood(fitted[i], views, sigma_px),
-                                     static_cast<int>(fitted[i].camera.params.size()), std::nullopt});
-    }
-    // A model is rejected by any larger one that is better, not only by the next.
-    for (size_t i = 0; i < fitted.size(); ++i) {
-      double least_p = 1;
-      bool is_rejected = false;
-      for (size_t k = i + 1; k < fitted.size(); ++k) {
-        const LensComparison comparison = Compare(fitted[i], fitted[k], sigma_px);
-        least_p = std::min(least_p, comparison.p);
-        is_rejected = is_rejected || comparison.RejectsSmaller();
-      }
+      BesideLarger larger = CompareWithLarger(fitted, i, sigma_px);
       if (i + 1 < fitted.size()) {
-        choice.alternatives[i].p = least_p;
+        choice.alternatives[i].p = larger.least_p;
         choice.alternatives[i].reason = WhyNotBesideLarger(fitted[i].camera);
-        is_rejected = is_rejected || !choice.alternatives[i].reason.empty();
+        larger.is_rejected = larger.is_rejected || !choice.alternatives[i].reason.empty();
       }
       chosen = i;
-      if (!is_rejected) break;
+      if (!larger.is_rejected) break;
     }
   }
   const double wide_rad = DegToRad(50.0);
@@ -188,8 +211,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
     if (fisheye) {
       FittedCamera measured = Measure(*fisheye, views);
       if (fitted.empty()) sigma_px = SigmaPx(measured);
-      choice.alternatives.push_back({measured.camera.model, LogLikelihood(measured, views, sigma_px),
-                                     static_cast<int>(measured.camera.params.size()), std::nullopt});
+      choice.alternatives.push_back(AlternativeOf(measured, views, sigma_px));
       const bool is_better = fitted.empty() || Compare(fitted[chosen], measured, sigma_px).gain > 0;
       if (is_better) {
         fitted.push_back(std::move(measured));

@@ -540,6 +540,45 @@ Eigen::VectorXd ScoringStep(const Likelihood& here, const std::vector<Eigen::Ind
          SolveSymmetric(scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size), scale.cwiseProduct(gradient));
 }
 
+// Returns the variances that a step may change. A variance at zero stays there unless its gradient is positive, and one
+// at its largest value if it is.
+std::vector<Eigen::Index> MovingVariances(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& variances,
+                                          const Eigen::VectorXd& gradient) {
+  std::vector<Eigen::Index> moving;
+  for (Eigen::Index k = 0; k < variances.size(); ++k) {
+    const VarianceGroup& group = groups[static_cast<size_t>(k)];
+    const bool stays = gradient[k] > 0 ? variances[k] >= group.most : variances[k] <= 0;
+    if (group.is_free && !stays) moving.push_back(k);
+  }
+  return moving;
+}
+
+// Returns the estimated variances with their uncertainty, by the Fisher information near them.
+VarianceComponents ComponentsOf(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& variances,
+                                const Eigen::MatrixXd& fisher) {
+  VarianceComponents result;
+  result.variances = variances;
+  result.stddev.setZero(variances.size());
+  result.covariance.setZero(variances.size(), variances.size());
+  std::vector<Eigen::Index> uncertain;
+  for (Eigen::Index k = 0; k < variances.size(); ++k) {
+    if (!groups[static_cast<size_t>(k)].is_free || !(fisher(k, k) > 0)) continue;
+    result.stddev[k] = 1 / std::sqrt(fisher(k, k));
+    // A variance that is zero is taken as certain, and so is one that cannot be told from zero: it is more likely too
+    // large than too small, so the covariance is wide enough without further degrees of freedom.
+    constexpr double kToldFromZero = 0.75;
+    const bool is_told = groups[static_cast<size_t>(k)].avoids_zero || result.stddev[k] < kToldFromZero * variances[k];
+    if (is_told) uncertain.push_back(k);
+  }
+  if (!uncertain.empty()) {
+    const Eigen::MatrixXd of_uncertain = fisher(uncertain, uncertain);
+    const Eigen::VectorXd scale = of_uncertain.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd inverse = InverseOfSymmetric(scale.asDiagonal() * of_uncertain * scale.asDiagonal());
+    result.covariance(uncertain, uncertain) = scale.asDiagonal() * inverse * scale.asDiagonal();
+  }
+  return result;
+}
+
 }  // namespace
 
 double RestrictedLogLikelihood(const std::vector<LinearisedView>& all_views, double unit_px,
@@ -571,13 +610,7 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
   constexpr double kMinPixelVariance = 1e-12;
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
-    // A variance at zero stays there unless its gradient is positive, and one at its largest value if it is.
-    std::vector<Eigen::Index> free;
-    for (Eigen::Index k = 0; k < variances.size(); ++k) {
-      const VarianceGroup& group = groups[static_cast<size_t>(k)];
-      const bool stays = here.gradient[k] > 0 ? variances[k] >= group.most : variances[k] <= 0;
-      if (group.is_free && !stays) free.push_back(k);
-    }
+    const std::vector<Eigen::Index> free = MovingVariances(groups, variances, here.gradient);
     if (free.empty()) break;
     const Eigen::VectorXd direction = ScoringStep(here, free);
     if (!direction.allFinite()) break;
@@ -613,27 +646,7 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
     }
     if (!has_moved) break;
   }
-  VarianceComponents result;
-  result.variances = variances;
-  result.stddev.setZero(variances.size());
-  result.covariance.setZero(variances.size(), variances.size());
-  std::vector<Eigen::Index> uncertain;
-  for (Eigen::Index k = 0; k < variances.size(); ++k) {
-    if (!groups[static_cast<size_t>(k)].is_free || !(here.fisher(k, k) > 0)) continue;
-    result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
-    // A variance that is zero is taken as certain, and so is one that cannot be told from zero: it is more likely too
-    // large than too small, so the covariance is wide enough without further degrees of freedom.
-    constexpr double kToldFromZero = 0.75;
-    const bool is_told = groups[static_cast<size_t>(k)].avoids_zero || result.stddev[k] < kToldFromZero * variances[k];
-    if (is_told) uncertain.push_back(k);
-  }
-  if (!uncertain.empty()) {
-    const Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
-    const Eigen::VectorXd scale = fisher.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd inverse = InverseOfSymmetric(scale.asDiagonal() * fisher * scale.asDiagonal());
-    result.covariance(uncertain, uncertain) = scale.asDiagonal() * inverse * scale.asDiagonal();
-  }
-  return result;
+  return ComponentsOf(groups, variances, here.fisher);
 }
 
 void FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {

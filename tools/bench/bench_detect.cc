@@ -86,16 +86,26 @@ struct Row {
   double blur_px;
 };
 
+// Returns a camera whose focal length is the width of its images.
+Camera PinholeOf(int width_px, int height_px) {
+  const double focal_px = width_px;
+  return {"pinhole", width_px, height_px, {focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1)}};
+}
+
+// Returns the light and the noise of an ordinary image.
+RenderOptions OrdinaryLight() {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.light_gradient = 0.3;
+  return options;
+}
+
 void Run(const Row& row) {
   if (row.what.find(FLAGS_only) == std::string::npos) return;
   const std::unique_ptr<Target> target = TargetOf(row.keys);
   const bool has_tags = target->type() == "apriltag_grid";
   const Drawing& drawing = target->Draw();
-  const double focal_px = row.width_px;
-  const Camera camera{"pinhole",
-                      row.width_px,
-                      row.height_px,
-                      {focal_px, focal_px, 0.5 * (row.width_px - 1), 0.5 * (row.height_px - 1)}};
+  const Camera camera = PinholeOf(row.width_px, row.height_px);
   std::vector<std::pair<std::string, Finder>> finders = {
       {"heba", [&](const cv::Mat& grey) { return target->Detect(grey); }}};
   if (has_tags) {
@@ -113,9 +123,7 @@ void Run(const Row& row) {
     const Rigid3d camera_from_target(
         rotation, Eigen::Vector3d(rng.Uniform(-0.02, 0.02), rng.Uniform(-0.02, 0.02), 1) * row.distance_m -
                       rotation * Eigen::Vector3d(middle.x(), middle.y(), 0));
-    RenderOptions options;
-    options.noise_sigma_grey = 2;
-    options.light_gradient = 0.3;
+    RenderOptions options = OrdinaryLight();
     options.clutter = true;
     options.blur_sigma_px = row.blur_px;
     options.seed = static_cast<uint64_t>(picture);
@@ -208,12 +216,8 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
   const std::string name = std::string(kind.name) + ", " + std::to_string(width_px) + " x " + std::to_string(height_px);
   if (name.find(FLAGS_only) == std::string::npos) return;
   const std::unique_ptr<Target> target = TargetOf(kind.keys);
-  const double focal_px = width_px;
-  const Camera camera{
-      "pinhole", width_px, height_px, {focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1)}};
-  RenderOptions plain;
-  plain.noise_sigma_grey = 2;
-  plain.light_gradient = 0.3;
+  const Camera camera = PinholeOf(width_px, height_px);
+  const RenderOptions plain = OrdinaryLight();
   RenderOptions noisy = plain;
   noisy.noise_sigma_grey = 12;
   RenderOptions cluttered = plain;
