@@ -146,6 +146,13 @@ std::pair<Rigid3d, size_t> CommonDisplacement(const std::vector<Rigid3d>& displa
   return most;
 }
 
+// Returns how much larger misfits are at captures that a fit has not seen than at those that it has: it determines the
+// twelve parameters of two poses from six coordinates of each capture.
+double GrowthOfMisfits(size_t num_fitted) {
+  const double leverage = std::min(0.9, 2.0 / static_cast<double>(num_fitted));
+  return std::sqrt((1 + leverage) / (1 - leverage));
+}
+
 // Returns the jump at which the captures fall into two parts that each fit, and together fit if the poses of one are
 // displaced; nothing if there is none.
 std::optional<Jump> FindJump(const std::vector<ExaminedView>& views, double distance_m) {
@@ -167,7 +174,8 @@ std::optional<Jump> FindJump(const std::vector<ExaminedView>& views, double dist
     if (fitted.size() < kFewestForFit) continue;
     const std::optional<PoseConsistency> fit = FindPoseConsistency(CandidatesOf(fitted), RobotScale::kOne);
     if (!fit || fit->typical_misfit_m > kGoodShare * distance_m) continue;
-    const double limit_m = std::max(kOutside * fit->typical_misfit_m, 0.25 * kGoodShare * distance_m);
+    const double limit_m =
+        std::max(kOutside * GrowthOfMisfits(fitted.size()) * fit->typical_misfit_m, 0.25 * kGoodShare * distance_m);
     const auto num_fitted = static_cast<size_t>(
         std::count_if(fit->misfit_m.begin(), fit->misfit_m.end(), [&](double misfit_m) { return misfit_m < limit_m; }));
     std::vector<Rigid3d> at_camera;
