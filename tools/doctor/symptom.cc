@@ -1,6 +1,7 @@
 #include "tools/doctor/symptom.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
 
 #include "heba/base/error.h"
@@ -13,6 +14,13 @@ SymptomCode SymptomCode::OfFinding(const Finding& finding) {
   SymptomCode code;
   code.name_ = *known;
   return code;
+}
+
+std::string ShiftedFromOnText(const std::string& first, std::ptrdiff_t step) {
+  const std::string distance = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
+  return "from " + first + " on, each image belongs to the pose " + distance +
+         (step > 0 ? " further down: the file has poses without an image before it"
+                   : " further up: there are images without a pose before it");
 }
 
 bool IsOfSingleCaptures(const SymptomCode& code) {

@@ -1,6 +1,7 @@
 // A symptom that the doctor finds: one sentence on the fault with its evidence, one on its cure.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -106,6 +107,9 @@ struct Symptom {
 // The reading of poses that are the inverse of what the config of a rig says. The symptom has no cure: poses_are may be
 // wrong, or mounts.
 inline constexpr const char* kInversePoses = "inverse";
+
+// Returns the clause of images that belong to poses some rows further down (`step` is positive) or up from `first` on.
+std::string ShiftedFromOnText(const std::string& first, std::ptrdiff_t step);
 
 // Returns whether a symptom concerns single captures, which a calibration leaves out.
 bool IsOfSingleCaptures(const SymptomCode& code);

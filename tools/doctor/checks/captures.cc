@@ -325,6 +325,39 @@ Symptom ContradictsSymptom(const std::vector<size_t>& alone, const PoseConsisten
   return symptom;
 }
 
+// Reports the views from one on that contradict the others and fit the pose the same number of rows away; nothing if
+// there is no such run.
+std::optional<Symptom> ShiftFromOn(const PoseConsistency& consistency, const std::vector<ExaminedView>& views,
+                                   const MisfitLimits& limits) {
+  constexpr size_t kLeastInRun = 3;
+  constexpr double kMost = 0.7;  // The share of the run that has to fit.
+  const std::vector<size_t> outside = OutsideOf(consistency, limits.outside_m);
+  const auto num = static_cast<std::ptrdiff_t>(views.size());
+  for (const std::ptrdiff_t step : {1, -1, 2, -2}) {
+    const auto fits = [&](size_t i) {
+      const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
+      return j >= 0 && j < num &&
+             MisfitM(consistency, views[i], views[static_cast<size_t>(j)].view.camera_mount_from_target_mount) <
+                 limits.outside_m;
+    };
+    const auto first = std::find_if(outside.begin(), outside.end(), fits);
+    const auto num_fitting = static_cast<size_t>(std::count_if(first, outside.end(), fits));
+    if (num_fitting < kLeastInRun) continue;
+    const double most = kMost * static_cast<double>(views.size() - *first);
+    if (static_cast<double>(num_fitting) < most) continue;
+    const std::string& name = views[*first].view.name;
+    Symptom symptom{Severity::kWrong, "pairing",
+                    "images and poses are paired wrongly: " + ShiftedFromOnText(name, step),
+                    "correct the rows of the poses file, and name the image of each in a column image"};
+    symptom.evidence = std::to_string(num_fitting) + " of the " + std::to_string(views.size() - *first) +
+                       " images from there on fit the pose of that row, the others are off by " +
+                       Significant(1000 * consistency.typical_misfit_m, 2) + " mm at the target";
+    symptom.reading = ShiftedFromOnText(name, step);
+    return symptom;
+  }
+  return std::nullopt;
+}
+
 // Reports the views that contradict the others: one by one if they fit the pose of another view, else together.
 std::vector<Symptom> WrongPoses(const PoseConsistency& consistency, const std::vector<ExaminedView>& views,
                                 const MisfitLimits& limits) {
@@ -374,6 +407,10 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   // If nothing fits, there are no outliers.
   if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
   const MisfitLimits limits = LimitsOf(consistency->typical_misfit_m, distance_m);
+  if (std::optional<Symptom> shifted = ShiftFromOn(*consistency, views, limits)) {
+    symptoms.push_back(std::move(*shifted));
+    return symptoms;
+  }
   for (Symptom& symptom : SamePoses(views, limits.outside_m)) symptoms.push_back(std::move(symptom));
   for (Symptom& symptom : WrongPoses(*consistency, views, limits)) symptoms.push_back(std::move(symptom));
   return symptoms;

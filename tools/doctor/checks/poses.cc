@@ -265,11 +265,7 @@ std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows&
   constexpr size_t kLeastPart = 3;
   if (!best_from || *best_from < kLeastPart || views.size() - *best_from < kLeastPart) return std::nullopt;
   const size_t from = rows.place[views[*best_from].capture];
-  const std::string distance = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
-  return Repaired(examination, rows,
-                  "from " + rows.names[from] + " on, each image belongs to the pose " + distance +
-                      (step > 0 ? " further down: the file has poses without an image before it"
-                                : " further up: there are images without a pose before it"),
+  return Repaired(examination, rows, ShiftedFromOnText(rows.names[from], step),
                   kMistakes.shift + kMistakes.part + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
                   [&](size_t i) -> std::optional<size_t> {
                     const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + (i < from ? 0 : step);

@@ -107,6 +107,32 @@ TEST(CapturesCheckTest, FindsACaptureWithThePoseOfAnother) {
   EXPECT_THAT(symptoms[0].what, HasSubstr("fits the pose of "));
 }
 
+// The first captures determine the hand-eye pose; the images of the last quarter belong to the poses of their
+// neighbours.
+TEST(CapturesCheckTest, FindsPosesThatAreShiftedFromALateCaptureOn) {
+  SimulatedSetOptions options;
+  options.num_captures = 20;
+  for (const int step : {1, -1}) {
+    SCOPED_TRACE(step);
+    Examination examination = CleanExamination(options);
+    std::vector<Rigid3d> poses = PosesOf(examination);
+    const std::vector<Rigid3d> right = poses;
+    for (int i = 15; i < 20; ++i) {
+      const int j = i - step;
+      // One row holds a pose that no image has.
+      poses[static_cast<size_t>(i)] = j >= 15 && j < 20
+                                          ? right[static_cast<size_t>(j)]
+                                          : right[0] * Rigid3d(Eigen::Quaterniond::Identity(), {0.2, 0, 0});
+    }
+    SetPoses(poses, &examination);
+    const std::vector<Symptom> symptoms = Check_captures(&examination);
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
+    EXPECT_THAT(symptoms[0].what,
+                HasSubstr(step > 0 ? "from view_15 on, each image belongs to the pose 1 row further down"
+                                   : "from view_16 on, each image belongs to the pose 1 row further up"));
+  }
+}
+
 TEST(CapturesCheckTest, RemarksOnACaptureThatContradictsTheOthers) {
   Examination examination = CleanExamination();
   std::vector<Rigid3d> poses = PosesOf(examination);
