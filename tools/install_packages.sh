@@ -7,7 +7,7 @@ packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
   libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
-  liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
+  libpng-dev libjpeg-dev libtiff-dev liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
   python3-dev python3-numpy pybind11-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )

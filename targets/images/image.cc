@@ -39,14 +39,18 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<Ima
   if (bytes.empty()) throw InputError(path.string() + ": is empty; an image is needed");
   const std::optional<ImageHeader> header = ReadImageHeader(bytes);
   if (!header) {
-    throw InputError(path.string() + ": is not an image of a format that heba reads: " + ImageFormatNames());
+    const std::string_view unread = UnreadFormatName(bytes);
+    if (unread.empty()) {
+      throw InputError(path.string() + ": is not an image of a format that heba reads: " + ImageFormatNames());
+    }
+    throw InputError(path.string() + ": is " + std::string(unread) +
+                     " image, which heba does not read; convert it to PNG");
   }
   if (header->is_cut_short) throw InputError(path.string() + ": the image is truncated; copy it again");
-  constexpr double kMaxPixels = 4e8;
   if (!(header->width_px >= 1 && header->height_px >= 1)) {
     throw InputError(path.string() + ": cannot be read as an image: its header does not give its size");
   }
-  if (header->width_px * header->height_px > kMaxPixels) {
+  if (header->width_px * header->height_px > kMostImagePixels) {
     throw InputError(path.string() + ": claims to have more than 400 million pixels, which is the limit of heba");
   }
   if (expected && (header->width_px != expected->width_px || header->height_px != expected->height_px)) {
@@ -54,24 +58,16 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<Ima
                      ImageSizeText(expected->width_px, expected->height_px) +
                      " like the first image; all images must come from one camera at one resolution");
   }
-  cv::Mat image;
-  try {
-    const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT
-    image = DecodeImage(buffer);
-  } catch (const cv::Exception& error) {
-    throw InputError(path.string() + ": cannot be read as an image (" + error.err + ")");
-  }
-  if (image.empty()) throw InputError(path.string() + ": cannot be read as an image, or is truncated");
+  const Outcome<cv::Mat> decoded = DecodeImage(bytes);
+  if (!decoded) throw InputError(path.string() + ": cannot be read as an image: " + decoded.reason());
+  cv::Mat image = *decoded;
   if (image.depth() == CV_16U) {
     double brightest = 0;
     cv::minMaxLoc(image.reshape(1), nullptr, &brightest);
     image.convertTo(image, CV_8U, brightest > 0 ? 255.0 / brightest : 1.0);
-  } else if (image.depth() != CV_8U) {
-    throw InputError(path.string() + ": has neither 8 nor 16 bits per channel; save it with 8 or 16");
   }
   if (image.channels() == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
   if (image.channels() == 4) cv::cvtColor(image, image, cv::COLOR_BGRA2GRAY);
-  if (image.channels() != 1) throw InputError(path.string() + ": has 2 channels; a grey or colour image is needed");
   return image;
 }
 
@@ -82,19 +78,14 @@ std::string SmallJpeg(const cv::Mat& grey, int max_width_px) {
     const int height = std::max(1, static_cast<int>(static_cast<int64_t>(grey.rows) * max_width_px / grey.cols));
     cv::resize(grey, small, cv::Size(max_width_px, height), 0, 0, cv::INTER_AREA);
   }
-  const std::vector<unsigned char> bytes = EncodeJpeg(small, kQuality);
-  return {bytes.begin(), bytes.end()};
+  const Outcome<std::vector<unsigned char>> bytes = EncodeJpeg(small, kQuality);
+  return bytes ? std::string(bytes->begin(), bytes->end()) : std::string();
 }
 
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  try {
-    bytes = EncodeImage(path.extension().string(), image);
-  } catch (const cv::Exception& error) {
-    throw InputError(path.string() + ": cannot be encoded (" + error.err + ")");
-  }
-  if (bytes.empty()) throw InputError(path.string() + ": cannot be encoded");
-  WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));  // NOLINT
+  const Outcome<std::vector<unsigned char>> bytes = EncodeImage(path.extension().string(), image);
+  if (!bytes) throw InputError(path.string() + ": cannot be encoded: " + bytes.reason());
+  WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes->data()), bytes->size()));  // NOLINT
 }
 
 double NoiseGrey(const cv::Mat& grey) {

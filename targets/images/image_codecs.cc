@@ -1,114 +1,44 @@
 #include "targets/images/image_codecs.h"
 
-#include <dlfcn.h>
+#include <new>
+#include <string>
 
-#include <cstdio>
-#include <mutex>
-#include <stdexcept>
-#include <type_traits>
-
-#include <opencv2/imgcodecs.hpp>
+#include "targets/images/image_format.h"
 
 namespace heba {
 namespace {
 
-using Decode = cv::Mat (*)(cv::InputArray, int);
-using Encode = bool (*)(const cv::String&, cv::InputArray, std::vector<uchar>&, const std::vector<int>&);
-struct Codecs {
-  Decode decode;
-  Encode encode;
-};
-
-#ifdef HEBA_IMAGE_CODECS
-
-// The assertions check that OpenCV has such functions; the constants are their mangled names.
-static_assert(std::is_same_v<Decode, decltype(static_cast<Decode>(&cv::imdecode))>);
-static_assert(std::is_same_v<Encode, decltype(static_cast<Encode>(&cv::imencode))>);
-constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
-constexpr const char* kEncodeSymbol =
-    "_ZN2cv8imencodeERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEERKNS_11_InputArrayERSt6vectorIhSaIhEE"
-    "RKSB_IiSaIiEE";
-
-void* Found(void* address) {
-  if (address != nullptr) return address;
-  const char* const reason = dlerror();
-  throw std::runtime_error(std::string("OpenCV's image library cannot be used (") + (reason != nullptr ? reason : "") +
-                           "); install the OpenCV that heba was built with");
+Outcome<std::vector<unsigned char>> Encoded(std::string_view suffix, const cv::Mat& image, int quality) {
+  const ImageFormat* const format = FormatOfSuffix(suffix);
+  if (format == nullptr) return Failure("heba writes no images with the suffix '" + std::string(suffix) + "'");
+  const int channels = image.channels();
+  if (image.empty() || (channels != 1 && channels != 3 && channels != 4)) {
+    return Failure("it has " + std::to_string(channels) + " channels and not 1, 3 or 4, or no pixels");
+  }
+  return format->encode(image, quality);
 }
-
-Codecs LoadCodecs() {
-  void* const library = Found(dlopen(HEBA_IMAGE_CODECS, RTLD_LAZY | RTLD_LOCAL));
-  return {reinterpret_cast<Decode>(Found(dlsym(library, kDecodeSymbol))),   // NOLINT
-          reinterpret_cast<Encode>(Found(dlsym(library, kEncodeSymbol)))};  // NOLINT
-}
-
-#else
-
-Codecs LoadCodecs() { return {&cv::imdecode, &cv::imencode}; }
-
-#endif
-
-const Codecs& LoadedCodecs() {
-  static const Codecs codecs = LoadCodecs();
-  return codecs;
-}
-
-std::vector<unsigned char> Encoded(const std::string& suffix, const cv::Mat& image, const std::vector<int>& options) {
-  std::vector<unsigned char> bytes;
-  if (!LoadedCodecs().encode(suffix, image, bytes, options)) bytes.clear();
-  return bytes;
-}
-
-// Discards what C libraries write to `stderr` while an instance lives. The libraries for PNG and JPEG print warnings
-// there, which do not concern the user or are reported again by the caller that decodes. heba's own messages use the
-// C++ stream, which does not use the variable `stderr`.
-class WithoutLibrariesWarnings {
- public:
-  WithoutLibrariesWarnings() {
-    const std::lock_guard<std::mutex> lock(Mutex());
-    if (Count()++ > 0) return;
-    static FILE* const nowhere = std::fopen("/dev/null", "w");
-    if (nowhere == nullptr) return;
-    Kept() = stderr;
-    stderr = nowhere;
-  }
-  ~WithoutLibrariesWarnings() {
-    const std::lock_guard<std::mutex> lock(Mutex());
-    if (--Count() > 0 || Kept() == nullptr) return;
-    stderr = Kept();
-    Kept() = nullptr;
-  }
-  WithoutLibrariesWarnings(const WithoutLibrariesWarnings&) = delete;
-  WithoutLibrariesWarnings& operator=(const WithoutLibrariesWarnings&) = delete;
-
- private:
-  static std::mutex& Mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  static int& Count() {
-    static int count = 0;
-    return count;
-  }
-  static FILE*& Kept() {
-    static FILE* kept = nullptr;
-    return kept;
-  }
-};
 
 }  // namespace
 
-cv::Mat DecodeImage(const cv::Mat& bytes) {
-  const WithoutLibrariesWarnings silence;
-  return LoadedCodecs().decode(bytes, cv::IMREAD_UNCHANGED);
+Outcome<cv::Mat> DecodeImage(std::string_view bytes) {
+  const ImageFormat* const format = FormatOf(bytes);
+  if (format == nullptr) return Failure("it is not of a format that heba reads");
+  try {
+    return format->decode(bytes);
+  } catch (const cv::Exception& error) {
+    return Failure(error.err);
+  } catch (const std::bad_alloc&) {
+    return Failure("there is not enough memory for it");
+  }
 }
 
-std::vector<unsigned char> EncodeImage(const std::string& suffix, const cv::Mat& image) {
-  return Encoded(suffix, image, {});
+Outcome<std::vector<unsigned char>> EncodeImage(std::string_view suffix, const cv::Mat& image) {
+  constexpr int kGoodQuality = 95;
+  return Encoded(suffix, image, kGoodQuality);
 }
 
-std::vector<unsigned char> EncodeJpeg(const cv::Mat& image, int quality) {
-  return Encoded(".jpg", image, {cv::IMWRITE_JPEG_QUALITY, quality});
+Outcome<std::vector<unsigned char>> EncodeJpeg(const cv::Mat& image, int quality) {
+  return Encoded(".jpg", image, quality);
 }
 
 }  // namespace heba
