@@ -3,6 +3,8 @@
 #include <new>
 #include <string>
 
+#include <opencv2/core.hpp>
+
 #include "targets/images/image_format.h"
 
 namespace heba {

@@ -51,8 +51,9 @@ bool WriteAll(int descriptor, std::string_view content) {
 }  // namespace
 
 bool HasImageSuffix(const std::filesystem::path& path) {
-  static constexpr std::array<std::string_view, 13> kSuffixes = {
-      ".png", ".jpg", ".jpeg", ".bmp", ".dib", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".exr", ".jp2"};
+  static constexpr std::array<std::string_view, 13> kSuffixes = {".png", ".jpg",  ".jpeg", ".bmp", ".dib",
+                                                                 ".tif", ".tiff", ".pbm",  ".pgm", ".ppm",
+                                                                 ".pnm", ".webp", ".exr",  ".jp2"};
   const std::string suffix = Lower(path.extension().string());
   return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
 }

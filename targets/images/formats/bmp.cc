@@ -1,6 +1,8 @@
 // BMP: 1, 4 and 8 bits with a palette, also compressed by run lengths, and 16, 24 and 32 bits.
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstdlib>
 #include <optional>
 
 #include "targets/images/formats/format.h"
@@ -32,9 +34,13 @@ struct Layout {
   int channels = 3;
   std::array<Colour, 256> palette{};
   bool has_wide_green = false;  // 16 bits: 6 of them are green, not 5.
+  // 32 bits: those of red, green, blue and alpha. If one of the first three has none, the bytes are blue, green, red
+  // and alpha.
+  std::array<uint32_t, 4> masks{};
 };
 
 constexpr size_t kFileHeader = 14;
+constexpr uint32_t kMostHeader = 0x7fffffff;
 constexpr uint32_t kOldHeader = 12;  // OS/2 header, with sizes of 16 bits. Its images become grey, as in OpenCV.
 
 bool IsBmp(string_view bytes) { return bytes.starts_with("BM"); }
@@ -50,24 +56,41 @@ ImageHeader HeaderOf(string_view bytes) {
   return {static_cast<double>(Number(bytes, 18, 4)), std::min(height, 4294967296.0 - height)};
 }
 
-// Reads a palette of `count` entries of `entry_size` bytes.
-void ReadPalette(string_view bytes, size_t at, size_t count, size_t entry_size, Layout* layout) {
-  for (size_t i = 0; i < std::min(count, layout->palette.size()); ++i) {
-    const size_t entry = at + i * entry_size;
+bool IsGrey(const Colour& colour) { return colour.blue == colour.green && colour.blue == colour.red; }
+
+// Reads which bits of 16 or 32 are which colour; returns false if masks of 16 bits are not the two usual ones.
+bool ReadMasks(string_view bytes, Layout* layout) {
+  constexpr size_t kMasksAt = 54;
+  constexpr uint32_t kHeaderWithMasks = 56;
+  std::array<uint32_t, 4> masks{};
+  for (size_t i = 0; i < masks.size(); ++i) masks[i] = Number(bytes, kMasksAt + 4 * i, 4);
+  if (layout->bits == 32) {
+    // As in OpenCV, masks behind a shorter header say nothing.
+    if (Number(bytes, kFileHeader, 4) >= kHeaderWithMasks) layout->masks = masks;
+    return true;
+  }
+  layout->has_wide_green = masks[0] == 0xf800 && masks[1] == 0x7e0 && masks[2] == 0x1f;
+  return layout->has_wide_green || (masks[0] == 0x7c00 && masks[1] == 0x3e0 && masks[2] == 0x1f);
+}
+
+// Reads the palette, which follows the header; an image with grey colours only has one channel. Returns false if it is
+// too long.
+bool ReadPalette(string_view bytes, Layout* layout) {
+  const size_t header = Number(bytes, kFileHeader, 4);
+  const bool is_old = header == kOldHeader;
+  const size_t num_colours = size_t{1} << layout->bits;
+  const size_t num_used = is_old ? 0 : Number(bytes, 46, 4);
+  const size_t num_stored = num_used == 0 ? num_colours : num_used;
+  const size_t entry_size = is_old ? 3 : 4;
+  const size_t palette_at = kFileHeader + header;
+  if (num_stored > layout->palette.size() || palette_at + num_stored * entry_size > bytes.size()) return false;
+  for (size_t i = 0; i < num_stored; ++i) {
+    const size_t entry = palette_at + i * entry_size;
     layout->palette[i] = {static_cast<uchar>(Number(bytes, entry, 1)), static_cast<uchar>(Number(bytes, entry + 1, 1)),
                           static_cast<uchar>(Number(bytes, entry + 2, 1))};
   }
-}
-
-bool IsGrey(const Colour& colour) { return colour.blue == colour.green && colour.blue == colour.red; }
-
-// Sets which 16 bits are which colour; returns false for other masks than the two usual ones.
-bool ReadMasks(string_view bytes, Layout* layout) {
-  constexpr size_t kMasksAt = 54;
-  const std::array<uint32_t, 3> masks = {Number(bytes, kMasksAt, 4), Number(bytes, kMasksAt + 4, 4),
-                                         Number(bytes, kMasksAt + 8, 4)};
-  layout->has_wide_green = masks == std::array<uint32_t, 3>{0xf800, 0x7e0, 0x1f};
-  return layout->has_wide_green || masks == std::array<uint32_t, 3>{0x7c00, 0x3e0, 0x1f};
+  if (std::all_of(layout->palette.begin(), layout->palette.begin() + num_colours, &IsGrey)) layout->channels = 1;
+  return true;
 }
 
 // Returns nothing if the header is one that is not read.
@@ -76,7 +99,7 @@ std::optional<Layout> ReadLayout(string_view bytes) {
   layout.pixels_at = Number(bytes, 10, 4);
   const uint32_t header = Number(bytes, kFileHeader, 4);
   const bool is_old = header == kOldHeader;
-  if (!is_old && (header < 36 || header > bytes.size())) return std::nullopt;
+  if (!is_old && (header < 36 || header > kMostHeader)) return std::nullopt;
   layout.width = Number(bytes, 18, is_old ? 2 : 4);
   layout.height = static_cast<int32_t>(Number(bytes, is_old ? 20 : 22, is_old ? 2 : 4));
   layout.is_from_top = layout.height < 0;
@@ -89,16 +112,13 @@ std::optional<Layout> ReadLayout(string_view bytes) {
   if (layout.compression == kNone) is_known = has_palette || bits == 24 || bits == 32 || (bits == 16 && !is_old);
   if (layout.compression == kRuns8) is_known = bits == 8;
   if (layout.compression == kRuns4) is_known = bits == 4;
-  if (layout.compression == kMasks) is_known = bits == 32 || (bits == 16 && ReadMasks(bytes, &layout));
+  if (layout.compression == kMasks) is_known = (bits == 16 || bits == 32) && ReadMasks(bytes, &layout);
   if (!is_known) return std::nullopt;
   if (is_old) layout.channels = 1;
   // Without masks, the fourth byte of a pixel says nothing.
   if (bits == 32 && layout.compression == kMasks) layout.channels = 4;
   if (!has_palette) return layout;
-  const size_t num_used = is_old ? 0 : Number(bytes, 46, 4);
-  const size_t num_colours = size_t{1} << bits;
-  ReadPalette(bytes, kFileHeader + header, num_used == 0 ? num_colours : num_used, is_old ? 3 : 4, &layout);
-  if (std::all_of(layout.palette.begin(), layout.palette.begin() + num_colours, &IsGrey)) layout.channels = 1;
+  if (!ReadPalette(bytes, &layout)) return std::nullopt;
   return layout;
 }
 
@@ -140,7 +160,25 @@ Colour WideColour(uint32_t value, bool has_wide_green) {
           static_cast<uchar>((value >> 7) & 0xf8)};
 }
 
+// Returns the lowest 8 of the bits that a mask selects.
+uchar Masked(uint32_t value, uint32_t mask) { return static_cast<uchar>((value & mask) >> std::countr_zero(mask)); }
+
+// Sets a pixel with alpha from its four bytes.
+void SetMasked(const uchar* data, const std::array<uint32_t, 4>& masks, uchar* pixel) {
+  if (masks[0] == 0 || masks[1] == 0 || masks[2] == 0) {
+    std::copy_n(data, 4, pixel);
+    return;
+  }
+  const uint32_t value = data[0] | data[1] << 8U | data[2] << 16U | uint32_t{data[3]} << 24U;
+  for (size_t i = 0; i < 3; ++i) pixel[i] = Masked(value, masks[2 - i]);
+  pixel[3] = masks[3] == 0 ? uchar{255} : Masked(value, masks[3]);
+}
+
 void DrawRow(const Layout& layout, const uchar* data, int64_t row, Canvas* canvas) {
+  if (layout.bits == 24 && layout.channels == 3) {
+    std::copy_n(data, 3 * layout.width, canvas->Row(row));
+    return;
+  }
   for (int64_t column = 0; column < layout.width; ++column) {
     const auto i = static_cast<size_t>(column);
     switch (layout.bits) {
@@ -154,7 +192,7 @@ void DrawRow(const Layout& layout, const uchar* data, int64_t row, Canvas* canva
         break;
       case 32:
         if (layout.channels < 4) canvas->Set(row, column, {data[4 * i], data[4 * i + 1], data[4 * i + 2]});
-        if (layout.channels == 4) std::copy_n(data + 4 * i, 4, canvas->Row(row) + 4 * i);
+        if (layout.channels == 4) SetMasked(data + 4 * i, layout.masks, canvas->Row(row) + 4 * i);
         break;
       default:
         canvas->Set(row, column, layout.palette[IndexAt(data, i, layout.bits)]);

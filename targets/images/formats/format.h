@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -40,6 +41,10 @@ struct ImageFormat {
 
 // What a decoder answers to files that end too early.
 inline Failure CutShort() { return Failure("it is truncated; copy it again"); }
+// What a decoder answers to files that its library leaves with an error.
+inline Failure Unreadable(const std::string& library, const std::string& message) {
+  return Failure("it is damaged, truncated or of a kind that heba does not read (" + library + ": " + message + ")");
+}
 // What a decoder answers to other depths than 8 and 16 bits.
 inline Failure WrongDepth() { return Failure("it has neither 8 nor 16 bits per channel; save it with 8 or 16"); }
 

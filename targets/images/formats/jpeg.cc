@@ -1,7 +1,9 @@
 // JPEG by libjpeg-turbo.
 #include <csetjmp>
 #include <cstdio>
+#include <new>
 #include <string>
+#include <utility>
 
 #include <jpeglib.h>
 
@@ -59,7 +61,7 @@ void Leave(j_common_ptr jpeg) {
 // At its end, libjpeg would complete a file that is truncated with grey. Damage that it repairs is not reported.
 void OnMessage(j_common_ptr jpeg, int /*level*/) {
   if (jpeg->err->msg_code != JWRN_JPEG_EOF) return;
-  ErrorsOf(jpeg)->error = CutShort().text.c_str();
+  ErrorsOf(jpeg)->error = "the file ends too early";
   Leave(jpeg);
 }
 void Ignore(j_common_ptr /*jpeg*/) {}
@@ -126,14 +128,14 @@ void ReadPixels(Reader* reader) {
 Outcome<cv::Mat> Decode(string_view bytes) {
   Reader reader;
   reader.bytes = bytes;
-  if (!Succeeds(&ReadHeader, &reader)) return Failure(reader.errors.error);
+  if (!Succeeds(&ReadHeader, &reader)) return Unreadable("libjpeg", reader.errors.error);
   const int components = reader.jpeg.num_components;
   const Outcome<cv::Mat> image =
       NewImage(reader.jpeg.image_width, reader.jpeg.image_height, components > 1 ? CV_8UC3 : CV_8UC1);
   if (!image) return image;
   reader.image = *image;
   if (components == 4) reader.inks.resize(4 * static_cast<size_t>(reader.image.cols));
-  if (!Succeeds(&ReadPixels, &reader)) return Failure(reader.errors.error);
+  if (!Succeeds(&ReadPixels, &reader)) return Unreadable("libjpeg", reader.errors.error);
   return reader.image;
 }
 
@@ -207,7 +209,7 @@ Outcome<std::vector<unsigned char>> Encode(const cv::Mat& image, int quality) {
   Writer writer;
   writer.image = image;
   writer.quality = quality;
-  if (!Succeeds(&WriteAll, &writer)) return Failure(writer.errors.error);
+  if (!Succeeds(&WriteAll, &writer)) return Failure("libjpeg: " + writer.errors.error);
   return std::move(writer.written);
 }
 

@@ -1,7 +1,9 @@
 // PNG by libpng.
 #include <csetjmp>
 #include <cstring>
+#include <new>
 #include <string>
+#include <utility>
 
 #include <png.h>
 
@@ -76,7 +78,7 @@ bool IsLittleEndian() {
 
 void Read(png_structp png, png_bytep to, size_t count) {
   string_view& unread = static_cast<Png*>(png_get_io_ptr(png))->unread;
-  if (count > unread.size()) png_error(png, "it is truncated");
+  if (count > unread.size()) png_error(png, "the file ends too early");
   std::memcpy(to, unread.data(), count);
   unread.remove_prefix(count);
 }
@@ -125,13 +127,13 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   if (state.png != nullptr) state.info = png_create_info_struct(state.png);
   if (state.info == nullptr) return Failure("libpng cannot be used");
   png_set_read_fn(state.png, &state, &Read);
-  if (!Succeeds(&ReadInfo, &state)) return Failure(state.error);
+  if (!Succeeds(&ReadInfo, &state)) return Unreadable("libpng", state.error);
   const Outcome<cv::Mat> image = NewImage(png_get_image_width(state.png, state.info),
                                           png_get_image_height(state.png, state.info), TypeOf(state.png, state.info));
   if (!image) return image;
   state.image = *image;
   SetRows(&state);
-  if (!Succeeds(&ReadPixels, &state)) return Failure(state.error);
+  if (!Succeeds(&ReadPixels, &state)) return Unreadable("libpng", state.error);
   return state.image;
 }
 
@@ -178,7 +180,7 @@ Outcome<std::vector<unsigned char>> Encode(const cv::Mat& image, int /*quality*/
   png_set_write_fn(state.png, &state, &Write, &Flush);
   state.image = image;
   SetRows(&state);
-  if (!Succeeds(&WriteAll, &state)) return Failure(state.error);
+  if (!Succeeds(&WriteAll, &state)) return Failure("libpng: " + state.error);
   return std::move(state.written);
 }
 

@@ -108,6 +108,10 @@ bool ReadBytes(const Layout& layout, string_view bytes, cv::Mat* image) {
   if (bytes.size() / pitch < static_cast<size_t>(layout.height)) return false;
   for (int row = 0; row < layout.height; ++row) {
     const string_view line = bytes.substr(static_cast<size_t>(row) * pitch, pitch);
+    if (layout.channels == 1 && size == 1 && !layout.is_bits) {
+      std::copy(line.begin(), line.end(), image->ptr<char>(row));
+      continue;
+    }
     for (size_t i = 0; i < layout.values_per_row(); ++i) {
       const auto byte = static_cast<unsigned char>(line[layout.is_bits ? i / 8 : i * size]);
       int value = byte;

@@ -243,15 +243,11 @@ bool ReadPixels(TIFF* tiff, const Layout& layout, cv::Mat* image) {
   return true;
 }
 
-Failure Faulty(const Source& source) {
-  return Failure("it is damaged or truncated" + (source.error.empty() ? std::string() : " (" + source.error + ")"));
-}
-
 Outcome<cv::Mat> Decode(string_view bytes) {
   Source source;
   source.bytes = bytes;
   const Tiff tiff = Open(&source);
-  if (tiff == nullptr) return Faulty(source);
+  if (tiff == nullptr) return Unreadable("libtiff", source.error);
   const Layout layout = LayoutOf(tiff.get());
   const Outcome<int> type = TypeOf(layout);
   if (!type) return type.failure();
@@ -264,7 +260,9 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   }
   // Pixels are as stored, whatever the orientation that the metadata tell.
   TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);
-  if (!ReadPixels(tiff.get(), layout, &*image)) return Faulty(source);
+  if (!ReadPixels(tiff.get(), layout, &*image)) {
+    return source.error.empty() ? CutShort() : Unreadable("libtiff", source.error);
+  }
   return image;
 }
 

@@ -111,8 +111,8 @@ TEST(ImageCodecsTest, PrintsNothing) {
   EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_EQ(LargestDifference(warned, Ramp()), 0);
-  EXPECT_EQ(cut.reason(), "it is truncated; copy it again");
-  EXPECT_THAT(strips.reason(), HasSubstr("damaged or truncated"));
+  EXPECT_THAT(cut.reason(), HasSubstr("truncated"));
+  EXPECT_THAT(strips.reason(), HasSubstr("damaged, truncated"));
 }
 
 }  // namespace

@@ -2,13 +2,16 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <utility>
 
 #include <jpeglib.h>
 #include <png.h>
@@ -521,8 +524,17 @@ std::vector<MadeImage> MadeBmps() {
     images.push_back({name + "masks of 5 bits", Bmp({16, 3, 40, is_from_top, false, {0x7c00, 0x3e0, 0x1f}})});
     images.push_back({name + "masks of 6 bits", Bmp({16, 3, 40, is_from_top, false, {0xf800, 0x7e0, 0x1f}})});
     images.push_back({name + "masks of 32", Bmp({32, 3, 40, is_from_top, false, {0xff0000, 0xff00, 0xff}})});
-    images.push_back(
-        {name + "v5 masks of 32", Bmp({32, 3, 124, is_from_top, false, {0xff0000, 0xff00, 0xff, 0xff000000}})});
+    const std::vector<std::vector<uint32_t>> masks = {
+        {0xff0000, 0xff00, 0xff, 0xff000000}, {0xff, 0xff00, 0xff0000, 0xff000000},
+        {0xff000000, 0xff0000, 0xff00, 0xff}, {0xff0000, 0xff00, 0xff, 0},
+        {0x7c00, 0x3e0, 0x1f, 0xf0000000},    {0x3ff00000, 0xffc00, 0x3ff, 0xc0000000},
+        {0, 0xff00, 0xff, 0xff000000}};
+    for (size_t i = 0; i < masks.size(); ++i) {
+      for (const uint32_t header : {40, 52, 56, 108, 124}) {
+        images.push_back({name + std::to_string(header) + " masks of 32, " + std::to_string(i),
+                          Bmp({32, 3, header, is_from_top, false, masks[i]})});
+      }
+    }
   }
   for (const uint32_t bits : {1, 4, 8, 24, 32}) {
     images.push_back({"old bmp " + std::to_string(bits), Bmp({bits, 0, 12})});
