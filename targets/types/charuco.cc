@@ -5,8 +5,8 @@
 // The square in the top-left corner is black. Targets drawn by OpenCV before 4.6 (`legacy_pattern`) have the black
 // square in the bottom-left corner instead, which differs if the number of rows is even.
 //
-// OpenCV finds the markers (this is the only file that depends on the interface of its aruco module, which changed in
-// 4.7). Corners are predicted from the markers around them, refined as saddles and measured by MeasureCorner.
+// Corners are predicted from the markers around them (targets/tags/aruco_markers.h), refined as saddles and measured by
+// MeasureCorner.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,7 +16,6 @@
 #include <utility>
 
 #include <Eigen/Geometry>
-#include <opencv2/aruco.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
@@ -28,39 +27,13 @@
 #include "targets/images/image.h"
 #include "targets/numbered_grid.h"
 #include "targets/table_choice.h"
+#include "targets/tags/aruco_dictionary.h"
+#include "targets/tags/aruco_markers.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {
 namespace {
-
-struct DictionaryName {
-  const char* name;
-  int id;
-};
-constexpr DictionaryName kDictionaries[] = {
-    {"DICT_4X4_50", cv::aruco::DICT_4X4_50},
-    {"DICT_4X4_100", cv::aruco::DICT_4X4_100},
-    {"DICT_4X4_250", cv::aruco::DICT_4X4_250},
-    {"DICT_4X4_1000", cv::aruco::DICT_4X4_1000},
-    {"DICT_5X5_50", cv::aruco::DICT_5X5_50},
-    {"DICT_5X5_100", cv::aruco::DICT_5X5_100},
-    {"DICT_5X5_250", cv::aruco::DICT_5X5_250},
-    {"DICT_5X5_1000", cv::aruco::DICT_5X5_1000},
-    {"DICT_6X6_50", cv::aruco::DICT_6X6_50},
-    {"DICT_6X6_100", cv::aruco::DICT_6X6_100},
-    {"DICT_6X6_250", cv::aruco::DICT_6X6_250},
-    {"DICT_6X6_1000", cv::aruco::DICT_6X6_1000},
-    {"DICT_7X7_50", cv::aruco::DICT_7X7_50},
-    {"DICT_7X7_100", cv::aruco::DICT_7X7_100},
-    {"DICT_7X7_250", cv::aruco::DICT_7X7_250},
-    {"DICT_7X7_1000", cv::aruco::DICT_7X7_1000},
-    {"DICT_ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL},
-    {"DICT_APRILTAG_16h5", cv::aruco::DICT_APRILTAG_16h5},
-    {"DICT_APRILTAG_25h9", cv::aruco::DICT_APRILTAG_25h9},
-    {"DICT_APRILTAG_36h10", cv::aruco::DICT_APRILTAG_36h10},
-    {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11},
-};
 
 // Returns the name of a dictionary without its size: the smaller dictionaries are the beginnings of the larger ones.
 std::string MarkersName(const std::string& dictionary) {
@@ -85,85 +58,19 @@ struct CharucoGeometry {
   }
 };
 
-// The corners of a quadrangle that may be a marker, in OpenCV's order.
-using Outline = std::vector<cv::Point2f>;
-
-SeenTag MarkerOf(int index, const Outline& outline) {
-  SeenTag marker;
-  marker.index = index;
-  for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {outline[k].x, outline[k].y};
-  return marker;
-}
-
-// Returns all markers of a dictionary that are seen; the index of each is its number in the dictionary. Unless it is
-// null, `outlines` becomes the outlines of these and of all that may be markers of other dictionaries.
-std::vector<SeenTag> MarkersOf(const cv::Mat& grey, const cv::Ptr<cv::aruco::Dictionary>& dictionary,
-                               std::vector<Outline>* outlines = nullptr) {
-  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
-  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
-  parameters->minMarkerPerimeterRate = 0.01;
-  // The windows are 3 to 53 px wide, for small and for large images.
-  parameters->adaptiveThreshWinSizeMax = 53;
-  parameters->adaptiveThreshWinSizeStep = 10;
-  std::vector<std::vector<cv::Point2f>> corners;
-  std::vector<int> ids;
-  // Each speck of noise would be traced like a marker's outline.
+// Returns an image in which markers can be searched for: each speck of strong noise would be traced like a marker's
+// outline.
+cv::Mat WithoutStrongNoise(const cv::Mat& grey) {
   constexpr double kStrongNoiseGrey = 8;
-  cv::Mat smooth = grey;
-  if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
-  std::vector<Outline> rejected;
-  cv::aruco::detectMarkers(smooth, dictionary, corners, ids, parameters, rejected);
-  std::vector<SeenTag> markers;
-  for (size_t i = 0; i < ids.size(); ++i) markers.push_back(MarkerOf(ids[i], corners[i]));
-  if (outlines != nullptr) {
-    *outlines = std::move(corners);
-    outlines->insert(outlines->end(), rejected.begin(), rejected.end());
-  }
-  return markers;
-}
-
-// Returns the marker of a dictionary within an outline, read by OpenCV's rules; nothing if there is none.
-std::optional<SeenTag> MarkerIn(const cv::Mat& grey, Outline outline, const cv::aruco::Dictionary& dictionary) {
-  constexpr int kCellPx = 8;
-  const int num_cells = dictionary.markerSize + 2;
-  const auto side_px = static_cast<float>(kCellPx * num_cells);
-  const Outline square = {{0, 0}, {side_px - 1, 0}, {side_px - 1, side_px - 1}, {0, side_px - 1}};
-  cv::Mat marker;
-  cv::warpPerspective(grey, marker, cv::getPerspectiveTransform(outline, square),
-                      {kCellPx * num_cells, kCellPx * num_cells}, cv::INTER_NEAREST);
-  cv::Scalar mean_grey;
-  cv::Scalar stddev_grey;
-  cv::meanStdDev(marker, mean_grey, stddev_grey);
-  constexpr double kLeastStddevGrey = 5;
-  if (stddev_grey[0] < kLeastStddevGrey) return std::nullopt;
-  cv::threshold(marker, marker, 0, 1, cv::THRESH_BINARY | cv::THRESH_OTSU);
-  // The edges of a cell may belong to the next one.
-  constexpr int kInnerPx = kCellPx - 2;
-  cv::Mat is_white(num_cells, num_cells, CV_8UC1);
-  int num_white_in_border = 0;
-  for (int row = 0; row < num_cells; ++row) {
-    for (int column = 0; column < num_cells; ++column) {
-      const cv::Rect cell(column * kCellPx + 1, row * kCellPx + 1, kInnerPx, kInnerPx);
-      const bool is_light = 2 * cv::countNonZero(marker(cell)) > kInnerPx * kInnerPx;
-      is_white.at<uchar>(row, column) = is_light ? 1 : 0;
-      const bool is_border = row == 0 || column == 0 || row == num_cells - 1 || column == num_cells - 1;
-      num_white_in_border += is_border && is_light ? 1 : 0;
-    }
-  }
-  constexpr double kMostWhiteInBorder = 0.35;
-  constexpr double kOfCorrectableBits = 0.6;
-  if (num_white_in_border > kMostWhiteInBorder * dictionary.markerSize * dictionary.markerSize) return std::nullopt;
-  int index = -1;
-  int rotation = 0;
-  const cv::Range inner(1, num_cells - 1);
-  if (!dictionary.identify(is_white(inner, inner).clone(), index, rotation, kOfCorrectableBits)) return std::nullopt;
-  std::rotate(outline.begin(), outline.begin() + (4 - rotation) % 4, outline.end());
-  return MarkerOf(index, outline);
+  if (NoiseGrey(grey) <= kStrongNoiseGrey) return grey;
+  cv::Mat smooth;
+  cv::GaussianBlur(grey, smooth, {}, 0.8);
+  return smooth;
 }
 
 class Charuco final : public Target {
  public:
-  Charuco(const CharucoGeometry& geometry, cv::Ptr<cv::aruco::Dictionary> dictionary)
+  Charuco(const CharucoGeometry& geometry, ArucoDictionary dictionary)
       : geometry_(geometry), dictionary_(std::move(dictionary)) {
     const double square_m = geometry_.square_m;
     for (int row = 0; row + 1 < geometry_.rows; ++row) {
@@ -178,7 +85,7 @@ class Charuco final : public Target {
         if (geometry_.IsBlack(row, column)) continue;
         const Eigen::Vector2d first(column * square_m + gap_m, row * square_m + gap_m);
         const double m = geometry_.marker_m;
-        // OpenCV's order is clockwise from the top-left corner.
+        // A marker's order is clockwise from its top-left corner.
         layout_.corners_m.push_back(
             {first, first + Eigen::Vector2d(m, 0), first + Eigen::Vector2d(m, m), first + Eigen::Vector2d(0, m)});
         marker_squares_.push_back({row, column});
@@ -242,7 +149,7 @@ class Charuco final : public Target {
     confusions.push_back({{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}});
     const std::vector<TargetSettings> grids = ConfusedGrids(geometry_.rows, geometry_.columns);
     confusions.insert(confusions.end(), grids.begin(), grids.end());
-    AddOtherNames("dictionary", kDictionaries, geometry_.dictionary, &confusions);
+    AddOtherNames("dictionary", kArucoDictionaries, geometry_.dictionary, &confusions);
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
@@ -264,20 +171,19 @@ class Charuco final : public Target {
       }
     }
     for (size_t index = 0; index < layout_.corners_m.size(); ++index) {
-      const int cells = dictionary_->markerSize + 2;
-      cv::Mat bits;  // One pixel per cell, including the border.
-      cv::aruco::drawMarker(dictionary_, geometry_.first_marker + static_cast<int>(index), cells, bits, 1);
+      const int cells = dictionary_.size() + 2;  // With the border.
+      const int marker = geometry_.first_marker + static_cast<int>(index);
       const Eigen::Vector2d& corner = layout_.corners_m[index][0];
       const double cell_m = geometry_.marker_m / cells;
       for (int row = 0; row < cells; ++row) {
         // A run of black cells is one shape, so that no hairline shows between them.
         for (int column = 0; column < cells;) {
-          if (bits.at<uchar>(row, column) != 0) {
+          if (!dictionary_.IsBlack(marker, row, column)) {
             ++column;
             continue;
           }
           const int begin = column;
-          while (column < cells && bits.at<uchar>(row, column) == 0) ++column;
+          while (column < cells && dictionary_.IsBlack(marker, row, column)) ++column;
           drawing.AddRectangle(corner.x() + begin * cell_m, corner.y() + row * cell_m, corner.x() + column * cell_m,
                                corner.y() + (row + 1) * cell_m, 0);
         }
@@ -295,7 +201,9 @@ class Charuco final : public Target {
     return markers;
   }
 
-  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const { return MarkersOf(grey, dictionary_); }
+  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const {
+    return FindArucoMarkers(WithoutStrongNoise(grey), dictionary_).markers;
+  }
 
   // Predicts a corner from the nearest markers, at least one of which must touch it, and refines it within its
   // squares.
@@ -338,7 +246,7 @@ class Charuco final : public Target {
   }
 
   CharucoGeometry geometry_;
-  cv::Ptr<cv::aruco::Dictionary> dictionary_;
+  ArucoDictionary dictionary_;
   std::vector<TargetPoint> points_;
   TagLayout layout_;
   Drawing drawing_;
@@ -358,18 +266,18 @@ Eigen::Vector2d SquareOfMarker(int index, int columns, bool is_first_black) {
 }
 
 // Returns the smallest dictionary that has the markers of `whole`, of which it is the beginning, up to `last`.
-const char* SmallestDictionary(const DictionaryName& whole, int last) {
+const char* SmallestDictionary(const ArucoDictionaryName& whole, int last) {
   const std::string name = whole.name;
   if (!name.ends_with("_1000")) return whole.name;
   const std::string beginning = name.substr(0, name.rfind('_') + 1);
-  for (const DictionaryName& entry : kDictionaries) {
+  for (const ArucoDictionaryName& entry : kArucoDictionaries) {
     const bool is_part = std::string_view(entry.name).starts_with(beginning);
-    if (is_part && cv::aruco::getPredefinedDictionary(entry.id)->bytesList.rows > last) return entry.name;
+    if (is_part && entry.num_markers > last) return entry.name;
   }
   return whole.name;
 }
 
-// Returns the markers up to their edges: the outlines of MarkersOf run through the centres of their outermost pixels.
+// Returns the markers up to their edges: their outlines run through the centres of their outermost pixels.
 std::vector<SeenTag> UpToEdges(std::vector<SeenTag> markers) {
   constexpr double kInsidePx = 0.5;
   for (SeenTag& marker : markers) {
@@ -384,7 +292,7 @@ std::vector<SeenTag> UpToEdges(std::vector<SeenTag> markers) {
 }
 
 // Returns the boards on which these markers of one dictionary lie.
-std::vector<TargetSettings> BoardsOf(const std::vector<SeenTag>& markers, const DictionaryName& whole) {
+std::vector<TargetSettings> BoardsOf(const std::vector<SeenTag>& markers, const ArucoDictionaryName& whole) {
   std::vector<SeenNumber> seen;
   int last = 0;
   for (const SeenTag& marker : markers) {
@@ -419,38 +327,42 @@ std::vector<TargetSettings> ProposeTargets_charuco(const cv::Mat& grey) {
   // The dictionaries whose markers have as many cells, joined: the outlines of all markers are found once for each
   // size.
   struct Joined {
-    cv::Ptr<cv::aruco::Dictionary> markers;
-    std::vector<std::pair<const DictionaryName*, int>> dictionaries;  // Each with the number of its first marker.
+    ArucoDictionary markers;
+    std::vector<std::pair<const ArucoDictionaryName*, int>> dictionaries;  // Each with the number of its first marker.
   };
   std::vector<Joined> of_sizes;
-  for (const DictionaryName& entry : kDictionaries) {
+  for (const ArucoDictionaryName& entry : kArucoDictionaries) {
     // The smaller dictionaries are the beginnings of the largest of their kind. 16h5 is read in any clutter.
     const std::string_view name = entry.name;
     const bool is_part = name.ends_with("_50") || name.ends_with("_100") || name.ends_with("_250");
     if (is_part || name.ends_with("16h5")) continue;
-    const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry.id);
-    const auto alike = std::find_if(of_sizes.begin(), of_sizes.end(), [&](const Joined& joined) {
-      return joined.markers->markerSize == dictionary->markerSize;
-    });
+    const auto alike = std::find_if(of_sizes.begin(), of_sizes.end(),
+                                    [&](const Joined& joined) { return joined.markers.size() == entry.size; });
     if (alike == of_sizes.end()) {
-      of_sizes.push_back({cv::makePtr<cv::aruco::Dictionary>(*dictionary), {{&entry, 0}}});
+      of_sizes.push_back({ArucoDictionary(entry), {{&entry, 0}}});
       continue;
     }
-    alike->dictionaries.emplace_back(&entry, alike->markers->bytesList.rows);
-    cv::vconcat(alike->markers->bytesList, dictionary->bytesList, alike->markers->bytesList);
+    alike->dictionaries.emplace_back(&entry, alike->markers.num_markers());
+    alike->markers.Append(ArucoDictionary(entry));
   }
   std::vector<TargetSettings> proposals;
   // The outlines are searched for once, with the first dictionaries.
-  std::vector<Outline> outlines;
-  std::vector<SeenTag> all = MarkersOf(grey, of_sizes.front().markers, &outlines);
+  const cv::Mat smooth = WithoutStrongNoise(grey);
+  const ArucoMarkers found = FindArucoMarkers(smooth, of_sizes.front().markers);
+  std::vector<TagCorners> outlines;
+  for (const SeenTag& marker : found.markers) outlines.push_back(marker.corners_px);
+  outlines.insert(outlines.end(), found.rejected.begin(), found.rejected.end());
+  std::vector<SeenTag> all = found.markers;
   for (const Joined& joined : of_sizes) {
     if (&joined != &of_sizes.front()) {
       all.clear();
-      for (const Outline& outline : outlines) {
-        if (const std::optional<SeenTag> marker = MarkerIn(grey, outline, *joined.markers)) all.push_back(*marker);
+      for (const TagCorners& outline : outlines) {
+        if (const std::optional<SeenTag> marker = ReadArucoMarker(smooth, outline, joined.markers)) {
+          all.push_back(*marker);
+        }
       }
     }
-    int next = joined.markers->bytesList.rows;
+    int next = joined.markers.num_markers();
     for (auto part = joined.dictionaries.rbegin(); part != joined.dictionaries.rend(); ++part) {
       const auto& [dictionary, first] = *part;
       std::vector<SeenTag> markers;
@@ -475,18 +387,17 @@ std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   geometry.square_m = reader.PositiveLength("square");
   geometry.marker_m = reader.PositiveLength("marker");
   if (geometry.marker_m >= geometry.square_m) reader.Get("marker").Fail("must be smaller than the square");
-  const DictionaryName& entry = ReadChoice(reader, "dictionary", kDictionaries);
+  const ArucoDictionaryName& entry = ReadChoice(reader, "dictionary", kArucoDictionaries);
   geometry.dictionary = entry.name;
   geometry.legacy_pattern = reader.Bool("legacy_pattern", false);
   geometry.first_marker = reader.Int("first_marker", {0, 10000}, 0);
-  cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry.id);
   const int num_markers = geometry.rows * geometry.columns / 2;
-  if (geometry.first_marker + num_markers > dictionary->bytesList.rows) {
+  if (geometry.first_marker + num_markers > entry.num_markers) {
     reader.Get("dictionary")
-        .Fail(std::string(entry.name) + " has " + std::to_string(dictionary->bytesList.rows) +
-              " markers; the target needs " + std::to_string(geometry.first_marker + num_markers));
+        .Fail(std::string(entry.name) + " has " + std::to_string(entry.num_markers) + " markers; the target needs " +
+              std::to_string(geometry.first_marker + num_markers));
   }
-  return std::make_unique<Charuco>(geometry, std::move(dictionary));
+  return std::make_unique<Charuco>(geometry, ArucoDictionary(entry));
 }
 
 }  // namespace heba
