@@ -9,7 +9,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -332,34 +331,6 @@ TEST(ForeignConventions, LibapriltagCornersMatch) {
   std::free(tag->buf);  // The library does not export image_u8_destroy().
   std::free(tag);
   tag36h11_destroy(family);
-}
-
-// cv::aruco gives the corners of the outer black edge, clockwise from the top left of an upright marker, with pixel
-// centres at integers. The marker is drawn by cv::aruco itself.
-TEST(ForeignConventions, ArucoCornersMatch) {
-  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100);
-  cv::Mat marker;
-  cv::aruco::drawMarker(dictionary, 17, 7, marker, 1);
-  cv::Mat cells(13, 15, CV_8UC1, cv::Scalar(255));
-  marker.copyTo(cells(cv::Rect(5, 3, 7, 7)));
-  const cv::Mat picture = Magnified(cells);
-
-  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
-  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
-  std::vector<std::vector<cv::Point2f>> corners;
-  std::vector<int> ids;
-  cv::aruco::detectMarkers(picture, dictionary, corners, ids, parameters);
-  ASSERT_EQ(ids, std::vector<int>{17});
-  const double left_px = 5 * kCell - 0.5;
-  const double right_px = 12 * kCell - 0.5;
-  const double top_px = 3 * kCell - 0.5;
-  const double bottom_px = 10 * kCell - 0.5;
-  const double expected_px[4][2] = {{left_px, top_px}, {right_px, top_px}, {right_px, bottom_px}, {left_px, bottom_px}};
-  // The detector follows the outermost dark pixels, half a pixel inside the edge.
-  for (size_t k = 0; k < 4; ++k) {
-    EXPECT_NEAR(corners[0][k].x, expected_px[k][0], 1.1) << "corner " << k;
-    EXPECT_NEAR(corners[0][k].y, expected_px[k][1], 1.1) << "corner " << k;
-  }
 }
 
 // OpenCV's pixel (x, y) has its centre at (x, y): the corner between four quadrants, two of them dark, is half a
