@@ -6,14 +6,18 @@ set -euo pipefail
 packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
-  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
+  libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev
+  libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
   libpng-dev libjpeg-dev libtiff-dev liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
   python3-dev python3-numpy pybind11-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
-if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv); fi
+if [ "${1-}" = "--tests" ]; then
+  # Tests and benchmarks compare with OpenCV's contrib modules.
+  packages+=(libopencv-dev libopencv-contrib-dev slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv)
+fi
 
 missing=()
 for package in "${packages[@]}"; do

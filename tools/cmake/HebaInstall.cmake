@@ -19,4 +19,5 @@ configure_package_config_file(tools/cmake/hebaConfig.cmake.in ${PROJECT_BINARY_D
                               INSTALL_DESTINATION ${config_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/hebaConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/hebaConfig.cmake ${PROJECT_BINARY_DIR}/hebaConfigVersion.cmake
+              tools/cmake/FindOpenCV.cmake
         DESTINATION ${config_dir})

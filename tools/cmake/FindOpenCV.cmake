@@ -1,0 +1,43 @@
+# find_package(OpenCV COMPONENTS ...): OpenCV as its own config file describes it, or else, without one, the components that
+# are installed, as targets opencv_NAME. Debian has that file only in libopencv-dev, which brings all of OpenCV with its
+# contrib modules, seventy packages more than libopencv-core-dev and the packages of the components that heba needs.
+find_package(OpenCV ${OpenCV_FIND_VERSION} CONFIG QUIET)
+if(NOT OpenCV_FOUND)
+  find_path(OpenCV_INCLUDE_DIR opencv2/core/version.hpp PATH_SUFFIXES opencv4)
+  mark_as_advanced(OpenCV_INCLUDE_DIR)
+  set(OpenCV_VERSION "")
+  if(OpenCV_INCLUDE_DIR)
+    file(READ ${OpenCV_INCLUDE_DIR}/opencv2/core/version.hpp version_header)
+    foreach(part MAJOR MINOR REVISION)
+      string(REGEX MATCH "CV_VERSION_${part} +([0-9]+)" found "${version_header}")
+      list(APPEND OpenCV_VERSION ${CMAKE_MATCH_1})
+    endforeach()
+    list(JOIN OpenCV_VERSION "." OpenCV_VERSION)
+  endif()
+  foreach(component IN LISTS OpenCV_FIND_COMPONENTS)
+    find_library(OpenCV_${component}_LIBRARY opencv_${component})
+    mark_as_advanced(OpenCV_${component}_LIBRARY)
+    set(library ${OpenCV_${component}_LIBRARY})
+    if(TARGET opencv_${component} OR NOT EXISTS "${library}" OR NOT OpenCV_INCLUDE_DIR)
+      continue()
+    endif()
+    add_library(opencv_${component} SHARED IMPORTED)
+    set_target_properties(opencv_${component} PROPERTIES
+      IMPORTED_CONFIGURATIONS RELEASE
+      IMPORTED_LOCATION_RELEASE ${library}
+      INTERFACE_INCLUDE_DIRECTORIES ${OpenCV_INCLUDE_DIR})
+    # The name that programs know it by, as a rule that of the file to which the library's link points.
+    if(IS_SYMLINK ${library})
+      file(READ_SYMLINK ${library} soname)
+      set_property(TARGET opencv_${component} PROPERTY IMPORTED_SONAME_RELEASE ${soname})
+    endif()
+  endforeach()
+endif()
+foreach(component IN LISTS OpenCV_FIND_COMPONENTS)
+  set(OpenCV_${component}_FOUND FALSE)
+  if(TARGET opencv_${component})
+    set(OpenCV_${component}_FOUND TRUE)
+  endif()
+endforeach()
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(OpenCV REQUIRED_VARS OpenCV_VERSION VERSION_VAR OpenCV_VERSION HANDLE_COMPONENTS)
