@@ -10,6 +10,6 @@ if [ ! -d "tests/$room" ] || ! grep -qs heba_add_ "tests/$room/CMakeLists.txt"; 
   exit 2
 fi
 shift
-[ -f build/release/build.ninja ] || cmake --preset release >/dev/null
+cmake --preset release -DHEBA_BUILD_TESTS=ON >/dev/null
 cmake --build --preset release --target "${room}_tests"
 ctest --preset release --label-regex "^$room$" --label-exclude nightly --parallel "$(nproc)" "$@"

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tools/install_packages.sh
-cmake --preset release >/dev/null
+cmake --preset release -DHEBA_BUILD_TESTS=OFF >/dev/null
 cmake --build --preset release --target heba
 heba=build/release/heba
 

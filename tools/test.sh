@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tools/install_packages.sh --tests
-cmake --preset release -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" \
+cmake --preset release -DHEBA_BUILD_TESTS=ON -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" \
   -DHEBA_REPORT_SCRIPT="${HEBA_REPORT_SCRIPT:-AUTO}" >/dev/null
 cmake --build --preset release
 if [ $# -eq 0 ]; then set -- --label-exclude nightly; fi
