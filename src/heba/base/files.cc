@@ -51,7 +51,7 @@ bool WriteAll(int descriptor, std::string_view content) {
 }  // namespace
 
 bool HasImageSuffix(const std::filesystem::path& path) {
-  static constexpr std::array<std::string_view, 13> kSuffixes = {".png", ".jpg",  ".jpeg", ".bmp", ".dib",
+  static constexpr std::array<std::string_view, 14> kSuffixes = {".png", ".jpg",  ".jpeg", ".bmp", ".dib",
                                                                  ".tif", ".tiff", ".pbm",  ".pgm", ".ppm",
                                                                  ".pnm", ".webp", ".exr",  ".jp2"};
   const std::string suffix = Lower(path.extension().string());
