@@ -142,7 +142,7 @@ size_t ExpectEqualMarkers(const cv::Mat& grey, size_t entry) {
   return ids.size();
 }
 
-// Boards are rendered with each dictionary, sharp and blurred, with little and much noise, and in clutter.
+// Boards are rendered with each dictionary in two of four ways: small, large and blurred, with much noise, in clutter.
 TEST(ArucoComparison, RenderedImagesHaveEqualMarkers) {
   Rng rng(72);
   for (size_t entry = 0; entry < kArucoDictionaries.size(); ++entry) {
@@ -151,10 +151,10 @@ TEST(ArucoComparison, RenderedImagesHaveEqualMarkers) {
                                                       std::to_string(22 + 3 * static_cast<int>(entry % 6)) +
                                                       " mm, dictionary: " + kArucoDictionaries[entry].name + "}");
     size_t num_markers = 0;
-    for (int view = 0; view < 4; ++view) {
+    for (const size_t view : {entry % 4, (entry + 1) % 4}) {
       SCOPED_TRACE(view);
       RenderOptions options;
-      options.seed = 100 * entry + static_cast<uint64_t>(view);
+      options.seed = 100 * entry + view;
       options.blur_sigma_px = view == 1 ? 1.8 : 0.6;
       options.noise_sigma_grey = view == 2 ? 9 : 1;
       options.light_gradient = view == 2 ? 0 : 0.5;
@@ -164,7 +164,7 @@ TEST(ArucoComparison, RenderedImagesHaveEqualMarkers) {
           RenderView(drawing, ImageCamera(), RandomView(drawing, view == 1 ? 0.9 : 0.5, 0.8, 3, rng), options);
       num_markers += ExpectEqualMarkers(grey, entry);
     }
-    EXPECT_GT(num_markers, 20U);
+    EXPECT_GT(num_markers, 10U);
   }
 }
 
