@@ -253,9 +253,9 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   if (!type) return type.failure();
   Outcome<cv::Mat> image = NewImage(layout.width, layout.height, *type);
   if (!image) return image;
-  constexpr uint64_t kMostBytesPerPixel = 8;
-  if (layout.block_width == 0 ||
-      uint64_t{layout.block_width} * layout.block_height > uint64_t{kMostBlockBytes} / kMostBytesPerPixel) {
+  const uint64_t bytes_per_pixel = layout.is_deep() ? sizeof(uint16_t) * layout.samples : sizeof(uint32_t);
+  const uint64_t block_bytes = bytes_per_pixel * layout.block_width * layout.block_height;
+  if (layout.block_width == 0 || block_bytes >= uint64_t{kMostBlockBytes}) {
     return Failure("its tiles have no size, or one above the limit of heba; convert it to PNG");
   }
   // Pixels are as stored, whatever the orientation that the metadata tell.

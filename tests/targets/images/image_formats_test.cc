@@ -1,6 +1,6 @@
 // Compares the decoders and encoders with those of OpenCV: on made files of all kinds, and on all files at hand.
-#include <algorithm>
 #include <filesystem>
+#include <future>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -46,6 +46,29 @@ TEST(ImageFormatsTest, MadeImagesEqualOpenCv) {
   const std::vector<MadeImage> images = AllMadeImages();
   for (const MadeImage& image : images) ExpectSamePixels(image.name, image.bytes);
   std::cout << images.size() << " made images\n";
+}
+
+TEST(ImageFormatsTest, ThreadsDecodeTheSamePixels) {
+  const std::vector<MadeImage> images = AllMadeImages();
+  constexpr size_t kNumThreads = 4;
+  std::vector<std::future<std::vector<cv::Mat>>> threads;
+  for (size_t thread = 0; thread < kNumThreads; ++thread) {
+    threads.push_back(std::async(std::launch::async, [&images, thread] {
+      std::vector<cv::Mat> decoded(images.size());
+      for (size_t i = 0; i < images.size(); ++i) {
+        // Each thread begins elsewhere, so that different formats meet.
+        const size_t at = (i + thread * images.size() / kNumThreads) % images.size();
+        const Outcome<cv::Mat> image = DecodeImage(images[at].bytes);
+        if (image) decoded[at] = *image;
+      }
+      return decoded;
+    }));
+  }
+  const std::vector<cv::Mat> first = threads[0].get();
+  for (size_t thread = 1; thread < kNumThreads; ++thread) {
+    const std::vector<cv::Mat> other = threads[thread].get();
+    for (size_t i = 0; i < images.size(); ++i) EXPECT_TRUE(IsSame(other[i], first[i])) << images[i].name;
+  }
 }
 
 void ExpectSamePixelsIn(const fs::path& folder) {
