@@ -379,7 +379,7 @@ std::string Pnm(int kind, int largest) {
 
 std::vector<MadeImage> MadePngs() {
   std::vector<MadeImage> images;
-  const auto add = [&](const std::string& name, int color_type, std::vector<int> depths) {
+  const auto add = [&](const std::string& name, int color_type, const std::vector<int>& depths) {
     for (const int bits : depths) {
       for (int variant = 0; variant < 8; ++variant) {
         PngKind kind{color_type, bits, (variant & 1) != 0, (variant & 2) != 0, (variant & 4) != 0};
