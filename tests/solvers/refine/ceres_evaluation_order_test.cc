@@ -117,7 +117,7 @@ TEST(RecordedValleyTest, TheValleyRejectsSteps) {
 }
 
 // The same with the cost of captures, with and without eliminated poses, with a far start.
-TEST(CeresEvaluationOrderTest, AreAcceptedAtTheSolution) {
+TEST(AcceptedEquationsTest, AreThoseOfTheSolution) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.3;
   scene_options.robot_translation_m = 5e-4;
