@@ -19,6 +19,7 @@
 #include "solvers/calibration/influence.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/calibration/observability.h"
+#include "solvers/calibration/posture_choice.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/two_step_motion.h"

@@ -47,10 +47,6 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsIn(const RigArmErrors& arm
   return effects;
 }
 
-const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {
-  return arm.of_branches != nullptr ? arm.of_branches : arm.models.back();
-}
-
 // Returns a configuration for each capture, of which one set of errors explains all captures best (ChoosePostures).
 // `fixed` is the problem at `solution`. Nothing if a point cannot be projected.
 std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, size_t robot, const RigProblem& fixed,
@@ -62,36 +58,13 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
   if (place == moving.end() || !views) return std::nullopt;
   // The noise of the poses without errors of the arm; that of an exact arm is one that hides none.
   constexpr RobotNoise kOfExact = {1e-4, 1e-4};
-  PosturesOfCaptures postures;
+  const std::vector<size_t> captures = CapturesWithPoints(fixed);
+  PosturesOfCaptures postures = PosturesByErrors(arm, captures);
   postures.first_column = 6 * (place - moving.begin());
   postures.variances.resize(6 * static_cast<Eigen::Index>(moving.size()));
   for (size_t k = 0; k < moving.size(); ++k) {
     postures.variances.segment<6>(6 * static_cast<Eigen::Index>(k)) =
         CorrectionVariances(solution.robot_noise[moving[k]].value_or(kOfExact));
-  }
-  const SharedEffects& errors = *ErrorsOfBranches(arm);
-  postures.error_variances.resize(errors.size());
-  for (Eigen::Index j = 0; j < errors.size(); ++j) {
-    const double sigma = errors.groups[errors.effects[static_cast<size_t>(j)].group].sigma;
-    postures.error_variances[j] = sigma * sigma;
-  }
-  const std::vector<size_t> captures = CapturesWithPoints(fixed);
-  const Eigen::VectorXd none = Eigen::VectorXd::Zero(errors.num_all);
-  for (const auto& effects : arm.effects_of_captures) {
-    const size_t branch = postures.by_errors.size();
-    std::vector<std::optional<Matrix6X>>& of_views = postures.by_errors.emplace_back();
-    std::vector<Eigen::VectorXd>& joints = postures.joints.emplace_back();
-    for (const size_t i : captures) {
-      of_views.emplace_back();
-      joints.push_back(arm.positions_of_captures.empty() ? Eigen::VectorXd() : arm.positions_of_captures[branch][i]);
-      if (effects[i] == nullptr) continue;
-      Matrix6X by_all;
-      effects[i]->Evaluate(none, &by_all);
-      of_views.back() = Matrix6X(6, errors.size());
-      for (Eigen::Index j = 0; j < errors.size(); ++j) {
-        of_views.back()->col(j) = by_all.col(errors.effects[static_cast<size_t>(j)].index);
-      }
-    }
   }
   postures.views = std::move(*views);
   return BranchesOfAll(arm, captures, ChoosePostures(postures));
@@ -382,20 +355,6 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
 }
 
 }  // namespace
-
-std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
-                                  const std::vector<size_t>& branches) {
-  CHECK_EQ(captures.size(), branches.size());
-  std::vector<size_t> of_all(arm.effects_of_captures.front().size(), branches.front());
-  for (size_t i = 0, v = 0; i < of_all.size(); ++i) {
-    if (i > 0) of_all[i] = of_all[i - 1];
-    if (v < captures.size() && captures[v] == i) of_all[i] = branches[v++];
-    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[of_all[i]][i] == nullptr; ++k) {
-      of_all[i] = k;
-    }
-  }
-  return of_all;
-}
 
 RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints) {
   double translation_m2 = 0;

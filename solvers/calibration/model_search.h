@@ -45,11 +45,6 @@ struct FoundErrors {
 // Returns the noise of an arm's poses, that of its joints included (WithJointNoise); nothing if the arm has none.
 std::optional<RobotNoise> NoiseOfPoses(const RigProblem& problem, const RigSolution& solution, size_t robot);
 
-// Returns the configurations of all captures from those of some, which are in increasing order: another capture is in
-// that of the capture before it, as far as the arm can be.
-std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
-                                  const std::vector<size_t>& branches);
-
 // Makes the errors of the arms part of a model if the captures require them or if they are wanted without a choice
 // (RigArmErrors), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
 // stays as it is if there are none.

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "heba/base/error.h"
@@ -9,8 +10,10 @@
 #include "heba/calibration.h"
 #include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/posture_choice.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/pose_refinement.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -107,21 +110,45 @@ void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibrat
                                                : RefineChain(calibration->pairs, *start->hand_eye);
 }
 
-std::optional<size_t> MostLikelyPoseEffects(
-    Setup setup, const std::vector<PosePair>& pairs_in, const HandEye& start,
-    const std::shared_ptr<const SharedEffects>& effects,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs) {
-  std::vector<PosePair> pairs = pairs_in;
-  std::optional<size_t> best;
-  double best_log_likelihood = -std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < effects_of_pairs.size(); ++k) {
-    for (size_t i = 0; i < pairs.size(); ++i) pairs[i].effect = effects_of_pairs[k][i];
-    const Outcome<Solution> solution = RefineChainWithNoise(setup, pairs, start, effects);
-    if (!solution) continue;
-    const double log_likelihood = ChainLogLikelihoodOf(setup, pairs, *solution);
-    if (!(log_likelihood > best_log_likelihood)) continue;
-    best_log_likelihood = log_likelihood;
-    best = k;
+std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
+                                                             const HandEye& start, const RigArmErrors& arm) {
+  std::vector<size_t> all(pairs.size());
+  std::iota(all.begin(), all.end(), 0);
+  if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(pairs.size(), 0);
+  std::optional<std::vector<size_t>> best;
+  double best_log_likelihood = 0;
+  // Returns the refinement with the errors in these configurations; nothing if it fails.
+  const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<Solution> {
+    std::vector<PosePair> with_errors = pairs;
+    for (size_t i = 0; i < pairs.size(); ++i) with_errors[i].effect = arm.effects_of_captures[branches[i]][i];
+    Outcome<Solution> solution = RefineChainWithNoise(setup, with_errors, start, ErrorsOfBranches(arm));
+    if (!solution) return std::nullopt;
+    const double log_likelihood = ChainLogLikelihoodOf(setup, with_errors, *solution);
+    if (std::isfinite(log_likelihood) && (!best || log_likelihood > best_log_likelihood)) {
+      best = branches;
+      best_log_likelihood = log_likelihood;
+    }
+    return std::move(*solution);
+  };
+  for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
+    const auto& effects = arm.effects_of_captures[k];
+    if (std::count(effects.begin(), effects.end(), nullptr) == 0) try_branches(std::vector<size_t>(pairs.size(), k));
+  }
+  // The configurations of single pairs are found at the estimate without errors of the arm and, with the smaller noise
+  // that remains, at the one with them, until they do not change.
+  constexpr int kMaxRounds = 5;
+  Outcome<Solution> without = RefineChainWithNoise(setup, pairs, start, nullptr);
+  std::optional<Solution> at;
+  if (without) at = std::move(*without);
+  std::vector<size_t> last;
+  for (int round = 0; round < kMaxRounds && at; ++round) {
+    PosturesOfCaptures postures = PosturesByErrors(arm, all);
+    postures.views = LinearisePairs(setup, pairs, *at);
+    postures.variances = CorrectionVariances(*at->robot_noise);
+    std::vector<size_t> branches = ChoosePostures(postures);
+    if (branches == last) break;
+    last = std::move(branches);
+    at = try_branches(last);
   }
   return best;
 }

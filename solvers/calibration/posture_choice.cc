@@ -247,4 +247,50 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
   return search.Improved(std::move(best)).postures;
 }
 
+const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {
+  return arm.of_branches != nullptr ? arm.of_branches : arm.models.back();
+}
+
+PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<size_t>& captures) {
+  const SharedEffects& errors = *ErrorsOfBranches(arm);
+  PosturesOfCaptures postures;
+  postures.error_variances.resize(errors.size());
+  for (Eigen::Index j = 0; j < errors.size(); ++j) {
+    const double sigma = errors.groups[errors.effects[static_cast<size_t>(j)].group].sigma;
+    postures.error_variances[j] = sigma * sigma;
+  }
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(errors.num_all);
+  for (const auto& effects : arm.effects_of_captures) {
+    const size_t branch = postures.by_errors.size();
+    std::vector<std::optional<Matrix6X>>& of_views = postures.by_errors.emplace_back();
+    std::vector<Eigen::VectorXd>& joints = postures.joints.emplace_back();
+    for (const size_t i : captures) {
+      of_views.emplace_back();
+      joints.push_back(arm.positions_of_captures.empty() ? Eigen::VectorXd() : arm.positions_of_captures[branch][i]);
+      if (effects[i] == nullptr) continue;
+      Matrix6X by_all;
+      effects[i]->Evaluate(none, &by_all);
+      of_views.back() = Matrix6X(6, errors.size());
+      for (Eigen::Index j = 0; j < errors.size(); ++j) {
+        of_views.back()->col(j) = by_all.col(errors.effects[static_cast<size_t>(j)].index);
+      }
+    }
+  }
+  return postures;
+}
+
+std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+                                  const std::vector<size_t>& branches) {
+  CHECK_EQ(captures.size(), branches.size());
+  std::vector<size_t> of_all(arm.effects_of_captures.front().size(), branches.front());
+  for (size_t i = 0, v = 0; i < of_all.size(); ++i) {
+    if (i > 0) of_all[i] = of_all[i - 1];
+    if (v < captures.size() && captures[v] == i) of_all[i] = branches[v++];
+    for (size_t k = 0; k < arm.effects_of_captures.size() && arm.effects_of_captures[of_all[i]][i] == nullptr; ++k) {
+      of_all[i] = k;
+    }
+  }
+  return of_all;
+}
+
 }  // namespace heba

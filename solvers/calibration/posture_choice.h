@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "heba/robot_errors.h"
 #include "solvers/uncertainty/linearisation.h"
 
 namespace heba {
@@ -31,5 +33,17 @@ struct PosturesOfCaptures {
 // logarithm of the number of captures. Errors are estimated from a few consecutive captures in one posture, for many
 // such starts, and errors and postures are then estimated in turn until no posture changes. `views` must not be empty.
 std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
+
+// Returns the errors by which the configurations of an arm are told from each other.
+const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm);
+
+// Returns the postures of these captures, one per configuration of the arm, at errors of zero: the fields by_errors,
+// joints and error_variances. The others, which depend on an estimate, are left to the caller.
+PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<size_t>& captures);
+
+// Returns the configurations of all captures from those of some, which are in increasing order: another capture is in
+// that of the capture before it, as far as the arm can be.
+std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+                                  const std::vector<size_t>& branches);
 
 }  // namespace heba

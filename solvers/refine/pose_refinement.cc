@@ -85,10 +85,10 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
 }
 
 // Linearises the misclosures of all pairs at a solution, with one correction for each robot pose. The step of the
-// effects is their value.
-std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePair>& pairs,
-                                           const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
-                                           const Solution& at) {
+// effects is their value. Pairs at one robot pose have one view each.
+std::vector<LinearisedView> LineariseEachPair(Setup setup, const std::vector<PosePair>& pairs,
+                                              const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
+                                              const Solution& at) {
   std::vector<int> indices;
   for (size_t i = 0; at.shared_effects != nullptr && i < at.shared_effects->effects.size(); ++i) {
     indices.push_back(at.shared_effects->effects[i].index);
@@ -117,7 +117,14 @@ std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePa
     view.by_unknowns.middleCols(robot.first, robot.size) = whitened * derivatives.effects[0];
     view.offset += view.by_unknowns.middleCols(robot.first, robot.size) * at.effects;
   }
-  return StackGroups(views, GroupByRobotPose(setup, pairs));
+  return views;
+}
+
+// Likewise, with one view per robot pose.
+std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePair>& pairs,
+                                           const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
+                                           const Solution& at) {
+  return StackGroups(LineariseEachPair(setup, pairs, whitenings, layout, at), GroupByRobotPose(setup, pairs));
 }
 
 UnknownLayout ChainUnknowns(const SharedEffects* effects) {
@@ -125,10 +132,6 @@ UnknownLayout ChainUnknowns(const SharedEffects* effects) {
   if (effects != nullptr) layout.AddEffects(kRobotBlock, effects->Names());
   return layout;
 }
-
-}  // namespace
-
-namespace {
 
 // The rows and the variances of a solution, by which its restricted likelihood is computed.
 struct ChainRows {
@@ -147,6 +150,19 @@ struct ChainRows {
 };
 
 }  // namespace
+
+std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const Solution& at) {
+  Solution without = at;
+  without.shared_effects = nullptr;
+  std::vector<LinearisedView> views =
+      LineariseEachPair(setup, pairs, Whitenings(pairs), ChainUnknowns(nullptr), without);
+  for (LinearisedView& view : views) {
+    view.by_unknowns /= at.pixel_sigma_px;
+    view.by_effects /= at.pixel_sigma_px;
+    view.offset /= at.pixel_sigma_px;
+  }
+  return views;
+}
 
 double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution) {
   return ChainRows(setup, pairs, solution).LogLikelihood();

@@ -8,6 +8,7 @@
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/uncertainty/linearisation.h"
 
 namespace heba {
 
@@ -27,6 +28,10 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
 // maximum likelihood; Gauss-Newton steps alternate with that estimation until neither changes.
 Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
                                        const std::shared_ptr<const SharedEffects>& effects);
+
+// Returns the misclosures of all pairs at a solution of RefineChainWithNoise without effects, in units of their noise,
+// one view per pair: the columns of `by_effects` are the six of the correction of the robot's pose.
+std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const Solution& at);
 
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the pairs at a solution of
 // RefineChainWithNoise, up to a constant that all such solutions of these pairs share.

@@ -46,6 +46,8 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
     view->camera_mount_from_target_mount = mount_of(made.nominal, joints);
     view->effect = MakeArmEffect(made.nominal, joints, motion.tip_from_gripper);
     view->gripper_by_joints = GripperByJoints(made.nominal, joints, motion.tip_from_gripper);
+    scene.pairs.push_back(
+        {view->camera_mount_from_target_mount, CameraFromTarget(scene.hand_eye, mount_of(actual, reached))});
     scene.views.push_back(std::move(*view));
   }
   return made;

@@ -154,8 +154,11 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     postures.push_back(std::move(*found));
   }
   for (ArmBranch& branch : BranchesOf(robot.arm, base_from_tip, postures)) {
-    const bool is_near = configuration_near && branch.name == NameOf(*configuration_near);
-    if (configuration_near && !is_near && branch.Reaches(0)) continue;
+    // The stated configuration is that of the first capture; those of the others are found as without it.
+    if (configuration_near && branch.name != NameOf(*configuration_near) && branch.Reaches(0)) {
+      branch.joints.front() = Eigen::VectorXd();
+      branch.is_out_of_reach.front() = true;
+    }
     setup->branches.push_back(std::move(branch));
   }
 }

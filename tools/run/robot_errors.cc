@@ -47,25 +47,17 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
 void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
                        Calibration* calibration) {
   if (!arm->reason.empty()) return;
-  std::erase_if(arm->branches, [](const ArmBranch& one) { return !one.ReachesAll(); });
-  if (arm->branches.empty()) {
-    arm->reason = {FailureCode("no_configuration"), {}, {{"arm", dataset.robot->arm.name}}};
+  const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
+  const std::optional<std::vector<size_t>> branches =
+      MostLikelyBranchesOfPairs(dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors);
+  if (!branches) {
+    arm->reason = FailureCode("no_configuration_fits");
     return;
   }
-  const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
-  const auto& effects = errors.effects_of_captures;
-  size_t branch = 0;
-  if (effects.size() > 1) {
-    const std::optional<size_t> found = MostLikelyPoseEffects(
-        dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors.of_branches, effects);
-    if (!found) {
-      arm->reason = FailureCode("no_configuration_fits");
-      return;
-    }
-    branch = *found;
+  arm->branches = {Combined(arm->branches, *branches)};
+  for (size_t i = 0; i < calibration->pairs.size(); ++i) {
+    calibration->pairs[i].effect = errors.effects_of_captures[(*branches)[i]][i];
   }
-  arm->branches = {arm->branches[branch]};
-  for (size_t i = 0; i < calibration->pairs.size(); ++i) calibration->pairs[i].effect = effects[branch][i];
   options->effects = errors.models;
   options->must_have_effects = !errors.is_chosen;
 }

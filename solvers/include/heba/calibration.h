@@ -65,12 +65,11 @@ struct PoseCalibrationOptions {
 // by their restricted likelihoods. `refined` becomes a Failure that names the missing measurements.
 void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration);
 
-// Returns which of several possible effects of the pairs, such as those of the configurations of an arm, explains them
-// best: the index of the largest restricted likelihood. Nothing if none can be fitted.
-std::optional<size_t> MostLikelyPoseEffects(
-    Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
-    const std::shared_ptr<const SharedEffects>& effects,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs);
+// Returns the configuration of an arm in each pair, an index into RigArmErrors::effects_of_captures: one for all, or
+// one for each pair (solvers/calibration/posture_choice.h), of the largest restricted likelihood. Each pair must have
+// an effect in one of them. Nothing if no choice can be fitted.
+std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
+                                                             const HandEye& start, const RigArmErrors& arm);
 
 // Adds to a covariance what wrong held parts do to the estimate: the square of each change, as of an error whose sign
 // is not known. Captures share such an error, so that more of them do not reduce it.

@@ -23,7 +23,8 @@ using ::testing::IsEmpty;
 // A data set of an arm, whose captures are sorted by configuration, as a path visits them.
 struct ArmDataset {
   Dataset dataset;
-  std::vector<std::string> configuration;  // One per capture.
+  std::vector<std::string> configuration;   // One per capture.
+  std::vector<Rigid3d> camera_from_target;  // Likewise, free of noise.
 };
 
 std::shared_ptr<const Target> Chessboard() {
@@ -59,6 +60,7 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
       made.dataset.captures.push_back(all.captures[captures[c]]);
       made.dataset.given_detections.push_back(all.given_detections[captures[c]]);
       made.configuration.push_back(by_size[k].second);
+      made.camera_from_target.push_back(scene.scene.pairs[captures[c]].camera_from_target);
     }
   }
   return made;
@@ -136,6 +138,26 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   EXPECT_LT(robot.noise_after->translation_m, 0.3 * robot.noise_before->translation_m);
   // Captures whose posture is not the right one are left out.
   EXPECT_LE(LeftOutOf(run->result).size(), made.dataset.captures.size() / 5);
+}
+
+TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
+  ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
+  Rng rng(7);
+  for (Rigid3d& pose : made.camera_from_target) {
+    pose = pose * Rigid3d(ExpRotation(1e-4 * rng.Direction3()), 5e-5 * rng.Direction3());
+  }
+  made.dataset.target_poses = made.camera_from_target;
+  made.dataset.given_detections.clear();
+  RunOptions options;
+  options.folds = 0;
+  const Outcome<RunOutput> with_joints = heba::Run(made.dataset, options);
+  ASSERT_TRUE(with_joints) << with_joints.reason();
+  for (Capture& capture : made.dataset.captures) capture.joints.clear();
+  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  ASSERT_TRUE(run) << run.reason();
+  const RobotSummary& robot = *run->result.robot;
+  ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
+  EXPECT_LT(robot.noise_after->translation_m, 1.3 * with_joints->result.robot->noise_after->translation_m);
 }
 
 }  // namespace
