@@ -12,6 +12,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     # the system's, and reports overflows in their inlined code (GCC bug 105329); builds without, and clang, still warn.
     target_compile_options(heba_options INTERFACE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow
                                                   -Wno-stringop-overread)
+    # The compiler's garbage collection starts at 128 MB, which the precompiled headers have from the start: it then costs
+    # a tenth of the time of every source, and saves 30 MB of 500.
+    target_compile_options(heba_options INTERFACE "SHELL:--param ggc-min-heapsize=400000")
   endif()
 endif()
 if(HEBA_WARNINGS_AS_ERRORS)

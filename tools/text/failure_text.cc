@@ -316,8 +316,6 @@ constexpr CodeWords kWords[] = {
     {"nameless_configurations",
      "the configurations of the arm {arm} have no names, so that poses do not determine its joints; record them< "
      "(captures.joints)>, or state those of the first capture< (robot.joints_near)>"},
-    {"no_configuration",
-     "no configuration of the arm {arm} reaches the poses of all captures; record the joints< (captures.joints)>"},
     {"no_masses", "the masses of the arm's links are not known, which the compliance of its joints needs"},
     {"kinematics_not_wanted", "<refine.kinematics is none|they are not wanted>"},
     {"record_joints",

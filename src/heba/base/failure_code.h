@@ -71,7 +71,6 @@ inline constexpr std::string_view kFailureCodes[] = {
     "no_posture_near",
     "out_of_reach",
     "nameless_configurations",
-    "no_configuration",
     "no_masses",
     "kinematics_not_wanted",
     "record_joints",
