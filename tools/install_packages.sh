@@ -1,7 +1,13 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that heba needs, those that are missing only. Needs root or sudo if any is. With
-# `--tests` those too that only its tests need.
+# `--tests` those too that only its tests and benchmarks need.
 set -euo pipefail
+
+# What differs between Debian's releases: 13 has no clang 14, and other versions format and warn differently.
+case "$(. /etc/os-release && echo "${VERSION_ID-}")" in
+  13) of_release=() ;;
+  *) of_release=(clang-format-14 clang-tidy-14) ;;
+esac
 
 packages=(
   g++ cmake ninja-build pkg-config
@@ -10,13 +16,13 @@ packages=(
   libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
   libpng-dev libjpeg-dev libtiff-dev liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
   python3-dev python3-numpy pybind11-dev
-  libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
 if [ "${1-}" = "--tests" ]; then
   # Tests and benchmarks compare with OpenCV's contrib modules.
-  packages+=(libopencv-dev libopencv-contrib-dev slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv)
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev "${of_release[@]}" libopencv-dev libopencv-contrib-dev
+    slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv)
 fi
 
 missing=()
