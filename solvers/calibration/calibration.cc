@@ -730,7 +730,8 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
                  {"least_robot_deg", kIndustrialArmDeg[0]},
                  {"most_robot_deg", kIndustrialArmDeg[1]}}});
   }
-  if (bundle.effects != nullptr && bundle.effects->kind == SharedEffectsKind::kArm) {
+  const bool has_arm = bundle.effects != nullptr && bundle.effects->kind == SharedEffectsKind::kArm;
+  if (has_arm && options.has_smooth_remainder) {
     const SearchedModel all = AsProblem(calibration, options).model;
     Advice of_remainder = DiagnoseSmoothRemainder(Without(all.problem, all.judged.left_out), all.judged.solution);
     // A single arm has no name.

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "heba/base/even_indices.h"
 #include "heba/base/failure_code.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/capture_outliers.h"
@@ -71,7 +72,7 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
 }
 
 // Returns the configurations of an arm's captures that explain them best: one for all, or one for each capture, of the
-// largest restricted likelihood. Nothing if none can be fitted.
+// largest restricted likelihood times prior (LogPriorOf). Nothing if none can be fitted.
 std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
                                                       const SearchedModel& model) {
   const size_t num_captures = model.problem.captures.size();
@@ -90,8 +91,9 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
     const auto& effects = arm.effects_of_captures[k];
     if (std::count(effects.begin(), effects.end(), nullptr) == 0) candidates.emplace_back(num_captures, k);
   }
+  const PosturesOfCaptures all = PosturesByErrors(arm, EvenIndices(num_captures, num_captures));
   std::optional<std::vector<size_t>> best;
-  double best_log_likelihood = 0;
+  double best_log_posterior = 0;
   // Returns the adjustment with the errors in these configurations; nothing if it fails.
   const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<RigSolution> {
     RigProblem with_errors = fixed;
@@ -105,10 +107,10 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
       refined = RefineRig(with_errors, solution.poses, options);
     }
     if (!refined) return std::nullopt;
-    const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
-    if (std::isfinite(log_likelihood) && (!best || log_likelihood > best_log_likelihood)) {
+    const double log_posterior = LogLikelihoodOf(with_errors, *refined, options) + LogPriorOf(branches, all);
+    if (std::isfinite(log_posterior) && (!best || log_posterior > best_log_posterior)) {
       best = branches;
-      best_log_likelihood = log_likelihood;
+      best_log_posterior = log_posterior;
     }
     return std::move(*refined);
   };

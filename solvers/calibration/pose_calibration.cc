@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "heba/base/error.h"
+#include "heba/base/even_indices.h"
 #include "heba/base/failure_code.h"
 #include "heba/calibration.h"
 #include "solvers/calibration/closed_form_results.h"
@@ -112,21 +112,20 @@ void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibrat
 
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
                                                              const HandEye& start, const RigArmErrors& arm) {
-  std::vector<size_t> all(pairs.size());
-  std::iota(all.begin(), all.end(), 0);
   if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(pairs.size(), 0);
+  PosturesOfCaptures postures = PosturesByErrors(arm, EvenIndices(pairs.size(), pairs.size()));
   std::optional<std::vector<size_t>> best;
-  double best_log_likelihood = 0;
+  double best_log_posterior = 0;
   // Returns the refinement with the errors in these configurations; nothing if it fails.
   const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<Solution> {
     std::vector<PosePair> with_errors = pairs;
     for (size_t i = 0; i < pairs.size(); ++i) with_errors[i].effect = arm.effects_of_captures[branches[i]][i];
     Outcome<Solution> solution = RefineChainWithNoise(setup, with_errors, start, ErrorsOfBranches(arm));
     if (!solution) return std::nullopt;
-    const double log_likelihood = ChainLogLikelihoodOf(setup, with_errors, *solution);
-    if (std::isfinite(log_likelihood) && (!best || log_likelihood > best_log_likelihood)) {
+    const double log_posterior = ChainLogLikelihoodOf(setup, with_errors, *solution) + LogPriorOf(branches, postures);
+    if (std::isfinite(log_posterior) && (!best || log_posterior > best_log_posterior)) {
       best = branches;
-      best_log_likelihood = log_likelihood;
+      best_log_posterior = log_posterior;
     }
     return std::move(*solution);
   };
@@ -142,7 +141,6 @@ std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const 
   if (without) at = std::move(*without);
   std::vector<size_t> last;
   for (int round = 0; round < kMaxRounds && at; ++round) {
-    PosturesOfCaptures postures = PosturesByErrors(arm, all);
     postures.views = LinearisePairs(setup, pairs, *at);
     postures.variances = CorrectionVariances(*at->robot_noise);
     std::vector<size_t> branches = ChoosePostures(postures);

@@ -23,6 +23,25 @@ struct Equations {
   Eigen::VectorXd right;
 };
 
+// Returns whether an arm jumps from one view to the next: in another posture, or with a joint that turns by more than a
+// quarter. Where a joint passes a singularity, staying in one posture turns others.
+bool IsJump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture,
+            size_t posture_before) {
+  if (posture != posture_before) return true;
+  const Eigen::VectorXd& to = joints[posture][view];
+  const Eigen::VectorXd& from = joints[posture_before][view - 1];
+  for (Eigen::Index j = 0; j < to.size() && from.size() > 0; ++j) {
+    if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return true;
+  }
+  return false;
+}
+
+double NumJumps(const std::vector<std::vector<Eigen::VectorXd>>& joints, const std::vector<size_t>& postures) {
+  double num_jumps = 0;
+  for (size_t i = 1; i < postures.size(); ++i) num_jumps += IsJump(joints, i, postures[i], postures[i - 1]) ? 1 : 0;
+  return num_jumps;
+}
+
 class PostureSearch {
  public:
   explicit PostureSearch(const PosturesOfCaptures& captures)
@@ -78,7 +97,7 @@ class PostureSearch {
       is_used.assign(num_views_, true);
       if (is_same) break;
     }
-    choice.misfit = Misfit(SystemOf(choice.postures), NumJumps(choice.postures));
+    choice.misfit = Misfit(SystemOf(choice.postures), NumJumps(joints_, choice.postures));
     return choice;
   }
 
@@ -97,7 +116,7 @@ class PostureSearch {
           for (size_t i = first; i < std::min(num_views_, first + kMostLength) && IsPossible(k, i); ++i) {
             changed.Move(equations_[postures[i]][i], equations_[k][i]);
             postures[i] = k;
-            const double misfit = Misfit(changed, NumJumps(postures));
+            const double misfit = Misfit(changed, NumJumps(joints_, postures));
             if (misfit >= best.misfit) continue;
             best = {postures, misfit};
             of_best = changed;
@@ -132,22 +151,6 @@ class PostureSearch {
       system.right += equations_[postures[i]][i].right;
     }
     return system;
-  }
-  // Returns whether a joint turns by more than a quarter from one view to the next; postures whose joints are not known
-  // differ.
-  bool IsJump(size_t view, size_t posture, size_t posture_before) const {
-    const Eigen::VectorXd& to = joints_[posture][view];
-    const Eigen::VectorXd& from = joints_[posture_before][view - 1];
-    if (to.size() == 0 || from.size() == 0) return posture != posture_before;
-    for (Eigen::Index j = 0; j < to.size(); ++j) {
-      if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return true;
-    }
-    return false;
-  }
-  double NumJumps(const std::vector<size_t>& postures) const {
-    double num_jumps = 0;
-    for (size_t i = 1; i < postures.size(); ++i) num_jumps += IsJump(i, postures[i], postures[i - 1]) ? 1 : 0;
-    return num_jumps;
   }
   // With the variance that the views show, and the price of the jumps.
   double Misfit(const System& system, double num_jumps) const {
@@ -197,7 +200,7 @@ class PostureSearch {
       std::vector<double> next(num_postures_, kImpossible);
       for (size_t k = 0; k < num_postures_; ++k) {
         for (size_t before = 0; before < num_postures_; ++before) {
-          const double total = best[before] + (IsJump(i, k, before) ? jump : 0) + cost[i][k];
+          const double total = best[before] + (IsJump(joints_, i, k, before) ? jump : 0) + cost[i][k];
           if (!(total < next[k])) continue;
           next[k] = total;
           from[i][k] = before;
@@ -245,6 +248,10 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
     }
   }
   return search.Improved(std::move(best)).postures;
+}
+
+double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures) {
+  return -std::log(static_cast<double>(postures.size() + 1)) * NumJumps(captures.joints, postures);
 }
 
 const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {

@@ -29,10 +29,15 @@ struct PosturesOfCaptures {
 };
 
 // Returns the posture of each view under which one set of errors explains all views best. Arms rarely jump from one
-// posture to another: a turn of a joint by more than a quarter between consecutive captures costs as much as the
-// logarithm of the number of captures. Errors are estimated from a few consecutive captures in one posture, for many
-// such starts, and errors and postures are then estimated in turn until no posture changes. `views` must not be empty.
+// posture to another (LogPriorOf). Errors are estimated from a few consecutive captures in one posture, for many
+// such starts, and errors and postures are then estimated in turn until no posture changes. `views` must not be empty,
+// and each view must have a posture.
 std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
+
+// Returns the logarithm of the prior probability of a choice of postures, but for a constant, by which choices of one
+// posture for all views and of several can be compared: each change of the posture, and each turn of a joint by more
+// than a quarter, between consecutive views costs the logarithm of the number of views.
+double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures);
 
 // Returns the errors by which the configurations of an arm are told from each other.
 const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm);

@@ -38,9 +38,7 @@ Finding DescribeRemainder(const std::string& arm, const FoundSmoothErrors& found
            {"length_mm", 1000 * lengths.translation_m},
            {"length_deg", RadToDeg(lengths.rotation_rad)},
            {"p_value", PValueWithout(found)}},
-          {{"evidence", PValueWithout(found) < kRandomErrorsRejected ? "shown" : "not_excluded"},
-           {"beside", "errors_of_arm"},
-           {"of_arm", arm}}};
+          {{"evidence", "shown"}, {"beside", "errors_of_arm"}, {"of_arm", arm}}};
 }
 
 }  // namespace
@@ -64,7 +62,7 @@ Advice DiagnoseSmoothRemainder(const RigProblem& problem, const RigSolution& sol
       search.poses.push_back(weighted.captures[group.front()].base_from_gripper[moving[k]]);
     }
     const FoundSmoothErrors found = FindSmoothErrors(search);
-    if (!AreLikely(found)) continue;
+    if (PValueWithout(found) >= kRandomErrorsRejected) continue;
     const Eigen::MatrixXd changes =
         ChangesBy(found.errors, *views, search.poses, search.first_column, variances, solution.covariance.matrix);
     const SharedEffects& smooth = found.errors.effects();

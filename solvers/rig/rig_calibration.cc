@@ -201,9 +201,22 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   while (!judged && options.choose_target_shape && HoldShape(&rig)) {
     judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
+  ErrorSpace space;
+  space.arms = options.arms;
+  space.smooth = options.smooth;
+  space.must_be_shown = true;
+  // The errors of an arm that is known make what looks like a motion of a camera without them.
+  const bool knows_arms =
+      std::any_of(space.arms.begin(), space.arms.end(), [](const RigArmErrors& arm) { return !arm.models.empty(); });
+  const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
+  SearchedModel model;
+  FoundErrors found;
   // Two motions of one camera, or those of several cameras, are found one after the other.
-  for (int motion = 0; judged && options.adjustment.loss != LossKind::kNone && motion < kMostMotions; ++motion) {
-    const std::optional<MovedCamera> moved = FindMovedCamera(rig, *judged, options.adjustment);
+  for (int motion = 0; judged; ++motion) {
+    model = {rig, options.adjustment, *judged};
+    if (knows_arms) found = AddErrors(space, LeaveOutOutliers, &model);
+    if (motion == most_motions) break;
+    const std::optional<MovedCamera> moved = FindMovedCamera(model.problem, model.judged, options.adjustment);
     if (!moved) break;
     LeaveOutPart(*moved, &rig, &calibration.unused);
     calibration.moved.push_back(*moved);
@@ -214,12 +227,7 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
     calibration.refined = judged.failure();
     return calibration;
   }
-  SearchedModel model{std::move(rig), options.adjustment, std::move(*judged)};
-  ErrorSpace space;
-  space.arms = options.arms;
-  space.smooth = options.smooth;
-  space.must_be_shown = true;
-  FoundErrors found = AddErrors(space, LeaveOutOutliers, &model);
+  if (!knows_arms) found = AddErrors(space, LeaveOutOutliers, &model);
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
   std::optional<Failure> failure;

@@ -94,7 +94,7 @@ std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis)
   const Symptom& first = diagnosis.symptoms.front();
   if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
   // Poses that the doctor cannot explain are no cause of the failure.
-  const bool is_cause = !IsOfSingleCaptures(first.code) && first.code.name() != "poses_unexplained";
+  const bool is_cause = !IsOfSingleCaptures(first) && first.code.name() != "poses_unexplained";
   if (!is_cause) return reason + "; heba doctor: " + first.what;
   return "heba doctor: " + FirstWrong(diagnosis);
 }
@@ -103,7 +103,7 @@ void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
   if (diagnosis.NumWrong() == 0) return;
   const Symptom& first = diagnosis.symptoms.front();
   // A fault of single captures does not make the whole bad.
-  const bool is_of_all = !IsOfSingleCaptures(first.code);
+  const bool is_of_all = !IsOfSingleCaptures(first);
   Finding cause{is_of_all ? Grade::kBad : Grade::kDoubtful, std::string(first.code.name())};
   cause.is_cause = true;
   cause.text = first.Text();

@@ -110,7 +110,7 @@ std::vector<Symptom> Unpaired(const std::vector<RigLeftOut>& left_out) {
 // Returns whether a motion of the cameras that have a symptom might explain it.
 bool MayBeMotion(const Symptom& symptom) {
   return !symptom.cameras.empty() && (symptom.code.name() == "poses_unexplained" ||
-                                      symptom.code.name() == "poses_jump" || IsOfSingleCaptures(symptom.code));
+                                      symptom.code.name() == "poses_jump" || IsOfSingleCaptures(symptom));
 }
 
 // Adds what the adjustment of the whole rig finds. If something is wrong with the inputs, only cameras that were moved
@@ -147,7 +147,7 @@ bool IsExplainedByMotion(const Symptom& symptom, const RigCalibration& calibrati
       if (calibration.problem.cameras[moved.camera].name != camera) continue;
       for (const size_t i : moved.left_out) left_out.insert(calibration.problem.captures[i].name);
     }
-    const bool is_of_all = !IsOfSingleCaptures(symptom.code);
+    const bool is_of_all = !IsOfSingleCaptures(symptom);
     return !left_out.empty() &&
            (is_of_all || (!symptom.captures.empty() &&
                           std::all_of(symptom.captures.begin(), symptom.captures.end(),

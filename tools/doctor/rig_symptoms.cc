@@ -35,7 +35,7 @@ bool IsShared(const SharedSymptom& shared, const Symptom& symptom, const DoctorP
   const Symptom& known = shared.symptom;
   if (symptom.reading == kInversePoses && pair.robot != shared.pairs.front().robot) return false;
   return known.code == symptom.code && known.reading == symptom.reading && known.settings == symptom.settings &&
-         WithoutNumbers(known.cure) == WithoutNumbers(symptom.cure) && !IsOfSingleCaptures(symptom.code);
+         WithoutNumbers(known.cure) == WithoutNumbers(symptom.cure) && !IsOfSingleCaptures(symptom);
 }
 
 // The cameras that have a fault, and their keys.
@@ -205,7 +205,7 @@ std::vector<Symptom> SymptomsOfPairs(const RigConfig& config, const std::vector<
       if (IsIn(kNotOfPairs, of_pair.code)) continue;
       // A fault of all captures may cause those of single ones.
       const bool is_certain = diagnosis.NumWrong() == 0 || of_pair.severity == Severity::kWrong;
-      if (!is_certain && IsOfSingleCaptures(of_pair.code)) continue;
+      if (!is_certain && IsOfSingleCaptures(of_pair)) continue;
       Symptom symptom = InRig(config, pair, of_pair);
       const auto known = std::find_if(shared.begin(), shared.end(),
                                       [&](const SharedSymptom& other) { return IsShared(other, symptom, pair); });

@@ -23,11 +23,12 @@ std::string ShiftedFromOnText(const std::string& first, std::ptrdiff_t step) {
                    : " further up: there are images without a pose before it");
 }
 
-bool IsOfSingleCaptures(const SymptomCode& code) {
+bool IsOfSingleCaptures(const Symptom& symptom) {
   constexpr std::string_view kOfCaptures[] = {"swapped",       "wrong_pose",          "contradicts",
                                               "same_picture",  "same_pose",           "unpaired",
                                               "joint_pairing", "target_often_missed", "repeated_image"};
-  return std::find(std::begin(kOfCaptures), std::end(kOfCaptures), code.name()) != std::end(kOfCaptures);
+  if (symptom.code.name() == "pairing" && !symptom.captures.empty()) return true;
+  return std::find(std::begin(kOfCaptures), std::end(kOfCaptures), symptom.code.name()) != std::end(kOfCaptures);
 }
 
 }  // namespace heba

@@ -111,7 +111,8 @@ inline constexpr const char* kInversePoses = "inverse";
 // Returns the clause of images that belong to poses some rows further down (`step` is positive) or up from `first` on.
 std::string ShiftedFromOnText(const std::string& first, std::ptrdiff_t step);
 
-// Returns whether a symptom concerns single captures, which a calibration leaves out.
-bool IsOfSingleCaptures(const SymptomCode& code);
+// Returns whether a symptom concerns single captures, which a calibration leaves out: by its code, or because images
+// are paired wrongly from one of them on.
+bool IsOfSingleCaptures(const Symptom& symptom);
 
 }  // namespace heba

@@ -1,5 +1,6 @@
 #include "tools/pipeline/pipeline.h"
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 #include <utility>
@@ -54,10 +55,18 @@ std::optional<Failure> WriteAndCommit(const Config& config, const std::string& i
   return std::nullopt;
 }
 
-// Inserts the doctor's first fault before the findings of a result that is not good.
+// Returns whether captures that show the target were left out, other than copies.
+bool HasContradictions(const RunResult& result) {
+  return std::any_of(result.captures.begin(), result.captures.end(), [](const CaptureResult& capture) {
+    return !capture.used && capture.num_points > 0 && capture.repeat_of.empty();
+  });
+}
+
+// Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out.
 void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
-  if (result->verdict.grade == Grade::kGood) return;
+  const bool is_good = result->verdict.grade == Grade::kGood;
+  if (is_good && !HasContradictions(*result)) return;
   Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   // The doctor looks for an arm that reaches all poses in one configuration. One whose errors explain the captures is
   // the right one, in several.
@@ -67,7 +76,10 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   // Poses that the doctor cannot explain are no cause of a fit that is only doubtful.
   const bool explains = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() != "poses_unexplained";
   if (result->verdict.grade != Grade::kBad && !explains) return;
+  // The cause of captures that were left out does not make the rest doubtful.
+  if (is_good && !IsOfSingleCaptures(diagnosis.symptoms.front())) return;
   InsertCause(diagnosis, &result->observations);
+  if (is_good) result->observations.front().grade = Grade::kGood;
   result->verdict = JudgeRun(*result);
 }
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 
+#include "heba/base/even_indices.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/failure_code.h"
 #include "heba/base/text.h"
@@ -75,23 +76,35 @@ ToolScatter ExplainTools(const Arm& arm, const ArmBranch& branch, const std::vec
   return scatter;
 }
 
+Eigen::VectorXd JointsOf(const Capture& capture) {
+  return Eigen::Map<const Eigen::VectorXd>(capture.joints.data(), static_cast<Eigen::Index>(capture.joints.size()));
+}
+
+// Returns the pose of the gripper on the tip that recorded joints imply, for each capture.
+std::vector<Rigid3d> ImpliedTools(const Dataset& dataset) {
+  std::vector<Rigid3d> tools;
+  for (const Capture& capture : dataset.captures) {
+    tools.push_back(Inverse(BaseFromTip(dataset.robot->arm, JointsOf(capture))) * capture.base_from_gripper);
+  }
+  return tools;
+}
+
+bool IsNear(const Rigid3d& tool, const Rigid3d& other) {
+  return DistanceM(tool, other) < kMostToolScatterM && RadToDeg(AngleRad(tool, other)) < kMostToolScatterDeg;
+}
+
 // Sets the joints and the tool from recorded joints.
 void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
   const Arm& arm = dataset.robot->arm;
   ArmBranch branch{"recorded", {}};
-  std::vector<Rigid3d> tools;
-  for (const Capture& capture : dataset.captures) {
-    branch.joints.emplace_back(
-        Eigen::Map<const Eigen::VectorXd>(capture.joints.data(), static_cast<Eigen::Index>(capture.joints.size())));
-    tools.push_back(Inverse(BaseFromTip(arm, branch.joints.back())) * capture.base_from_gripper);
-  }
+  for (const Capture& capture : dataset.captures) branch.joints.push_back(JointsOf(capture));
+  const std::vector<Rigid3d> tools = ImpliedTools(dataset);
   setup->tip_from_gripper = MeanPose(tools);
   for (size_t i = 0; i < tools.size(); ++i) {
-    const double apart_m = DistanceM(tools[i], setup->tip_from_gripper);
-    const double apart_deg = RadToDeg(AngleRad(tools[i], setup->tip_from_gripper));
-    if (apart_m < kMostToolScatterM && apart_deg < kMostToolScatterDeg) continue;
+    if (IsNear(tools[i], setup->tip_from_gripper)) continue;
     setup->reason = {FailureCode("tool_scatter"),
-                     {{"apart_mm", 1000 * apart_m}, {"apart_deg", apart_deg}},
+                     {{"apart_mm", 1000 * DistanceM(tools[i], setup->tip_from_gripper)},
+                      {"apart_deg", RadToDeg(AngleRad(tools[i], setup->tip_from_gripper))}},
                      {{"capture", dataset.captures[i].name}}};
     return;
   }
@@ -161,6 +174,9 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     }
     setup->branches.push_back(std::move(branch));
   }
+  const bool is_first_reached = std::any_of(setup->branches.begin(), setup->branches.end(),
+                                            [](const ArmBranch& branch) { return branch.Reaches(0); });
+  if (!is_first_reached) setup->reason = {FailureCode("near_out_of_reach"), {}, {{"arm", robot.arm.name}}};
 }
 
 // The joints of a capture in a branch that is being completed.
@@ -210,6 +226,27 @@ ArmBranch Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip, c
 }
 
 }  // namespace
+
+std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset) {
+  const bool are_recorded = std::none_of(dataset.captures.begin(), dataset.captures.end(),
+                                         [](const Capture& capture) { return capture.joints.empty(); });
+  if (!dataset.robot || !are_recorded || dataset.captures.empty()) return {};
+  const std::vector<Rigid3d> tools = ImpliedTools(dataset);
+  // The tool of a capture that is near most others is not affected by the rest.
+  constexpr size_t kMostStarts = 50;
+  std::vector<ContradictingJoints> fewest;
+  for (const size_t start : EvenIndices(tools.size(), kMostStarts)) {
+    std::vector<ContradictingJoints> apart;
+    for (size_t i = 0; i < tools.size(); ++i) {
+      if (IsNear(tools[i], tools[start])) continue;
+      apart.push_back({i, DistanceM(tools[i], tools[start]), AngleRad(tools[i], tools[start])});
+    }
+    if (start == 0 || apart.size() < fewest.size()) fewest = std::move(apart);
+  }
+  constexpr double kMostWrong = 0.3;
+  if (static_cast<double>(fewest.size()) > kMostWrong * static_cast<double>(tools.size())) return {};
+  return fewest;
+}
 
 bool IsContradiction(const Failure& reason) {
   constexpr FailureCode kContradictions[] = {FailureCode("tool_scatter"), FailureCode("tool_not_explained"),

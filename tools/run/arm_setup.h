@@ -39,6 +39,18 @@ struct ArmSetup {
   Failure reason;                   // The reason why the kinematics cannot be estimated; empty if they can.
 };
 
+// A capture whose recorded joints contradict its pose.
+struct ContradictingJoints {
+  size_t capture = 0;  // Index into Dataset::captures.
+  // How far the joints put the tool from where those of the other captures do.
+  double apart_m = 0;
+  double apart_rad = 0;
+};
+
+// Returns the captures whose joints put the tool at another place than those of most others; none if joints are not
+// recorded, or if so many do that it is not clear which are right.
+std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset);
+
 // Returns whether a reason is that the arm, its tool or its joints contradict the poses.
 bool IsContradiction(const Failure& reason);
 

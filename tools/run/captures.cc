@@ -108,6 +108,7 @@ CalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, int 
   options.height_px = height_px;
   options.symmetries = dataset.target->Symmetries();
   options.shape = DesignedShape(AllPoints(*dataset.target).points_in_target);
+  options.has_smooth_remainder = run.smooth != SmoothPoseErrors::kNone;
   return options;
 }
 

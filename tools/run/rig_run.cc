@@ -422,12 +422,16 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   std::vector<Finding> of_rig = DiagnoseRig(seen, output.calibration);
   const std::vector<Finding> directions = DiagnoseRigDirections(output.calibration);
   const Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
-  const Advice of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
-  AddChanges(of_held.changes, &output.calibration.refined->covariance);
-  AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
+  Advice of_smooth;
+  if (options.calibration.smooth != SmoothPoseErrors::kNone) {
+    of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
+  }
   const RigSolution& solution = *output.calibration.refined;
   const RigProblem used = WithoutRejected(output.calibration.problem, solution);
+  // The influence of a capture is that on the estimate from the captures alone.
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
+  AddChanges(of_held.changes, &output.calibration.refined->covariance);
+  AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
   timing.refine_s = solution.convergence.seconds;
   timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
 

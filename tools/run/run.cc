@@ -59,6 +59,31 @@ void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, Robo
   result->robot = std::move(robot);
 }
 
+// Leaves out the captures whose recorded joints contradict their poses: one of the two is wrong.
+LeftOutCaptures LeaveOutWrongJoints(Dataset* dataset) {
+  LeftOutCaptures left_out;
+  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(*dataset);
+  for (const ContradictingJoints& joints : wrong) {
+    CaptureResult result;
+    result.image = dataset->captures[joints.capture].name;
+    result.role = dataset->captures[joints.capture].role;
+    result.reason = "its joints put the tool " + Significant(1000 * joints.apart_m, 2) + " mm and " +
+                    Significant(RadToDeg(joints.apart_rad), 2) +
+                    " deg from where those of the other captures do: its joints or its pose are wrong";
+    left_out.indices.push_back(joints.capture);
+    left_out.results.push_back(std::move(result));
+  }
+  const auto erase_from = [](auto* list, size_t place) {
+    if (!list->empty()) list->erase(list->begin() + static_cast<std::ptrdiff_t>(place));
+  };
+  for (auto joints = wrong.rbegin(); joints != wrong.rend(); ++joints) {
+    erase_from(&dataset->captures, joints->capture);
+    erase_from(&dataset->given_detections, joints->capture);
+    erase_from(&dataset->target_poses, joints->capture);
+  }
+  return left_out;
+}
+
 // Leaves out the captures whose pose of the target is not where the others predict it, by a robust fit to most of them;
 // none if so many are that it is not clear which are wrong.
 LeftOutCaptures LeaveOutWrongPoses(Dataset* dataset) {
@@ -303,9 +328,13 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
   const Stopwatch total;
   CheckDataset(dataset);
   try {
+    Dataset used = dataset;
+    LeftOutCaptures left_out;
+    if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
     Outcome<RunOutput> output =
-        dataset.target_poses.empty() ? RunOnImages(dataset, options, observer) : RunOnPoses(dataset, options, observer);
+        used.target_poses.empty() ? RunOnImages(used, options, observer) : RunOnPoses(used, options, observer);
     if (!output) return output;
+    InsertLeftOut(left_out, &output->result.captures);
     output->result.verdict = JudgeRun(output->result);
     output->result.timing.total_s = total.Seconds();
     return output;

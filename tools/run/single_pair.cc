@@ -6,6 +6,7 @@
 
 #include "heba/data/hand_eye.h"
 #include "heba/run.h"
+#include "solvers/calibration/problem_model.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -173,12 +174,13 @@ RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
   RigSolution refined = ProblemSolution(solution);
   const std::vector<RigCaptureOutcome> of_views = std::exchange(refined.captures, {});
   refined.captures.resize(run.dataset.captures.size());
-  // The effects of the captures are functions of all effects, estimated or not.
-  if (solution.shared_effects != nullptr) refined.effects = {AllEffects(*solution.shared_effects, solution.effects)};
+  std::vector<std::shared_ptr<const PoseEffect>> effects;  // Functions of all effects, estimated or not.
   for (const Capture& capture : run.dataset.captures) {
-    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}, {capture.effect}});
+    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
+    effects.push_back(capture.effect);
     whole.result.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
   }
+  SetEffects(0, solution.shared_effects, effects, &problem);
   for (size_t v = 0; v < run.calibration.views.size(); ++v) {
     const View& view = run.calibration.views[v];
     problem.captures[view.capture].images.push_back({0, 0, view.observations});

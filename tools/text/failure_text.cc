@@ -310,6 +310,9 @@ constexpr CodeWords kWords[] = {
      "{after_mm:2} "
      "mm and {after_deg:2} deg"},
     {"no_posture_near", "no posture near <joints_near|the given joints> continues to the poses of all captures"},
+    {"near_out_of_reach",
+     "the arm {arm} does not reach the pose of the first capture in the configuration of <robot.joints_near|the given "
+     "joints>"},
     {"out_of_reach",
      "the arm {arm} does not reach the pose of capture {capture} ({cause}): another arm, a base frame that is not the "
      "arm's, or a tool that <robot.tool does not state; heba doctor says which|is not stated>"},

@@ -7,6 +7,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/arm_uncertainty.h"
 #include "solvers/closed_form/hand_eye_method.h"
 
 namespace heba {
@@ -63,6 +64,11 @@ std::pair<int, int> CountImages(const RigResult& result, const std::string& came
 
 std::pair<double, double> LargestSigmas(const Eigen::Matrix<double, 6, 6>& covariance) {
   return {std::sqrt(covariance.diagonal().head<3>().maxCoeff()), std::sqrt(covariance.diagonal().tail<3>().maxCoeff())};
+}
+
+std::string ImplausibleArmText(const RobotSummary& robot) {
+  const std::vector<std::string> errors = robot.is_estimated ? ImplausibleErrors(robot) : std::vector<std::string>();
+  return errors.empty() ? "" : "errors that no arm has: " + Join(errors, ", ");
 }
 
 std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {

@@ -28,6 +28,10 @@ std::pair<int, int> CountImages(const RigResult& result, const std::string& came
 // Returns the largest sigma of a pose along and about its axes: m and rad.
 std::pair<double, double> LargestSigmas(const Eigen::Matrix<double, 6, 6>& covariance);
 
+// Returns "errors that no arm has: ...", with the parameters, for an arm that is estimated with such errors
+// (ImplausibleErrors); empty for others.
+std::string ImplausibleArmText(const RobotSummary& robot);
+
 // Formats a pose as "[x, y, z] mm, quaternion xyzw [...]" with w not negative. The sigmas of position and rotation
 // determine the number of decimals.
 std::string PoseText(const Rigid3d& pose, double sigma_mm = 0.01, double sigma_rad = 1e-5);

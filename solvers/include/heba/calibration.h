@@ -66,8 +66,8 @@ struct PoseCalibrationOptions {
 void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration);
 
 // Returns the configuration of an arm in each pair, an index into RigArmErrors::effects_of_captures: one for all, or
-// one for each pair (solvers/calibration/posture_choice.h), of the largest restricted likelihood. Each pair must have
-// an effect in one of them. Nothing if no choice can be fitted.
+// one for each pair (solvers/calibration/posture_choice.h), of the largest restricted likelihood
+// times prior. Each pair must have an effect in one of them. Nothing if no choice can be fitted.
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
                                                              const HandEye& start, const RigArmErrors& arm);
 

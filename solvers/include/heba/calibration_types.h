@@ -61,6 +61,8 @@ struct CalibrationOptions {
   TargetShape shape;
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
+  // Whether smooth errors that the captures show beside those of an arm are part of the covariance (Advise).
+  bool has_smooth_remainder = true;
 };
 
 struct MethodResult {

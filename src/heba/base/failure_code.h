@@ -64,6 +64,7 @@ inline constexpr std::string_view kFailureCodes[] = {
     "held_arm_noise",
     "idle_arm",
     "no_configuration_fits",
+    "near_out_of_reach",
     "arm_refinement_failed",
     "tool_scatter",
     "tool_not_explained",

@@ -162,6 +162,10 @@ ArmEffects ReadArmEffects(const JsonReader& reader, const RobotSummary& robot, c
     // The sum with the nominal parameter has lost digits of the error.
     const auto value = value_of.find(name);
     read.values[shared.size()] = value == value_of.end() ? robot.errors[*place] : value->second;
+    constexpr double kRounding = 1e-9;
+    if (std::abs(read.values[shared.size()] - robot.errors[*place]) > kRounding) {
+      reader.Fail("the error of '" + name + "' in 'estimated' is not its value less the nominal one in 'parameters'");
+    }
     shared.effects.push_back({name, *place, group == group_of.end() ? 0 : group->second});
   }
   read.shared = std::make_shared<const SharedEffects>(std::move(shared));

@@ -196,7 +196,10 @@ std::vector<size_t> ExtraPlaces(const Line& line, const std::map<std::string, si
 // Returns the columns of a header. The names of captures may be called so in place of the images'.
 std::vector<std::string> NamesOfColumns(std::vector<std::string> names) {
   const bool has_images = std::find(names.begin(), names.end(), kImageColumn) != names.end();
-  if (!has_images) std::replace(names.begin(), names.end(), std::string("capture"), std::string(kImageColumn));
+  // A column that occurs twice is named as the file has it.
+  const bool is_once = std::count(names.begin(), names.end(), "capture") == 1;
+  if (!has_images && is_once)
+    std::replace(names.begin(), names.end(), std::string("capture"), std::string(kImageColumn));
   return names;
 }
 

@@ -20,6 +20,7 @@
 #include "tools/config/finished_run.h"
 #include "tools/config/robot_section.h"
 #include "tools/text/console.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
@@ -151,6 +152,9 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   }
   WriteFileAtomically(
       FLAGS_out, CorrectedText(corrected, reading.format, writes_joints ? joint_columns : std::vector<std::string>()));
+  if (const std::string errors = ImplausibleArmText(robot); !errors.empty()) {
+    std::cerr << "heba: warning: the poses are corrected by " << errors << std::endl;
+  }
   if (!FLAGS_quiet) {
     std::cout << ForTerminal(FLAGS_out + ": " + std::to_string(corrected.rows.size()) +
                              (FLAGS_inverse ? " poses to command" : " true poses of the gripper") +

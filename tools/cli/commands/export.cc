@@ -6,7 +6,6 @@
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "heba/evaluation/arm_uncertainty.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
@@ -17,6 +16,7 @@
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
@@ -156,12 +156,10 @@ ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from)
 // Warns of arms that are exported with errors that no arm has.
 void WarnOfImplausibleArms(const RigResult& result) {
   for (size_t r = 0; r < result.arms.size(); ++r) {
-    if (!result.arms[r] || !result.arms[r]->is_estimated) continue;
-    const std::vector<std::string> errors = ImplausibleErrors(*result.arms[r]);
+    const std::string errors = result.arms[r] ? ImplausibleArmText(*result.arms[r]) : "";
     if (errors.empty()) continue;
     const std::string arm = result.arms.size() > 1 ? "the arm " + result.rig.robots[r] : "the arm";
-    std::cerr << "heba: warning: " << arm << " is exported with errors that no arm has: " << Join(errors, ", ")
-              << std::endl;
+    std::cerr << "heba: warning: " << arm << " is exported with " << errors << std::endl;
   }
 }
 

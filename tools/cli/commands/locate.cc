@@ -18,6 +18,7 @@
 #include "tools/run/image_location.h"
 #include "tools/text/console.h"
 #include "tools/text/location_text.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
@@ -274,6 +275,10 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
     throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
   }
   const FinishedRun run = ReadFinishedRun(arguments[0]);
+  for (const std::optional<RobotSummary>& arm : run.result.arms) {
+    const std::string errors = arm ? ImplausibleArmText(*arm) : "";
+    if (!errors.empty()) std::cerr << "heba: warning: the run has estimated " << errors << std::endl;
+  }
   const std::vector<Moment> moments = MomentsOf(run.result.rig, images);
   const LocationRequest request = RequestFor(run, images, moments);
   std::vector<ImageLocation> locations;

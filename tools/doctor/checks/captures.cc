@@ -262,10 +262,8 @@ MisfitLimits LimitsOf(double typical_misfit_m, double distance_m) {
 
 // Returns the views that contradict the others, in their order.
 std::vector<size_t> OutsideOf(const PoseConsistency& consistency, double limit_m) {
-  // A list of more captures would not be read.
-  constexpr size_t kMostOutside = 100;
   std::vector<size_t> outside;
-  for (size_t i = 0; i < consistency.misfit_m.size() && outside.size() < kMostOutside; ++i) {
+  for (size_t i = 0; i < consistency.misfit_m.size(); ++i) {
     if (consistency.misfit_m[i] > limit_m) outside.push_back(i);
   }
   return outside;
@@ -345,6 +343,13 @@ std::optional<Symptom> ShiftFromOn(const PoseConsistency& consistency, const std
     if (num_fitting < kLeastInRun) continue;
     const double most = kMost * static_cast<double>(views.size() - *first);
     if (static_cast<double>(num_fitting) < most) continue;
+    // Where rows change places, images fit the poses of rows in the other direction, too.
+    const bool is_permuted = std::any_of(first, outside.end(), [&](size_t i) {
+      if (fits(i)) return false;
+      const std::optional<size_t> j = FindPoseFor(i, consistency, views, outside, limits);
+      return j && *j >= *first;
+    });
+    if (is_permuted) continue;
     const std::string& name = views[*first].view.name;
     Symptom symptom{Severity::kWrong, "pairing",
                     "images and poses are paired wrongly: " + ShiftedFromOnText(name, step),
@@ -353,6 +358,7 @@ std::optional<Symptom> ShiftFromOn(const PoseConsistency& consistency, const std
                        " images from there on fit the pose of that row, the others are off by " +
                        Significant(1000 * consistency.typical_misfit_m, 2) + " mm at the target";
     symptom.reading = ShiftedFromOnText(name, step);
+    for (auto i = first; i != outside.end(); ++i) symptom.captures.push_back(views[*i].view.name);
     return symptom;
   }
   return std::nullopt;
@@ -361,7 +367,10 @@ std::optional<Symptom> ShiftFromOn(const PoseConsistency& consistency, const std
 // Reports the views that contradict the others: one by one if they fit the pose of another view, else together.
 std::vector<Symptom> WrongPoses(const PoseConsistency& consistency, const std::vector<ExaminedView>& views,
                                 const MisfitLimits& limits) {
-  const std::vector<size_t> outside = OutsideOf(consistency, limits.outside_m);
+  std::vector<size_t> outside = OutsideOf(consistency, limits.outside_m);
+  // A list of more captures would not be read.
+  constexpr size_t kMostListed = 100;
+  outside.resize(std::min(outside.size(), kMostListed));
   std::map<size_t, size_t> belongs;
   for (const size_t i : outside) {
     if (const std::optional<size_t> j = FindPoseFor(i, consistency, views, outside, limits)) belongs[i] = *j;

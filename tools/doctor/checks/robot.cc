@@ -224,6 +224,23 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
   return symptoms;
 }
 
+// Reports captures whose joints contradict their poses, where those of the others do not.
+std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
+  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(data);
+  if (wrong.empty()) return std::nullopt;
+  Symptom symptom{Severity::kWrong, "joint_pairing", "", ""};
+  std::vector<std::string> texts;
+  for (const ContradictingJoints& joints : wrong) {
+    symptom.captures.push_back(data.captures[joints.capture].name);
+    texts.push_back(symptom.captures.back() + " (" + MmAndDeg(joints.apart_m, joints.apart_rad) + ")");
+  }
+  symptom.what = "the recorded joints and the pose do not belong together in " + std::to_string(wrong.size()) + " of " +
+                 std::to_string(data.captures.size()) +
+                 " captures, where the joints put the tool elsewhere: " + Join(texts, ", ");
+  symptom.cure = "correct the joints or the poses of these captures, or leave them out (captures.exclude)";
+  return symptom;
+}
+
 std::vector<Symptom> ExamineRecorded(Examination* examination) {
   Dataset& data = examination->config.data;
   const RobotArm& robot = *data.robot;
@@ -247,6 +264,9 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
   std::vector<Symptom> symptoms =
       JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination->config.joints_are_deg));
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
+  if (std::optional<Symptom> wrong = ContradictingJointsSymptom(data)) {
+    symptoms.insert(symptoms.begin(), std::move(*wrong));
+  }
   return symptoms;
 }
 
