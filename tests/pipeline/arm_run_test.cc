@@ -364,6 +364,10 @@ TEST_F(ArmRunTest, ImplausibleArmIsExportedWithAWarning) {
     for (Json& parameter : estimate["robot"]["parameters"]) {
       if (parameter["name"] == "joint2.a") parameter["value"] = parameter["nominal"].get<double>() + 0.009;
     }
+    WriteAll(folder() / "contradicting.json", result.dump());
+    for (Json& effect : estimate["robot"]["estimated"]["effects"]) {
+      if (effect["name"] == "joint2.a") effect["value"] = 0.009;
+    }
   }
   fs::create_directories(folder() / "implausible");
   WriteAll(folder() / "implausible" / "result.json", result.dump());
@@ -371,6 +375,16 @@ TEST_F(ArmRunTest, ImplausibleArmIsExportedWithAWarning) {
   EXPECT_EQ(exported.status, 0);
   EXPECT_EQ(exported.err, "heba: warning: the arm is exported with errors that no arm has: joint2.a +9.0 mm\n");
   EXPECT_THAT(exported.out, HasSubstr("joint,theta_rad"));
+  const CommandResult corrected =
+      RunHeba({"correct", (folder() / "implausible").string(), (folder() / "one" / "poses.csv").string(), "--out",
+               (folder() / "implausible.csv").string()});
+  EXPECT_THAT(corrected.err, HasSubstr("the poses are corrected by errors that no arm has: joint2.a +9.0 mm"));
+  // The two places of an error in a result agree.
+  fs::create_directories(folder() / "contradicting");
+  fs::rename(folder() / "contradicting.json", folder() / "contradicting" / "result.json");
+  const CommandResult refused = export_of(folder() / "contradicting");
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("the error of 'joint2.a' in 'estimated' is not its value less the nominal one"));
 }
 
 // The arm yields to gravity, and each pose is captured twice.

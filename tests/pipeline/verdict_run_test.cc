@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -70,6 +71,24 @@ TEST_F(VerdictRunTest, UnmetRequirementFailsTheRunButKeepsItsResults) {
   EXPECT_GT(finding["numbers"]["reached_mm"].get<double>(), 1e-5);
   // Without the flag the run succeeds.
   EXPECT_EQ(RunHeba({"run", Config("strict", require), "--out", (folder() / "strict").string()}).status, 0);
+}
+
+// Two rows that change places are left out, so that the rest is good: the run says what is wrong with them.
+TEST_F(VerdictRunTest, RunNamesTheCauseOfCapturesThatItLeavesOut) {
+  std::vector<PoseRow> rows = ReadPoseFile(folder() / "data" / "poses.csv", *FindPoseFormat("ros"));
+  std::swap(rows[4].pose, rows[7].pose);
+  WriteAll(folder() / "data" / "swapped.csv", PoseFileText(rows, *FindPoseFormat("ros")));
+  const CommandResult run = RunHeba({"run", Config("swapped", "captures: {poses: swapped.csv}\nevaluate: {folds: 0}\n"),
+                                     "--out", (folder() / "swapped").string()});
+  EXPECT_EQ(run.status, 0) << run.err;
+  const Json result = Result("swapped");
+  int num_left_out = 0;
+  for (const Json& capture : result["captures"]) num_left_out += capture["used"].get<bool>() ? 0 : 1;
+  EXPECT_EQ(num_left_out, 2);
+  const Json finding = FindingOf(result, "swapped");
+  ASSERT_FALSE(finding.is_null());
+  EXPECT_EQ(finding["grade"], result["verdict"]["grade"]);
+  EXPECT_THAT(finding["text"].get<std::string>(), testing::HasSubstr("are swapped: each fits the other's pose"));
 }
 
 TEST_F(VerdictRunTest, RunAndDoctorReportAWrongTargetSize) {

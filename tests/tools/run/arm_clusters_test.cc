@@ -160,5 +160,42 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   EXPECT_LT(robot.noise_after->translation_m, 1.3 * with_joints->result.robot->noise_after->translation_m);
 }
 
+// Noise must not look like a change of the configuration.
+TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
+  for (const uint64_t seed : {1, 2, 3, 4, 5, 6}) {
+    ArmSceneOptions options;
+    options.setup = Setup::kEyeInHand;
+    options.has_several_configurations = false;
+    options.num_captures = 40;
+    const ArmScene scene = MakeArmScene(seed, options);
+    Dataset dataset = DatasetOf(scene.scene, options.setup, Chessboard());
+    dataset.given_detections.clear();
+    dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
+    Rng rng(seed);
+    for (const PosePair& pair : scene.scene.pairs) {
+      const Eigen::Vector3d rotation_rad(6e-4 * rng.Normal(), 6e-4 * rng.Normal(), 6e-4 * rng.Normal());
+      const Eigen::Vector3d translation_m(3e-4 * rng.Normal(), 3e-4 * rng.Normal(), 3e-4 * rng.Normal());
+      dataset.target_poses.push_back(pair.camera_from_target * Rigid3d(ExpRotation(rotation_rad), translation_m));
+    }
+    RunOptions run_options;
+    run_options.folds = 0;
+    const Outcome<RunOutput> run = heba::Run(dataset, run_options);
+    ASSERT_TRUE(run) << run.reason();
+    EXPECT_NE(run->result.robot->configuration, "") << "seed " << seed << ": several";
+  }
+}
+
+TEST(ArmClustersTest, CaptureWithWrongJointsIsLeftOutAndTheArmIsEstimated) {
+  ArmDataset made = ThreeConfigurations(8, ArmSceneOptions(), 30, 10);
+  made.dataset.captures[4].joints[2] = 1e9;
+  RunOptions options = FixedCamera();
+  options.folds = 0;
+  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
+  EXPECT_THAT(LeftOutOf(run->result), testing::ElementsAre(made.dataset.captures[4].name));
+  EXPECT_THAT(run->result.captures[4].reason, testing::HasSubstr("its joints or its pose are wrong"));
+}
+
 }  // namespace
 }  // namespace heba

@@ -170,5 +170,33 @@ TEST(ArmSetupTest, MissingJointsHaveNoEffect) {
   EXPECT_EQ(SingularCaptures(dataset.robot->arm, branch)[0].capture, 1U);
 }
 
+TEST(ArmSetupTest, GivenConfigurationThatDoesNotReachTheFirstPoseIsRefused) {
+  std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  joints.erase(joints.begin() + kSingular);
+  // The arm is nearly stretched, which only one sign of the wrist allows.
+  joints.front() << 0.3, -0.6, 0.03, 0, -1.4, 0.2;
+  Dataset dataset = DatasetOf(joints, false);
+  EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason.ToString(), "");
+  dataset.robot->joints_near = joints[1];
+  dataset.robot->joints_near[4] *= -1;
+  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
+  EXPECT_EQ(setup.reason.code, "near_out_of_reach");
+}
+
+TEST(ArmSetupTest, FewJointsThatContradictTheirPosesAreFound) {
+  const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  Dataset dataset = DatasetOf(joints, true);
+  EXPECT_TRUE(FindContradictingJoints(dataset).empty());
+  dataset.captures[5].joints[1] = 1e9;
+  std::swap(dataset.captures[0].joints, dataset.captures[1].joints);
+  // Three of eight are too many to know which are right.
+  EXPECT_TRUE(FindContradictingJoints(dataset).empty());
+  std::swap(dataset.captures[0].joints, dataset.captures[1].joints);
+  const std::vector<ContradictingJoints> found = FindContradictingJoints(dataset);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].capture, 5U);
+  EXPECT_GT(found[0].apart_m, kMostToolScatterM);
+}
+
 }  // namespace
 }  // namespace heba

@@ -12,8 +12,10 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/rig_run.h"
 #include "heba/run.h"
+#include "tests/support/arm_scenes.h"
 #include "tests/support/datasets.h"
 #include "tests/support/scenes.h"
+#include "tools/pages/report.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -134,6 +136,37 @@ TEST_P(SinglePairTest, IsTheSingleCamera) {
 
 INSTANTIATE_TEST_SUITE_P(Scenes, SinglePairTest, ::testing::ValuesIn(kCases),
                          [](const auto& test) { return test.param.name; });
+
+// The errors of an arm are parts of both results, of which pages are made.
+TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
+  const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
+  ArmSceneOptions scene_options;
+  scene_options.setup = Setup::kEyeInHand;
+  scene_options.points = AllPoints(*target).points_in_target;
+  const ArmScene scene = MakeArmScene(3, scene_options);
+  Dataset dataset = heba::DatasetOf(scene.scene, scene_options.setup, target);
+  dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
+  for (size_t i = 0; i < scene.joints.size(); ++i) {
+    dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
+  }
+  const RigDataset rig = Named(AsRigDataset(dataset));
+  RunOptions options;
+  options.bundle.free_intrinsics = {};
+  options.folds = 0;
+  RigRunOptions of_rig;
+  of_rig.calibration.adjustment.num_threads = 1;
+  of_rig.folds = 0;
+  const Outcome<RunOutput> single = heba::Run(dataset, options);
+  RigDataset held = rig;
+  held.rig.cameras[0].free_intrinsics = {};
+  const Outcome<RigRunOutput> pair = RunRig(held, of_rig);
+  ASSERT_TRUE(single) << single.reason();
+  ASSERT_TRUE(pair) << pair.reason();
+  ASSERT_TRUE(pair->result.arms[0]->is_estimated) << pair->result.arms[0]->reason.ToString();
+  EXPECT_LT((pair->result.arms[0]->errors - single->result.robot->errors).norm(), 1e-12);
+  EXPECT_EQ(pair->result.solution.effects[0].size(), pair->result.rig.effects[0]->size());
+  EXPECT_FALSE(ReportPage(ReportDataOf(held, *pair), {}).empty());
+}
 
 }  // namespace
 }  // namespace heba

@@ -19,7 +19,7 @@ struct Figures {
 };
 
 // Runs scenes of an arm whose errors are estimated from recorded joints.
-Figures FiguresOf(double joint_ripple_rad) {
+Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseErrors::kAuto) {
   const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
   ArmSceneOptions scene_options;
   scene_options.setup = Setup::kEyeInHand;
@@ -29,6 +29,7 @@ Figures FiguresOf(double joint_ripple_rad) {
   RunOptions options;
   options.bundle.free_intrinsics = {};
   options.folds = 0;
+  options.smooth = smooth;
   Figures figures;
   double sum = 0;
   for (const uint64_t seed : {2, 3, 4, 5}) {
@@ -62,11 +63,14 @@ TEST(SmoothRemainderTest, SigmasContainErrorsThatNoParameterOfTheArmHas) {
   // It is 1.7 without them.
   EXPECT_LT(figures.rms_sigmas, 1.45);
   EXPECT_GT(figures.rms_sigmas, 0.5);
+  // Smooth errors that are not wanted are not looked for.
+  EXPECT_EQ(FiguresOf(DegToRad(0.03), SmoothPoseErrors::kNone).num_named, 0);
 }
 
 TEST(SmoothRemainderTest, SigmasOfArmsThatHaveNoneStayTrue) {
   const Figures figures = FiguresOf(0);
   EXPECT_EQ(figures.num_runs, 4);
+  EXPECT_EQ(figures.num_named, 0);
   EXPECT_LT(figures.rms_sigmas, 1.4);
   EXPECT_GT(figures.rms_sigmas, 0.6);
 }

@@ -133,6 +133,32 @@ TEST(CapturesCheckTest, FindsPosesThatAreShiftedFromALateCaptureOn) {
   }
 }
 
+// Rows that change places are no shift: the image of the first belongs to the last.
+TEST(CapturesCheckTest, DoesNotTakeRowsThatChangePlacesForAShift) {
+  SimulatedSetOptions options;
+  options.num_captures = 20;
+  Examination examination = CleanExamination(options);
+  std::vector<Rigid3d> poses = PosesOf(examination);
+  std::rotate(poses.begin() + 16, poses.begin() + 17, poses.end());
+  SetPoses(poses, &examination);
+  for (const Symptom& symptom : Check_captures(&examination)) EXPECT_NE(symptom.code.name(), "pairing");
+}
+
+// The shift is that of more rows than the doctor lists.
+TEST(CapturesCheckTest, FindsPosesThatAreShiftedInManyRows) {
+  SimulatedSetOptions options;
+  options.num_captures = 600;
+  Examination examination = CleanExamination(options);
+  std::vector<Rigid3d> poses = PosesOf(examination);
+  poses.erase(poses.begin() + 440);
+  poses.push_back(poses[0] * Rigid3d(Eigen::Quaterniond::Identity(), {0.2, 0, 0}));
+  SetPoses(poses, &examination);
+  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  ASSERT_FALSE(symptoms.empty());
+  EXPECT_EQ(CodesOf(symptoms)[0], "wrong pairing");
+  EXPECT_THAT(symptoms[0].what, HasSubstr("from view_440 on, each image belongs to the pose 1 row further up"));
+}
+
 TEST(CapturesCheckTest, RemarksOnACaptureThatContradictsTheOthers) {
   Examination examination = CleanExamination();
   std::vector<Rigid3d> poses = PosesOf(examination);
