@@ -344,7 +344,7 @@ std::optional<Symptom> ShiftFromOn(const PoseConsistency& consistency, const std
     const double most = kMost * static_cast<double>(views.size() - *first);
     if (static_cast<double>(num_fitting) < most) continue;
     // Where rows change places, images fit the poses of rows in the other direction, too.
-    const bool is_permuted = std::any_of(first, outside.end(), [&](size_t i) {
+    const bool is_permuted = std::any_of(outside.begin(), outside.end(), [&](size_t i) {
       if (fits(i)) return false;
       const std::optional<size_t> j = FindPoseFor(i, consistency, views, outside, limits);
       return j && *j >= *first;

@@ -230,10 +230,13 @@ std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
   if (wrong.empty()) return std::nullopt;
   Symptom symptom{Severity::kWrong, "joint_pairing", "", ""};
   std::vector<std::string> texts;
+  constexpr size_t kMostListed = 5;
   for (const ContradictingJoints& joints : wrong) {
     symptom.captures.push_back(data.captures[joints.capture].name);
+    if (texts.size() == kMostListed) continue;
     texts.push_back(symptom.captures.back() + " (" + MmAndDeg(joints.apart_m, joints.apart_rad) + ")");
   }
+  if (wrong.size() > kMostListed) texts.push_back("and " + std::to_string(wrong.size() - kMostListed) + " more");
   symptom.what = "the recorded joints and the pose do not belong together in " + std::to_string(wrong.size()) + " of " +
                  std::to_string(data.captures.size()) +
                  " captures, where the joints put the tool elsewhere: " + Join(texts, ", ");
