@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "heba/base/error.h"
 #include "heba/base/failure_code.h"
@@ -20,6 +19,7 @@
 #include "solvers/calibration/multi_start.h"
 #include "solvers/calibration/observability.h"
 #include "solvers/calibration/posture_choice.h"
+#include "solvers/calibration/shared_causes.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/closed_form/two_step_motion.h"
@@ -125,38 +125,6 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
          " deg from the stated robot pose (probability by chance: " + ShownPValue(p_value) + "); " + causes;
 }
 
-// Returns, for each capture that was left out, what it shares with others that were: three or more captures that follow
-// one another have one cause, which is no wrong pose of each. Empty for a capture by itself.
-std::vector<std::string> RunsOf(const std::vector<View>& left_out, const std::vector<View>& used) {
-  constexpr size_t kLeastRun = 3;
-  std::map<size_t, const View*> in_order;  // Null for a capture that is used.
-  for (const View& view : used) in_order[view.capture] = nullptr;
-  for (const View& view : left_out) in_order[view.capture] = &view;
-  std::map<size_t, std::string> text_of;
-  std::vector<const View*> run;
-  const auto end_run = [&] {
-    for (const View* view : run) {
-      if (run.size() < kLeastRun) break;
-      text_of[view->capture] = "so do all " + std::to_string(run.size()) + " captures from " + run.front()->name +
-                               " to " + run.back()->name +
-                               ": their poses share an error, as after a motion of camera or target, in another frame "
-                               "or in a configuration of the arm that the others do not show";
-    }
-    run.clear();
-  };
-  for (const auto& [capture, view] : in_order) {
-    if (view == nullptr) {
-      end_run();
-    } else {
-      run.push_back(view);
-    }
-  }
-  end_run();
-  std::vector<std::string> texts;
-  for (const View& view : left_out) texts.push_back(text_of[view.capture]);
-  return texts;
-}
-
 // Returns the design of a target, from the views' points if nothing else is known.
 TargetShape ShapeOf(const std::vector<View>& views) {
   Eigen::Index num_points = 0;
@@ -216,10 +184,10 @@ void NameLeftOut(const CalibrationOptions& options, Calibration* calibration) {
   const SearchedModel of_all = AsProblem(*calibration, options).model;
   const std::vector<CaptureVerdict> verdicts =
       TestLeftOutCaptures(of_all.problem, of_all.judged.solution, CapturesOf(of_all.judged.left_out));
-  const std::vector<std::string> runs = RunsOf(left_out, calibration->views);
+  const std::vector<std::string> shared = SharedCauses(options.setup, left_out, calibration->views);
   for (size_t k = 0; k < left_out.size(); ++k) {
     const std::string causes =
-        runs[k].empty() ? "wrong pose for the image, robot not settled, or target misread" : runs[k];
+        shared[k].empty() ? "wrong pose for the image, robot not settled, or target misread" : shared[k];
     calibration->unused.push_back(
         {left_out[k].name, left_out[k].capture,
          WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup, causes)});
