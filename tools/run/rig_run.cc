@@ -442,10 +442,11 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.captures = CaptureResults(dataset, output.calibration);
   AddErrors(used, solution, &result);
   AddLeftOutErrors(seen, output.calibration, &result);
-  if (options.folds > 1) {
-    StageReport report(RunStage::kHoldOut, options.folds, observer);
+  const int num_folds = std::min(options.folds, static_cast<int>(output.calibration.problem.captures.size()));
+  if (num_folds > 1) {
+    StageReport report(RunStage::kHoldOut, num_folds, observer);
     const RigHoldOuts hold_outs =
-        CrossValidateRig(output.calibration, calibration_options, options.folds, [&] { report.Step(); });
+        CrossValidateRig(output.calibration, calibration_options, num_folds, [&] { report.Step(); });
     result.errors = WithHoldOuts(std::move(result.errors), hold_outs.of_cameras);
     result.holdout_chi2 = hold_outs.chi2_per_dof;
   }

@@ -144,6 +144,31 @@ class RigRunTest : public testing::Test {
   const std::vector<std::shared_ptr<const Target>> targets_ = {ParseTarget(kTargets[0]), ParseTarget(kTargets[1])};
 };
 
+// Counts the folds, and then ends the run.
+class FoldCounter : public RunObserver {
+ public:
+  void OnStage(RunStage stage, int num_steps) override {
+    if (stage == RunStage::kHoldOut) num_folds_ = num_steps;
+  }
+  bool IsCancelled() override { return num_folds_ > 0; }
+  int num_folds() const { return num_folds_; }
+
+ private:
+  int num_folds_ = 0;
+};
+
+TEST_F(RigRunTest, HasNoMoreFoldsThanCaptures) {
+  const RigScene scene = MakeScene(1);
+  RigDataset dataset = DatasetOf(scene);
+  dataset.given_detections = DetectionsOf(scene);
+  RigRunOptions options;
+  options.folds = 1000;
+  FoldCounter counter;
+  const Outcome<RigRunOutput> run = RunRig(dataset, options, &counter);
+  EXPECT_EQ(run.failure().code, kCancelled);
+  EXPECT_EQ(counter.num_folds(), 16);
+}
+
 // A rejected point belongs neither to the error of the camera nor to that of the image.
 TEST_F(RigRunTest, RejectedPointsAreNoErrorsInSample) {
   RigScene scene = MakeScene(1);
