@@ -23,22 +23,21 @@ struct Equations {
   Eigen::VectorXd right;
 };
 
-// Returns whether an arm jumps from one view to the next: in another posture, or with a joint that turns by more than a
-// quarter. Where a joint passes a singularity, staying in one posture turns others.
-bool IsJump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture,
-            size_t posture_before) {
-  if (posture != posture_before) return true;
+// Returns how far an arm jumps from one view to the next: by a change of the posture, and by a turn of a joint of more
+// than a quarter. Where a joint passes a singularity, one of both happens, whether the posture changes or not.
+int Jump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture, size_t posture_before) {
+  const int change = posture == posture_before ? 0 : 1;
   const Eigen::VectorXd& to = joints[posture][view];
   const Eigen::VectorXd& from = joints[posture_before][view - 1];
   for (Eigen::Index j = 0; j < to.size() && from.size() > 0; ++j) {
-    if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return true;
+    if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return change + 1;
   }
-  return false;
+  return change;
 }
 
 double NumJumps(const std::vector<std::vector<Eigen::VectorXd>>& joints, const std::vector<size_t>& postures) {
   double num_jumps = 0;
-  for (size_t i = 1; i < postures.size(); ++i) num_jumps += IsJump(joints, i, postures[i], postures[i - 1]) ? 1 : 0;
+  for (size_t i = 1; i < postures.size(); ++i) num_jumps += Jump(joints, i, postures[i], postures[i - 1]);
   return num_jumps;
 }
 
@@ -200,7 +199,7 @@ class PostureSearch {
       std::vector<double> next(num_postures_, kImpossible);
       for (size_t k = 0; k < num_postures_; ++k) {
         for (size_t before = 0; before < num_postures_; ++before) {
-          const double total = best[before] + (IsJump(joints_, i, k, before) ? jump : 0) + cost[i][k];
+          const double total = best[before] + Jump(joints_, i, k, before) * jump + cost[i][k];
           if (!(total < next[k])) continue;
           next[k] = total;
           from[i][k] = before;

@@ -148,6 +148,7 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
   for (size_t i = 0; i < scene.joints.size(); ++i) {
     dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
+    dataset.captures[i].image = dataset.captures[i].name;
   }
   const RigDataset rig = Named(AsRigDataset(dataset));
   RunOptions options;

@@ -156,7 +156,7 @@ TEST(CapturesCheckTest, FindsPosesThatAreShiftedInManyRows) {
   const std::vector<Symptom> symptoms = Check_captures(&examination);
   ASSERT_FALSE(symptoms.empty());
   EXPECT_EQ(CodesOf(symptoms)[0], "wrong pairing");
-  EXPECT_THAT(symptoms[0].what, HasSubstr("from view_440 on, each image belongs to the pose 1 row further up"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("from view_441 on, each image belongs to the pose 1 row further up"));
 }
 
 TEST(CapturesCheckTest, RemarksOnACaptureThatContradictsTheOthers) {
