@@ -23,10 +23,14 @@ struct Equations {
   Eigen::VectorXd right;
 };
 
-// Returns how far an arm jumps from one view to the next: by a change of the posture, and by a turn of a joint of more
-// than a quarter. Where a joint passes a singularity, one of both happens, whether the posture changes or not.
-int Jump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture, size_t posture_before) {
-  const int change = posture == posture_before ? 0 : 1;
+// Returns how far an arm jumps from one view to the next, in logarithms of the number of views: by a turn of a joint of
+// more than a quarter, and by a change of the posture, which is one of several. Where a joint passes a singularity, one
+// of both happens, whether the posture changes or not.
+double Jump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture,
+            size_t posture_before) {
+  const auto num_views = static_cast<double>(joints.front().size());
+  const auto num_others = static_cast<double>(std::max<size_t>(joints.size(), 2) - 1);
+  const double change = posture == posture_before ? 0 : 1 + std::log(num_others) / std::log(num_views + 1);
   const Eigen::VectorXd& to = joints[posture][view];
   const Eigen::VectorXd& from = joints[posture_before][view - 1];
   for (Eigen::Index j = 0; j < to.size() && from.size() > 0; ++j) {
