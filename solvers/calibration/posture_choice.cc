@@ -254,7 +254,11 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
 }
 
 double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures) {
-  return -std::log(static_cast<double>(postures.size() + 1)) * NumJumps(captures.joints, postures);
+  constexpr double kDecided = 10;
+  const bool are_several =
+      std::any_of(postures.begin(), postures.end(), [&](size_t posture) { return posture != postures.front(); });
+  return -std::log(static_cast<double>(postures.size() + 1)) * NumJumps(captures.joints, postures) -
+         (are_several ? kDecided : 0);
 }
 
 const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {

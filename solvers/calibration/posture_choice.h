@@ -35,8 +35,9 @@ struct PosturesOfCaptures {
 std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
 
 // Returns the logarithm of the prior probability of a choice of postures, but for a constant, by which choices of one
-// posture for all views and of several can be compared: each change of the posture, and each turn of a joint by more
-// than a quarter, between consecutive views costs the logarithm of the number of views.
+// posture for all views and of several can be compared: each turn of a joint by more than a quarter between consecutive
+// views costs the logarithm of the number of views, and each change of the posture that and the logarithm of the number
+// of other postures. Several postures must be decidedly more likely than one: they cost ten besides.
 double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures);
 
 // Returns the errors by which the configurations of an arm are told from each other.
