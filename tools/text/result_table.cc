@@ -239,7 +239,8 @@ std::string ModelLines(const RunResult& result, const Estimate& refined) {
 
 std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const std::string table = Title(result.name,
-                                  std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
+                                  std::string(SetupName(result.setup)) + ", " +
+                                      (result.target_type.empty() ? "poses of the target" : result.target_type) + ", " +
                                       std::to_string(NumUsedCaptures(result)) + " of " +
                                       std::to_string(result.captures.size()) + " captures used",
                                   result.verdict, colour) +
