@@ -58,8 +58,8 @@ struct CharucoGeometry {
   }
 };
 
-// Returns an image in which markers can be searched for: each speck of strong noise would be traced like a marker's
-// outline.
+// Returns an image in which markers can be searched for, and corners compared with what is drawn: each speck of strong
+// noise would be traced like a marker's outline, and hides the edges of a corner.
 cv::Mat WithoutStrongNoise(const cv::Mat& grey) {
   constexpr double kStrongNoiseGrey = 8;
   if (NoiseGrey(grey) <= kStrongNoiseGrey) return grey;
@@ -107,7 +107,8 @@ class Charuco final : public Target {
     return codes;
   }
 
-  Detection Detect(const cv::Mat& grey) const override {
+  Detection Detect(const cv::Mat& image) const override {
+    const cv::Mat grey = WithoutStrongNoise(image);
     Detection detection;
     const ConsistentTags markers = KeepConsistent(FindMarkers(grey), layout_, 0);
     if (markers.tags.empty()) {
@@ -143,7 +144,7 @@ class Charuco final : public Target {
 
   std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<int> ids;
-    for (const SeenTag& marker : AllMarkers(grey)) ids.push_back(marker.index);
+    for (const SeenTag& marker : AllMarkers(WithoutStrongNoise(grey))) ids.push_back(marker.index);
     std::vector<TargetSettings> confusions = OtherFirstIds("first_marker", std::move(ids), geometry_.first_marker,
                                                            static_cast<int>(layout_.corners_m.size()));
     confusions.push_back({{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}});
@@ -201,9 +202,7 @@ class Charuco final : public Target {
     return markers;
   }
 
-  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const {
-    return FindArucoMarkers(WithoutStrongNoise(grey), dictionary_).markers;
-  }
+  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const { return FindArucoMarkers(grey, dictionary_).markers; }
 
   // Predicts a corner from the nearest markers, at least one of which must touch it, and refines it within its
   // squares.

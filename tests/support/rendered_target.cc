@@ -57,7 +57,7 @@ DetectionErrors ErrorsOf(const Target& target, const Camera& camera, const Rigid
   return best;
 }
 
-DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed) {
+DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed, double noise_grey) {
   const Camera camera = ImageCamera();
   const Drawing& drawing = target.Draw();
   DetectionErrors total;
@@ -65,7 +65,7 @@ DetectionErrors DetectRendered(const Target& target, int num_views, double share
     Rng rng(seed, static_cast<uint64_t>(view));
     const Rigid3d camera_from_target = RandomView(drawing, share, /*max_tilt_rad=*/0.7, /*max_roll_rad=*/0.6, rng);
     RenderOptions options;
-    options.noise_sigma_grey = 2;
+    options.noise_sigma_grey = noise_grey;
     options.seed = seed + static_cast<uint64_t>(view);
     const Detection detection = target.Detect(RenderView(drawing, camera, camera_from_target, options));
     total.Add(ErrorsOf(target, camera, camera_from_target, detection));

@@ -52,7 +52,7 @@ struct DetectionErrors {
 DetectionErrors ErrorsOf(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
                          const Detection& detection);
 
-// Returns the errors in `num_views` rendered views with noise of 2 grey levels.
-DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed);
+// Returns the errors in `num_views` rendered views.
+DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed, double noise_grey = 2);
 
 }  // namespace heba

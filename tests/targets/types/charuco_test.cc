@@ -45,6 +45,24 @@ INSTANTIATE_TEST_SUITE_P(All, CharucoTest,
                                          "marker: 30 mm, dictionary: DICT_APRILTAG_36h11, first_marker: 40",
                                          "marker: 36 mm, dictionary: DICT_ARUCO_ORIGINAL, legacy_pattern: true"));
 
+// Corners are compared with what is drawn in an image from which noise that hides them was removed.
+TEST(Charuco, FindsTargetsInStrongNoise) {
+  const std::unique_ptr<Target> target = MakeBoard(6, 8, "marker: 30 mm, dictionary: DICT_4X4_50");
+  const int num_views = 3;
+  const DetectionErrors errors = DetectRendered(*target, num_views, 0.9, /*seed=*/31, /*noise_grey=*/40);
+  EXPECT_GE(errors.num_found, 0.95 * num_views * static_cast<double>(target->points().size()));
+  EXPECT_LT(errors.RmsPx(), 0.3);
+}
+
+TEST(Charuco, LeavesTheImageAsItIs) {
+  const std::unique_ptr<Target> target = MakeBoard(6, 8, "marker: 30 mm, dictionary: DICT_4X4_50");
+  cv::Mat image(480, 640, CV_8UC1);
+  cv::randu(image, 0, 255);
+  const cv::Mat before = image.clone();
+  target->Detect(image);
+  EXPECT_EQ(cv::norm(image, before, cv::NORM_L1), 0);
+}
+
 // The frame is that of OpenCV since 4.7: the origin is at the top left, and the first inner corner is one square
 // inside.
 TEST(Charuco, CornersCountFromTheTopLeft) {
