@@ -23,26 +23,24 @@ struct Equations {
   Eigen::VectorXd right;
 };
 
-// Returns how far an arm jumps from one view to the next, in logarithms of the number of views: by a turn of a joint of
-// more than a quarter, and by a change of the posture, which is one of several. Where a joint passes a singularity, one
-// of both happens, whether the posture changes or not.
-double Jump(const std::vector<std::vector<Eigen::VectorXd>>& joints, size_t view, size_t posture,
-            size_t posture_before) {
-  const auto num_views = static_cast<double>(joints.front().size());
-  const auto num_others = static_cast<double>(std::max<size_t>(joints.size(), 2) - 1);
-  const double change = posture == posture_before ? 0 : 1 + std::log(num_others) / std::log(num_views + 1);
+using JointsOfPostures = std::vector<std::vector<Eigen::VectorXd>>;
+
+// Returns whether a joint turns by more than a quarter from one view to the next; postures whose joints are not known
+// differ.
+bool TurnsFar(const JointsOfPostures& joints, size_t view, size_t posture, size_t posture_before) {
   const Eigen::VectorXd& to = joints[posture][view];
   const Eigen::VectorXd& from = joints[posture_before][view - 1];
-  for (Eigen::Index j = 0; j < to.size() && from.size() > 0; ++j) {
-    if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return change + 1;
+  if (to.size() == 0 || from.size() == 0) return posture != posture_before;
+  for (Eigen::Index j = 0; j < to.size(); ++j) {
+    if (std::abs(std::remainder(to[j] - from[j], 2 * kPi)) > kPi / 2) return true;
   }
-  return change;
+  return false;
 }
 
-double NumJumps(const std::vector<std::vector<Eigen::VectorXd>>& joints, const std::vector<size_t>& postures) {
-  double num_jumps = 0;
-  for (size_t i = 1; i < postures.size(); ++i) num_jumps += Jump(joints, i, postures[i], postures[i - 1]);
-  return num_jumps;
+double NumFarTurns(const JointsOfPostures& joints, const std::vector<size_t>& postures) {
+  double num_turns = 0;
+  for (size_t i = 1; i < postures.size(); ++i) num_turns += TurnsFar(joints, i, postures[i], postures[i - 1]) ? 1 : 0;
+  return num_turns;
 }
 
 class PostureSearch {
@@ -100,7 +98,7 @@ class PostureSearch {
       is_used.assign(num_views_, true);
       if (is_same) break;
     }
-    choice.misfit = Misfit(SystemOf(choice.postures), NumJumps(joints_, choice.postures));
+    choice.misfit = Misfit(SystemOf(choice.postures), NumFarTurns(joints_, choice.postures));
     return choice;
   }
 
@@ -119,7 +117,7 @@ class PostureSearch {
           for (size_t i = first; i < std::min(num_views_, first + kMostLength) && IsPossible(k, i); ++i) {
             changed.Move(equations_[postures[i]][i], equations_[k][i]);
             postures[i] = k;
-            const double misfit = Misfit(changed, NumJumps(joints_, postures));
+            const double misfit = Misfit(changed, NumFarTurns(joints_, postures));
             if (misfit >= best.misfit) continue;
             best = {postures, misfit};
             of_best = changed;
@@ -203,7 +201,7 @@ class PostureSearch {
       std::vector<double> next(num_postures_, kImpossible);
       for (size_t k = 0; k < num_postures_; ++k) {
         for (size_t before = 0; before < num_postures_; ++before) {
-          const double total = best[before] + Jump(joints_, i, k, before) * jump + cost[i][k];
+          const double total = best[before] + (TurnsFar(joints_, i, k, before) ? jump : 0) + cost[i][k];
           if (!(total < next[k])) continue;
           next[k] = total;
           from[i][k] = before;
@@ -255,10 +253,12 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures) {
 
 double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures) {
   constexpr double kDecided = 10;
-  const bool are_several =
-      std::any_of(postures.begin(), postures.end(), [&](size_t posture) { return posture != postures.front(); });
-  return -std::log(static_cast<double>(postures.size() + 1)) * NumJumps(captures.joints, postures) -
-         (are_several ? kDecided : 0);
+  const auto num_views = static_cast<double>(postures.size());
+  const auto num_others = static_cast<double>(std::max<size_t>(captures.joints.size(), 2) - 1);
+  double num_changes = 0;
+  for (size_t i = 1; i < postures.size(); ++i) num_changes += postures[i] == postures[i - 1] ? 0 : 1;
+  return -std::log(num_views + 1) * (NumFarTurns(captures.joints, postures) + num_changes) -
+         std::log(num_others) * num_changes - (num_changes > 0 ? kDecided : 0);
 }
 
 const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {

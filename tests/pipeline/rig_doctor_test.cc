@@ -364,7 +364,7 @@ TEST_F(RigDoctorTest, TellsProgramsTheSettingOfTheRig) {
 }
 
 // The rig with an arm that has errors of its own and whose joints are recorded, as the arm `left` of a list of arms.
-class RigArmDoctorTest : public RigDoctorTest {
+class OneArmDoctorTest : public RigDoctorTest {
  protected:
   static void SetUpTestSuite() {
     RigDoctorTest::SetUpTestSuite();
@@ -400,13 +400,13 @@ class RigArmDoctorTest : public RigDoctorTest {
   }
 };
 
-TEST_F(RigArmDoctorTest, FindsNothingWrongWithTheArm) {
+TEST_F(OneArmDoctorTest, FindsNothingWrongWithTheArm) {
   const CommandResult doctor = DoctorOf("listed.yaml", {});
   EXPECT_THAT(doctor.out, AllOf(HasSubstr("nothing is wrong"), HasSubstr("from where robots.left.tool has it")));
   EXPECT_EQ(Count(doctor, "calibrated_kinematics"), 1) << doctor.out;
 }
 
-TEST_F(RigArmDoctorTest, NamesTheUnitOfTheJoints) {
+TEST_F(OneArmDoctorTest, NamesTheUnitOfTheJoints) {
   const CommandResult listed = DoctorOf("listed.yaml", {"robots.left.joint_angle=deg"});
   EXPECT_THAT(First(listed), AllOf(HasSubstr("wrong [joint_angle]: the recorded joints"),
                                    HasSubstr("-> set robots.left.joint_angle: rad")));
@@ -415,7 +415,7 @@ TEST_F(RigArmDoctorTest, NamesTheUnitOfTheJoints) {
               AllOf(HasSubstr("wrong [joint_angle]"), HasSubstr("-> set captures.joint_angle: rad")));
 }
 
-TEST_F(RigArmDoctorTest, NamesTheModelThatRecordedJointsAreOf) {
+TEST_F(OneArmDoctorTest, NamesTheModelThatRecordedJointsAreOf) {
   const CommandResult listed = DoctorOf("listed.yaml", {"robots.left.model=ur5e"});
   EXPECT_THAT(First(listed), AllOf(HasSubstr("wrong [robot_model]"), HasSubstr("-> set robots.left.model: ur10e")));
   EXPECT_EQ(Count(listed, "robot_model"), 1) << listed.out;
@@ -423,7 +423,7 @@ TEST_F(RigArmDoctorTest, NamesTheModelThatRecordedJointsAreOf) {
               AllOf(HasSubstr("wrong [robot_model]"), HasSubstr("-> set robot.model: ur10e")));
 }
 
-TEST_F(RigArmDoctorTest, NamesTheModelThatReachesThePoses) {
+TEST_F(OneArmDoctorTest, NamesTheModelThatReachesThePoses) {
   const CommandResult doctor =
       DoctorOf("listed.yaml", {"robots.left.model=ur5e", "robots.left.joints=",
                                "robots.left.tool={translation: [0 mm, 0 mm, 100 mm], rpy: [0 deg, 0 deg, 0 deg]}"});
@@ -432,7 +432,7 @@ TEST_F(RigArmDoctorTest, NamesTheModelThatReachesThePoses) {
   EXPECT_EQ(Count(doctor, "robot_unreachable"), 1) << doctor.out;
 }
 
-TEST_F(RigArmDoctorTest, NamesJointsOfOtherRows) {
+TEST_F(OneArmDoctorTest, NamesJointsOfOtherRows) {
   std::vector<std::string> lines;
   for (const std::string& line : Split(ReadAll(*folder_ / "arm/joints.csv"), '\n')) {
     if (!line.empty()) lines.push_back(line.substr(line.find(',') + 1));
