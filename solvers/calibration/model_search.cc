@@ -71,12 +71,9 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
   return BranchesOfAll(arm, captures, ChoosePostures(postures));
 }
 
-// Returns the configurations of an arm's captures that explain them best: one for all, or one for each capture, of the
-// largest restricted likelihood times prior (LogPriorOf). Nothing if none can be fitted.
+// Returns the configurations of an arm's captures that explain them best (MostProbableBranches).
 std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
                                                       const SearchedModel& model) {
-  const size_t num_captures = model.problem.captures.size();
-  if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(num_captures, 0);
   RigOptions options = model.options;
   if (options.loss == LossKind::kTruncated) options.loss = LossKind::kNone;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
@@ -86,16 +83,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
   for (size_t t = 0; t < parts.shapes.size(); ++t) {
     if (parts.shapes[t]) fixed.targets[t].free_shape = TargetShapeCombinations().back();
   }
-  std::vector<std::vector<size_t>> candidates;
-  for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
-    const auto& effects = arm.effects_of_captures[k];
-    if (std::count(effects.begin(), effects.end(), nullptr) == 0) candidates.emplace_back(num_captures, k);
-  }
-  const PosturesOfCaptures all = PosturesByErrors(arm, EvenIndices(num_captures, num_captures));
-  std::optional<std::vector<size_t>> best;
-  double best_log_posterior = 0;
-  // Returns the adjustment with the errors in these configurations; nothing if it fails.
-  const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<RigSolution> {
+  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<RigSolution>> {
     RigProblem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
@@ -107,30 +95,15 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
       refined = RefineRig(with_errors, solution.poses, options);
     }
     if (!refined) return std::nullopt;
-    const double log_posterior = LogLikelihoodOf(with_errors, *refined, options) + LogPriorOf(branches, all);
-    if (std::isfinite(log_posterior) && (!best || log_posterior > best_log_posterior)) {
-      best = branches;
-      best_log_posterior = log_posterior;
-    }
-    return std::move(*refined);
+    FittedPostures<RigSolution> fitted{*refined, LogLikelihoodOf(with_errors, *refined, options)};
+    // The corrections of the poses contain the errors, of which `fixed` knows none.
+    fitted.solution = WithEffectsOf(fixed, std::move(fitted.solution));
+    fitted.solution.effects.clear();
+    fitted.solution.effect_sigmas.clear();
+    return fitted;
   };
-  for (const std::vector<size_t>& branches : candidates) try_branches(branches);
-  // The configurations of single captures are found at the estimate without errors of the arm and, with the smaller
-  // noise that remains, at the one with them, until they do not change.
-  constexpr int kMaxRounds = 5;
-  std::optional<std::vector<size_t>> last;
-  RigSolution at = solution;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    std::optional<std::vector<size_t>> of_captures = BranchesOfCaptures(arm, robot, fixed, at);
-    if (!of_captures || of_captures == last) break;
-    last = std::move(of_captures);
-    std::optional<RigSolution> refined = try_branches(*last);
-    if (!refined) break;
-    at = WithEffectsOf(fixed, std::move(*refined));
-    at.effects.clear();
-    at.effect_sigmas.clear();
-  }
-  return best;
+  const auto choose = [&](const RigSolution& at) { return BranchesOfCaptures(arm, robot, fixed, at); };
+  return MostProbableBranches(arm, model.problem.captures.size(), std::optional(solution), fit, choose);
 }
 
 // Returns the models of one arm that were compared beside the chosen ones of the other arms.

@@ -112,43 +112,23 @@ void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibrat
 
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
                                                              const HandEye& start, const RigArmErrors& arm) {
-  if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(pairs.size(), 0);
-  PosturesOfCaptures postures = PosturesByErrors(arm, EvenIndices(pairs.size(), pairs.size()));
-  std::optional<std::vector<size_t>> best;
-  double best_log_posterior = 0;
-  // Returns the refinement with the errors in these configurations; nothing if it fails.
-  const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<Solution> {
+  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
     std::vector<PosePair> with_errors = pairs;
     for (size_t i = 0; i < pairs.size(); ++i) with_errors[i].effect = arm.effects_of_captures[branches[i]][i];
     Outcome<Solution> solution = RefineChainWithNoise(setup, with_errors, start, ErrorsOfBranches(arm));
     if (!solution) return std::nullopt;
-    const double log_posterior = ChainLogLikelihoodOf(setup, with_errors, *solution) + LogPriorOf(branches, postures);
-    if (std::isfinite(log_posterior) && (!best || log_posterior > best_log_posterior)) {
-      best = branches;
-      best_log_posterior = log_posterior;
-    }
-    return std::move(*solution);
+    const double log_likelihood = ChainLogLikelihoodOf(setup, with_errors, *solution);
+    return FittedPostures<Solution>{std::move(*solution), log_likelihood};
   };
-  for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
-    const auto& effects = arm.effects_of_captures[k];
-    if (std::count(effects.begin(), effects.end(), nullptr) == 0) try_branches(std::vector<size_t>(pairs.size(), k));
-  }
-  // The configurations of single pairs are found at the estimate without errors of the arm and, with the smaller noise
-  // that remains, at the one with them, until they do not change.
-  constexpr int kMaxRounds = 5;
-  Outcome<Solution> without = RefineChainWithNoise(setup, pairs, start, nullptr);
+  PosturesOfCaptures postures = PosturesByErrors(arm, EvenIndices(pairs.size(), pairs.size()));
+  const auto choose = [&](const Solution& at) -> std::optional<std::vector<size_t>> {
+    postures.views = LinearisePairs(setup, pairs, at);
+    postures.variances = CorrectionVariances(*at.robot_noise);
+    return ChoosePostures(postures);
+  };
   std::optional<Solution> at;
-  if (without) at = std::move(*without);
-  std::vector<size_t> last;
-  for (int round = 0; round < kMaxRounds && at; ++round) {
-    postures.views = LinearisePairs(setup, pairs, *at);
-    postures.variances = CorrectionVariances(*at->robot_noise);
-    std::vector<size_t> branches = ChoosePostures(postures);
-    if (branches == last) break;
-    last = std::move(branches);
-    at = try_branches(last);
-  }
-  return best;
+  if (Outcome<Solution> without = RefineChainWithNoise(setup, pairs, start, nullptr)) at = std::move(*without);
+  return MostProbableBranches(arm, pairs.size(), std::move(at), fit, choose);
 }
 
 }  // namespace heba

@@ -2,13 +2,17 @@
 // its errors move the pose differently in each of them.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "heba/base/even_indices.h"
 #include "heba/robot_errors.h"
 #include "solvers/uncertainty/linearisation.h"
 
@@ -51,5 +55,49 @@ PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<s
 // that of the capture before it, as far as the arm can be.
 std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
                                   const std::vector<size_t>& branches);
+
+// An adjustment with the errors of an arm, and the logarithm of its restricted likelihood.
+template <class AnySolution>
+struct FittedPostures {
+  AnySolution solution;
+  double log_likelihood = 0;
+};
+
+// Returns the configurations of `num_captures` captures of the largest restricted likelihood times prior (LogPriorOf):
+// one for all, or one for each capture. Those of single captures are found at `start`, the estimate without errors of
+// the arm, and then at the estimate with them, of which less noise remains, until they do not change. `fit` returns an
+// adjustment with the errors in these configurations, `choose` the configurations that explain the captures best at an
+// estimate; each may return nothing. Returns nothing if no choice can be fitted.
+template <class AnySolution, class Fit, class Choose>
+std::optional<std::vector<size_t>> MostProbableBranches(const RigArmErrors& arm, size_t num_captures,
+                                                        std::optional<AnySolution> start, Fit fit, Choose choose) {
+  if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(num_captures, 0);
+  const PosturesOfCaptures all = PosturesByErrors(arm, EvenIndices(num_captures, num_captures));
+  std::optional<std::vector<size_t>> best;
+  double best_log_posterior = 0;
+  const auto try_branches = [&](const std::vector<size_t>& branches) -> std::optional<AnySolution> {
+    std::optional<FittedPostures<AnySolution>> fitted = fit(branches);
+    if (!fitted) return std::nullopt;
+    const double log_posterior = fitted->log_likelihood + LogPriorOf(branches, all);
+    if (std::isfinite(log_posterior) && (!best || log_posterior > best_log_posterior)) {
+      best = branches;
+      best_log_posterior = log_posterior;
+    }
+    return std::move(fitted->solution);
+  };
+  for (size_t k = 0; k < arm.effects_of_captures.size(); ++k) {
+    const auto& effects = arm.effects_of_captures[k];
+    if (std::count(effects.begin(), effects.end(), nullptr) == 0) try_branches(std::vector<size_t>(num_captures, k));
+  }
+  constexpr int kMaxRounds = 5;
+  std::optional<std::vector<size_t>> last;
+  for (int round = 0; round < kMaxRounds && start; ++round) {
+    std::optional<std::vector<size_t>> branches = choose(*start);
+    if (!branches || branches == last) break;
+    last = std::move(branches);
+    start = try_branches(*last);
+  }
+  return best;
+}
 
 }  // namespace heba

@@ -13,8 +13,14 @@
 
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
+#include "heba/evaluation/pose_correction.h"
+#include "heba/io/pose_formats.h"
+#include "heba/io/result_file.h"
+#include "heba/target.h"
 #include "tests/pipeline/cli.h"
 #include "tests/support/data_sets.h"
+#include "tools/files/detection_file.h"
 
 namespace heba {
 namespace {
@@ -131,6 +137,54 @@ TEST_F(RecordedArmRunTest, ArmIsEstimatedFromRandomParts) {
   }
 }
 
+// Returns the root mean square of the reprojection errors of all captures of a data set that a result did not use, at
+// the poses that it computes from what the robot reports.
+double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& joints,
+                        const std::vector<std::pair<std::string, CaptureDetection>>& detections, const Target& target) {
+  const Solution& solution = *FindRefined(result)->solution;
+  double squares = 0;
+  int num_points = 0;
+  for (size_t i = 0; i < detections.size(); ++i) {
+    const auto& [name, capture] = detections[i];
+    const bool is_used = std::any_of(result.captures.begin(), result.captures.end(),
+                                     [&](const CaptureResult& other) { return other.image == name; });
+    if (is_used || capture.detection.ids.empty()) continue;
+    std::vector<double> numbers;
+    for (size_t k = 1; k < poses[i + 1].size(); ++k) numbers.push_back(std::stod(poses[i + 1][k]));
+    const Rigid3d reported = *PoseFromNumbers(*FindPoseFormat("ur"), numbers);
+    Eigen::VectorXd positions(6);
+    for (Eigen::Index j = 0; j < 6; ++j) positions[j] = std::stod(joints[i + 1][static_cast<size_t>(j) + 1]);
+    const Rigid3d base_from_gripper = *TruePose(*result.robot, reported, positions);
+    const Rigid3d camera_from_target =
+        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(result.setup, base_from_gripper));
+    const std::optional<SquaredErrors> errors =
+        ViewErrors(solution.camera, camera_from_target,
+                   ApplyShape(ObservationsOf(target, capture.detection), solution.shape));
+    EXPECT_TRUE(errors.has_value()) << name;
+    if (!errors) continue;
+    squares += std::pow(*errors->RmsPx(), 2) * capture.detection.ids.size();
+    num_points += static_cast<int>(capture.detection.ids.size());
+  }
+  return std::sqrt(squares / num_points);
+}
+
+TEST_F(RecordedArmRunTest, EightCapturesPredictTheOthers) {
+  Run(All(), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
+  const auto detections = ReadDetections(folder_ / "run" / "detections.json");
+  ASSERT_EQ(detections.size(), NumCaptures());
+  const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 7, columns: 8, square: 40 mm}");
+  Rng rng(3);
+  std::vector<double> errors_px;
+  for (int part = 0; part < 5; ++part) {
+    Run(Subset(8, &rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
+    const RunResult result = ReadResult(folder_ / "run" / "result.json");
+    ASSERT_TRUE(result.robot && result.robot->is_estimated) << part;
+    errors_px.push_back(ErrorsOfOthersPx(result, poses_, joints_, detections, *target));
+  }
+  std::sort(errors_px.begin(), errors_px.end());
+  EXPECT_LE(errors_px[2], 0.8) << testing::PrintToString(errors_px);
+}
+
 TEST_F(RecordedArmRunTest, WrongJointsAndArmsAreNeverEstimatedAndGood) {
   using Spoil = Rows (*)(Rows);
   const std::map<std::string, std::pair<Spoil, std::string>> spoilings = {
@@ -175,6 +229,39 @@ TEST_F(RecordedArmRunTest, CaptureWithOneWrongJointIsLeftOut) {
   EXPECT_EQ(result["estimates"].back()["robot"]["decision"], "estimated");
   EXPECT_THAT(result["captures"][6]["reason"].get<std::string>(),
               testing::HasSubstr("its joints or its pose are wrong"));
+}
+
+// The arm of fr3_joints_pose_pairs, from poses of the target without images.
+TEST(RecordedPairsRunTest, ArmIsEstimatedFromPairsAndEveryCommandReadsTheResult) {
+  const fs::path data = DataDir() / "fr3_joints_pose_pairs";
+  HEBA_SKIP_WITHOUT(data);
+  const fs::path folder = TestFolder("recorded_pairs_run");
+  WriteAll(folder / "config.yaml",
+           "setup: eye_in_hand\n"
+           "captures: {poses: tcp.csv, target_poses: {file: camera_in_target.csv, poses_are: target_from_camera}, joints: joints.csv}\n"
+           "robot: {model: franka_fr3}\n");
+  for (const char* const name : {"tcp.csv", "camera_in_target.csv", "joints.csv"}) {
+    fs::copy_file(data / name, folder / name);
+  }
+  const fs::path run = folder / "run";
+  const CommandResult made = RunHeba({"run", (folder / "config.yaml").string(), "--out", run.string(), "--quiet"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const Json result = Json::parse(ReadAll(run / "result.json"));
+  const auto chain = std::find_if(result["estimates"].begin(), result["estimates"].end(),
+                                  [](const Json& estimate) { return estimate["method"] == "chain"; });
+  ASSERT_NE(chain, result["estimates"].end());
+  EXPECT_EQ((*chain)["robot"]["decision"], "estimated");
+  EXPECT_LE((*chain)["errors"]["holdout_target_mm"].get<double>(), 1.2);
+  EXPECT_LE((*chain)["errors"]["holdout_target_deg"].get<double>(), 0.22);
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"export", run.string(), "--to", "ros2"},
+        {"export", run.string(), "--to", "robot_urdf"},
+        {"compare", run.string(), run.string(), "--out", (folder / "compared").string()},
+        {"correct", run.string(), (folder / "tcp.csv").string(), "--out", (folder / "corrected.csv").string()},
+        {"doctor", run.string()}}) {
+    const CommandResult read = RunHeba(command);
+    EXPECT_EQ(read.status, 0) << command.front() << ": " << read.err << read.out;
+  }
 }
 
 }  // namespace

@@ -1,8 +1,24 @@
 #include "tests/support/datasets.h"
 
+#include <algorithm>
+#include <map>
+#include <optional>
 #include <utility>
 
+#include "heba/base/error.h"
+#include "heba/robot/arm_postures.h"
+
 namespace heba {
+namespace {
+
+std::string NameOfConfiguration(const Arm& arm, const Eigen::VectorXd& joints) {
+  if (const std::optional<Configuration> configuration = ConfigurationOf(arm, joints)) return NameOf(*configuration);
+  std::string signs;
+  for (const Eigen::Index joint : {1, 3, 5}) signs += joints[joint] < 0 ? '-' : '+';
+  return signs;
+}
+
+}  // namespace
 
 Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target) {
   Dataset dataset;
@@ -23,6 +39,49 @@ Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Tar
     dataset.given_detections.push_back(std::move(capture));
   }
   return dataset;
+}
+
+ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third) {
+  const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
+  options.points = AllPoints(*target).points_in_target;
+  options.num_captures = 150;
+  options.tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.05});
+  const ArmScene scene = MakeArmScene(seed, options);
+  Dataset all = DatasetOf(scene.scene, options.setup, target);
+  std::map<std::string, std::vector<size_t>> captures_in;
+  for (size_t i = 0; i < scene.joints.size(); ++i) {
+    all.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
+    captures_in[NameOfConfiguration(scene.nominal, scene.joints[i])].push_back(i);
+  }
+  std::vector<std::pair<size_t, std::string>> by_size;
+  for (const auto& [name, captures] : captures_in) by_size.emplace_back(captures.size(), name);
+  std::sort(by_size.rbegin(), by_size.rend());
+  CHECK_GE(by_size.size(), size_t{3}) << "seed " << seed << " of " << options.arm;
+  const size_t in_others = (num_captures - in_third) / 2;
+  ArmDataset made;
+  made.dataset = all;
+  made.dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
+  made.dataset.captures.clear();
+  made.dataset.given_detections.clear();
+  for (size_t k = 0; k < 3; ++k) {
+    const std::vector<size_t>& captures = captures_in[by_size[k].second];
+    const size_t num = std::min(captures.size(), k < 2 ? in_others : in_third);
+    for (size_t c = 0; c < num; ++c) {
+      made.dataset.captures.push_back(all.captures[captures[c]]);
+      made.dataset.given_detections.push_back(all.given_detections[captures[c]]);
+      made.configuration.push_back(by_size[k].second);
+      made.camera_from_target.push_back(scene.scene.pairs[captures[c]].camera_from_target);
+    }
+  }
+  return made;
+}
+
+std::vector<std::string> LeftOutOf(const RunResult& result) {
+  std::vector<std::string> names;
+  for (const CaptureResult& capture : result.captures) {
+    if (!capture.used) names.push_back(capture.image);
+  }
+  return names;
 }
 
 }  // namespace heba

@@ -82,7 +82,7 @@ std::string ParametersTable(const RobotSummary& robot) {
     const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
     if (!sigma) continue;
     const auto [unit, scale] = UnitOf(robot.nominal, place);
-    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const ArmParam param = ParamAt(place);
     const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
     // An offset is the error of the joint's zero.
     const double nominal = param == ArmParam::kTheta ? 0 : joint[param];

@@ -27,6 +27,15 @@ RigDataset AsRigDataset(const Dataset& dataset);
 std::vector<RigDetection> InRig(const std::vector<CaptureDetection>& detections);
 std::vector<CaptureDetection> OutOfRig(std::vector<RigDetection> detections);
 
+// Removes the elements with these indices, which must be in increasing order; an empty list stays as it is.
+template <typename T>
+void RemoveAt(const std::vector<size_t>& indices, std::vector<T>* list) {
+  if (list->empty()) return;
+  for (auto index = indices.rbegin(); index != indices.rend(); ++index) {
+    list->erase(list->begin() + static_cast<std::ptrdiff_t>(*index));
+  }
+}
+
 // Returns the view of one capture, an index into Dataset::captures, with the observations in its image.
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations);
 

@@ -6,6 +6,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -18,13 +19,6 @@ bool HaveSamePose(const PosedImage& a, const PosedImage& b) {
                     [](const Rigid3d& pose, const Rigid3d& other) {
                       return DistanceM(pose, other) <= kSamePoseM && AngleRad(pose, other) <= kSamePoseRad;
                     });
-}
-
-template <typename T>
-void RemoveAt(const std::vector<size_t>& indices, std::vector<T>* values) {
-  for (auto index = indices.rbegin(); index != indices.rend(); ++index) {
-    values->erase(values->begin() + static_cast<std::ptrdiff_t>(*index));
-  }
 }
 
 }  // namespace

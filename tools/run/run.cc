@@ -73,14 +73,9 @@ LeftOutCaptures LeaveOutWrongJoints(Dataset* dataset) {
     left_out.indices.push_back(joints.capture);
     left_out.results.push_back(std::move(result));
   }
-  const auto erase_from = [](auto* list, size_t place) {
-    if (!list->empty()) list->erase(list->begin() + static_cast<std::ptrdiff_t>(place));
-  };
-  for (auto joints = wrong.rbegin(); joints != wrong.rend(); ++joints) {
-    erase_from(&dataset->captures, joints->capture);
-    erase_from(&dataset->given_detections, joints->capture);
-    erase_from(&dataset->target_poses, joints->capture);
-  }
+  RemoveAt(left_out.indices, &dataset->captures);
+  RemoveAt(left_out.indices, &dataset->given_detections);
+  RemoveAt(left_out.indices, &dataset->target_poses);
   return left_out;
 }
 
@@ -103,27 +98,26 @@ LeftOutCaptures LeaveOutWrongPoses(Dataset* dataset) {
     if (fit->misfit_m[i] > most_m) left_out.indices.push_back(i);
   }
   if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
-  for (auto i = left_out.indices.rbegin(); i != left_out.indices.rend(); ++i) {
+  for (const size_t i : left_out.indices) {
     CaptureResult result;
-    result.image = dataset->captures[*i].name;
-    result.role = dataset->captures[*i].role;
+    result.image = dataset->captures[i].name;
+    result.role = dataset->captures[i].role;
     result.reason = "contradicts the other captures: the pose of the target is " +
-                    Significant(1000 * fit->translation_m[*i], 2) + " mm and " +
-                    Significant(RadToDeg(fit->rotation_rad[*i]), 2) +
+                    Significant(1000 * fit->translation_m[i], 2) + " mm and " +
+                    Significant(RadToDeg(fit->rotation_rad[i]), 2) +
                     " deg from where they predict it (7 of 10 captures differ by less than " +
                     Significant(1000 * fit->typical_misfit_m, 2) +
                     " mm); wrong pose for the image, robot not settled, or target misread";
-    left_out.results.insert(left_out.results.begin(), std::move(result));
-    dataset->captures.erase(dataset->captures.begin() + static_cast<std::ptrdiff_t>(*i));
-    dataset->target_poses.erase(dataset->target_poses.begin() + static_cast<std::ptrdiff_t>(*i));
+    left_out.results.push_back(std::move(result));
   }
+  RemoveAt(left_out.indices, &dataset->captures);
+  RemoveAt(left_out.indices, &dataset->target_poses);
   return left_out;
 }
 
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<RunOutput> RunOnPoses(const Dataset& all, const RunOptions& run, RunObserver* observer) {
+Outcome<RunOutput> RunOnPoses(Dataset dataset, const RunOptions& run, RunObserver* observer) {
   RunOutput output;
-  Dataset dataset = all;
   LeftOutCaptures left_out;
   if (run.bundle.loss != LossKind::kNone) left_out = LeaveOutWrongPoses(&dataset);
   output.dataset = dataset;
@@ -272,9 +266,8 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
   return calibrated;
 }
 
-Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& options, RunObserver* observer) {
+Outcome<RunOutput> RunOnImages(Dataset dataset, const RunOptions& options, RunObserver* observer) {
   RunOutput output;
-  Dataset dataset = dataset_in;
   std::vector<CaptureDetection>& detections = output.detections;
 
   const Stopwatch detect_watch;
@@ -332,7 +325,7 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
     LeftOutCaptures left_out;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
     Outcome<RunOutput> output =
-        used.target_poses.empty() ? RunOnImages(used, options, observer) : RunOnPoses(used, options, observer);
+        used.target_poses.empty() ? RunOnImages(std::move(used), options, observer) : RunOnPoses(std::move(used), options, observer);
     if (!output) return output;
     InsertLeftOut(left_out, &output->result.captures);
     output->result.verdict = JudgeRun(output->result);

@@ -251,7 +251,7 @@ std::vector<std::string> ImplausibleErrors(const RobotSummary& robot) {
   constexpr double kMostOffsetDeg = 5;
   std::vector<std::string> implausible;
   for (Eigen::Index place = 0; place < robot.errors.size(); ++place) {
-    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const ArmParam param = ParamAt(place);
     const std::string_view unit = ArmParamUnit(robot.nominal, static_cast<int>(place));
     const bool is_length = unit == "m";
     if (param == ArmParam::kCompliance || !(is_length || unit == "rad")) continue;

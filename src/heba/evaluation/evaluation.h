@@ -15,6 +15,7 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/requirement.h"
 #include "heba/robot/arm.h"
+#include "heba/robot/rigid_equivalent.h"
 
 namespace heba {
 
@@ -134,6 +135,8 @@ struct RobotSummary {
   Failure reason;                                   // The reason why they were not estimated.
   Eigen::VectorXd errors;                           // One per parameter (ArmParamPlace); zero if not estimated.
   std::vector<std::optional<double>> error_sigmas;  // One for each; nothing if the parameter was held.
+  // The errors of a geometry that stands for these, if the joints yield; results of earlier versions have none.
+  std::optional<RigidEquivalent> rigid;
   // Parameters that nothing distinguishes from something else, and what this is.
   std::vector<std::pair<std::string, std::string>> undetermined;
   // The robot's noise without and with the estimated kinematics, if it was estimated.

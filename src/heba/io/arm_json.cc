@@ -19,13 +19,36 @@ std::optional<int> FindPlace(const Arm& arm, const std::string& name) {
   return std::nullopt;
 }
 
+Json RigidJson(const Arm& arm, const RigidEquivalent& rigid) {
+  Json errors = Json::object();
+  for (int place = 0; place < arm.num_params(); ++place) {
+    if (rigid.errors[place] != 0) errors[ArmParamName(place)] = rigid.errors[place];
+  }
+  return Json{{"errors", errors}, {"left_m", rigid.left_m}, {"left_rad", rigid.left_rad}};
+}
+
+RigidEquivalent ReadRigidJson(const JsonReader& reader, const Arm& arm) {
+  RigidEquivalent rigid;
+  rigid.errors = Eigen::VectorXd::Zero(arm.num_params());
+  for (const auto& [name, value] : reader.Get("errors").Members()) {
+    const std::optional<int> place = FindPlace(arm, name);
+    if (!place || ParamAt(*place) == ArmParam::kCompliance || !value) {
+      reader.Get("errors").Fail("'" + name + "' is no parameter of the arm's geometry with a value");
+    }
+    rigid.errors[*place] = value->Number();
+  }
+  rigid.left_m = ReadMagnitude(reader, "left_m");
+  rigid.left_rad = ReadMagnitude(reader, "left_rad");
+  return rigid;
+}
+
 }  // namespace
 
 Json ArmJson(const RobotSummary& robot) {
   Json parameters = Json::array();
   for (int place = 0; place < robot.nominal.num_params(); ++place) {
     const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
-    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const ArmParam param = ParamAt(place);
     const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
     const bool is_usual = param != ArmParam::kBeta && param != ArmParam::kCompliance;
     if (!is_usual && joint[param] == 0 && !sigma) continue;
@@ -55,7 +78,7 @@ Json ArmJson(const RobotSummary& robot) {
   }
   Json sigma = NoiseJson(robot.noise_before, "before_");
   sigma.update(NoiseJson(robot.noise_after, "after_"));
-  return Json{{"model", robot.nominal.name},
+  Json json{{"model", robot.nominal.name},
               {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
               {"configuration", robot.configuration},
               {"parameters", parameters},
@@ -67,6 +90,8 @@ Json ArmJson(const RobotSummary& robot) {
                                {"joints", joints},
                                {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
                                {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
+  if (robot.rigid) json["rigid"] = RigidJson(robot.nominal, *robot.rigid);
+  return json;
 }
 
 RobotSummary ReadArmJson(const JsonReader& reader) {
@@ -108,6 +133,7 @@ RobotSummary ReadArmJson(const JsonReader& reader) {
     robot.errors[*place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
     robot.error_sigmas[static_cast<size_t>(*place)] = ReadOptionalMagnitude(parameter, "std");
   }
+  if (reader.Has("rigid")) robot.rigid = ReadRigidJson(reader.Get("rigid"), robot.nominal);
   if (robot.is_estimated && are_read.empty()) reader.Get("parameters").Fail("an arm that was estimated has some");
   for (const JsonReader& entry : reader.Get("undetermined").List()) {
     robot.undetermined.emplace_back(entry.Get("name").Text(), entry.Get("with").Text());

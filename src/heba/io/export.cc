@@ -5,6 +5,7 @@
 #include <set>
 
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/pose_formats.h"
@@ -198,19 +199,32 @@ void AddGrade(const ExportRequest& request, std::vector<std::string>* remarks) {
 
 }  // namespace
 
+Arm GeometryOf(const ExportRequest& request) {
+  return request.rigid_arm ? *request.rigid_arm : RigidPart(*request.arm);
+}
+
 std::vector<std::string> ArmRemarks(const ExportRequest& request) {
-  const std::vector<ArmJoint>& joints = request.arm->joints;
-  const bool yields =
-      std::any_of(joints.begin(), joints.end(), [](const ArmJoint& joint) { return joint.compliance != 0; });
   std::vector<std::string> remarks = {std::string(kExportMark) + PlainText(request.name) +
                                           ": the kinematics of the arm " + PlainText(request.arm->name) +
                                           ", estimated with the camera's pose",
                                       "Parameters that no captures determine have their nominal values."};
   AddGrade(request, &remarks);
-  if (yields) {
-    remarks.emplace_back(
-        "The joints also yield to gravity, which is no part of an arm's geometry: `heba correct` takes it into "
-        "account.");
+  return remarks;
+}
+
+std::vector<std::string> GeometryRemarks(const ExportRequest& request) {
+  std::vector<std::string> remarks = ArmRemarks(request);
+  const std::vector<ArmJoint>& joints = request.arm->joints;
+  const bool yields =
+      std::any_of(joints.begin(), joints.end(), [](const ArmJoint& joint) { return joint.compliance != 0; });
+  if (!yields) return remarks;
+  remarks.emplace_back("The joints also yield to gravity, which `heba correct` takes into account everywhere.");
+  if (request.rigid) {
+    remarks.push_back("Lengths, angles and offsets stand for it at the captures, but for " +
+                      Significant(1000 * request.rigid->left_m, 2) + " mm and " +
+                      Significant(RadToDeg(request.rigid->left_rad), 2) + " deg (root mean squares).");
+  } else {
+    remarks.emplace_back("Nothing here stands for it.");
   }
   return remarks;
 }

@@ -104,7 +104,11 @@ ExportRequests MakeExportRequests(const RigResult& result, const std::string& me
     ExportRequest& of_arm = requests.arms.emplace_back(common);
     of_arm.part = rig.robots[r];
     const RobotSummary* const arm = FindEstimatedArm(result, r);
-    if (arm != nullptr) of_arm.arm = WithChanges(arm->nominal, arm->errors);
+    if (arm != nullptr) {
+      of_arm.arm = WithChanges(arm->nominal, arm->errors);
+      of_arm.rigid = arm->rigid;
+      if (arm->rigid) of_arm.rigid_arm = WithChanges(arm->nominal, arm->rigid->errors);
+    }
     if (arm == nullptr && !of_arm.part.empty()) of_arm.why_no_arm = WhyNotEstimated(result, r);
     if (r == 0) continue;
     ExportRequest& request = requests.bases.emplace_back(common);

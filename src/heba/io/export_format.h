@@ -41,6 +41,10 @@ inline constexpr std::string_view kExportMark = "heba, calibration ";
 std::vector<std::string> ExportRemarks(const ExportRequest& request);
 // Likewise for a file of the arm's kinematics.
 std::vector<std::string> ArmRemarks(const ExportRequest& request);
+// Likewise for a file that holds the arm's geometry alone, of GeometryOf.
+std::vector<std::string> GeometryRemarks(const ExportRequest& request);
+// Returns the arm of a request without compliances. If its joints yield, its geometry stands for that at the captures.
+Arm GeometryOf(const ExportRequest& request);
 // Returns a name that is safe in a comment: '-', '<', '>', control characters and non-ASCII characters, which could end
 // a comment, become underscores.
 std::string PlainText(std::string text);

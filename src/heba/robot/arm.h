@@ -71,6 +71,8 @@ struct Arm {
 
 // Returns the place of a parameter among all of an arm.
 inline int ArmParamPlace(int joint, ArmParam param) { return kNumArmParams * joint + static_cast<int>(param); }
+// Returns the parameter that is at a place.
+inline ArmParam ParamAt(int place) { return static_cast<ArmParam>(place % kNumArmParams); }
 // Returns the name of a parameter in files, with the joints counted from 1: "joint2.offset" for theta, "joint2.d".
 std::string ArmParamName(int place);
 // Returns the unit of a parameter: "rad", "m", and for a compliance "rad/(N m)", or "m/N" if the joint slides.

@@ -126,7 +126,7 @@ SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model) {
   const std::vector<UndeterminedParam> undetermined = UndeterminedParams(arm, Setup::kEyeToHand);
   for (int place = 0; place < arm.num_params(); ++place) {
     const int joint = place / kNumArmParams;
-    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const ArmParam param = ParamAt(place);
     if (param == ArmParam::kCompliance) {
       if (has_gravity && yields[static_cast<size_t>(joint)]) {
         errors.effects.push_back({ArmParamName(place), place, kCompliances});

@@ -1,8 +1,5 @@
 // Tests of runs whose captures are in several configurations of an arm: heba/run.h.
 #include <algorithm>
-#include <map>
-#include <memory>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -10,69 +7,13 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
-#include "heba/robot/arm_postures.h"
 #include "heba/run.h"
-#include "tests/support/arm_scenes.h"
 #include "tests/support/datasets.h"
 
 namespace heba {
 namespace {
 using ::testing::Contains;
 using ::testing::IsEmpty;
-
-// A data set of an arm, whose captures are sorted by configuration, as a path visits them.
-struct ArmDataset {
-  Dataset dataset;
-  std::vector<std::string> configuration;   // One per capture.
-  std::vector<Rigid3d> camera_from_target;  // Likewise, free of noise.
-};
-
-std::shared_ptr<const Target> Chessboard() {
-  return ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
-}
-
-// `in_third`: number of captures in the configuration with the fewest, of `num_captures` in three.
-ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third) {
-  const std::shared_ptr<const Target> target = Chessboard();
-  options.points = AllPoints(*target).points_in_target;
-  options.num_captures = 150;
-  options.tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.05});
-  const ArmScene scene = MakeArmScene(seed, options);
-  Dataset all = DatasetOf(scene.scene, options.setup, target);
-  std::map<std::string, std::vector<size_t>> captures_in;
-  for (size_t i = 0; i < scene.joints.size(); ++i) {
-    all.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
-    captures_in[NameOf(*ConfigurationOf(scene.nominal, scene.joints[i]))].push_back(i);
-  }
-  std::vector<std::pair<size_t, std::string>> by_size;
-  for (const auto& [name, captures] : captures_in) by_size.emplace_back(captures.size(), name);
-  std::sort(by_size.rbegin(), by_size.rend());
-  const size_t in_others = (num_captures - in_third) / 2;
-  ArmDataset made;
-  made.dataset = all;
-  made.dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
-  made.dataset.captures.clear();
-  made.dataset.given_detections.clear();
-  for (size_t k = 0; k < 3; ++k) {
-    const std::vector<size_t>& captures = captures_in[by_size[k].second];
-    const size_t num = std::min(captures.size(), k < 2 ? in_others : in_third);
-    for (size_t c = 0; c < num; ++c) {
-      made.dataset.captures.push_back(all.captures[captures[c]]);
-      made.dataset.given_detections.push_back(all.given_detections[captures[c]]);
-      made.configuration.push_back(by_size[k].second);
-      made.camera_from_target.push_back(scene.scene.pairs[captures[c]].camera_from_target);
-    }
-  }
-  return made;
-}
-
-std::vector<std::string> LeftOutOf(const RunResult& result) {
-  std::vector<std::string> names;
-  for (const CaptureResult& capture : result.captures) {
-    if (!capture.used) names.push_back(capture.image);
-  }
-  return names;
-}
 
 // Errors three times those of usual arms make a configuration that was never seen look wrong.
 ArmSceneOptions LargeErrors() {
@@ -168,7 +109,7 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     options.has_several_configurations = false;
     options.num_captures = 40;
     const ArmScene scene = MakeArmScene(seed, options);
-    Dataset dataset = DatasetOf(scene.scene, options.setup, Chessboard());
+    Dataset dataset = DatasetOf(scene.scene, options.setup, ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"));
     dataset.given_detections.clear();
     dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
     Rng rng(seed);

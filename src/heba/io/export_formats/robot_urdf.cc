@@ -16,8 +16,8 @@ std::string JointText(const std::string& name, const std::string& type, const st
 }  // namespace
 
 Outcome<std::string> ExportFormat_robot_urdf(const ExportRequest& request) {
-  const Arm& arm = *request.arm;
-  std::string text = "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(ArmRemarks(request), "  ") +
+  const Arm arm = GeometryOf(request);
+  std::string text = "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(GeometryRemarks(request), "  ") +
                      "-->\n<robot name=\"" + EscapedForMarkup(arm.name) + "\">\n  <link name=\"base\"/>\n";
   for (int j = 0; j < arm.num_joints(); ++j) text += "  <link name=\"link_" + std::to_string(j + 1) + "\"/>\n";
   text += "  <link name=\"flange\"/>\n";

@@ -6,9 +6,9 @@
 namespace heba {
 
 Outcome<std::string> ExportFormat_ur_kinematics(const ExportRequest& request) {
-  const Outcome<std::string> text = ArmFileText(*request.arm);
+  const Outcome<std::string> text = ArmFileText(GeometryOf(request));
   if (!text) return text;
-  return CommentLines(ArmRemarks(request), "# ") + *text;
+  return CommentLines(GeometryRemarks(request), "# ") + *text;
 }
 
 }  // namespace heba
