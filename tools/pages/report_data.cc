@@ -50,8 +50,7 @@ void AddPoints(const Camera& camera, const Rigid3d& camera_from_target, const Ob
 
 // Adds the points of a detection to its image. The problem has those of images that are used, in the reading order that
 // was chosen; what it does not have was left out.
-void AddDetection(const RigDataset& dataset, const RigRunOutput& run, const RigDetection& detection,
-                  ReportedImage* image) {
+void AddDetection(const RigRunOutput& run, const RigDetection& detection, ReportedImage* image) {
   const RigSolution& solution = run.result.solution;
   const auto [i, c, t] = std::tuple(detection.capture, detection.camera, detection.target);
   if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
@@ -75,7 +74,7 @@ void AddDetection(const RigDataset& dataset, const RigRunOutput& run, const RigD
     others.ids.push_back(id);
     others.pixels.push_back(detection.detection.detection.pixels[p]);
   }
-  if (!others.ids.empty()) add(ObservationsOf(*dataset.targets[t], others), [](int) { return false; });
+  if (!others.ids.empty()) add(ObservationsOf(*run.dataset.targets[t], others), [](int) { return false; });
 }
 
 // Returns the title of the `number`-th image of a camera.
@@ -88,7 +87,7 @@ std::string TitleOf(const RigImageResult& image, size_t number) {
 }
 
 // Returns the images of each camera.
-std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRunOutput& run) {
+std::vector<CameraResiduals> ResidualsOf(const RigRunOutput& run) {
   const RigResult& result = run.result;
   std::vector<CameraResiduals> all;
   // The image of each capture and camera.
@@ -107,9 +106,9 @@ std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRun
   }
   for (const RigDetection& detection : run.detections) {
     const auto place =
-        place_of.find({dataset.captures[detection.capture].name, result.rig.cameras[detection.camera].name});
+        place_of.find({run.dataset.captures[detection.capture].name, result.rig.cameras[detection.camera].name});
     if (place == place_of.end()) continue;
-    AddDetection(dataset, run, detection, &all[place->second.first].images[place->second.second]);
+    AddDetection(run, detection, &all[place->second.first].images[place->second.second]);
   }
   for (CameraResiduals& camera : all) {
     SquaredErrors sum;
@@ -125,14 +124,14 @@ std::vector<CameraResiduals> ResidualsOf(const RigDataset& dataset, const RigRun
 
 }  // namespace
 
-ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run) {
+ReportData ReportDataOf(const RigRunOutput& run) {
   ReportData data;
   data.result = run.result;
-  for (const std::shared_ptr<const Target>& target : dataset.targets) {
+  for (const std::shared_ptr<const Target>& target : run.dataset.targets) {
     data.target_points.push_back(AllPoints(*target).points_in_target);
   }
-  if (dataset.truth) data.true_cameras = dataset.truth->cameras;
-  data.residuals = ResidualsOf(dataset, run);
+  if (run.dataset.truth) data.true_cameras = run.dataset.truth->cameras;
+  data.residuals = ResidualsOf(run);
   for (size_t i = 0; i < data.result.captures.size(); ++i) {
     data.result.captures[i].corrections = run.calibration.refined->captures[i].corrections;
     data.has_corrections = data.has_corrections || !data.result.captures[i].corrections.empty();
@@ -143,7 +142,7 @@ ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run) {
 ReportData ReportDataOf(const RunOutput& run, const RunResult& result) {
   ReportData data;
   if (FindRefined(result) != nullptr) {
-    data = ReportDataOf(AsRigDataset(run.dataset), AsRigRunOutput(run, result));
+    data = ReportDataOf(AsRigRunOutput(run, result));
     if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
   } else {
     data.result = AsRigResult(result, *FindFinal(result));

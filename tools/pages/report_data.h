@@ -51,7 +51,7 @@ struct ReportData {
   bool has_images() const { return !residuals.empty(); }
 };
 
-ReportData ReportDataOf(const RigDataset& dataset, const RigRunOutput& run);
+ReportData ReportDataOf(const RigRunOutput& run);
 // `result` is that of the run, with everything that was found out after it; it must outlive the data. Without a refined
 // estimate the poses are those of the last estimate that succeeded.
 ReportData ReportDataOf(const RunOutput& run, const RunResult& result);

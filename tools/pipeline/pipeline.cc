@@ -146,7 +146,7 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
   Outcome<RigRunOutput> run = RunRig(data, options, &observer);
   const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
   if (!run) return Failure{WithDiagnosis(FailureText(run.failure()), diagnose())};
-  for (const std::string& note : DetectionNotes(data, run->detections)) console->Note(note);
+  for (const std::string& note : DetectionNotes(run->dataset, run->detections)) console->Note(note);
   RigResult& result = run->result;
   for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
   if (result.verdict.grade == Grade::kBad) {
@@ -158,8 +158,8 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
     result.verdict = JudgeRig(result);
   }
   Describe(&result);
-  WriteRigDetections(data, run->detections, folder.staging() / "detections");
-  const std::string report = ReportPage(ReportDataOf(data, *run), ContextOf(config.file, config.used, output));
+  WriteRigDetections(run->dataset, run->detections, folder.staging() / "detections");
+  const std::string report = ReportPage(ReportDataOf(*run), ContextOf(config.file, config.used, output));
   if (std::optional<Failure> fault =
           WriteAndCommit(config, inputs, *console, {report, RigResultToJson(result)}, &folder)) {
     return *std::move(fault);

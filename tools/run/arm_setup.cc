@@ -248,6 +248,12 @@ std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset)
   return fewest;
 }
 
+std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& whose) {
+  return whose + " put the tool " + Significant(1000 * joints.apart_m, 2) + " mm and " +
+         Significant(RadToDeg(joints.apart_rad), 2) +
+         " deg from where those of the other captures do: its joints or its pose are wrong";
+}
+
 bool IsContradiction(const Failure& reason) {
   constexpr FailureCode kContradictions[] = {FailureCode("tool_scatter"), FailureCode("tool_not_explained"),
                                              FailureCode("out_of_reach")};

@@ -51,6 +51,9 @@ struct ContradictingJoints {
 // recorded, or if so many do that it is not clear which are right.
 std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset);
 
+// Returns why such a capture is left out, as one clause. `whose`: the joints, "its joints" or "the joints of arm left".
+std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& whose);
+
 // Returns whether a reason is that the arm, its tool or its joints contradict the poses.
 bool IsContradiction(const Failure& reason);
 

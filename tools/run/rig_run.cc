@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -17,6 +18,7 @@
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
+#include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/rig_arm_errors.h"
@@ -462,6 +464,38 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   return output;
 }
 
+// Moves the captures in which the recorded joints of an arm contradict its pose to those that are left out.
+RigDataset WithoutWrongJoints(RigDataset dataset) {
+  std::map<size_t, std::string> reason_of;
+  for (size_t r = 0; r < dataset.arms.size(); ++r) {
+    if (!dataset.arms[r]) continue;
+    for (const ContradictingJoints& joints : FindContradictingJoints(RecordingOf(dataset, r))) {
+      reason_of.try_emplace(joints.capture, WhyLeftOut(joints, "the joints of arm " + dataset.rig.robots[r]));
+    }
+  }
+  if (reason_of.empty()) return dataset;
+  std::vector<RigRecording> captures;
+  std::vector<std::optional<size_t>> place_of;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    RigRecording& capture = dataset.captures[i];
+    const auto reason = reason_of.find(i);
+    if (reason == reason_of.end()) {
+      place_of.emplace_back(captures.size());
+      captures.push_back(std::move(capture));
+    } else {
+      place_of.emplace_back();
+      dataset.left_out.push_back({capture.name, reason->second, capture.name, std::move(capture.images)});
+    }
+  }
+  dataset.captures = std::move(captures);
+  std::erase_if(dataset.given_detections, [&](RigDetection& detection) {
+    const std::optional<size_t> place = place_of[detection.capture];
+    detection.capture = place.value_or(0);
+    return !place;
+  });
+  return dataset;
+}
+
 // Throws InputError if the data set is incomplete.
 void CheckDataset(const RigDataset& dataset) {
   const size_t num_cameras = dataset.rig.cameras.size();
@@ -516,11 +550,16 @@ Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& opt
   }
   const Stopwatch watch;
   try {
+    // The run of a pair leaves captures out by itself.
+    const bool is_pair = IsSinglePair(dataset);
+    const bool needs_joints = !is_pair && options.kinematics != Kinematics::kNone;
+    RigDataset used = needs_joints ? WithoutWrongJoints(dataset) : dataset;
     Outcome<RigRunOutput> output =
-        IsSinglePair(dataset) ? RunSinglePair(dataset, options, observer) : RunOnImages(dataset, options, observer);
+        is_pair ? RunSinglePair(used, options, observer) : RunOnImages(used, options, observer);
     if (!output) return output;
-    for (RigImageResult& left_out : LeftOutResults(dataset)) output->result.images.push_back(std::move(left_out));
+    for (RigImageResult& left_out : LeftOutResults(used)) output->result.images.push_back(std::move(left_out));
     if (dataset.truth) AddTruth(*dataset.truth, output->calibration.problem, &output->result);
+    output->dataset = std::move(used);
     output->result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {

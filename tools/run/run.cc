@@ -67,9 +67,7 @@ LeftOutCaptures LeaveOutWrongJoints(Dataset* dataset) {
     CaptureResult result;
     result.image = dataset->captures[joints.capture].name;
     result.role = dataset->captures[joints.capture].role;
-    result.reason = "its joints put the tool " + Significant(1000 * joints.apart_m, 2) + " mm and " +
-                    Significant(RadToDeg(joints.apart_rad), 2) +
-                    " deg from where those of the other captures do: its joints or its pose are wrong";
+    result.reason = WhyLeftOut(joints, "its joints");
     left_out.indices.push_back(joints.capture);
     left_out.results.push_back(std::move(result));
   }

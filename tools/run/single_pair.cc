@@ -168,6 +168,7 @@ RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
   const Solution& solution = *run.calibration.refined;
   RigRunOutput whole;
   whole.result = AsRigResult(result);
+  whole.dataset = AsRigDataset(run.dataset);
   whole.detections = InRig(run.detections);
   RigProblem& problem = whole.calibration.problem;
   problem = HandEyeProblem(result.setup, solution);

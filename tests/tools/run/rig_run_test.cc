@@ -14,6 +14,7 @@
 #include "heba/base/units.h"
 #include "heba/io/result_file.h"
 #include "tests/support/matchers.h"
+#include "tests/support/rig_arm_scenes.h"
 #include "tests/support/rig_scenes.h"
 #include "tests/support/temp_folder.h"
 #include "tools/pages/report.h"
@@ -70,13 +71,15 @@ class RigRunTest : public testing::Test {
     dataset.name = "cell";
     dataset.rig = scene.problem;
     dataset.rig.captures.clear();
-    dataset.has_camera = {true, true};
-    dataset.camera_sources = {"left.yaml", "right.yaml"};
+    for (const RigCamera& camera : scene.problem.cameras) {
+      dataset.has_camera.push_back(true);
+      dataset.camera_sources.push_back(camera.name + ".yaml");
+    }
     dataset.targets = targets_;
     RigTruth truth{scene.truth.mount_from_camera,
                    {scene.truth.mount_from_target.begin(), scene.truth.mount_from_target.end()},
                    {scene.truth.world_from_base.begin(), scene.truth.world_from_base.end()},
-                   {std::nullopt, std::nullopt}};
+                   std::vector<std::optional<Camera>>(scene.problem.cameras.size())};
     dataset.truth = truth;
     for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
       RigRecording capture{"capture" + std::to_string(i), scene.problem.captures[i].base_from_gripper, {}};
@@ -332,6 +335,38 @@ TEST_F(RigRunTest, WhatIsLeftOutIsListed) {
   const std::string page = ReportPage(ReportDataOf(dataset, *run), {"", "", "", ""});
   EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
   EXPECT_THAT(page, HasSubstr("late.png"));
+}
+
+// One row of joints belongs to another capture.
+TEST_F(RigRunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
+  RigSceneSetting setting;
+  setting.num_captures = 20;
+  setting.has_free_intrinsics = false;
+  RigScene rig = ReachableRig(11, setting);
+  for (size_t t = 0; t < targets_.size(); ++t) {
+    rig.targets[t].points_in_target = AllPoints(*targets_[t]).points_in_target;
+    rig.problem.targets[t].shape = DesignedShape(rig.targets[t].points_in_target);
+  }
+  const RigArmScene scene = WithArms(std::move(rig), setting, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, 12);
+  RigDataset dataset = DatasetOf(scene.rig);
+  dataset.truth.reset();
+  dataset.arms = {RobotArm{scene.arms.front()->nominal, scene.arms.front()->tip_from_gripper, {}}};
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const Eigen::VectorXd& joints = scene.joints[i].front();
+    dataset.captures[i].joints = {{joints.begin(), joints.end()}};
+  }
+  dataset.captures[4].joints = dataset.captures[9].joints;
+  const Outcome<RigRunOutput> run = RunOn(dataset, scene.rig);
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_EQ(run->dataset.captures.size(), dataset.captures.size() - 1);
+  const RigImageResult& left_out = ResultOf(run->result, "capture4", "left");
+  EXPECT_FALSE(left_out.used);
+  EXPECT_THAT(left_out.reason, HasSubstr("its joints or its pose are wrong"));
+  ASSERT_TRUE(run->result.arms.front().has_value());
+  EXPECT_TRUE(run->result.arms.front()->is_estimated) << run->result.arms.front()->reason.ToString();
+  // The later captures keep their images.
+  EXPECT_TRUE(ResultOf(run->result, "capture5", "left").used);
+  for (const RigDetection& detection : run->detections) EXPECT_LT(detection.capture, run->dataset.captures.size());
 }
 
 }  // namespace

@@ -75,7 +75,9 @@ struct RigRunOptions {
 
 struct RigRunOutput {
   RigResult result;
-  std::vector<RigDetection> detections;  // Every image has one for every target.
+  // The data set without the captures that were left out, which are in RigDataset::left_out.
+  RigDataset dataset;
+  std::vector<RigDetection> detections;  // Every image of `dataset` has one for every target.
   RigCalibration calibration;
 };
 
