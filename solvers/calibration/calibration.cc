@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "heba/base/error.h"
 #include "heba/base/failure_code.h"
@@ -27,9 +28,9 @@
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/initial/usable_views.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -367,14 +368,26 @@ MultiStartSolution RefineFirst(const Calibration& calibration, const Calibration
   return refined;
 }
 
-Started StartFrom(const std::vector<View>& views, const CalibrationOptions& options, const CameraStart& start) {
-  Started started;
-  started.free_intrinsics = start.free_intrinsics;
-  Calibration& calibration = started.calibration;
-  calibration.camera = start.camera;
+// Views with the poses of the target in them, and the closed forms of these poses.
+struct PosedViews {
+  Calibration calibration;             // Has the camera, the views with a pose and their pairs.
+  std::vector<View> too_few;           // The views with too few points for a pose.
+  std::vector<View> misfits;           // The views whose points fit no pose.
+  std::vector<UnusedView> of_misfits;  // Why; one for each.
+  std::vector<MethodResult> results;
+};
+
+PosedViews PoseViews(const std::vector<View>& views, const CalibrationOptions& options, const Camera& camera) {
+  PosedViews posed;
+  Calibration& calibration = posed.calibration;
+  calibration.camera = camera;
   SortedViews sorted = SortViews(views, calibration.camera);
-  started.too_few = std::move(sorted.too_small);
+  posed.too_few = std::move(sorted.too_small);
   calibration.views = std::move(sorted.posed);
+  for (size_t i = 0; i < sorted.misfits.size(); ++i) {
+    posed.of_misfits.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
+  }
+  posed.misfits = std::move(sorted.misfits);
   const bool has_roles =
       std::any_of(views.begin(), views.end(), [](const View& view) { return view.role != CaptureRole::kNone; });
   if (!has_roles) {
@@ -388,27 +401,33 @@ Started StartFrom(const std::vector<View>& views, const CalibrationOptions& opti
     Points3& points = calibration.views[i].observations.points_in_target;
     points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
   }
+  posed.results = RunMethods(calibration, chosen.solutions);
+  return posed;
+}
+
+Started StartFrom(const std::vector<View>& views, const CalibrationOptions& options, const CameraStart& start) {
+  PosedViews posed = PoseViews(views, options, start.camera);
+  Started started;
+  started.free_intrinsics = start.free_intrinsics;
+  started.too_few = std::move(posed.too_few);
+  started.results = std::move(posed.results);
+  started.calibration = std::move(posed.calibration);
+  Calibration& calibration = started.calibration;
   started.num_posed = calibration.views.size();
-  started.results = RunMethods(calibration, chosen.solutions);
-  const auto leave_out_misfit = [&](size_t i) {
-    calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
-  };
   const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(started.results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
   const std::vector<InitialGuess> seeds = SeedsOf(started.results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
-    for (size_t i = 0; i < sorted.misfits.size(); ++i) leave_out_misfit(i);
+    calibration.unused = std::move(posed.of_misfits);
     calibration.refined = WhyNoStart(started.results, wanted);
     return started;
   }
-  const bool drops_wrong = options.bundle.loss != LossKind::kNone;
   // A view with some wrong points has other points, which the truncated loss separates.
-  for (size_t i = 0; i < sorted.misfits.size(); ++i) {
-    if (drops_wrong && options.symmetries.size() == 1) {
-      calibration.views.push_back(std::move(sorted.misfits[i]));
-    } else {
-      leave_out_misfit(i);
-    }
+  const bool drops_wrong = options.bundle.loss != LossKind::kNone;
+  if (drops_wrong && options.symmetries.size() == 1) {
+    for (View& misfit : posed.misfits) calibration.views.push_back(std::move(misfit));
+  } else {
+    calibration.unused = std::move(posed.of_misfits);
   }
   MultiStartSolution refined = RefineFirst(calibration, options, seeds, FirstBundle(options, start.free_intrinsics));
   calibration.seed = refined.seed;
@@ -449,7 +468,7 @@ bool IsShapeAlone(const Advice& of_camera, const Advice& of_model, const Problem
   Problem at = solved;
   at.camera = solution.camera;
   BundleOptions free = bundle;
-  free.loss = InlierLoss(bundle).kind;
+  free.loss = OfInliers(bundle.loss);
   free.free_shape = shape;
   const Outcome<Solution> with_shape = RefineHandEye(at, solution.hand_eye, free);
   if (!with_shape || !DiagnoseHeldIntrinsics(solved, *with_shape, free, choose).findings.empty()) return false;
@@ -577,6 +596,35 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
                            calibration.camera.model == start_model;
   Finish(options, has_methods, &calibration);
   AddFewPointViews(started.too_few, options, &calibration);
+  return calibration;
+}
+
+Outcome<Calibration> CalibratePart(const Calibration& full, const std::vector<View>& part,
+                                   const CalibrationOptions& options_in) {
+  CHECK(full.refined.ok());
+  CalibrationOptions options = options_in;
+  options.symmetries = {Rigid3d()};  // The views are in the reading order that was chosen.
+  options.choose = {};
+  options.choose_camera_model = false;
+  options.bundle = full.bundle;
+  options.bundle.num_threads = options_in.bundle.num_threads;
+  options.bundle.loss = OfInliers(full.bundle.loss);
+  options.camera_model = full.camera.model;
+  if (!options.camera) options.camera_start = full.camera;
+  if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(full.views);
+  const Outcome<CameraStarts> cameras = FindCameraStarts(part, options);
+  if (!cameras) return cameras.failure();
+  PosedViews posed = PoseViews(part, options, cameras->starts.front().camera);
+  Calibration calibration = std::move(posed.calibration);
+  calibration.camera_was_given = full.camera_was_given;
+  calibration.bundle = options.bundle;
+  calibration.methods = Reported(posed.results, options.methods);
+  for (std::vector<View>* others : {&posed.misfits, &posed.too_few}) {
+    std::move(others->begin(), others->end(), std::back_inserter(calibration.views));
+  }
+  calibration.seed = full.seed;
+  calibration.refined = RefineHandEye(ProblemOf(calibration, options), full.refined->hand_eye, calibration.bundle);
+  if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
   return calibration;
 }
 
@@ -716,8 +764,9 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options) {
   const SearchedModel of_all = AsProblem(calibration, options).model;
-  std::vector<std::optional<CaptureMove>> moves = MoveWithoutEachCapture(
-      Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution, 0, InlierLoss(calibration.bundle));
+  std::vector<std::optional<CaptureMove>> moves =
+      MoveWithoutEachCapture(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution, 0,
+                             LossOf(OfInliers(calibration.bundle.loss)));
   moves.resize(calibration.views.size());  // The captures that are left out come last.
   return moves;
 }

@@ -84,19 +84,6 @@ std::vector<int> FoldsOf(heba::Setup setup, const std::vector<View>& views, int 
   return fold_of;
 }
 
-// Returns the options with which the folds are calibrated. They use the model that was chosen from all captures.
-CalibrationOptions OptionsOfFolds(const Calibration& full, const CalibrationOptions& options) {
-  CalibrationOptions fold_options = options;
-  fold_options.symmetries = {Rigid3d()};
-  fold_options.choose = {};
-  fold_options.choose_camera_model = false;
-  fold_options.bundle = full.bundle;
-  fold_options.bundle.num_threads = options.bundle.num_threads;
-  fold_options.camera_model = full.camera.model;
-  if (!options.camera) fold_options.camera_start = full.camera;
-  return fold_options;
-}
-
 // Returns the errors of the refinement, which corrects held-out views by the errors that captures share.
 Outcome<FoldErrors> PredictByRefinement(const Calibration& calibration, heba::Setup setup,
                                         const std::vector<View>& held_out) {
@@ -113,10 +100,10 @@ Outcome<FoldErrors> PredictByRefinement(const Calibration& calibration, heba::Se
 
 // Returns the errors on held-out views of all methods, the chain and the refinement, in this order, from a calibration
 // of the others.
-std::vector<Outcome<FoldErrors>> PredictFold(const std::vector<View>& training, const std::vector<View>& held_out,
-                                             const CalibrationOptions& fold_options) {
-  const Outcome<Calibration> calibration = Calibrate(training, fold_options);
-  std::vector<Outcome<FoldErrors>> row(fold_options.methods.size() + 2);
+std::vector<Outcome<FoldErrors>> PredictFold(const Calibration& full, const std::vector<View>& training,
+                                             const std::vector<View>& held_out, const CalibrationOptions& options) {
+  const Outcome<Calibration> calibration = CalibratePart(full, training, options);
+  std::vector<Outcome<FoldErrors>> row(options.methods.size() + 2);
   if (!calibration) {
     std::fill(row.begin(), row.end(), Outcome<FoldErrors>(calibration.failure()));
     return row;
@@ -126,12 +113,12 @@ std::vector<Outcome<FoldErrors>> PredictFold(const std::vector<View>& training, 
     const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
     row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : hand_eye.failure();
     if (row[m] && calibration->refined) {
-      row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, fold_options.setup, held_out);
+      row[m]->noise = NoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out);
     }
   }
   const Outcome<Solution>& chain = calibration->chain;
   row[row.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : chain.failure();
-  row.back() = PredictByRefinement(*calibration, fold_options.setup, held_out);
+  row.back() = PredictByRefinement(*calibration, options.setup, held_out);
   return row;
 }
 
@@ -168,7 +155,6 @@ HoldOut SumOfFolds(const std::string& name, const std::vector<std::vector<Outcom
 std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress) {
   CHECK(!options.methods.empty());
-  const CalibrationOptions fold_options = OptionsOfFolds(full, options);
   const std::vector<int> fold_of = FoldsOf(options.setup, full.views, num_folds);
   std::vector<std::vector<Outcome<FoldErrors>>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
@@ -178,7 +164,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     for (size_t i = 0; i < full.views.size(); ++i) {
       (fold_of[i] == fold ? held_out : training).push_back(full.views[i]);
     }
-    folds[static_cast<size_t>(fold)] = PredictFold(training, held_out, fold_options);
+    folds[static_cast<size_t>(fold)] = PredictFold(full, training, held_out, options);
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
   });

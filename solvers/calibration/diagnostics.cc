@@ -9,7 +9,7 @@
 #include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/choice_levels.h"
-#include "solvers/refine/bundle_model.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/unknown_change.h"
 
 namespace heba {
@@ -121,7 +121,7 @@ Advice DiagnoseModel(const Problem& problem, const Solution& solution, const Bun
   Problem at = problem;
   at.camera = solution.camera;
   BundleOptions kept = options;
-  kept.loss = InlierLoss(options).kind;
+  kept.loss = OfInliers(options.loss);
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
   if (!choice || choice->alternatives.empty()) return {};
   const ErrorModel& model = choice->alternatives[choice->chosen].model;
@@ -188,7 +188,7 @@ Advice DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution, 
   if (!options_in.free_intrinsics.empty()) return {};
   BundleOptions options = options_in;
   options.free_intrinsics = BundleOptions().free_intrinsics;
-  options.loss = InlierLoss(options).kind;
+  options.loss = OfInliers(options.loss);
   Problem at = problem;
   at.camera = solution.camera;
   at.shape = solution.shape;

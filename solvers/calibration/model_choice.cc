@@ -10,10 +10,10 @@
 #include "heba/base/error.h"
 #include "heba/base/failure_code.h"
 #include "solvers/calibration/lens_choice.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -315,7 +315,7 @@ std::vector<std::optional<EffectsFit>> FitEffects(
   CHECK(joints_of_captures.empty() || joints_of_captures.size() == effects_of_captures.size());
   BundleOptions options = options_in;
   options.robot = Robot::kEstimatedNoise;
-  options.loss = InlierLoss(options_in).kind;
+  options.loss = OfInliers(options_in.loss);
   options.effects_avoid_zero = false;
   Problem problem = WithoutRejected(problem_in, start);
   problem.camera = start.camera;
@@ -373,7 +373,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     comparison.problem.cameras[c].camera = largest->solution.cameras[c];
   }
-  if (options.loss == LossKind::kTruncated) comparison.options.loss = LossKind::kNone;
+  comparison.options.loss = OfInliers(options.loss);
   comparison.options.effects_avoid_zero = false;  // The models with variances of zero are part of the comparison.
 
   ProblemModel model = largest->model;

@@ -75,7 +75,7 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
 std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
                                                       const SearchedModel& model) {
   RigOptions options = model.options;
-  if (options.loss == LossKind::kTruncated) options.loss = LossKind::kNone;
+  options.loss = OfInliers(options.loss);
   options.robot = BundleOptions::Robot::kEstimatedNoise;
   options.effects_avoid_zero = false;
   const RigSolution& solution = model.judged.solution;

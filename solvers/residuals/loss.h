@@ -36,6 +36,9 @@ inline constexpr double kTruncatedFalseAlarm = 1e-4;
 // have no weight.
 const Loss& LossOf(LossKind kind);
 
+// Returns the loss of points that are known to be inliers: `none` for `truncated`, whose outliers are removed.
+inline LossKind OfInliers(LossKind kind) { return kind == LossKind::kTruncated ? LossKind::kNone : kind; }
+
 // The names of the losses in configs, in the order of LossKind.
 std::vector<std::string> LossNames();
 // Returns nothing if there is no loss of this name.

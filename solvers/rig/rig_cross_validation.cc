@@ -12,6 +12,7 @@
 #include "solvers/calibration/held_out.h"
 #include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/rig/rig_rejection.h"
 
 namespace heba {
@@ -171,6 +172,7 @@ RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOpt
   const RigProblem problem = WithoutRejected(full.problem, *full.refined);
   const std::vector<int> fold_of = FoldsOf(problem, num_folds);
   RigOptions fold_options = options.adjustment;
+  fold_options.loss = OfInliers(options.adjustment.loss);
   fold_options.num_threads = 1;
   std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;

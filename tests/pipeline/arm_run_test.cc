@@ -432,7 +432,8 @@ TEST_F(ArmRunTest, CompliancesOfASimulatedArmAreFound) {
   const Arm yielding = WithChanges(arm.nominal, arm.errors);
   double squares_rigid_m = 0;
   double squares_without_m = 0;
-  for (const PoseRow& row : ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"), {"j1", "j2", "j3", "j4", "j5", "j6"})) {
+  for (const PoseRow& row :
+       ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"), {"j1", "j2", "j3", "j4", "j5", "j6"})) {
     const Eigen::VectorXd joints = Eigen::Map<const Eigen::VectorXd>(row.extras.data(), 6);
     const Rigid3d base_from_flange = BaseFromTip(yielding, joints);
     squares_rigid_m += std::pow(DistanceM(BaseFromTip(rigid, joints), base_from_flange), 2);

@@ -157,9 +157,8 @@ double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& 
     const Rigid3d base_from_gripper = *TruePose(*result.robot, reported, positions);
     const Rigid3d camera_from_target =
         CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(result.setup, base_from_gripper));
-    const std::optional<SquaredErrors> errors =
-        ViewErrors(solution.camera, camera_from_target,
-                   ApplyShape(ObservationsOf(target, capture.detection), solution.shape));
+    const std::optional<SquaredErrors> errors = ViewErrors(
+        solution.camera, camera_from_target, ApplyShape(ObservationsOf(target, capture.detection), solution.shape));
     EXPECT_TRUE(errors.has_value()) << name;
     if (!errors) continue;
     squares += std::pow(*errors->RmsPx(), 2) * capture.detection.ids.size();
@@ -238,7 +237,8 @@ TEST(RecordedPairsRunTest, ArmIsEstimatedFromPairsAndEveryCommandReadsTheResult)
   const fs::path folder = TestFolder("recorded_pairs_run");
   WriteAll(folder / "config.yaml",
            "setup: eye_in_hand\n"
-           "captures: {poses: tcp.csv, target_poses: {file: camera_in_target.csv, poses_are: target_from_camera}, joints: joints.csv}\n"
+           "captures: {poses: tcp.csv, target_poses: {file: camera_in_target.csv, poses_are: target_from_camera}, "
+           "joints: joints.csv}\n"
            "robot: {model: franka_fr3}\n");
   for (const char* const name : {"tcp.csv", "camera_in_target.csv", "joints.csv"}) {
     fs::copy_file(data / name, folder / name);

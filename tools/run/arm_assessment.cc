@@ -82,8 +82,9 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
   summary.is_estimated = true;
   summary.errors_name = estimate.errors->name;
   summary.errors = AllEffects(*estimate.errors, estimate.values);
-  const bool yields = std::any_of(estimate.errors->effects.begin(), estimate.errors->effects.end(),
-                                  [](const SharedEffect& effect) { return ParamAt(effect.index) == ArmParam::kCompliance; });
+  const bool yields =
+      std::any_of(estimate.errors->effects.begin(), estimate.errors->effects.end(),
+                  [](const SharedEffect& effect) { return ParamAt(effect.index) == ArmParam::kCompliance; });
   if (yields && setup->branches.size() == 1) {
     std::vector<Eigen::VectorXd> joints = setup->branches.front().joints;
     std::erase_if(joints, [](const Eigen::VectorXd& positions) { return positions.size() == 0; });

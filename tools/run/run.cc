@@ -322,8 +322,8 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
     Dataset used = dataset;
     LeftOutCaptures left_out;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
-    Outcome<RunOutput> output =
-        used.target_poses.empty() ? RunOnImages(std::move(used), options, observer) : RunOnPoses(std::move(used), options, observer);
+    Outcome<RunOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
+                                                          : RunOnPoses(std::move(used), options, observer);
     if (!output) return output;
     InsertLeftOut(left_out, &output->result.captures);
     output->result.verdict = JudgeRun(output->result);

@@ -28,6 +28,14 @@ namespace heba {
 // is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
+// Calibrates from some of the views that a calibration used (Calibration::views), with the model and the intrinsics
+// that it chose and the points that it used; its estimate is where the refinement starts. No capture is judged again.
+// The closed forms know nothing of that calibration but the camera from which the intrinsics, if they are not given,
+// are estimated. Returns a Failure if the camera cannot be estimated; the Failure of the refinement is in
+// Calibration::refined.
+Outcome<Calibration> CalibratePart(const Calibration& full, const std::vector<View>& part,
+                                   const CalibrationOptions& options);
+
 // Errors of the robot that are searched for after a calibration without them.
 struct RobotErrors {
   RigArmErrors arm;  // Its effects are those of the captures View::capture. Without models and joints: no arm is known.

@@ -79,17 +79,17 @@ Json ArmJson(const RobotSummary& robot) {
   Json sigma = NoiseJson(robot.noise_before, "before_");
   sigma.update(NoiseJson(robot.noise_after, "after_"));
   Json json{{"model", robot.nominal.name},
-              {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
-              {"configuration", robot.configuration},
-              {"parameters", parameters},
-              {"undetermined", undetermined},
-              {"sigma", sigma},
-              {"decision", robot.is_estimated ? "estimated" : "declined"},
-              {"reason", robot.reason.ToString()},
-              {"nominal", Json{{"base_from_first", PoseJson(robot.nominal.base_from_first, "base", "first")},
-                               {"joints", joints},
-                               {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
-                               {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
+            {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
+            {"configuration", robot.configuration},
+            {"parameters", parameters},
+            {"undetermined", undetermined},
+            {"sigma", sigma},
+            {"decision", robot.is_estimated ? "estimated" : "declined"},
+            {"reason", robot.reason.ToString()},
+            {"nominal", Json{{"base_from_first", PoseJson(robot.nominal.base_from_first, "base", "first")},
+                             {"joints", joints},
+                             {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
+                             {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
   if (robot.rigid) json["rigid"] = RigidJson(robot.nominal, *robot.rigid);
   return json;
 }

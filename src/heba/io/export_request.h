@@ -34,10 +34,10 @@ struct ExportRequest {
   // True if the poses are those of a Universal Robots controller, in the controller's own base frame.
   bool is_ur_controller = false;
   Camera camera;
-  std::optional<Arm> arm;         // With its estimated errors; nothing if they were not estimated.
+  std::optional<Arm> arm;  // With its estimated errors; nothing if they were not estimated.
   // If its joints yield, the errors of the geometry that stands for it in formats without compliances.
   std::optional<RigidEquivalent> rigid;
-  std::optional<Arm> rigid_arm;  // The arm with them.
+  std::optional<Arm> rigid_arm;   // The arm with them.
   std::string why_no_arm;         // The reason why they were not, in words; empty if it is not known.
   std::optional<Grade> grade;     // The grade of the run's verdict; nothing if it is not known.
   std::string length_unit = "m";  // For the format `matrix`: m or mm.

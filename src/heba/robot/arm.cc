@@ -131,8 +131,7 @@ std::string_view ArmParamUnit(const Arm& arm, int place) {
 Arm WithChanges(Arm arm, const Eigen::VectorXd& changes) {
   CHECK_EQ(changes.size(), arm.num_params());
   for (int place = 0; place < arm.num_params(); ++place) {
-    arm.joints[static_cast<size_t>(place / kNumArmParams)][ParamAt(place)] +=
-        changes[place];
+    arm.joints[static_cast<size_t>(place / kNumArmParams)][ParamAt(place)] += changes[place];
   }
   return arm;
 }

@@ -18,8 +18,8 @@ struct RigidEquivalent {
 };
 
 // Returns the errors of the geometry with which the arm's tip comes closest, by least squares, to where it is with
-// `errors`, which are one per parameter and may contain compliances. `joints` are the positions of the joints (rad or m)
-// where it does so; there must be one at least. What those positions do not show stays as it is in `errors`.
+// `errors`, which are one per parameter and may contain compliances. `joints` are the positions of the joints (rad or
+// m) where it does so; there must be one at least. What those positions do not show stays as it is in `errors`.
 RigidEquivalent FitRigidEquivalent(const Arm& nominal, const Eigen::VectorXd& errors,
                                    const std::vector<Eigen::VectorXd>& joints);
 

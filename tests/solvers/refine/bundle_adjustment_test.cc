@@ -11,9 +11,9 @@
 #include "heba/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
-#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/linearised_views.h"
@@ -137,10 +137,10 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   }
   const RigSolution at = ProblemSolution(*solution);
   const std::optional<std::vector<LinearisedView>> views = LineariseEachCapture(
-      WeightedAs(at, HandEyeProblem(kept, options)), StateOf(at), NoiseOf(at), InlierLoss(options));
+      WeightedAs(at, HandEyeProblem(kept, options)), StateOf(at), NoiseOf(at), LossOf(OfInliers(options.loss)));
   ASSERT_TRUE(views.has_value());
   const Eigen::MatrixXd information =
-      MarginalInformation(*views, CorrectionVariances({}), InlierLoss(options).covariance_factor());
+      MarginalInformation(*views, CorrectionVariances({}), LossOf(OfInliers(options.loss)).covariance_factor());
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
   const Eigen::MatrixXd product =

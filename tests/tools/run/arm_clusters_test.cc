@@ -109,7 +109,8 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     options.has_several_configurations = false;
     options.num_captures = 40;
     const ArmScene scene = MakeArmScene(seed, options);
-    Dataset dataset = DatasetOf(scene.scene, options.setup, ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"));
+    Dataset dataset =
+        DatasetOf(scene.scene, options.setup, ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"));
     dataset.given_detections.clear();
     dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
     Rng rng(seed);
