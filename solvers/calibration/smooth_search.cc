@@ -16,12 +16,6 @@
 namespace heba {
 namespace {
 
-// Estimates the variances of the groups, and returns the restricted log-likelihood at them.
-double LikelihoodOf(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {
-  FitVariances(views, groups);
-  return RestrictedLogLikelihood(views, 1, *groups, views.front().by_unknowns.cols());
-}
-
 // Returns the views with the smooth errors as further unknowns.
 std::vector<LinearisedView> WithUnknowns(const SmoothSearch& search, const SmoothErrors& errors) {
   std::vector<LinearisedView> extended = search.views;
@@ -38,8 +32,10 @@ std::vector<LinearisedView> WithUnknowns(const SmoothSearch& search, const Smoot
   return extended;
 }
 
-// Returns the groups of the search, and those of the smooth errors.
-std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEffects& effects) {
+// Returns the groups of the search, and those of the smooth errors. `start` are the variances from which they are
+// estimated; an empty list: those that the groups have.
+std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEffects& effects,
+                                      const std::vector<double>& start) {
   std::vector<VarianceGroup> groups = search.groups;
   const Eigen::Index n = search.views.front().by_unknowns.cols();
   const size_t first = groups.size();
@@ -49,20 +45,32 @@ std::vector<VarianceGroup> WithGroups(const SmoothSearch& search, const SharedEf
   for (Eigen::Index k = 0; k < effects.size(); ++k) {
     groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);
   }
+  for (size_t g = 0; g < start.size(); ++g) groups[g].variance = start[g];
   return groups;
 }
 
-// Returns the log-likelihood of smooth errors, whose standard deviations become the most likely ones.
-double LikelihoodWith(const SmoothSearch& search, SmoothErrors* errors) {
-  std::vector<VarianceGroup> groups = WithGroups(search, errors->effects());
-  const double log_likelihood = LikelihoodOf(WithUnknowns(search, *errors), &groups);
+// The variances of all groups that the captures make most likely, and the log-likelihood at them.
+struct FittedVariances {
+  double log_likelihood = -std::numeric_limits<double>::infinity();
+  std::vector<double> variances;
+};
+
+// Returns those of smooth errors; `start` as in WithGroups.
+FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, const std::vector<double>& start) {
+  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), start);
+  FittedVariances fitted{FitVariances(WithUnknowns(search, errors), &groups), {}};
+  for (const VarianceGroup& group : groups) fitted.variances.push_back(group.variance);
+  return fitted;
+}
+
+// Sets the standard deviations of smooth errors to those that were found.
+void SetSigmas(const SmoothSearch& search, const std::vector<double>& variances, SmoothErrors* errors) {
   std::vector<double> sigmas;
-  for (size_t g = search.groups.size(); g < groups.size(); ++g) {
+  for (size_t g = search.groups.size(); g < variances.size(); ++g) {
     constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
-    sigmas.push_back(std::max(kLeast, std::sqrt(groups[g].variance)));
+    sigmas.push_back(std::max(kLeast, std::sqrt(variances[g])));
   }
   errors->SetSigmas(sigmas);
-  return log_likelihood;
 }
 
 // Returns the group of the noise that each capture draws anew in a column of LinearisedView::by_effects.
@@ -92,11 +100,11 @@ LeastVariances OfAccurateRobot() {
   return {kTranslationM * kTranslationM, rotation_rad * rotation_rad};
 }
 
-// Returns the log-likelihood of smooth errors with at least these variances.
-double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least, const SmoothErrors& errors) {
-  const std::vector<LinearisedView> views = WithUnknowns(search, errors);
-  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects());
-  const double log_likelihood = LikelihoodOf(views, &groups);
+// Returns the log-likelihood of smooth errors with at least these variances, of which `fitted` are the most likely
+// ones.
+double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least, const SmoothErrors& errors,
+                         const FittedVariances& fitted) {
+  std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), fitted.variances);
   bool is_less = false;
   for (size_t k = 0; k < 2; ++k) {
     VarianceGroup& smooth = groups[search.groups.size() + k];
@@ -105,7 +113,7 @@ double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least
     smooth.is_free = false;
     is_less = true;
   }
-  return is_less ? LikelihoodOf(views, &groups) : log_likelihood;
+  return is_less ? FitVariances(WithUnknowns(search, errors), &groups) : fitted.log_likelihood;
 }
 
 // Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
@@ -153,11 +161,17 @@ class LengthProbabilities {
     const auto [place, is_new] = logs_.try_emplace(octaves, -std::numeric_limits<double>::infinity());
     const SmoothLengths lengths = LengthsAt(octaves);
     if (is_new && IsWithinLimits(lengths)) {
-      SmoothErrors errors(search_.poses, lengths);
-      place->second = LikelihoodWith(search_, &errors) + LogPriorAt(octaves);
+      const FittedVariances fitted = FitWith(search_, SmoothErrors(search_.poses, lengths), variances_);
+      place->second = fitted.log_likelihood + LogPriorAt(octaves);
+      if (place->second > best_) {
+        best_ = place->second;
+        variances_ = fitted.variances;
+      }
     }
     return place->second;
   }
+  // Returns the variances at the most probable lengths of all. Those at other lengths are not far from them.
+  const std::vector<double>& variances() const { return variances_; }
 
  private:
   // Lengths of arms scatter by a factor of two.
@@ -170,6 +184,8 @@ class LengthProbabilities {
 
   const SmoothSearch& search_;
   std::map<Octaves, double> logs_;
+  double best_ = -std::numeric_limits<double>::infinity();
+  std::vector<double> variances_;
 };
 
 Octaves Shifted(Octaves octaves, size_t which, double step) {
@@ -205,15 +221,14 @@ double VertexOffset(double step, double before, double middle, double after) {
 
 // Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow
 // them: lengths that were rounded would jump when a capture is added.
-SmoothLengths MostProbableLengths(const SmoothSearch& search) {
-  LengthProbabilities probabilities(search);
+SmoothLengths MostProbableLengths(LengthProbabilities* probabilities) {
   Octaves best{};
   constexpr double kFinestStep = 0.25;
-  for (double step = 1; step >= kFinestStep; step /= 2) Climb(step, &probabilities, &best);
+  for (double step = 1; step >= kFinestStep; step /= 2) Climb(step, probabilities, &best);
   Octaves vertex = best;
   for (const size_t which : {kRotation, kTranslation}) {
-    vertex[which] += VertexOffset(kFinestStep, probabilities.LogAt(Shifted(best, which, -kFinestStep)),
-                                  probabilities.LogAt(best), probabilities.LogAt(Shifted(best, which, kFinestStep)));
+    vertex[which] += VertexOffset(kFinestStep, probabilities->LogAt(Shifted(best, which, -kFinestStep)),
+                                  probabilities->LogAt(best), probabilities->LogAt(Shifted(best, which, kFinestStep)));
   }
   return LengthsAt(vertex);
 }
@@ -228,12 +243,15 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.variance = 0;
     group.is_free = false;
   }
-  const double log_likelihood_without = LikelihoodOf(search.views, &without);
-  FoundSmoothErrors found{SmoothErrors(search.poses, MostProbableLengths(search))};
-  found.log_likelihood_gain = LikelihoodWith(search, &found.errors) - log_likelihood_without;
+  const double log_likelihood_without = FitVariances(search.views, &without);
+  LengthProbabilities probabilities(search);
+  FoundSmoothErrors found{SmoothErrors(search.poses, MostProbableLengths(&probabilities))};
+  const FittedVariances fitted = FitWith(search, found.errors, probabilities.variances());
+  SetSigmas(search, fitted.variances, &found.errors);
+  found.log_likelihood_gain = fitted.log_likelihood - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);
-  found.odds_without = std::exp(log_likelihood_without - LikelihoodOfLeast(search, least, found.errors));
+  found.odds_without = std::exp(log_likelihood_without - LikelihoodOfLeast(search, least, found.errors, fitted));
   return found;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -9,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
+#include "solvers/uncertainty/restricted_likelihood.h"
 
 namespace heba {
 namespace {
@@ -194,39 +196,58 @@ GeneralViews MakeGeneralViews(unsigned seed, int num_views, const std::vector<do
   return general;
 }
 
-// Returns the restricted log-likelihood by its definition: the density of the contrasts of all rows that the fixed
-// unknowns leave open, with their dense covariance.
-double DenseLogLikelihood(const GeneralViews& general) {
+// All rows of the captures with their dense covariance.
+struct DenseModel {
+  Eigen::MatrixXd fixed;  // Derivatives by the unknowns without a variance.
+  Eigen::VectorXd offset;
+  std::vector<Eigen::MatrixXd> parts;  // The matrix that the variance of each group multiplies in the covariance.
+  Eigen::MatrixXd covariance;
+};
+
+DenseModel DenseModelOf(const GeneralViews& general) {
   const Eigen::Index n = general.views.front().by_unknowns.cols();
   Eigen::Index num_rows = 0;
   for (const LinearisedView& view : general.views) num_rows += view.offset.size();
-  Eigen::MatrixXd covariance = general.groups[0].variance * Eigen::MatrixXd::Identity(num_rows, num_rows);
+  DenseModel model;
+  model.offset.resize(num_rows);
+  model.parts.assign(general.groups.size(), Eigen::MatrixXd::Zero(num_rows, num_rows));
+  model.parts[0].setIdentity();
   Eigen::MatrixXd all(num_rows, n);
-  Eigen::VectorXd offset(num_rows);
   Eigen::Index first = 0;
   for (const LinearisedView& view : general.views) {
     const Eigen::Index rows = view.offset.size();
     all.middleRows(first, rows) = view.by_unknowns;
-    offset.segment(first, rows) = view.offset;
-    for (const VarianceGroup& group : general.groups) {
-      if (group.kind != VarianceGroup::Kind::kEffects) continue;
-      const Eigen::MatrixXd g = view.by_effects(Eigen::all, group.columns);
-      covariance.block(first, first, rows, rows) += group.variance * g * g.transpose();
+    model.offset.segment(first, rows) = view.offset;
+    for (size_t k = 0; k < general.groups.size(); ++k) {
+      if (general.groups[k].kind != VarianceGroup::Kind::kEffects) continue;
+      const Eigen::MatrixXd g = view.by_effects(Eigen::all, general.groups[k].columns);
+      model.parts[k].block(first, first, rows, rows) = g * g.transpose();
     }
     first += rows;
   }
   std::vector<Eigen::Index> fixed;
   for (Eigen::Index i = 0; i < n; ++i) fixed.push_back(i);
-  for (const VarianceGroup& group : general.groups) {
+  for (size_t k = 0; k < general.groups.size(); ++k) {
+    const VarianceGroup& group = general.groups[k];
     if (group.kind != VarianceGroup::Kind::kUnknowns) continue;
     const Eigen::MatrixXd shared = all(Eigen::all, group.columns);
-    covariance += group.variance * shared * shared.transpose();
+    model.parts[k] = shared * shared.transpose();
     for (const Eigen::Index column : group.columns) fixed.erase(std::find(fixed.begin(), fixed.end(), column));
   }
-  const Eigen::MatrixXd x = all(Eigen::all, fixed);
-  const auto root = Cholesky(covariance);
-  const auto information = Cholesky(x.transpose() * root->Solve(x));
-  const Eigen::VectorXd residual = offset - x * information->Solve(x.transpose() * root->Solve(offset));
+  model.fixed = all(Eigen::all, fixed);
+  model.covariance.setZero(num_rows, num_rows);
+  for (size_t k = 0; k < general.groups.size(); ++k) model.covariance += general.groups[k].variance * model.parts[k];
+  return model;
+}
+
+// Returns the restricted log-likelihood by its definition: the density of the contrasts of all rows that the fixed
+// unknowns leave open.
+double DenseLogLikelihood(const GeneralViews& general) {
+  const DenseModel model = DenseModelOf(general);
+  const auto root = Cholesky(model.covariance);
+  const auto information = Cholesky(model.fixed.transpose() * root->Solve(model.fixed));
+  const Eigen::VectorXd residual =
+      model.offset - model.fixed * information->Solve(model.fixed.transpose() * root->Solve(model.offset));
   return -0.5 * (root->LogDeterminant() + information->LogDeterminant() + residual.dot(root->Solve(residual)));
 }
 
@@ -251,6 +272,35 @@ TEST(GeneralVariancesTest, LikelihoodAndScoresAreThoseOfTheDefinition) {
         const double numeric = (4 * at(kStep) - 3 * at(0) - at(2 * kStep)) / (2 * kStep);
         EXPECT_NEAR(here->scores[static_cast<Eigen::Index>(k)], numeric, 1e-4 * std::abs(numeric) + 1e-3) << k;
       }
+    }
+  }
+}
+
+// The average information is 1/2 (V_k P y)^T P (V_l P y), and comes with the same likelihood and scores, also at zero.
+TEST(GeneralVariancesTest, AverageInformationIsThatOfTheDefinition) {
+  for (const double own : {0.3, 0.0}) {
+    for (const double shared : {0.4, 0.0}) {
+      SCOPED_TRACE(std::to_string(own) + " " + std::to_string(shared));
+      const GeneralViews general = MakeGeneralViews(3, 8, {0.5, own}, {0.2, shared});
+      const auto size = static_cast<Eigen::Index>(general.groups.size());
+      Eigen::VectorXd variances(size);
+      for (Eigen::Index k = 0; k < size; ++k) variances[k] = general.groups[static_cast<size_t>(k)].variance;
+      const std::unique_ptr<RestrictedLikelihood> restricted = MakeLikelihood(general.views, general.groups);
+      const Likelihood exact = restricted->At(variances);
+      const Likelihood average = restricted->AverageAt(variances);
+      EXPECT_NEAR(average.minus_log, exact.minus_log, 1e-9 * std::abs(exact.minus_log));
+      EXPECT_LT((average.gradient - exact.gradient).norm(), 1e-9 * exact.gradient.norm());
+      const DenseModel model = DenseModelOf(general);
+      const Eigen::MatrixXd inverse = InverseOfSymmetric(model.covariance);
+      const Eigen::MatrixXd weighted = inverse * model.fixed;
+      const Eigen::MatrixXd projection =
+          inverse - weighted * SolveSymmetric(model.fixed.transpose() * weighted, weighted.transpose());
+      Eigen::MatrixXd along(model.offset.size(), size);
+      for (Eigen::Index k = 0; k < size; ++k) {
+        along.col(k) = model.parts[static_cast<size_t>(k)] * (projection * model.offset);
+      }
+      const Eigen::MatrixXd expected = 0.5 * along.transpose() * projection * along;
+      EXPECT_LT((average.fisher - expected).norm(), 1e-8 * expected.norm()) << average.fisher << "\n" << expected;
     }
   }
 }

@@ -1,0 +1,600 @@
+#include "solvers/uncertainty/restricted_likelihood.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <type_traits>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/base/factorisation.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/kernels/stacked_rows.h"
+
+namespace heba {
+namespace {
+
+using Kind = VarianceGroup::Kind;
+
+// The effects in the order of their groups: one range of columns for each group of them.
+struct EffectColumns {
+  struct Range {
+    Eigen::Index group = 0;
+    Eigen::Index first = 0;
+    Eigen::Index size = 0;
+  };
+  std::vector<Eigen::Index> order;  // Columns of LinearisedView::by_effects.
+  std::vector<Range> ranges;
+
+  explicit EffectColumns(const std::vector<VarianceGroup>& groups) {
+    for (size_t k = 0; k < groups.size(); ++k) {
+      if (groups[k].kind != Kind::kEffects) continue;
+      ranges.push_back({static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(order.size()),
+                        static_cast<Eigen::Index>(groups[k].columns.size())});
+      order.insert(order.end(), groups[k].columns.begin(), groups[k].columns.end());
+    }
+  }
+  Eigen::Index size() const { return static_cast<Eigen::Index>(order.size()); }
+};
+
+// Calls f with the size as a constant, which is quicker for the common one: three coordinates.
+template <class F>
+void WithSize(Eigen::Index size, const F& f) {
+  constexpr int kAxes = 3;
+  if (size == kAxes) {
+    f(std::integral_constant<int, kAxes>());
+  } else {
+    f(std::integral_constant<int, Eigen::Dynamic>());
+  }
+}
+
+// The unknowns with a variance, in the order of their groups.
+struct SharedColumns {
+  std::vector<Eigen::Index> columns;  // Columns of LinearisedView::by_unknowns.
+  std::vector<Eigen::Index> groups;   // The group of each.
+
+  explicit SharedColumns(const std::vector<VarianceGroup>& all) {
+    for (size_t k = 0; k < all.size(); ++k) {
+      if (all[k].kind != Kind::kUnknowns) continue;
+      columns.insert(columns.end(), all[k].columns.begin(), all[k].columns.end());
+      groups.insert(groups.end(), all[k].columns.size(), static_cast<Eigen::Index>(k));
+    }
+  }
+};
+
+// kRows: the number of rows of a capture that depend on its effects, which is the number of effects without
+// combinations of others. kEffects: the number of effects. Both may be known at compile time.
+template <int kRows, int kEffects>
+class LikelihoodOfRows final : public RestrictedLikelihood {
+ public:
+  LikelihoodOfRows(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups)
+      : num_groups_(static_cast<Eigen::Index>(groups.size())),
+        num_unknowns_(views.front().by_unknowns.cols()),
+        effects_(groups),
+        shared_(groups),
+        num_rows_(std::min(effects_.size(), views.front().by_effects.cols() - views.front().num_combined_effects)) {
+    independent_.setZero(num_unknowns_ + 1, num_unknowns_ + 1);
+    for (const LinearisedView& view : views) Add(view);
+  }
+
+  Likelihood At(const Eigen::VectorXd& variances) const override;
+  Likelihood AverageAt(const Eigen::VectorXd& variances) const override;
+  std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const override;
+
+ private:
+  using Square = Eigen::Matrix<double, kRows, kRows>;
+  using ByEffects = Eigen::Matrix<double, kRows, kEffects>;
+  using EffectSquare = Eigen::Matrix<double, kEffects, kEffects>;
+  using EffectVector = Eigen::Matrix<double, kEffects, 1>;
+  using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<double, kRows, 1>;
+
+  // The rows of a capture that depend on its effects, rotated such that there are num_rows_; padded with zeros if there
+  // are fewer.
+  struct DependentRows {
+    Rows rows;  // by_unknowns, and the offset as the last column.
+    ByEffects by_effects;
+  };
+
+  // Whitens the captures' rows with their covariance S = p I + sum of v_k A_k A_k^T, where A_k are the columns of
+  // by_effects of group k.
+  class Whitening {
+   public:
+    Whitening(const LikelihoodOfRows& of, const Eigen::VectorXd& variances) : num_columns_(of.num_unknowns_ + 1) {
+      StackedRows stacked(static_cast<int>(num_columns_));
+      EffectVector sigmas(of.effects_.size());
+      for (const EffectColumns::Range& range : of.effects_.ranges) {
+        sigmas.segment(range.first, range.size).setConstant(std::sqrt(variances[range.group]));
+      }
+      inverses_.reserve(of.dependent_.size());
+      weighted_.resize(of.num_rows_, num_columns_ * static_cast<Eigen::Index>(of.dependent_.size()));
+      for (const DependentRows& capture : of.dependent_) {
+        const ByEffects by_sigma = capture.by_effects * sigmas.asDiagonal();
+        Square covariance = by_sigma * by_sigma.transpose();
+        covariance.diagonal().array() += variances[0];
+        const auto root = Cholesky(covariance);
+        is_regular_ &= root.has_value();
+        if (!is_regular_) return;
+        log_determinants_ += root->LogDeterminant();
+        const Square inverse_root = InverseOfLower(root->lower());
+        auto whitened = stacked.Next<kRows>(of.num_rows_);
+        whitened = inverse_root.lazyProduct(capture.rows);
+        const auto v = static_cast<Eigen::Index>(inverses_.size());
+        weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
+        inverses_.push_back(inverse_root.transpose() * inverse_root);
+      }
+      products_ = stacked.Products();
+    }
+
+    // Returns whether all covariances are invertible; if not, the other functions must not be called.
+    bool is_regular() const { return is_regular_; }
+    double log_determinants() const { return log_determinants_; }
+    // Returns [J, y]^T S^-1 [J, y], summed over the captures.
+    const Eigen::MatrixXd& products() const { return products_; }
+    const Square& Inverse(size_t capture) const { return inverses_[capture]; }  // S^-1 of one capture.
+    // S^-1 [J, y] of one capture.
+    auto Weighted(size_t capture) const {
+      return weighted_.middleCols(static_cast<Eigen::Index>(capture) * num_columns_, num_columns_);
+    }
+
+   private:
+    Eigen::Index num_columns_;
+    bool is_regular_ = true;
+    double log_determinants_ = 0;
+    std::vector<Square> inverses_;
+    Rows weighted_;
+    Eigen::MatrixXd products_;
+  };
+
+  // Adds the same measurements in fewer rows: the likelihood of variances and unknowns does not change.
+  void Add(const LinearisedView& view) {
+    const Eigen::Index n = num_unknowns_;
+    const Eigen::Index num_rows = view.offset.size();
+    independent_(n, n) += view.residual_sum_of_squares;
+    // Padding with rows of zeros is not counted.
+    num_independent_ += view.num_residual_dof + static_cast<double>(num_rows - num_rows_);
+    Eigen::MatrixXd rotated(num_rows, n + 1);
+    rotated << view.by_unknowns, view.offset;
+    const Eigen::Index num_dependent = std::min(num_rows, num_rows_);
+    if (num_rows_ > 0) {
+      const Eigen::MatrixXd by_effects = view.by_effects(Eigen::all, effects_.order);
+      DependentRows& capture = dependent_.emplace_back();
+      capture.rows.setZero(num_rows_, n + 1);
+      capture.by_effects.setZero(num_rows_, effects_.size());
+      if (num_rows - view.num_rows_without_effects <= num_rows_) {
+        capture.by_effects.topRows(num_dependent) = by_effects.topRows(num_dependent);
+      } else {
+        // Columns that combine others span nothing more than those, and no rows of their own.
+        const Eigen::Index num_independent = view.by_effects.cols() - view.num_combined_effects;
+        const HouseholderFactor factor(effects_.size() < num_independent ? by_effects
+                                                                         : view.by_effects.leftCols(num_independent));
+        rotated = factor.Rotated(rotated);
+        capture.by_effects = factor.Rotated(by_effects).topRows(num_rows_);
+      }
+      capture.rows.topRows(num_dependent) = rotated.topRows(num_dependent);
+    }
+    const auto tail = rotated.bottomRows(num_rows - num_dependent);
+    independent_.noalias() += tail.transpose() * tail;
+  }
+
+  // Returns the negated derivatives of the information with respect to each variance: J^T S^-1 V_k S^-1 J, where V_k is
+  // the matrix that variance k multiplies in S. Those of groups of unknowns are empty.
+  std::vector<Eigen::MatrixXd> DerivativesOf(const Whitening& whitening, double pixel_variance) const {
+    const Eigen::Index n = num_unknowns_;
+    StackedRows pixels(static_cast<int>(n));
+    std::vector<StackedRows> of_effects;
+    of_effects.reserve(effects_.ranges.size());
+    for (size_t k = 0; k < effects_.ranges.size(); ++k) of_effects.emplace_back(static_cast<int>(n));
+    for (size_t v = 0; v < dependent_.size(); ++v) {
+      const auto weighted = whitening.Weighted(v).leftCols(n);
+      pixels.Next<kRows>(num_rows_) = weighted;
+      for (size_t k = 0; k < of_effects.size(); ++k) {
+        const EffectColumns::Range& range = effects_.ranges[k];
+        WithSize(range.size, [&](auto size) {
+          of_effects[k].template Next<size()>(range.size) =
+              dependent_[v]
+                  .by_effects.template middleCols<size()>(range.first, range.size)
+                  .transpose()
+                  .lazyProduct(weighted);
+        });
+      }
+    }
+    std::vector<Eigen::MatrixXd> derivatives(static_cast<size_t>(num_groups_));
+    derivatives[0] = independent_.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products();
+    for (size_t k = 0; k < of_effects.size(); ++k) {
+      derivatives[static_cast<size_t>(effects_.ranges[k].group)] = of_effects[k].Products();
+    }
+    return derivatives;
+  }
+
+  // C, the unknowns C J^T S^-1 y and the log-determinant of the inverse of C in units of the priors' sigmas.
+  struct EstimatedUnknowns {
+    Eigen::MatrixXd covariance;
+    Eigen::VectorXd step;
+    double log_determinant = 0;
+  };
+  // Returns nothing if the captures and the priors do not determine the unknowns. `products` are [J, y]^T S^-1 [J, y].
+  std::optional<EstimatedUnknowns> EstimateUnknowns(const Eigen::MatrixXd& products,
+                                                    const Eigen::VectorXd& variances) const;
+
+  // Adds the scores of the variances of unknowns and their average information. `pulls` are J^T S^-1 V_k P y of the
+  // other variances, which belong to the groups `sources`.
+  void AddAverageOfUnknowns(const Eigen::MatrixXd& products, const EstimatedUnknowns& unknowns,
+                            const Eigen::VectorXd& variances, const Eigen::MatrixXd& pulls,
+                            const std::vector<Eigen::Index>& sources, Likelihood* likelihood) const;
+
+  // A capture's S^-1 and S^-1 J C J^T S^-1 ("seen"), multiplied by its effects A on the right, or on both sides.
+  struct ProductsOfEffects {
+    ByEffects inverse_a;
+    ByEffects seen_a;
+    EffectSquare a_inverse_a;
+    EffectSquare a_seen_a;
+
+    ProductsOfEffects(const ByEffects& a, const Square& inverse, const Square& seen)
+        : inverse_a(inverse * a),
+          seen_a(seen * a),
+          a_inverse_a(a.transpose() * inverse_a),
+          a_seen_a(a.transpose() * seen_a) {}
+  };
+
+  // Adds the scores and the Fisher information of the variances of unknowns: J^T S^-1 [J, y] in `products`, C in
+  // `covariance`, and the other variances' derivatives.
+  void AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
+                           const Eigen::VectorXd& step, const Eigen::VectorXd& variances,
+                           const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const;
+
+  Eigen::Index num_groups_;
+  Eigen::Index num_unknowns_;
+  EffectColumns effects_;
+  SharedColumns shared_;
+  Eigen::Index num_rows_;
+  std::vector<DependentRows> dependent_;
+  // All rows that depend on no effect: the products of unknowns and offset, and the number of rows.
+  Eigen::MatrixXd independent_;
+  double num_independent_ = 0;
+};
+
+// Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both multiplied by
+// the factors of V_k and V_l.
+template <class Inverse, class Seen>
+double FisherOf(const Inverse& inverse, const Seen& seen) {
+  return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
+}
+
+// Returns 1/2 tr(C F_k C F_l) for each pair of F, the derivatives that are not empty, in the lower triangle.
+Eigen::MatrixXd FisherOfUnknowns(const Eigen::MatrixXd& covariance, const std::vector<Eigen::MatrixXd>& derivatives) {
+  const auto size = static_cast<Eigen::Index>(derivatives.size());
+  Eigen::MatrixXd fisher = Eigen::MatrixXd::Zero(size, size);
+  std::vector<Eigen::MatrixXd> falls(derivatives.size());
+  for (size_t k = 0; k < derivatives.size(); ++k) {
+    if (derivatives[k].size() > 0) falls[k] = covariance * derivatives[k];
+  }
+  for (size_t k = 0; k < falls.size(); ++k) {
+    for (size_t l = 0; l <= k; ++l) {
+      if (falls[k].size() == 0 || falls[l].size() == 0) continue;
+      fisher(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) =
+          0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
+    }
+  }
+  return fisher;
+}
+
+template <int kRows, int kEffects>
+auto LikelihoodOfRows<kRows, kEffects>::EstimateUnknowns(const Eigen::MatrixXd& products,
+                                                         const Eigen::VectorXd& variances) const
+    -> std::optional<EstimatedUnknowns> {
+  const Eigen::Index n = num_unknowns_;
+  // The unknowns in units of their prior's sigma, so that a sigma of zero is allowed.
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(n);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    units[shared_.columns[i]] = std::sqrt(variances[shared_.groups[i]]);
+  }
+  Eigen::MatrixXd information = units.asDiagonal() * products.topLeftCorner(n, n) * units.asDiagonal();
+  for (const Eigen::Index column : shared_.columns) information(column, column) += 1;
+  // Scaled before factorisation because metres, radians and pixels are mixed.
+  const Eigen::VectorXd scale =
+      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const auto factor = Cholesky(scale.asDiagonal() * information * scale.asDiagonal());
+  if (!factor) return std::nullopt;
+  const Eigen::VectorXd all_units = units.cwiseProduct(scale);
+  EstimatedUnknowns unknowns;
+  unknowns.covariance = all_units.asDiagonal() * factor->Inverse() * all_units.asDiagonal();
+  unknowns.step = unknowns.covariance * products.col(n).head(n);
+  unknowns.log_determinant = factor->LogDeterminant() - 2 * scale.array().log().sum();
+  return unknowns;
+}
+
+// With the unknowns' columns J, the covariance S of the captures' rows and D, the prior variances of unknowns that have
+// one, the covariance of all rows is S + J D J^T. Its projection P = S^-1 - S^-1 J C J^T S^-1, where C is the inverse
+// of J^T S^-1 J + D^-1 (no row for a prior that does not exist, and the limit for a variance of zero), gives
+// likelihood, scores and Fisher information of every variance (Harville 1977, equations 3.3 to 3.6).
+template <int kRows, int kEffects>
+Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
+  const double p = variances[0];
+  const auto independent = independent_.topLeftCorner(n, n);
+  const auto independent_right = independent_.col(n).head(n);
+  Likelihood result;
+  result.gradient.setZero(num_groups_);
+  result.fisher.setZero(num_groups_, num_groups_);
+  const Whitening whitening(*this, variances);
+  if (!whitening.is_regular()) return result;
+  const Eigen::MatrixXd products = independent_ / p + whitening.products();
+  const std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
+  if (!unknowns) return result;
+  const auto& [covariance, step, log_determinant] = *unknowns;
+  const double independent_squares =
+      independent_(n, n) - 2 * step.dot(independent_right) + step.dot(independent * step);
+  const double independent_seen = covariance.cwiseProduct(independent).sum();
+  double squares = independent_squares / p;
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const double variance = variances[shared_.groups[i]];
+    if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
+  }
+  result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
+  result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
+  Rows by_covariance(num_rows_, n);
+  for (size_t v = 0; v < dependent_.size(); ++v) {
+    const DependentRows& capture = dependent_[v];
+    const Square& inverse = whitening.Inverse(v);
+    const auto by_unknowns = whitening.Weighted(v).leftCols(n);
+    const Vector residual = capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step);
+    const Vector weighted = inverse * residual;
+    squares += residual.dot(weighted);
+    by_covariance = by_unknowns.lazyProduct(covariance);
+    const Square seen = by_covariance.lazyProduct(by_unknowns.transpose());
+    const ProductsOfEffects of(capture.by_effects, inverse, seen);
+    const EffectVector a_weighted = capture.by_effects.transpose() * weighted;
+    result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
+    result.fisher(0, 0) += FisherOf(inverse, seen);
+    for (const EffectColumns::Range& a : effects_.ranges) {
+      WithSize(a.size, [&](auto a_size) {
+        constexpr int kA = a_size();
+        result.gradient[a.group] += 0.5 * (a_weighted.template segment<kA>(a.first, a.size).squaredNorm() -
+                                           of.a_inverse_a.diagonal().template segment<kA>(a.first, a.size).sum() +
+                                           of.a_seen_a.diagonal().template segment<kA>(a.first, a.size).sum());
+        result.fisher(a.group, 0) += FisherOf(of.inverse_a.template middleCols<kA>(a.first, a.size),
+                                              of.seen_a.template middleCols<kA>(a.first, a.size));
+        for (const EffectColumns::Range& b : effects_.ranges) {
+          if (b.group > a.group) break;
+          WithSize(b.size, [&](auto b_size) {
+            constexpr int kB = b_size();
+            result.fisher(a.group, b.group) +=
+                FisherOf(of.a_inverse_a.template block<kA, kB>(a.first, b.first, a.size, b.size),
+                         of.a_seen_a.template block<kA, kB>(a.first, b.first, a.size, b.size));
+          });
+        }
+      });
+    }
+  }
+  const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
+  result.fisher += FisherOfUnknowns(covariance, derivatives);
+  if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, variances, derivatives, &result);
+  result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
+  const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
+  result.minus_log = 0.5 * (log_determinants + squares);
+  return result;
+}
+
+template <int kRows, int kEffects>
+void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
+    const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance, const Eigen::VectorXd& step,
+    const Eigen::VectorXd& variances, const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const {
+  const Eigen::Index n = num_unknowns_;
+  const auto num_shared = static_cast<Eigen::Index>(shared_.columns.size());
+  const auto place_of = [&](Eigen::Index a) { return shared_.columns[static_cast<size_t>(a)]; };
+  const auto group_of = [&](Eigen::Index a) { return shared_.groups[static_cast<size_t>(a)]; };
+  // J_g^T P y and the columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If the variance is above zero,
+  // both follow from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures
+  // tell far more than the prior.
+  Eigen::VectorXd pulls(num_shared);
+  Eigen::MatrixXd left(n, num_shared);
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    const Eigen::Index g = place_of(a);
+    const double variance = variances[group_of(a)];
+    if (variance > 0) {
+      pulls[a] = step[g] / variance;
+      left.col(a) = covariance.col(g) / variance;
+    } else {
+      pulls[a] = products(g, n) - products.col(g).head(n).dot(step);
+      left.col(a).noalias() = -covariance * products.col(g).head(n);
+      left(g, a) += 1;
+    }
+  }
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    const Eigen::Index group = group_of(a);
+    for (Eigen::Index b = 0; b < num_shared; ++b) {
+      const Eigen::Index other = group_of(b);
+      if (other > group) continue;
+      // J_g^T P J_h, in the same way. On the diagonal, this is a difference itself, which is small where the captures
+      // tell less than the prior.
+      const double share_of_prior = left(place_of(a), b);
+      const bool is_from_prior = variances[group] > 0 && variances[other] > 0 && (a != b || share_of_prior < 0.5);
+      const double seen = is_from_prior ? ((a == b ? 1 : 0) - share_of_prior) / variances[group]
+                                        : products.col(place_of(a)).head(n).dot(left.col(b));
+      likelihood->fisher(group, other) += 0.5 * seen * seen;
+      if (a == b) likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen);
+    }
+  }
+  // J_g^T P V_k P J_g for the variances of the other groups.
+  for (size_t k = 0; k < derivatives.size(); ++k) {
+    if (derivatives[k].size() == 0) continue;
+    const auto other = static_cast<Eigen::Index>(k);
+    const Eigen::VectorXd seen = (derivatives[k] * left).cwiseProduct(left).colwise().sum();
+    for (Eigen::Index a = 0; a < num_shared; ++a) {
+      likelihood->fisher(std::max(group_of(a), other), std::min(group_of(a), other)) += 0.5 * seen[a];
+    }
+  }
+}
+
+// P y is S^-1 (y - J step), the weighted residual, so that V_k P y is one vector for each variance: the residual itself
+// for the pixels, A_k A_k^T of it for a group of effects, and J_g pulls_g for a group of unknowns.
+template <int kRows, int kEffects>
+Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
+  const double p = variances[0];
+  const auto independent = independent_.topLeftCorner(n, n);
+  Likelihood result;
+  result.gradient.setZero(num_groups_);
+  result.fisher.setZero(num_groups_, num_groups_);
+  const Whitening whitening(*this, variances);
+  if (!whitening.is_regular()) return result;
+  const Eigen::MatrixXd products = independent_ / p + whitening.products();
+  const std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
+  if (!unknowns) return result;
+  const auto& [covariance, step, log_determinant] = *unknowns;
+  std::vector<Eigen::Index> sources = {0};
+  for (const EffectColumns::Range& range : effects_.ranges) sources.push_back(range.group);
+  const auto num_sources = static_cast<Eigen::Index>(sources.size());
+  Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(num_sources, num_sources);  // (V_k P y)^T S^-1 V_l P y
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(n, num_sources);
+
+  const Eigen::VectorXd by_independent = independent_.col(n).head(n) - independent * step;
+  const double independent_squares =
+      independent_(n, n) - step.dot(independent_.col(n).head(n)) - step.dot(by_independent);
+  double squares = independent_squares / p;
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const double variance = variances[shared_.groups[i]];
+    if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
+  }
+  whole(0, 0) = independent_squares / (p * p * p);
+  pulls.col(0) = by_independent / (p * p);
+  // Twice the gradients but for the parts that the unknowns take.
+  Eigen::VectorXd twice = Eigen::VectorXd::Zero(num_sources);
+  twice[0] = independent_squares / (p * p) - num_independent_ / p;
+  Rows vectors(num_rows_, num_sources);
+  for (size_t v = 0; v < dependent_.size(); ++v) {
+    const DependentRows& capture = dependent_[v];
+    const Square& inverse = whitening.Inverse(v);
+    const auto weighted = whitening.Weighted(v);
+    vectors.col(0) = weighted.col(n) - weighted.leftCols(n).lazyProduct(step);
+    squares += vectors.col(0).dot(capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step));
+    twice[0] += vectors.col(0).squaredNorm() - inverse.trace();
+    for (size_t k = 0; k < effects_.ranges.size(); ++k) {
+      const EffectColumns::Range& range = effects_.ranges[k];
+      WithSize(range.size, [&](auto size) {
+        const auto a = capture.by_effects.template middleCols<size()>(range.first, range.size);
+        const auto source = static_cast<Eigen::Index>(k) + 1;
+        const Eigen::Matrix<double, size(), 1> along = a.transpose() * vectors.col(0);
+        vectors.col(source).noalias() = a * along;
+        twice[source] += along.squaredNorm() - (inverse * a).cwiseProduct(a).sum();
+      });
+    }
+    whole.noalias() += vectors.transpose() * (inverse * vectors);
+    pulls.noalias() += weighted.leftCols(n).transpose() * vectors;
+  }
+  const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
+  const Eigen::MatrixXd average = 0.5 * (whole - pulls.transpose() * (covariance * pulls));
+  for (Eigen::Index k = 0; k < num_sources; ++k) {
+    const Eigen::Index group = sources[static_cast<size_t>(k)];
+    const double taken = covariance.cwiseProduct(derivatives[static_cast<size_t>(group)]).sum();
+    result.gradient[group] = 0.5 * (twice[k] + taken);
+    for (Eigen::Index l = 0; l < num_sources; ++l) {
+      result.fisher(group, sources[static_cast<size_t>(l)]) = average(k, l);
+    }
+  }
+  if (!shared_.columns.empty()) AddAverageOfUnknowns(products, *unknowns, variances, pulls, sources, &result);
+  const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
+  result.minus_log = 0.5 * (log_determinants + squares);
+  return result;
+}
+
+template <int kRows, int kEffects>
+void LikelihoodOfRows<kRows, kEffects>::AddAverageOfUnknowns(
+    const Eigen::MatrixXd& products, const EstimatedUnknowns& unknowns, const Eigen::VectorXd& variances,
+    const Eigen::MatrixXd& pulls, const std::vector<Eigen::Index>& sources, Likelihood* likelihood) const {
+  const Eigen::Index n = num_unknowns_;
+  const Eigen::MatrixXd& covariance = unknowns.covariance;
+  const auto information = products.topLeftCorner(n, n);
+  // J_g^T P y of each group, zero elsewhere, and the matrix (I - C J^T S^-1 J) times it, as in AddScoresOfUnknowns.
+  Eigen::MatrixXd along = Eigen::MatrixXd::Zero(n, num_groups_);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const Eigen::Index g = shared_.columns[i];
+    const Eigen::Index group = shared_.groups[i];
+    const double variance = variances[group];
+    const bool has_variance = variance > 0;
+    const double pull =
+        has_variance ? unknowns.step[g] / variance : products(g, n) - information.col(g).dot(unknowns.step);
+    along(g, group) = pull;
+    // J_g^T P J_g: a difference that is small where the captures tell less than the prior.
+    const double share_of_prior = has_variance ? covariance(g, g) / variance : 0;
+    double seen = 0;
+    if (!has_variance) {
+      seen = information(g, g) - information.col(g).dot(covariance * information.col(g));
+    } else if (share_of_prior < 0.5) {
+      seen = (1 - share_of_prior) / variance;
+    } else {
+      seen = information.col(g).dot(covariance.col(g)) / variance;
+    }
+    likelihood->gradient[group] += 0.5 * (pull * pull - seen);
+  }
+  std::vector<Eigen::Index> groups = shared_.groups;
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  for (const Eigen::Index group : groups) {
+    const double variance = variances[group];
+    const Eigen::VectorXd left = variance > 0 ? Eigen::VectorXd(covariance * along.col(group) / variance)
+                                              : along.col(group) - covariance * (information * along.col(group));
+    for (size_t k = 0; k < sources.size(); ++k) {
+      const double average = 0.5 * pulls.col(static_cast<Eigen::Index>(k)).dot(left);
+      likelihood->fisher(group, sources[k]) = average;
+      likelihood->fisher(sources[k], group) = average;
+    }
+    const Eigen::VectorXd seen = information * left;
+    for (const Eigen::Index other : groups) {
+      if (other > group) break;
+      likelihood->fisher(group, other) = 0.5 * along.col(other).dot(seen);
+      likelihood->fisher(other, group) = likelihood->fisher(group, other);
+    }
+  }
+}
+
+template <int kRows, int kEffects>
+std::optional<InformationAndDerivatives> LikelihoodOfRows<kRows, kEffects>::InformationAt(
+    const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
+  const Whitening whitening(*this, variances);
+  if (!whitening.is_regular()) return std::nullopt;
+  InformationAndDerivatives result;
+  result.information = (independent_ / variances[0] + whitening.products()).topLeftCorner(n, n);
+  result.derivatives = DerivativesOf(whitening, variances[0]);
+  for (Eigen::MatrixXd& derivative : result.derivatives) {
+    if (derivative.size() == 0) derivative.setZero(n, n);
+  }
+  std::vector<bool> is_zero(static_cast<size_t>(n), false);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const Eigen::Index column = shared_.columns[i];
+    const double variance = variances[shared_.groups[i]];
+    is_zero[static_cast<size_t>(column)] = !(variance > 0);
+    if (!(variance > 0)) continue;
+    result.information(column, column) += 1 / variance;
+    result.derivatives[static_cast<size_t>(shared_.groups[i])](column, column) = 1 / (variance * variance);
+  }
+  std::vector<Eigen::Index> active;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (!is_zero[static_cast<size_t>(i)]) active.push_back(i);
+  }
+  if (static_cast<Eigen::Index>(active.size()) < n) {
+    result.information = Eigen::MatrixXd(result.information(active, active));
+    for (Eigen::MatrixXd& derivative : result.derivatives) derivative = Eigen::MatrixXd(derivative(active, active));
+  }
+  return result;
+}
+
+}  // namespace
+
+std::unique_ptr<RestrictedLikelihood> MakeLikelihood(const std::vector<LinearisedView>& views,
+                                                     const std::vector<VarianceGroup>& groups) {
+  CHECK(!views.empty());
+  CHECK(!groups.empty() && groups.front().kind == Kind::kPixels);
+  constexpr int kOnePose = 6;
+  const Eigen::Index num_effects = EffectColumns(groups).size();
+  const bool has_one_pose =
+      views.front().by_effects.cols() - views.front().num_combined_effects == kOnePose && num_effects >= kOnePose;
+  if (has_one_pose && num_effects == kOnePose) {
+    return std::make_unique<LikelihoodOfRows<kOnePose, kOnePose>>(views, groups);
+  }
+  if (has_one_pose) return std::make_unique<LikelihoodOfRows<kOnePose, Eigen::Dynamic>>(views, groups);
+  return std::make_unique<LikelihoodOfRows<Eigen::Dynamic, Eigen::Dynamic>>(views, groups);
+}
+
+}  // namespace heba
