@@ -54,14 +54,16 @@ def version():
     return re.search(r"project\(heba VERSION ([0-9.]+)", (SOURCE / "CMakeLists.txt").read_text()).group(1)
 
 
-def pack(package, wheel_directory):
-    """Packs the folder of a built package as a wheel; returns the wheel's name."""
+def pack(package, wheel_directory, platform=None, more=None):
+    """Packs the folder of a built package as a wheel; returns the wheel's name.
+
+    `platform` is the tag of the machines that it is for, by default this one; `more` has further files by their paths.
+    """
     extension = next(package.glob("_heba*.so"), None)
     if extension is None or not extension.name.endswith(sysconfig.get_config_var("EXT_SUFFIX")):
         raise SystemExit(f"{package}: has no extension for {sys.executable}; build it with -DPython3_EXECUTABLE")
-    tag = "cp{0}{1}-cp{0}{1}-{2}".format(
-        *sys.version_info[:2], sysconfig.get_platform().replace("-", "_").replace(".", "_")
-    )
+    machine = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    tag = "cp{0}{1}-cp{0}{1}-{2}".format(*sys.version_info[:2], platform or machine)
     info = f"heba-{version()}.dist-info"
     metadata = (
         f"Metadata-Version: 2.1\nName: heba\nVersion: {version()}\nSummary: Hand-eye bundle adjustment\n"
@@ -74,6 +76,7 @@ def pack(package, wheel_directory):
         for file in sorted(package.iterdir())
         if file == extension or file.suffix in (".py", ".pyi", ".typed") or file.name == "py.typed"
     }
+    files |= more or {}
     files[f"{info}/METADATA"] = metadata.encode()
     files[f"{info}/WHEEL"] = f"Wheel-Version: 1.0\nGenerator: heba\nRoot-Is-Purelib: false\nTag: {tag}\n".encode()
     files[f"{info}/LICENSE"] = (SOURCE / "LICENSE").read_bytes()
@@ -84,7 +87,7 @@ def pack(package, wheel_directory):
     with zipfile.ZipFile(staged, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-            entry.external_attr = (0o755 if name.endswith(".so") else 0o644) << 16
+            entry.external_attr = (0o755 if ".so" in Path(name).name else 0o644) << 16
             archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
     os.replace(staged, wheel)
     return wheel.name

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that heba needs, those that are missing only. Needs root or sudo if any is. With
-# `--tests` those too that only its tests and benchmarks need.
+# `--tests` those too that only its tests and benchmarks need, with `--wheel` those that make a wheel portable.
 set -euo pipefail
 
 # What differs between Debian's releases: 13 has no clang 14, and other versions format and warn differently.
@@ -24,6 +24,8 @@ if [ "${1-}" = "--tests" ]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev "${of_release[@]}" libopencv-dev libopencv-contrib-dev
     slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv)
 fi
+
+if [ "${1-}" = "--wheel" ]; then packages+=(binutils patchelf); fi
 
 missing=()
 for package in "${packages[@]}"; do
