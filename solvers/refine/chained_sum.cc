@@ -40,7 +40,7 @@ void ColumnPlaces::Append(Eigen::Index to, Eigen::Index size) {
 
 ChainedSum::ChainedSum(const std::vector<UnknownBlock>& poses, const std::vector<UnknownBlock>& effects,
                        Eigen::Index num_columns)
-    : poses_(poses), effects_(effects), num_columns_(num_columns) {
+    : poses_(poses), effects_(effects), num_columns_(num_columns), rows_of_effects_(effects.size()) {
   matrix_.setZero(num_columns, num_columns);
 }
 
@@ -125,9 +125,17 @@ void ChainedSum::AddProducts(const Eigen::MatrixXd& products, const KinematicLoo
     for (size_t l = 0; l < loop.shared().size(); ++l) {
       matrix_.block(first, PoseColumn(loop.shared()[l]), chain.cols(), 6) += half.lazyProduct(derivatives.shared[l]);
     }
-    for (size_t l = 0; l <= e; ++l) {
+    for (size_t l = 0; l < e; ++l) {
       const Matrix6X& other = derivatives.effects[l];
       matrix_.block(first, EffectColumn(loop.effects()[l]), chain.cols(), other.cols()) += half.lazyProduct(other);
+    }
+    // Of many effects, their products with each other are most of the work. They are those of six rows.
+    if (const auto root = Cholesky(by_pose)) {
+      std::optional<StackedRows>& rows = rows_of_effects_[static_cast<size_t>(loop.effects()[e])];
+      if (!rows) rows.emplace(static_cast<int>(chain.cols()));
+      rows->Next<6>() = root->lower().triangularView<Eigen::Lower>().transpose() * chain;
+    } else {
+      matrix_.block(first, first, chain.cols(), chain.cols()) += half.lazyProduct(chain);
     }
     for (const ColumnPlaces::Segment& segment : places.segments) {
       matrix_.block(segment.to, first, segment.size, chain.cols()) +=
@@ -197,6 +205,11 @@ Eigen::MatrixXd ChainedSum::Eliminate(const NuisanceMatrix& normal, const Eigen:
 }
 
 ChainedSum::Result ChainedSum::Finish() {
+  for (size_t e = 0; e < effects_.size(); ++e) {
+    if (!rows_of_effects_[e]) continue;
+    matrix_.block(effects_[e].first, effects_[e].first, effects_[e].size, effects_[e].size) +=
+        rows_of_effects_[e]->Products();
+  }
   if (stacked_) stacked_->AddTo(&matrix_);
   if (eliminated_) matrix_ -= eliminated_->Products();
   return {std::move(matrix_), loss_remainder_};

@@ -82,6 +82,7 @@ class ChainedSum {
   double loss_remainder_ = 0;
   std::optional<StackedRows> stacked_;
   std::optional<StackedRows> eliminated_;
+  std::vector<std::optional<StackedRows>> rows_of_effects_;  // One per block of effects.
 };
 
 }  // namespace heba

@@ -95,6 +95,35 @@ HEBA_TARGET_AVX512 void SumLanesAvx512(const double* lanes, int num_sums, double
   SumLanes<kLanesOf<Simd::kAvx512>>(lanes, num_sums, sums);
 }
 
+template <int kLanes>
+HEBA_INLINE void AddProducts(const double* columns, Eigen::Index stride, Eigen::Index num_columns,
+                             Eigen::Index num_rows, double* products) {
+  for (Eigen::Index i = 0; i < num_columns; i += kBlock) {
+    for (Eigen::Index j = 0; j < i + kBlock; j += 2) {
+      alignas(64) double lanes[2 * kBlock * kLanes] = {};
+      AddBlock<kLanes, kBlock>(columns + i * stride, columns + j * stride, stride, num_rows, lanes);
+      double sums[2 * kBlock];
+      SumLanes<kLanes>(lanes, 2 * kBlock, sums);
+      for (Eigen::Index row = 0; row < kBlock; ++row) {
+        products[j * num_columns + i + row] += sums[2 * row];
+        products[(j + 1) * num_columns + i + row] += sums[2 * row + 1];
+      }
+    }
+  }
+}
+void AddProductsBaseline(const double* columns, Eigen::Index stride, Eigen::Index num_columns, Eigen::Index num_rows,
+                         double* products) {
+  AddProducts<kLanesOf<Simd::kBaseline>>(columns, stride, num_columns, num_rows, products);
+}
+HEBA_TARGET_AVX2 void AddProductsAvx2(const double* columns, Eigen::Index stride, Eigen::Index num_columns,
+                                      Eigen::Index num_rows, double* products) {
+  AddProducts<kLanesOf<Simd::kAvx2>>(columns, stride, num_columns, num_rows, products);
+}
+HEBA_TARGET_AVX512 void AddProductsAvx512(const double* columns, Eigen::Index stride, Eigen::Index num_columns,
+                                          Eigen::Index num_rows, double* products) {
+  AddProducts<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, products);
+}
+
 int Even(int number) { return number + number % 2; }
 
 int NumSums(int num_columns) {
@@ -145,6 +174,12 @@ Eigen::MatrixXd GramMatrix::Matrix() const {
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(num_columns_, num_columns_);
   AddTo(places, 1.0, &matrix);
   return matrix.selfadjointView<Eigen::Lower>();
+}
+
+void AddGramOfMany(const double* columns, Eigen::Index stride, Eigen::Index num_rows, Eigen::MatrixXd* products) {
+  CHECK_EQ(products->cols() % kManyColumnsUnit, 0);
+  SelectForIsa(ActiveSimd(), &AddProductsBaseline, &AddProductsAvx2, &AddProductsAvx512)(
+      columns, stride, products->cols(), num_rows, products->data());
 }
 
 }  // namespace heba

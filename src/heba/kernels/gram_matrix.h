@@ -10,7 +10,15 @@
 
 namespace heba {
 
-// Accumulates the inner products of all pairs of columns.
+// The number of columns of AddGramOfMany is a multiple of this.
+inline constexpr int kManyColumnsUnit = 4;
+
+// Adds the inner products of all pairs of many columns to the lower triangle of `products`; what becomes of the rest
+// has no meaning. Column i starts at `columns` + i * `stride`. The caller pads the rows with zeros to a multiple of
+// kMaxLanes (heba/kernels/simd.h), and the columns to one of kManyColumnsUnit.
+void AddGramOfMany(const double* columns, Eigen::Index stride, Eigen::Index num_rows, Eigen::MatrixXd* products);
+
+// Accumulates the inner products of all pairs of a few columns.
 class GramMatrix {
  public:
   static constexpr int kMaxColumns = 40;

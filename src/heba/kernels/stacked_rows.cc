@@ -13,8 +13,9 @@ static_assert(PaddedToLanes(StackedRows::kMaxRows) == StackedRows::kMaxRows);
 StackedRows::StackedRows(int num_columns)
     : num_columns_(num_columns), products_(std::min(num_columns, kFewColumns), kMaxRows) {
   if (IsWide()) {
-    wide_columns_.resize(kMaxRows, num_columns);
-    wide_products_.setZero(num_columns, num_columns);
+    const int padded = (num_columns + kManyColumnsUnit - 1) / kManyColumnsUnit * kManyColumnsUnit;
+    wide_columns_.setZero(kMaxRows, padded);
+    wide_products_.setZero(padded, padded);
   } else {
     std::fill_n(columns_[num_columns], kMaxRows, 0.0);
   }
@@ -31,7 +32,7 @@ double* StackedRows::NextColumns(Eigen::Index num_rows) {
 void StackedRows::AddTo(Eigen::MatrixXd* matrix) {
   Multiply();
   if (IsWide()) {
-    matrix->triangularView<Eigen::Lower>() += wide_products_;
+    matrix->triangularView<Eigen::Lower>() += wide_products_.topLeftCorner(num_columns_, num_columns_);
     return;
   }
   int places[kFewColumns];
@@ -46,13 +47,14 @@ Eigen::MatrixXd StackedRows::Products() {
 }
 
 void StackedRows::Multiply() {
-  if (size_ == 0) return;  // Eigen's rankUpdate divides by the number of rows.
+  if (size_ == 0) return;
+  const Eigen::Index padded = PaddedToLanes(size_);
   if (IsWide()) {
-    wide_products_.selfadjointView<Eigen::Lower>().rankUpdate(wide_columns_.topRows(size_).transpose());
+    wide_columns_.middleRows(size_, padded - size_).setZero();
+    AddGramOfMany(wide_columns_.data(), kMaxRows, padded, &wide_products_);
     size_ = 0;
     return;
   }
-  const Eigen::Index padded = PaddedToLanes(size_);
   for (int c = 0; c < num_columns_; ++c) std::fill(columns_[c] + size_, columns_[c] + padded, 0.0);
   products_.Add(columns_[0], padded);
   size_ = 0;
