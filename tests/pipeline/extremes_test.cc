@@ -236,6 +236,7 @@ TEST_F(ExtremesTest, RefusesMeaninglessResults) {
          order[order.size() - 1] = order[order.size() - 2];
        }},
       {"negative degrees of freedom", [](Json& bundle) { bundle["solve"]["covariance_dof"] = -3; }},
+      {"no degrees of freedom", [](Json& bundle) { bundle["solve"]["covariance_dof"] = 1e-300; }},
       {"negative pixel noise", [](Json& bundle) { bundle["solve"]["pixel_sigma"] = -0.1; }},
       {"negative rms", [](Json& bundle) { bundle["errors"]["reprojection_rms_px"] = -1; }},
       {"no camera", [](Json& bundle) { bundle["camera"] = nullptr; }},

@@ -190,7 +190,10 @@ Kinematics ReadKinematics(MapReader& refine, const std::vector<Arm>& arms, const
     kinematics = choice == "auto" ? Kinematics::kAuto : choice == "none" ? Kinematics::kNone : Kinematics::kOffsets;
   } else {
     std::vector<std::string> parts;
-    for (const ConfigValue& item : value->AsList()) parts.push_back(item.AsChoice({"offsets", "geometry", "gravity"}));
+    for (const ConfigValue& item : value->AsList()) {
+      parts.push_back(item.AsChoice({"offsets", "geometry", "gravity"}));
+      if (std::count(parts.begin(), parts.end(), parts.back()) > 1) item.Fail("'" + parts.back() + "' is listed twice");
+    }
     const auto has = [&](const char* part) { return std::find(parts.begin(), parts.end(), part) != parts.end(); };
     if (!has("offsets")) value->Fail("offsets must be among them");
     if (has("gravity") && !has("geometry")) value->Fail("gravity needs geometry beside it");

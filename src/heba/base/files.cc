@@ -83,18 +83,23 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   if (fs::is_directory(status)) throw InputError(path.string() + ": this is a folder; a file is needed");
   // Reading from a pipe or a device may never end.
   if (!fs::is_regular_file(status)) throw InputError(path.string() + ": is not a regular file");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
+  // Files of the kernel look regular, and may wait for what never comes.
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (file < 0) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
   std::string content;
   char buffer[1 << 16];
-  while (stream.read(buffer, sizeof(buffer)) || stream.gcount() > 0) {
-    content.append(buffer, static_cast<size_t>(stream.gcount()));
-    if (content.size() > max_bytes) {
-      throw InputError(path.string() + ": larger than " + std::to_string(max_bytes >> 20) +
-                       " MiB, the limit for this file");
-    }
+  ssize_t num_read = 0;
+  do {
+    num_read = read(file, buffer, sizeof(buffer));
+    if (num_read > 0) content.append(buffer, static_cast<size_t>(num_read));
+  } while (content.size() <= max_bytes && (num_read > 0 || (num_read < 0 && errno == EINTR)));
+  const int fault = num_read < 0 ? errno : 0;
+  close(file);
+  if (content.size() > max_bytes) {
+    throw InputError(path.string() + ": larger than " + std::to_string(max_bytes >> 20) +
+                     " MiB, the limit for this file");
   }
-  if (stream.bad()) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
+  if (fault != 0) throw InputError(path.string() + ": cannot be read (" + std::strerror(fault) + ")");
   return content;
 }
 

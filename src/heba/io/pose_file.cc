@@ -317,9 +317,9 @@ std::string WithoutBrackets(std::string_view line) {
     std::replace_if(
         bare.begin(), bare.end(), [&](char c) { return kBrackets.find(c) != std::string_view::npos; }, ' ');
   }
-  bare = Trim(bare);
-  while (!bare.empty() && (bare.back() == ',' || bare.back() == ';')) bare = Trim(bare.substr(0, bare.size() - 1));
-  return bare;
+  // Separators without a field end lines of some programs.
+  bare.resize(bare.find_last_not_of(" \t\r,;") + 1);
+  return Trim(bare);
 }
 
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,

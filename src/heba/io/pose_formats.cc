@@ -337,20 +337,15 @@ std::string PoseFormatText(const PoseFormat& format) {
          ", rotation: " + format.rotation + (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
 }
 
-Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers) {
-  CHECK_EQ(numbers.size(), format.columns.size());
-  const std::string fault = CheckRange(format, numbers);
-  if (!fault.empty()) return Failure{fault};
+namespace {
+
+// Returns the pose that numbers within their ranges are.
+Outcome<Rigid3d> PoseOf(const PoseFormat& format, std::span<const double> numbers) {
   if (format.rotation == "numbers") return Rigid3d();
   if (format.arm) {
     std::vector<double> joints(numbers.begin(), numbers.end());
     for (size_t i = 0; i < joints.size(); ++i) joints[i] *= format.arm->IsTurning(i) ? RadPerUnit(format) : 1;
-    const Rigid3d pose = format.arm->BaseFromTip(joints);
-    constexpr double kFarthestM = 1e6;
-    if (!(pose.translation.norm() < kFarthestM) || !pose.rotation.coeffs().allFinite()) {
-      return Failure{"the arm's tip is absurdly far away for these joints"};
-    }
-    return pose;
+    return format.arm->BaseFromTip(joints);
   }
   if (!format.robot.empty()) {
     JointAngles joints_rad;
@@ -376,6 +371,20 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
   const Eigen::Quaterniond second = Turn(form.axes[1], angles_rad[1]);
   const Eigen::Quaterniond third = Turn(form.axes[2], angles_rad[2]);
   return Rigid3d(form.kind == RotationKind::kEuler ? first * second * third : third * second * first, translation);
+}
+
+}  // namespace
+
+Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers) {
+  CHECK_EQ(numbers.size(), format.columns.size());
+  const std::string fault = CheckRange(format, numbers);
+  if (!fault.empty()) return Failure{fault};
+  Outcome<Rigid3d> pose = PoseOf(format, numbers);
+  constexpr double kFarthestM = 1e6;
+  if (pose && (!(pose->translation.norm() < kFarthestM) || !pose->rotation.coeffs().allFinite())) {
+    return Failure{"the pose is absurdly far away (" + Significant(pose->translation.norm(), 2) + " m)"};
+  }
+  return pose;
 }
 
 std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pose) {

@@ -33,7 +33,7 @@ void ReadSolve(const JsonReader& solve, AnySolution* solution) {
   convergence.seconds = ReadMagnitude(solve, "seconds");
   convergence.message = solve.Get("message").Text();
   solution->covariance_dof = ReadOptionalMagnitude(solve, "covariance_dof").value_or(kInfinity);
-  if (solution->covariance_dof == 0) solve.Get("covariance_dof").Fail("must be greater than 0");
+  if (solution->covariance_dof < 1) solve.Get("covariance_dof").Fail("must be at least 1");
 }
 
 // Reads a covariance and frees the groups of parameters of which it has a name.

@@ -48,6 +48,7 @@ TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
   EXPECT_THAT(ErrorOf(with("ur30", "[offsets, geometry, gravity]")),
               HasSubstr("wrong.yaml:5: refine.kinematics: gravity needs the masses of the links of the arm ur30"));
   EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, gravity]")), HasSubstr("gravity needs geometry beside it"));
+  EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, offsets]")), HasSubstr("'offsets' is listed twice"));
 }
 
 TEST_F(RunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
