@@ -332,7 +332,7 @@ TEST_F(RigRunTest, WhatIsLeftOutIsListed) {
     // They are no images that the run could have used.
     EXPECT_EQ(CountImages(result, "left"), std::pair(16, 16));
   }
-  const std::string page = ReportPage(ReportDataOf(dataset, *run), {"", "", "", ""});
+  const std::string page = ReportPage(ReportDataOf(*run), {"", "", "", ""});
   EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
   EXPECT_THAT(page, HasSubstr("late.png"));
 }

@@ -166,7 +166,7 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   ASSERT_TRUE(pair->result.arms[0]->is_estimated) << pair->result.arms[0]->reason.ToString();
   EXPECT_LT((pair->result.arms[0]->errors - single->result.robot->errors).norm(), 1e-12);
   EXPECT_EQ(pair->result.solution.effects[0].size(), pair->result.rig.effects[0]->size());
-  EXPECT_FALSE(ReportPage(ReportDataOf(held, *pair), {}).empty());
+  EXPECT_FALSE(ReportPage(ReportDataOf(*pair), {}).empty());
 }
 
 }  // namespace
