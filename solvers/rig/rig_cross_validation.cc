@@ -133,6 +133,7 @@ RigHoldOut HoldOutOf(const HeldOutErrors& errors, const Failure& reason) {
     return camera;
   }
   camera.target_m = errors.RmsDistanceM();
+  camera.target_m_of_capture = errors.distance_m_of_capture;
   camera.target_rad = errors.RmsAngleRad();
   return camera;
 }

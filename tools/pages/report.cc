@@ -325,10 +325,7 @@ CaptureRow RowOf(const ReportData& data, size_t entry, const RigCaptureResult* c
   row.Add("points", PageCell{std::to_string(num_points), true});
   row.Add("left out", PageCell{std::to_string(num_rejected), true});
   row.Add("rms, px", Number(RmsOf(image)));
-  if (data.single != nullptr) {
-    const std::optional<double>& holdout_mm = data.single->captures[entry].holdout_target_mm;
-    row.Add("hold-out, mm", PageCell{holdout_mm ? ShownAmount(*holdout_mm, 2) : "", true});
-  }
+  row.Add("hold-out, mm", PageCell{image.holdout_target_mm ? ShownAmount(*image.holdout_target_mm, 2) : "", true});
   const std::optional<CaptureMove>& move = image.move_without;
   row.AddMotion("result changes without it", move ? std::optional(move->tangent) : std::nullopt);
   row.Add("chance", PageCell{move ? ShownPValue(move->p_value) : "", true});

@@ -398,6 +398,24 @@ std::vector<RigErrors> WithHoldOuts(std::vector<RigErrors> errors, const std::ve
   return errors;
 }
 
+// Fills in the held-out distance of each image.
+void AddHoldOutsOfImages(const std::vector<RigHoldOut>& hold_outs, RigResult* result) {
+  std::map<std::pair<std::string, std::string>, std::pair<double, int>> squares_of;
+  for (size_t c = 0; c < hold_outs.size(); ++c) {
+    for (const auto& [capture, distance_m] : hold_outs[c].target_m_of_capture) {
+      auto& [sum_m2, number] = squares_of[{result->captures[capture].name, result->rig.cameras[c].name}];
+      sum_m2 += distance_m * distance_m;
+      ++number;
+    }
+  }
+  for (RigImageResult& image : result->images) {
+    const auto squares = squares_of.find({image.capture, image.camera});
+    if (squares == squares_of.end()) continue;
+    const auto& [sum_m2, number] = squares->second;
+    image.holdout_target_mm = 1000 * std::sqrt(sum_m2 / number);
+  }
+}
+
 Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
   RigRunOutput output;
   RigResult& result = output.result;
@@ -450,6 +468,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     const RigHoldOuts hold_outs =
         CrossValidateRig(output.calibration, calibration_options, num_folds, [&] { report.Step(); });
     result.errors = WithHoldOuts(std::move(result.errors), hold_outs.of_cameras);
+    AddHoldOutsOfImages(hold_outs.of_cameras, &result);
     result.holdout_chi2 = hold_outs.chi2_per_dof;
   }
   RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);

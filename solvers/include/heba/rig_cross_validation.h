@@ -20,6 +20,8 @@ struct RigHoldOut {
   // the held-out images.
   std::optional<double> target_m;
   std::optional<double> target_rad;
+  // The distance of each held-out target, with its capture: an index into RigProblem::captures.
+  std::vector<std::pair<size_t, double>> target_m_of_capture;
 };
 
 struct RigHoldOuts {

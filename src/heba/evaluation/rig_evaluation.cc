@@ -238,6 +238,7 @@ RigResult AsRigResult(const RunResult& result, const Estimate& estimate) {
     image.used = capture.used;
     image.reason = capture.reason;
     image.was_searched = capture.was_searched;
+    image.holdout_target_mm = capture.holdout_target_mm;
     image.move_without = capture.move_without;
     if (capture.num_points == 0) continue;
     image.targets.push_back({"", capture.num_points, capture.num_rejected, capture.rms_px, capture.used});

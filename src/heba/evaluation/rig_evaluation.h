@@ -54,6 +54,9 @@ struct RigImageResult {
   std::string reason;                     // Reason why it, or one of its targets, was not used.
   std::vector<RigTargetInImage> targets;  // Empty if no target was seen.
   bool was_searched = true;               // False for what the run left out before it searched the images.
+  // The distance between the predicted pose of a target and the pose that this image shows, in a fold of the
+  // cross-validation that was estimated without it: RMS over its targets.
+  std::optional<double> holdout_target_mm = {};
   // The change of the pose of this camera if the capture, with its images of all cameras, is left out
   // (solvers/calibration/influence.h).
   std::optional<CaptureMove> move_without = {};

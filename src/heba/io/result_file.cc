@@ -246,6 +246,7 @@ Json CapturesJson(const RigResult& result) {
         {"used", image.used},
         {"reason", image.reason},
         {"targets", targets},
+        {"holdout_target_mm", OrNull(image.holdout_target_mm)},
         {"move_without", MoveJson(image.move_without)},
         {"robot_correction",
          capture == capture_of.end() ? Json(nullptr) : CorrectionsJson(result.rig, capture->second->corrections)}});

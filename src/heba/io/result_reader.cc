@@ -315,6 +315,7 @@ void ReadCaptures(const JsonReader& reader, RigResult* result) {
                          entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
     // Results of earlier versions lack this member.
     if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
+    if (entry.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(entry, "holdout_target_mm");
     if (entry.Has("move_without")) image.move_without = ReadMove(entry);
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),

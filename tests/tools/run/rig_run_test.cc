@@ -2,6 +2,7 @@
 #include "heba/rig_run.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -367,6 +368,31 @@ TEST_F(RigRunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
   // The later captures keep their images.
   EXPECT_TRUE(ResultOf(run->result, "capture5", "left").used);
   for (const RigDetection& detection : run->detections) EXPECT_LT(detection.capture, run->dataset.captures.size());
+}
+
+TEST_F(RigRunTest, HoldOutsOfImagesAddUpToThoseOfTheirCamera) {
+  const RigScene scene = MakeScene(1);
+  const Outcome<RigRunOutput> run = RunOn(DatasetOf(scene), scene, 4);
+  ASSERT_TRUE(run) << run.reason();
+  for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+    double squares_mm2 = 0;
+    int num_targets = 0;
+    for (const RigImageResult& image : run->result.images) {
+      if (image.camera != scene.problem.cameras[c].name || !image.used) continue;
+      ASSERT_TRUE(image.holdout_target_mm.has_value()) << image.capture;
+      const auto number = static_cast<int>(image.targets.size());
+      squares_mm2 += number * *image.holdout_target_mm * *image.holdout_target_mm;
+      num_targets += number;
+    }
+    const double of_camera_mm = *run->result.errors[c].holdout_target_mm;
+    EXPECT_NEAR(std::sqrt(squares_mm2 / num_targets), of_camera_mm, 1e-9 * of_camera_mm);
+  }
+  const fs::path file = folder_ / "result.json";
+  WriteFileAtomically(file, RigResultToJson(run->result));
+  const RigResult read = ReadRigResult(file);
+  for (size_t e = 0; e < read.images.size(); ++e) {
+    EXPECT_EQ(read.images[e].holdout_target_mm, run->result.images[e].holdout_target_mm);
+  }
 }
 
 }  // namespace
