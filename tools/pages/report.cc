@@ -180,27 +180,25 @@ std::string EllipsesFigure(const RigSolution& solution, const Eigen::Matrix3d& p
                     Json{{"ellipses", ellipses}});
 }
 
-// Shows the uncertainty of a target that a single camera locates.
-std::string WorkingPointPart(const ReportData& data) {
-  if (!data.single->working_point) return "";
-  const RigSolution& solution = data.result.solution;
-  const auto camera = PoseCovarianceOf(solution.covariance, CameraPoseBlock(data.result.rig.cameras[0]));
-  return EllipsesFigure(
-      solution, 1e6 * data.single->working_point->covariance_m2, *camera,
-      "Uncertainty of a target at the working point, in mm, and of the camera's orientation, in deg: ");
-}
-
-// Shows the uncertainty of the poses of a rig's cameras.
-std::string CameraUncertaintyPart(const ReportData& data) {
+// Shows the uncertainty of a target that each camera locates at its working point, or that of the camera's position if
+// it has none.
+std::string UncertaintyPart(const ReportData& data) {
   const RigSolution& solution = data.result.solution;
   std::string figures;
-  for (const RigCamera& camera : data.result.rig.cameras) {
+  for (size_t c = 0; c < data.result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = data.result.rig.cameras[c];
     const auto covariance = PoseCovarianceOf(solution.covariance, CameraPoseBlock(camera));
     if (!covariance) continue;
-    figures += EllipsesFigure(solution, 1e6 * covariance->topLeftCorner<3, 3>(), *covariance,
-                              "Uncertainty of the position of camera " + camera.name +
-                                  " in its mount, in mm, and of "
-                                  "its orientation, in deg: ");
+    const std::optional<WorkingPoint> point =
+        c < data.result.working_points.size() ? data.result.working_points[c] : std::nullopt;
+    const std::string of_camera = camera.name.empty() ? "" : " of camera " + camera.name;
+    const Eigen::Matrix3d position_m2 =
+        point ? point->covariance_m2 : Eigen::Matrix3d(covariance->topLeftCorner<3, 3>());
+    figures += EllipsesFigure(
+        solution, 1e6 * position_m2, *covariance,
+        "Uncertainty of " +
+            (point ? "a target at the working point" + of_camera : "the position" + of_camera + " in its mount") +
+            ", in mm, and of the camera's orientation, in deg: ");
   }
   return figures;
 }
@@ -374,8 +372,7 @@ constexpr ReportSection kSections[] = {
     {"Poses between cameras and between targets", RelativePart},
     {"Intrinsics", IntrinsicsPart, ReportSection::For::kRig},
     {"", ResidualSections},
-    {"Uncertainty at the working point", WorkingPointPart, ReportSection::For::kSingle},
-    {"Uncertainty of the cameras", CameraUncertaintyPart, ReportSection::For::kRig},
+    {"Uncertainty at the working point", UncertaintyPart},
     {"Arms", ArmsPart},
     {"", ArmSections},
     {"Parameter correlation", CorrelationFigure},

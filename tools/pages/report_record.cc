@@ -67,11 +67,11 @@ std::string TilesPart(const ReportData& data) {
     const auto sigmas = sigmas_of(c);
     return sigmas ? std::optional(RadToDeg(sigmas->second)) : std::nullopt;
   });
-  if (data.single != nullptr && data.single->working_point) {
-    const WorkingPoint& point = *data.single->working_point;
-    add("target at " + error_text(1000 * point.in_camera_m.norm()) + " mm, one sigma (worst axis)",
-        sigma_text(1000 * std::sqrt(point.covariance_m2.diagonal().maxCoeff())) + " mm");
-  }
+  add_worst("target at its working point, one sigma (worst axis)", "mm", sigma_text, [&](size_t c) {
+    const std::optional<WorkingPoint> point =
+        c < result.working_points.size() ? result.working_points[c] : std::nullopt;
+    return point ? std::optional(1000 * std::sqrt(point->covariance_m2.diagonal().maxCoeff())) : std::nullopt;
+  });
   add_worst("hold-out error at the target", "mm", error_text,
             [&](size_t c) { return result.errors[c].holdout_target_mm; });
   add_worst("hold-out RMS", "px", error_text, [&](size_t c) { return result.errors[c].holdout_rms_px; });

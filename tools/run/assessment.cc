@@ -2,19 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "heba/base/distributions.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/data/prediction.h"
-#include "heba/data/stated_pose.h"
-#include "heba/target_location.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/initial/pose_selection.h"
-#include "solvers/initial/usable_views.h"
+#include "solvers/residuals/inliers.h"
 #include "tools/run/captures.h"
+#include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
 
@@ -32,41 +29,6 @@ Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std
   errors.board_scatter = ComputeBoardScatter(pairs, hand_eye);
   if (truth) errors.truth = CompareWithTruth(hand_eye, camera, *truth, symmetries);
   return errors;
-}
-
-// Returns the working point: that of the capture with the median distance. Returns nothing if its points do not
-// determine the target's pose. What a wrong held part does to the camera and to what the camera sees cancels in part:
-// a located target moves by as much as the target of the calibration (`changes`, as of Advice).
-std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup,
-                                             const std::vector<Eigen::VectorXd>& changes) {
-  const Solution& solution = *calibration.refined;
-  std::vector<std::pair<double, const View*>> by_distance;
-  const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
-    return CameraFromTarget(solution.hand_eye, CorrectedMount(setup, view, solution)) *
-           ApplyShape(view.observations, solution.shape).points_in_target.rowwise().mean();
-  };
-  for (const View& view : calibration.views) {
-    if (view.observations.size() >= kMinPosePoints) by_distance.emplace_back(middle_of(view).norm(), &view);
-  }
-  if (by_distance.empty()) return std::nullopt;
-  const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);
-  std::nth_element(by_distance.begin(), middle, by_distance.end());
-  const View& view = *middle->second;
-  const StatedPose camera_mount = setup == Setup::kEyeInHand ? GripperPoseOf(setup, view) : StatedPose();
-  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, camera_mount);
-  if (!located) return std::nullopt;
-  const Eigen::Matrix3d base_from_camera = Correct(solution, camera_mount).base_from_mount.RotationMatrix() *
-                                           solution.hand_eye.camera_mount_from_camera.RotationMatrix();
-  WorkingPoint point{middle_of(view),
-                     base_from_camera.transpose() * located->covariance.by_calibration_m2 * base_from_camera};
-  const Eigen::Matrix3d camera_from_target =
-      CameraFromTarget(solution.hand_eye, CorrectedMount(setup, view, solution)).RotationMatrix();
-  const Eigen::Index first = solution.covariance.layout.Block(kBoardBlock).first;
-  for (const Eigen::VectorXd& change : changes) {
-    const Eigen::Vector3d in_camera = camera_from_target * change.segment<3>(first);
-    point.covariance_m2 += in_camera * in_camera.transpose();
-  }
-  return point;
 }
 
 ModelSummary SummariseModel(const Calibration& calibration) {
@@ -87,49 +49,6 @@ ModelSummary SummariseModel(const Calibration& calibration) {
                                   alternative.p, std::nullopt, alternative.reason});
   }
   return model;
-}
-
-// Returns the accuracy that the calibration reaches at each position for which the config requires one. A camera that
-// the robot carries can see a target at any position as at the working point.
-std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::vector<PlacedRequirement>& requirements,
-                                             const Calibration& calibration, const RunResult& result) {
-  std::vector<Requirement> reached;
-  const Solution& solution = *calibration.refined;
-  for (const PlacedRequirement& required : requirements) {
-    Requirement entry{required.within_m, required.confidence, "the working point"};
-    const auto radius_m = [&](const Eigen::Matrix3d& covariance_m2) {
-      return ConfidenceRadius(covariance_m2, required.confidence, solution.covariance_dof);
-    };
-    if (result.working_point) entry.reached_m = radius_m(result.working_point->covariance_m2);
-    if (!required.places_in_base_m.empty() && dataset.setup == Setup::kEyeToHand) {
-      entry.place = required.text;
-      entry.reached_m = 0;
-      const View& fullest =
-          *std::max_element(calibration.views.begin(), calibration.views.end(),
-                            [](const View& a, const View& b) { return a.observations.size() < b.observations.size(); });
-      for (const Eigen::Vector3d& place : required.places_in_base_m) {
-        // The target as that capture showed it, moved to the position.
-        Observations seen = fullest.observations;
-        Rigid3d camera_from_target =
-            CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, fullest, solution));
-        const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
-        camera_from_target.translation +=
-            Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
-        const bool is_in_view = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
-                                        ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
-        const Outcome<LocatedTarget> located =
-            is_in_view ? LocateTarget(dataset.setup, solution, seen, Rigid3d()) : Outcome<LocatedTarget>();
-        if (!located) {
-          entry.reached_m.reset();
-          entry.unreached = is_in_view ? Unreached::kUndetermined : Unreached::kNotInView;
-          break;
-        }
-        entry.reached_m = std::max(*entry.reached_m, radius_m(located->covariance.by_calibration_m2));
-      }
-    }
-    reached.push_back(std::move(entry));
-  }
-  return reached;
 }
 
 std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
@@ -317,20 +236,25 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
   AddChanges(advice.changes, &result.estimates.back().solution->covariance);
+  const SearchedModel of_all = AsProblem(calibration, options).model;
   if (!calibration.left_out.empty()) {
-    const SearchedModel of_all = AsProblem(calibration, options).model;
     SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
                &result.estimates.back().errors);
   }
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
-  result.working_point = FindWorkingPoint(calibration, dataset.setup, advice.changes);
+  const RigSolution& solution = of_all.judged.solution;
+  const RigProblem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), solution);
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, advice.changes);
+  result.working_point = working_points.front();
   result.model = SummariseModel(calibration);
   for (Finding& missing :
        FindMissingIds(AsRigDataset(dataset), InRig(detections), PredictCaptures(dataset, *calibration.refined, 0))) {
     result.observations.push_back(std::move(missing));
   }
-  result.requirements = ReachedRequirements(dataset, run.requirements, calibration, result);
+  for (RigRequirement& reached : ReachedAccuracies(run.requirements, used, solution, working_points)) {
+    result.requirements.push_back(std::move(reached.requirement));
+  }
   return result;
 }
 

@@ -21,8 +21,8 @@
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/duplicate_images.h"
+#include "tools/run/reached_accuracy.h"
 #include "tools/run/rig_arm_errors.h"
-#include "tools/run/rig_requirements.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
 #include "tools/run/single_pair.h"
@@ -450,6 +450,9 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   const RigProblem used = WithoutRejected(output.calibration.problem, solution);
   // The influence of a capture is that on the estimate from the captures alone.
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
+  std::vector<Eigen::VectorXd> changes = of_held.changes;
+  changes.insert(changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, changes);
   AddChanges(of_held.changes, &output.calibration.refined->covariance);
   AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
   timing.refine_s = solution.convergence.seconds;
@@ -478,7 +481,8 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
        {of_rig, summaries.findings, of_held.findings, of_smooth.findings, directions, missing_ids}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
-  result.requirements = ReachedInRig(options.requirements, used, solution);
+  result.working_points = working_points;
+  result.requirements = ReachedAccuracies(options.requirements, used, solution, working_points);
   result.verdict = JudgeRig(result);
   return output;
 }

@@ -225,6 +225,7 @@ RigResult AsRigResult(const RunResult& result, const Estimate& estimate) {
   errors.holdout_target_deg = estimate.errors.holdout_target_deg;
   errors.left_out_rms_px = estimate.errors.left_out_rms_px;
   errors.left_out_target_mm = estimate.errors.left_out_target_mm;
+  whole.working_points = {result.working_point};
   if (result.working_point) errors.distance_m = result.working_point->in_camera_m.norm();
   if (estimate.errors.truth) {
     errors.truth_mm = estimate.errors.truth->hand_eye_mm;

@@ -113,8 +113,10 @@ struct RigResult {
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
   std::vector<std::string> target_types;
-  RigSolution solution;                        // Without the outcomes of the captures.
-  std::vector<RigErrors> errors;               // One per camera.
+  RigSolution solution;           // Without the outcomes of the captures.
+  std::vector<RigErrors> errors;  // One per camera.
+  // One per camera, or empty in a result of an earlier version.
+  std::vector<std::optional<WorkingPoint>> working_points;
   std::optional<double> holdout_chi2;          // Held-out chi-square per degree of freedom.
   std::vector<RelativePose> relative_cameras;  // RelativeCameraPoses.
   std::vector<RelativePose> relative_targets;

@@ -273,7 +273,9 @@ Json CameraEntryJson(const RigResult& result, size_t index) {
                                 CameraPoseBlock(camera))},
               {"camera", CameraJson(solution.cameras[index], &solution.covariance, CameraBlock(camera))},
               {"pixel_sigma", solution.pixel_sigmas_px[index]},
-              {"image_sigma", solution.image_sigmas_px[index]}};
+              {"image_sigma", solution.image_sigmas_px[index]},
+              {"working_point",
+               index < result.working_points.size() ? WorkingPointJson(result.working_points[index]) : Json(nullptr)}};
 }
 
 Json TargetEntryJson(const RigResult& result, size_t index) {

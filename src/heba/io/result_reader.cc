@@ -286,6 +286,8 @@ void ReadCameraEntry(const JsonReader& reader, const std::string& name, RigResul
   solution.cameras.push_back(camera.camera);
   solution.pixel_sigmas_px.push_back(ReadMagnitude(reader, "pixel_sigma"));
   solution.image_sigmas_px.push_back(ReadMagnitude(reader, "image_sigma"));
+  result->working_points.emplace_back();
+  if (reader.Has("working_point")) result->working_points.back() = ReadWorkingPoint(reader.Get("working_point"));
   result->rig.cameras.push_back(std::move(camera));
 }
 

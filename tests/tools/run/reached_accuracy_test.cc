@@ -1,4 +1,4 @@
-#include "tools/run/rig_requirements.h"
+#include "tools/run/reached_accuracy.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ const Eigen::Vector3d kPlace(0.5, 0.0, 0.4);
 
 std::vector<RigRequirement> Reached(const RigScene& scene, const RigSolution& solution,
                                     const PlacedRequirement& required) {
-  return ReachedInRig({required}, scene.problem, solution);
+  return ReachedAccuracies({required}, scene.problem, solution, WorkingPointsOf(scene.problem, solution, {}));
 }
 
 std::vector<size_t> CamerasOf(const std::vector<RigRequirement>& all) {
@@ -46,7 +46,7 @@ double ErrorM(const RigScene& scene, const RigSolution& solution, size_t camera,
 }
 
 // With its confidence, the radius that is reached holds the error at the place.
-TEST(RigRequirements, TheRadiusHoldsTheErrorsOfLocatedTargets) {
+TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) {
   PlacedRequirement required;
   required.confidence = 0.8;
   required.places_in_base_m = {kPlace};
@@ -69,7 +69,7 @@ TEST(RigRequirements, TheRadiusHoldsTheErrorsOfLocatedTargets) {
   EXPECT_NEAR(num_inside / static_cast<double>(kSeeds), 0.8, 3 * std::sqrt(0.8 * 0.2 / kSeeds));
 }
 
-TEST(RigRequirements, ConcernsTheCamerasThatSeeThePlace) {
+TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
   const RigScene scene = MixedRig(1);
   const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
   ASSERT_TRUE(solution) << solution.reason();

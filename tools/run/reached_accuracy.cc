@@ -1,4 +1,4 @@
-#include "tools/run/rig_requirements.h"
+#include "tools/run/reached_accuracy.h"
 
 #include <algorithm>
 #include <map>
@@ -21,6 +21,7 @@ namespace {
 // An image of a camera that determines the pose of its target.
 struct SeenTarget {
   const RigCapture* capture = nullptr;
+  size_t target = 0;
   Observations observations;   // The points, of the target as manufactured.
   Rigid3d camera_from_target;  // The pose by the solution, with the errors that captures share.
   Eigen::Vector3d middle;      // The mean of the observed points, in the target.
@@ -36,7 +37,7 @@ std::vector<SeenTarget> TargetsSeenBy(size_t camera, const RigProblem& used, con
       Observations observations = ApplyShape(image.observations, solution.shapes[image.target]);
       const Eigen::Vector3d middle = observations.points_in_target.rowwise().mean();
       seen.push_back(
-          {&capture, std::move(observations),
+          {&capture, image.target, std::move(observations),
            CameraFromTarget(used, solution.poses, camera, image.target, WithErrors(capture, solution.effects)),
            middle});
     }
@@ -104,16 +105,6 @@ std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, c
   return reached;
 }
 
-// Returns the accuracy of a camera at its working point.
-Reach ReachedWhereSeen(const PlacedRequirement& required, size_t camera, std::vector<SeenTarget> seen,
-                       const RigProblem& used, const RigSolution& solution) {
-  if (seen.empty()) return {};
-  const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
-  std::nth_element(seen.begin(), middle, seen.end(),
-                   [](const SeenTarget& a, const SeenTarget& b) { return a.DistanceM() < b.DistanceM(); });
-  return ReachOf(*middle, camera, required.confidence, used, solution);
-}
-
 // Returns the worst of the accuracies at the positions that a camera sees; nothing if it sees none of them, and others
 // see all.
 std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unseen) {
@@ -140,8 +131,32 @@ bool IsAnyUnseen(const std::map<size_t, std::vector<Reach>>& reached_of_cameras,
 
 }  // namespace
 
-std::vector<RigRequirement> ReachedInRig(const std::vector<PlacedRequirement>& requirements, const RigProblem& used,
-                                         const RigSolution& solution) {
+std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const RigProblem& used, const RigSolution& solution,
+                                                         const std::vector<Eigen::VectorXd>& changes) {
+  std::vector<std::optional<WorkingPoint>> points(used.cameras.size());
+  for (size_t c = 0; c < points.size(); ++c) {
+    std::vector<SeenTarget> seen = TargetsSeenBy(c, used, solution);
+    if (seen.empty()) continue;
+    const auto median = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
+    std::nth_element(seen.begin(), median, seen.end(),
+                     [](const SeenTarget& a, const SeenTarget& b) { return a.DistanceM() < b.DistanceM(); });
+    const std::optional<Eigen::Matrix3d> in_target = CovarianceOfMiddle(c, *median, used, solution);
+    if (!in_target) continue;
+    const Eigen::Matrix3d rotation = median->camera_from_target.RotationMatrix();
+    WorkingPoint point{median->camera_from_target * median->middle, rotation * *in_target * rotation.transpose()};
+    const std::string block = TargetPoseBlock(used.targets[median->target]);
+    for (const Eigen::VectorXd& change : changes) {
+      const Eigen::Vector3d in_camera = rotation * change.segment<3>(solution.covariance.layout.Block(block).first);
+      point.covariance_m2 += in_camera * in_camera.transpose();
+    }
+    points[c] = point;
+  }
+  return points;
+}
+
+std::vector<RigRequirement> ReachedAccuracies(const std::vector<PlacedRequirement>& requirements,
+                                              const RigProblem& used, const RigSolution& solution,
+                                              const std::vector<std::optional<WorkingPoint>>& working_points) {
   std::vector<RigRequirement> reached;
   if (requirements.empty()) return reached;
   std::vector<std::vector<SeenTarget>> seen;
@@ -157,7 +172,12 @@ std::vector<RigRequirement> ReachedInRig(const std::vector<PlacedRequirement>& r
       if (!required.places_in_base_m.empty() && camera.mount.part == Mount::Part::kBase) {
         placed[c] = ReachedAt(required, c, seen[c], used, solution);
       } else {
-        add(c, "the working point", ReachedWhereSeen(required, c, seen[c], used, solution));
+        Reach reach;
+        if (working_points[c]) {
+          reach.radius_m =
+              ConfidenceRadius(working_points[c]->covariance_m2, required.confidence, solution.covariance_dof);
+        }
+        add(c, "the working point", reach);
       }
     }
     const bool is_any_unseen = IsAnyUnseen(placed, required.places_in_base_m.size());
