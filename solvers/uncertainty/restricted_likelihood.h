@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "solvers/uncertainty/linearisation.h"
-#include "solvers/uncertainty/variance_components.h"
+#include "solvers/uncertainty/variance_groups.h"
 
 namespace heba {
 
