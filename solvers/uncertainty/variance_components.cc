@@ -128,25 +128,29 @@ std::optional<LikelihoodScores> ScoresOf(const std::vector<LinearisedView>& view
 
 namespace {
 
-// Variances, and minus the logarithm of likelihood times prior there.
-struct ScoredVariances {
+// Variances, and likelihood times prior at the last step before them.
+struct LikelyVariances {
   Eigen::VectorXd variances;
-  double minus_log = std::numeric_limits<double>::infinity();
+  Likelihood likelihood;  // With the expected information.
 };
 
-// Returns the variances of the groups that maximise likelihood times prior, as EstimateVariances.
-ScoredVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const std::vector<VarianceGroup>& groups,
+// Returns the variances of the groups that maximise likelihood times prior, as EstimateVariances. The average
+// information leads close to them; far from them it may lead nowhere. The expected information, which costs more,
+// confirms that nothing more is to be gained, or goes on from there.
+LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const std::vector<VarianceGroup>& groups,
                                    double small_change) {
+  bool is_expected = false;
+  const auto at = [&](const Eigen::VectorXd& variances) {
+    return WithPriors(groups, variances, is_expected ? restricted.At(variances) : restricted.AverageAt(variances));
+  };
   Eigen::VectorXd variances = VariancesOf(groups);
-  Likelihood here = WithPriors(groups, variances, restricted.AverageAt(variances));
+  Likelihood here = at(variances);
   constexpr int kMaxIterations = 100;
   constexpr double kMinPixelVariance = 1e-12;
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
     const std::vector<Eigen::Index> free = MovingVariances(groups, variances, here.gradient);
-    if (free.empty()) break;
-    const Eigen::VectorXd direction = ScoringStep(here, free);
-    if (!direction.allFinite()) break;
+    const Eigen::VectorXd direction = free.empty() ? Eigen::VectorXd() : ScoringStep(here, free);
     const auto moved_by = [&](double length) {
       Eigen::VectorXd next = variances;
       for (size_t a = 0; a < free.size(); ++a) {
@@ -159,41 +163,46 @@ ScoredVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
       }
       return next;
     };
-    // The change is measured in units of the variances' standard deviations.
-    const Eigen::VectorXd unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
-    const Eigen::VectorXd last = moved_by(1);
-    if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change) {
-      variances = last;
-      break;
-    }
     bool has_moved = false;
-    double length = 1;
-    for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
-      const Eigen::VectorXd next = moved_by(length);
-      Likelihood there = WithPriors(groups, next, restricted.AverageAt(next));
-      if (!(there.minus_log <= here.minus_log)) continue;
-      has_moved = true;
-      variances = next;
-      here = std::move(there);
+    if (direction.size() > 0 && direction.allFinite()) {
+      // The change is measured in units of the variances' standard deviations.
+      const Eigen::VectorXd unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
+      const Eigen::VectorXd last = moved_by(1);
+      const bool is_small = (last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change;
+      if (is_small && is_expected) {
+        variances = last;
+        break;
+      }
+      double length = 1;
+      for (int halving = 0; halving < 30 && !has_moved && !is_small; ++halving, length *= 0.5) {
+        const Eigen::VectorXd next = moved_by(length);
+        Likelihood there = at(next);
+        if (!(there.minus_log <= here.minus_log)) continue;
+        has_moved = true;
+        variances = next;
+        here = std::move(there);
+      }
     }
-    if (!has_moved) break;
+    if (has_moved) continue;
+    if (is_expected) break;
+    is_expected = true;
+    here = at(variances);
   }
-  return {std::move(variances), here.minus_log};
+  return {std::move(variances), std::move(here)};
 }
 
 }  // namespace
 
 VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                                      double small_change) {
-  const std::unique_ptr<RestrictedLikelihood> restricted = MakeLikelihood(views, groups);
-  const Eigen::VectorXd variances = MaximiseLikelihood(*restricted, groups, small_change).variances;
-  return ComponentsOf(groups, variances, WithPriors(groups, variances, restricted->At(variances)).fisher);
+  const LikelyVariances found = MaximiseLikelihood(*MakeLikelihood(views, groups), groups, small_change);
+  return ComponentsOf(groups, found.variances, found.likelihood.fisher);
 }
 
 double FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {
-  const ScoredVariances found = MaximiseLikelihood(*MakeLikelihood(views, *groups), *groups, kRoughVariances);
+  const LikelyVariances found = MaximiseLikelihood(*MakeLikelihood(views, *groups), *groups, kRoughVariances);
   for (size_t g = 0; g < groups->size(); ++g) (*groups)[g].variance = found.variances[static_cast<Eigen::Index>(g)];
-  return -found.minus_log;
+  return -found.likelihood.minus_log;
 }
 
 double DegreesOfFreedom(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,

@@ -351,9 +351,8 @@ TEST(PoseFileTest, SeparatorsAtTheEndOfLinesAreNoFields) {
 
 TEST(PoseFileTest, PosesOutOfThisWorldAreRefused) {
   const auto error_at = [](const std::string& x) {
-    return InputErrorOf([&] {
-      ParsePoses("x,y,z,qx,qy,qz,qw\n" + x + ",0,0,0,0,0,1\n", "poses.csv", *FindPoseFormat("ros"));
-    });
+    return InputErrorOf(
+        [&] { ParsePoses("x,y,z,qx,qy,qz,qw\n" + x + ",0,0,0,0,0,1\n", "poses.csv", *FindPoseFormat("ros")); });
   };
   EXPECT_THAT(error_at("1e308"), HasSubstr("poses.csv:2: 'x' is larger than any robot's"));
   EXPECT_THAT(error_at("1e7"), HasSubstr("poses.csv:2: the pose is absurdly far away"));
