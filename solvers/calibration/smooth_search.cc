@@ -58,7 +58,8 @@ struct FittedVariances {
 // Returns those of smooth errors; `start` as in WithGroups.
 FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, const std::vector<double>& start) {
   std::vector<VarianceGroup> groups = WithGroups(search, errors.effects(), start);
-  FittedVariances fitted{FitVariances(WithUnknowns(search, errors), &groups), {}};
+  const VarianceStart at = start.empty() ? VarianceStart::kAnywhere : VarianceStart::kNear;
+  FittedVariances fitted{FitVariances(WithUnknowns(search, errors), at, &groups), {}};
   for (const VarianceGroup& group : groups) fitted.variances.push_back(group.variance);
   return fitted;
 }
@@ -113,7 +114,8 @@ double LikelihoodOfLeast(const SmoothSearch& search, const LeastVariances& least
     smooth.is_free = false;
     is_less = true;
   }
-  return is_less ? FitVariances(WithUnknowns(search, errors), &groups) : fitted.log_likelihood;
+  return is_less ? FitVariances(WithUnknowns(search, errors), VarianceStart::kAnywhere, &groups)
+                 : fitted.log_likelihood;
 }
 
 // Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
@@ -243,7 +245,7 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
     group.variance = 0;
     group.is_free = false;
   }
-  const double log_likelihood_without = FitVariances(search.views, &without);
+  const double log_likelihood_without = FitVariances(search.views, VarianceStart::kAnywhere, &without);
   LengthProbabilities probabilities(search);
   FoundSmoothErrors found{SmoothErrors(search.poses, MostProbableLengths(&probabilities))};
   const FittedVariances fitted = FitWith(search, found.errors, probabilities.variances());

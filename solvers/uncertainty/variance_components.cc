@@ -134,12 +134,12 @@ struct LikelyVariances {
   Likelihood likelihood;  // With the expected information.
 };
 
-// Returns the variances of the groups that maximise likelihood times prior, as EstimateVariances. The average
-// information leads close to them; far from them it may lead nowhere. The expected information, which costs more,
-// confirms that nothing more is to be gained, or goes on from there.
+// Returns the variances of the groups that maximise likelihood times prior, as EstimateVariances. If those of the
+// groups are near them, the average information leads there, and the expected one, which costs more, confirms that
+// nothing is left to be gained. From far away, the average information may lead to another maximum.
 LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const std::vector<VarianceGroup>& groups,
-                                   double small_change) {
-  bool is_expected = false;
+                                   double small_change, VarianceStart start) {
+  bool is_expected = start == VarianceStart::kAnywhere;
   const auto at = [&](const Eigen::VectorXd& variances) {
     return WithPriors(groups, variances, is_expected ? restricted.At(variances) : restricted.AverageAt(variances));
   };
@@ -195,12 +195,13 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
 
 VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                                      double small_change) {
-  const LikelyVariances found = MaximiseLikelihood(*MakeLikelihood(views, groups), groups, small_change);
+  const LikelyVariances found =
+      MaximiseLikelihood(*MakeLikelihood(views, groups), groups, small_change, VarianceStart::kAnywhere);
   return ComponentsOf(groups, found.variances, found.likelihood.fisher);
 }
 
-double FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups) {
-  const LikelyVariances found = MaximiseLikelihood(*MakeLikelihood(views, *groups), *groups, kRoughVariances);
+double FitVariances(const std::vector<LinearisedView>& views, VarianceStart start, std::vector<VarianceGroup>* groups) {
+  const LikelyVariances found = MaximiseLikelihood(*MakeLikelihood(views, *groups), *groups, kRoughVariances, start);
   for (size_t g = 0; g < groups->size(); ++g) (*groups)[g].variance = found.variances[static_cast<Eigen::Index>(g)];
   return -found.likelihood.minus_log;
 }

@@ -26,7 +26,7 @@ struct VarianceComponents {
 constexpr double kExactVariances = 1e-4;
 constexpr double kRoughVariances = 1e-2;
 // Estimates the variances of the linearised captures by restricted maximum likelihood (Patterson and Thompson 1971)
-// with scoring by the average and the expected information. The first group must be that of the pixels, and a column
+// with Fisher scoring. The first group must be that of the pixels, and a column
 // belongs to at most one group; effects without a group are zero. No variance can become negative, and each becomes
 // zero if the data require it, unless it has a prior. Iteration ends with the first step that changes no variance by
 // more than `small_change` of its own standard deviation. With priors, the estimate is the mode of likelihood times
@@ -34,9 +34,11 @@ constexpr double kRoughVariances = 1e-2;
 VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                                      double small_change = kExactVariances);
 
+// Where the variances of the groups are at first: anywhere, or near their estimates, which then cost less.
+enum class VarianceStart { kAnywhere, kNear };
 // Sets the variances of the groups to their estimates, found with kRoughVariances. Returns the logarithm of restricted
 // likelihood times prior, as RestrictedLogLikelihood with a unit of 1 and all unknowns common, to some 1e-4.
-double FitVariances(const std::vector<LinearisedView>& views, std::vector<VarianceGroup>* groups);
+double FitVariances(const std::vector<LinearisedView>& views, VarianceStart start, std::vector<VarianceGroup>* groups);
 
 // Returns the restricted log-likelihood of the views' measurements in px at the groups' variances, up to a constant
 // that all models of the same rows share: the log-density of the contrasts that the first `num_common` unknowns leave
