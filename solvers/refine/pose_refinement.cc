@@ -175,7 +175,7 @@ std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<P
   if (!RaiseToLeast(*solution.shared_effects, smaller, FirstEffectGroup(rows.groups), &rows.groups)) {
     return std::nullopt;
   }
-  FitVariances(rows.views, &rows.groups);
+  FitVariances(rows.views, VarianceStart::kAnywhere, &rows.groups);
   return rows.LogLikelihood();
 }
 

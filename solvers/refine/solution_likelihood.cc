@@ -71,7 +71,7 @@ std::optional<double> LogLikelihoodAtLeast(const RigProblem& problem, const RigS
     first += effects->groups.size();
   }
   if (!has_raised) return std::nullopt;
-  FitVariances(rows->views, &rows->groups);
+  FitVariances(rows->views, VarianceStart::kAnywhere, &rows->groups);
   return rows->LogLikelihood();
 }
 
