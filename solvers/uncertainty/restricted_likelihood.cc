@@ -8,6 +8,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
 
@@ -135,6 +136,17 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     // S^-1 [J, y] of one capture.
     auto Weighted(size_t capture) const {
       return weighted_.middleCols(static_cast<Eigen::Index>(capture) * num_columns_, num_columns_);
+    }
+
+    // Returns a symmetric matrix times J^T S^-1: num_rows_ columns for each capture.
+    Eigen::MatrixXd TimesWeighted(const Eigen::MatrixXd& matrix) const {
+      const Eigen::Index n = num_columns_ - 1;
+      const Eigen::Index num_rows = weighted_.rows();
+      Eigen::MatrixXd transposed(n, num_rows * static_cast<Eigen::Index>(inverses_.size()));
+      for (size_t v = 0; v < inverses_.size(); ++v) {
+        transposed.middleCols(static_cast<Eigen::Index>(v) * num_rows, num_rows) = Weighted(v).leftCols(n).transpose();
+      }
+      return InnerProducts(matrix, transposed);
     }
 
    private:
@@ -267,7 +279,7 @@ Eigen::MatrixXd FisherOfUnknowns(const Eigen::MatrixXd& covariance, const std::v
   Eigen::MatrixXd fisher = Eigen::MatrixXd::Zero(size, size);
   std::vector<Eigen::MatrixXd> falls(derivatives.size());
   for (size_t k = 0; k < derivatives.size(); ++k) {
-    if (derivatives[k].size() > 0) falls[k] = covariance * derivatives[k];
+    if (derivatives[k].size() > 0) falls[k] = InnerProducts(covariance, derivatives[k]);  // Both are symmetric.
   }
   for (size_t k = 0; k < falls.size(); ++k) {
     for (size_t l = 0; l <= k; ++l) {
@@ -333,7 +345,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   }
   result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
   result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
-  Rows by_covariance(num_rows_, n);
+  const Eigen::MatrixXd covariance_by_rows = whitening.TimesWeighted(covariance);
   for (size_t v = 0; v < dependent_.size(); ++v) {
     const DependentRows& capture = dependent_[v];
     const Square& inverse = whitening.Inverse(v);
@@ -341,8 +353,8 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
     const Vector residual = capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step);
     const Vector weighted = inverse * residual;
     squares += residual.dot(weighted);
-    by_covariance = by_unknowns.lazyProduct(covariance);
-    const Square seen = by_covariance.lazyProduct(by_unknowns.transpose());
+    const Square seen =
+        by_unknowns.lazyProduct(covariance_by_rows.middleCols(static_cast<Eigen::Index>(v) * num_rows_, num_rows_));
     const ProductsOfEffects of(capture.by_effects, inverse, seen);
     const EffectVector a_weighted = capture.by_effects.transpose() * weighted;
     result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
@@ -420,7 +432,7 @@ void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
   for (size_t k = 0; k < derivatives.size(); ++k) {
     if (derivatives[k].size() == 0) continue;
     const auto other = static_cast<Eigen::Index>(k);
-    const Eigen::VectorXd seen = (derivatives[k] * left).cwiseProduct(left).colwise().sum();
+    const Eigen::VectorXd seen = InnerProducts(derivatives[k], left).cwiseProduct(left).colwise().sum();
     for (Eigen::Index a = 0; a < num_shared; ++a) {
       likelihood->fisher(std::max(group_of(a), other), std::min(group_of(a), other)) += 0.5 * seen[a];
     }

@@ -124,6 +124,41 @@ HEBA_TARGET_AVX512 void AddProductsAvx512(const double* columns, Eigen::Index st
   AddProducts<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, products);
 }
 
+// Two columns of b at a time stay near, and those of a pass by.
+template <int kLanes>
+HEBA_INLINE void Multiply(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd* products) {
+  for (Eigen::Index j = 0; j < b.cols(); j += 2) {
+    for (Eigen::Index i = 0; i < a.cols(); i += kBlock) {
+      alignas(64) double lanes[2 * kBlock * kLanes] = {};
+      AddBlock<kLanes, kBlock>(a.data() + i * a.rows(), b.data() + j * b.rows(), a.rows(), a.rows(), lanes);
+      double sums[2 * kBlock];
+      SumLanes<kLanes>(lanes, 2 * kBlock, sums);
+      double* const to = products->data() + j * products->rows() + i;
+      for (Eigen::Index row = 0; row < kBlock; ++row) {
+        to[row] = sums[2 * row];
+        to[products->rows() + row] = sums[2 * row + 1];
+      }
+    }
+  }
+}
+void MultiplyBaseline(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd* products) {
+  Multiply<kLanesOf<Simd::kBaseline>>(a, b, products);
+}
+HEBA_TARGET_AVX2 void MultiplyAvx2(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd* products) {
+  Multiply<kLanesOf<Simd::kAvx2>>(a, b, products);
+}
+HEBA_TARGET_AVX512 void MultiplyAvx512(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd* products) {
+  Multiply<kLanesOf<Simd::kAvx512>>(a, b, products);
+}
+
+// Returns the matrix with rows of zeros up to a multiple of kMaxLanes, and columns up to one of `unit`.
+Eigen::MatrixXd Padded(const Eigen::Ref<const Eigen::MatrixXd>& matrix, Eigen::Index unit) {
+  Eigen::MatrixXd padded =
+      Eigen::MatrixXd::Zero(PaddedToLanes(matrix.rows()), (matrix.cols() + unit - 1) / unit * unit);
+  padded.topLeftCorner(matrix.rows(), matrix.cols()) = matrix;
+  return padded;
+}
+
 int Even(int number) { return number + number % 2; }
 
 int NumSums(int num_columns) {
@@ -174,6 +209,15 @@ Eigen::MatrixXd GramMatrix::Matrix() const {
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(num_columns_, num_columns_);
   AddTo(places, 1.0, &matrix);
   return matrix.selfadjointView<Eigen::Lower>();
+}
+
+Eigen::MatrixXd InnerProducts(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  CHECK_EQ(a.rows(), b.rows());
+  const Eigen::MatrixXd left = Padded(a, kBlock);
+  const Eigen::MatrixXd right = Padded(b, 2);
+  Eigen::MatrixXd products(left.cols(), right.cols());
+  SelectForIsa(ActiveSimd(), &MultiplyBaseline, &MultiplyAvx2, &MultiplyAvx512)(left, right, &products);
+  return products.topLeftCorner(a.cols(), b.cols());
 }
 
 void AddGramOfMany(const double* columns, Eigen::Index stride, Eigen::Index num_rows, Eigen::MatrixXd* products) {

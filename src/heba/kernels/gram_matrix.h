@@ -10,6 +10,9 @@
 
 namespace heba {
 
+// Returns A^T B for matrices of tens to hundreds of columns, by the instruction set of the machine.
+Eigen::MatrixXd InnerProducts(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b);
+
 // The number of columns of AddGramOfMany is a multiple of this.
 inline constexpr int kManyColumnsUnit = 4;
 

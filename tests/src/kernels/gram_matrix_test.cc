@@ -28,5 +28,15 @@ TEST_P(ColumnProductsTest, MatchTheProductsOfAllColumnPairs) {
 
 INSTANTIATE_TEST_SUITE_P(Sets, ColumnProductsTest, EverySimd(), SimdName);
 
+TEST(InnerProductsTest, AreThoseOfTheColumns) {
+  for (const Eigen::Index num_rows : {1, 7, 8, 33, 175}) {
+    for (const Eigen::Index num_columns : {1, 2, 5, 64, 175}) {
+      const Eigen::MatrixXd a = Eigen::MatrixXd::Random(num_rows, num_columns);
+      const Eigen::MatrixXd b = Eigen::MatrixXd::Random(num_rows, num_columns + 3);
+      EXPECT_LT((InnerProducts(a, b) - a.transpose() * b).norm(), 1e-13 * num_rows * num_columns);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace heba
