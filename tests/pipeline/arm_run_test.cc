@@ -432,9 +432,14 @@ TEST_F(ArmRunTest, CompliancesOfASimulatedArmAreFound) {
   const Arm yielding = WithChanges(arm.nominal, arm.errors);
   double squares_rigid_m = 0;
   double squares_without_m = 0;
-  for (const PoseRow& row :
-       ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"), {"j1", "j2", "j3", "j4", "j5", "j6"})) {
-    const Eigen::VectorXd joints = Eigen::Map<const Eigen::VectorXd>(row.extras.data(), 6);
+  std::istringstream rows(ReadAll(data / "joints.csv"));
+  std::string row;
+  std::getline(rows, row);  // image, j1, ..., j6
+  while (std::getline(rows, row)) {
+    const std::vector<std::string> fields = Split(row, ',');
+    ASSERT_EQ(fields.size(), 7U) << row;
+    Eigen::VectorXd joints(6);
+    for (Eigen::Index j = 0; j < 6; ++j) joints[j] = std::stod(fields[static_cast<size_t>(j) + 1]);
     const Rigid3d base_from_flange = BaseFromTip(yielding, joints);
     squares_rigid_m += std::pow(DistanceM(BaseFromTip(rigid, joints), base_from_flange), 2);
     squares_without_m += std::pow(DistanceM(BaseFromTip(RigidPart(yielding), joints), base_from_flange), 2);
