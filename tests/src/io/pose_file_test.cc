@@ -343,10 +343,11 @@ TEST(PoseFileTest, QuotesProtectSeparators) {
 }
 
 // Recordings that have no images call the names of their captures so.
-TEST(PoseFileTest, SeparatorsAtTheEndOfLinesAreNoFields) {
-  const std::string row = "0,0,0,0,0,0,1";
-  const std::string text = "x,y,z,qx,qy,qz,qw\n" + row + std::string(1 << 20, ',') + "\n" + row + " ,; ,\n";
-  EXPECT_EQ(ParsePoses(text, "poses.csv", *FindPoseFormat("ros")).size(), 2U);
+TEST(PoseFileTest, SeparatorsAtTheEndOfALineWithoutAHeaderAreNoFields) {
+  EXPECT_EQ(WithoutBrackets("1, 2 ,; ,"), "1, 2");
+  // A million of them cost no more than reading them once.
+  EXPECT_EQ(WithoutBrackets("1, 2" + std::string(1 << 20, ',')), "1, 2");
+  EXPECT_EQ(WithoutBrackets(",;"), "");
 }
 
 TEST(PoseFileTest, PosesOutOfThisWorldAreRefused) {
