@@ -50,15 +50,11 @@ std::vector<SeenTarget> TargetsSeenBy(size_t camera, const RigProblem& used, con
 std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarget& seen, const RigProblem& used,
                                                   const RigSolution& solution) {
   std::vector<StatedPose> grippers;
-  for (size_t r = 0; r < used.robots.size(); ++r) {
-    StatedPose& gripper = grippers.emplace_back(seen.capture->base_from_gripper[r]);
-    if (!seen.capture->effects.empty()) gripper.effect = seen.capture->effects[r];
-  }
+  for (size_t r = 0; r < used.robots.size(); ++r) grippers.push_back(StatedPoseOf(used, *seen.capture, r));
   const Outcome<LocatedTarget> located = LocateInRig(used, solution, {{camera, seen.observations}}, grippers);
   if (!located) return std::nullopt;
-  Eigen::Matrix<double, 3, 6> by_pose;
-  by_pose << Eigen::Matrix3d::Identity(), -Skew(seen.middle);
-  return by_pose * located->pose_covariance.by_calibration * by_pose.transpose();
+  const Eigen::Matrix3d target_from_world = located->world_from_target.RotationMatrix().transpose();
+  return target_from_world * located->covariance.by_calibration_m2 * target_from_world.transpose();
 }
 
 // Returns the target moved to `place_in_camera`, with the pixels that the camera then sees; nothing if its middle is

@@ -1,6 +1,9 @@
 #include "heba/data/stated_pose.h"
 
+#include <memory>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "heba/base/error.h"
 
@@ -23,7 +26,38 @@ CorrectedPose CorrectBy(const SharedEffects* shared, const Eigen::VectorXd& valu
   return corrected;
 }
 
+// An effect of those that are estimated, as a function of all.
+class EffectOfAll final : public PoseEffect {
+ public:
+  EffectOfAll(std::shared_ptr<const PoseEffect> effect, const SharedEffects& shared) : effect_(std::move(effect)) {
+    for (const SharedEffect& estimated : shared.effects) indices_.push_back(estimated.index);
+  }
+  Rigid3d Evaluate(const Eigen::VectorXd& effects, Matrix6X* tangent_from_effects) const override {
+    const Eigen::VectorXd estimated = effects(indices_);
+    if (tangent_from_effects == nullptr) return effect_->Evaluate(estimated, nullptr);
+    Matrix6X by_estimated;
+    const Rigid3d pose = effect_->Evaluate(estimated, &by_estimated);
+    tangent_from_effects->setZero(6, effects.size());
+    (*tangent_from_effects)(Eigen::all, indices_) = by_estimated;
+    return pose;
+  }
+
+ private:
+  std::shared_ptr<const PoseEffect> effect_;
+  std::vector<Eigen::Index> indices_;
+};
+
 }  // namespace
+
+StatedPose StatedPoseOf(const RigProblem& rig, const RigCapture& capture, size_t robot) {
+  StatedPose stated(capture.base_from_gripper[robot]);
+  const SharedEffects* const shared = EffectsOf(rig, robot);
+  if (shared != nullptr && !capture.effects.empty() && capture.effects[robot] != nullptr) {
+    stated.effect = std::make_shared<EffectOfAll>(capture.effects[robot], *shared);
+  }
+  if (!capture.postures.empty()) stated.gripper_by_joints = capture.postures[robot].gripper_by_joints;
+  return stated;
+}
 
 StatedPose GripperPoseOf(Setup setup, const View& view) {
   return {BaseFromGripper(setup, view.camera_mount_from_target_mount), view.effect, view.gripper_by_joints};

@@ -34,6 +34,9 @@ struct StatedPose {
 // Returns the pose of the gripper in a view.
 StatedPose GripperPoseOf(Setup setup, const View& view);
 
+// Returns the pose of an arm in a capture of a rig, whose effects are functions of those that are estimated.
+StatedPose StatedPoseOf(const RigProblem& rig, const RigCapture& capture, size_t robot);
+
 // The true pose according to a solution.
 struct CorrectedPose {
   Rigid3d base_from_mount;
