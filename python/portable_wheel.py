@@ -61,8 +61,9 @@ def newest_glibc(files):
 
 def licence_of(library):
     """Returns the package of a library, and its copyright file."""
-    # The loader's path may lead through links that the package does not know.
-    for path in (library.resolve(), Path("/usr") / library.resolve().relative_to("/")):
+    # Packages that are older than the union of /lib and /usr/lib know their files by the former.
+    path = library.resolve()
+    for path in (path, Path("/", *path.parts[2:])):
         found = subprocess.run(["dpkg-query", "-S", str(path)], capture_output=True, text=True)
         if found.returncode == 0:
             package = found.stdout.split(":")[0]
@@ -84,12 +85,14 @@ def bundle(package, libraries):
     copies = [folder / name for name in name_of.values()]
     extension = next(package.glob("_heba*.so"))
     for file in [extension, *copies]:
-        renamed = [name for name in needed_by(file) if name in name_of]
-        arguments = [argument for name in renamed for argument in ("--replace-needed", name, name_of[name])]
-        rpath = "$ORIGIN/../heba.libs" if file == extension else "$ORIGIN"
+        # patchelf 0.14 makes one change at a time.
+        for name in needed_by(file):
+            if name in name_of:
+                run("patchelf", "--replace-needed", name, name_of[name], str(file))
         if file != extension:
-            arguments += ["--set-soname", file.name]
-        run("patchelf", *arguments, "--force-rpath", "--set-rpath", rpath, str(file))
+            run("patchelf", "--set-soname", file.name, str(file))
+        rpath = "$ORIGIN/../heba.libs" if file == extension else "$ORIGIN"
+        run("patchelf", "--force-rpath", "--set-rpath", rpath, str(file))
     return copies
 
 

@@ -62,3 +62,26 @@ if os.path.exists("cell"):
     assert "bundle" in result.table()
     print("without numpy: a run with the verdict", result.verdict["grade"])
 '
+
+# A portable wheel brings all of its libraries but those of every machine.
+if ! command -v patchelf > /dev/null; then
+  echo "skipped: patchelf is missing, which makes a portable wheel"
+  exit 0
+fi
+"$work/empty/bin/pip" uninstall -q -y heba
+"$python" "$source/python/build_backend.py" "$build/python/heba" "$work" > /dev/null
+wheel=$("$python" "$source/python/portable_wheel.py" "$work"/heba-*-linux_*.whl "$work")
+"$work/empty/bin/pip" install -q --no-index "$wheel"
+site=$(echo "$work"/empty/lib/python3*/site-packages)
+others=$(ldd "$site"/heba/_heba*.so | grep '=>' | grep -v heba.libs | awk '{print $1}' |
+  grep -vE '^(libc|libm|libdl|librt|libpthread|libutil|libresolv|libgcc_s|libstdc\+\+)\.so' || true)
+if [ -n "$others" ]; then
+  echo "the portable wheel needs libraries that it does not bring: $others"
+  exit 1
+fi
+env -u PYTHONPATH HEBA_CACHE= "$work/empty/bin/python" -c '
+import os, heba
+if os.path.exists("cell"):
+    print("portable wheel: a run with the verdict", heba.run("cell/config.yaml", out="portable").verdict["grade"])
+'
+echo "portable wheel: $(basename "$wheel")"
