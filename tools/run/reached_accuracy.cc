@@ -57,14 +57,15 @@ std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarge
   return target_from_world * located->covariance.by_calibration_m2 * target_from_world.transpose();
 }
 
-// Returns the target moved to `place_in_camera`, with the pixels that the camera then sees; nothing if its middle is
-// not in the image.
-std::optional<SeenTarget> MovedTo(const Eigen::Vector3d& place_in_camera, const Camera& camera, SeenTarget seen) {
+// Returns the target moved to `place_in_camera`, with the pixels that the camera then sees; nothing if it has none or,
+// with `is_within_image`, if its middle is not in the image.
+std::optional<SeenTarget> MovedTo(const Eigen::Vector3d& place_in_camera, const Camera& camera, bool is_within_image,
+                                  SeenTarget seen) {
   seen.camera_from_target.translation += place_in_camera - seen.camera_from_target * seen.middle;
-  const bool is_in_view = AreInImage(camera, seen.camera_from_target, seen.middle, 0) &&
-                          Predict(camera.Model(), camera.params.data(), seen.camera_from_target, seen.observations,
-                                  &seen.observations.pixels, nullptr);
-  return is_in_view ? std::optional(std::move(seen)) : std::nullopt;
+  if (is_within_image && !AreInImage(camera, seen.camera_from_target, seen.middle, 0)) return std::nullopt;
+  const bool is_seen = Predict(camera.Model(), camera.params.data(), seen.camera_from_target, seen.observations,
+                               &seen.observations.pixels, nullptr);
+  return is_seen ? std::optional(std::move(seen)) : std::nullopt;
 }
 
 // The accuracy of a camera at one place.
@@ -93,8 +94,10 @@ std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, c
   const Rigid3d world_from_camera =
       solution.poses.world_from_base[used.cameras[camera].mount.robot] * solution.poses.mount_from_camera[camera];
   for (size_t k = 0; k < reached.size(); ++k) {
-    const std::optional<SeenTarget> moved =
-        MovedTo(Inverse(world_from_camera) * required.places_in_base_m[k], solution.cameras[camera], *fullest);
+    // Of several cameras, those that have a position in their image are asked. A single one is judged there even if its
+    // image ends before.
+    const std::optional<SeenTarget> moved = MovedTo(Inverse(world_from_camera) * required.places_in_base_m[k],
+                                                    solution.cameras[camera], used.cameras.size() > 1, *fullest);
     reached[k] = moved ? ReachOf(*moved, camera, required.confidence, used, solution)
                        : Reach{std::nullopt, Unreached::kNotInView};
   }
