@@ -482,6 +482,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& v
     vectors.col(0) = weighted.col(n) - weighted.leftCols(n).lazyProduct(step);
     squares += vectors.col(0).dot(capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step));
     twice[0] += vectors.col(0).squaredNorm() - inverse.trace();
+    const ByEffects inverse_a = inverse * capture.by_effects;
     for (size_t k = 0; k < effects_.ranges.size(); ++k) {
       const EffectColumns::Range& range = effects_.ranges[k];
       WithSize(range.size, [&](auto size) {
@@ -489,7 +490,8 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& v
         const auto source = static_cast<Eigen::Index>(k) + 1;
         const Eigen::Matrix<double, size(), 1> along = a.transpose() * vectors.col(0);
         vectors.col(source).noalias() = a * along;
-        twice[source] += along.squaredNorm() - (inverse * a).cwiseProduct(a).sum();
+        twice[source] +=
+            along.squaredNorm() - inverse_a.template middleCols<size()>(range.first, range.size).cwiseProduct(a).sum();
       });
     }
     whole.noalias() += vectors.transpose() * (inverse * vectors);
