@@ -95,9 +95,9 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
       refined = RefineRig(with_errors, solution.poses, options);
     }
     if (!refined) return std::nullopt;
-    FittedPostures<RigSolution> fitted{*refined, LogLikelihoodOf(with_errors, *refined, options)};
+    const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
     // The corrections of the poses contain the errors, of which `fixed` knows none.
-    fitted.solution = WithEffectsOf(fixed, std::move(fitted.solution));
+    FittedPostures<RigSolution> fitted{WithEffectsOf(fixed, std::move(*refined)), log_likelihood};
     fitted.solution.effects.clear();
     fitted.solution.effect_sigmas.clear();
     return fitted;

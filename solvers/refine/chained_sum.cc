@@ -129,7 +129,7 @@ void ChainedSum::AddProducts(const Eigen::MatrixXd& products, const KinematicLoo
       const Matrix6X& other = derivatives.effects[l];
       matrix_.block(first, EffectColumn(loop.effects()[l]), chain.cols(), other.cols()) += half.lazyProduct(other);
     }
-    // Of many effects, their products with each other are most of the work. They are those of six rows.
+    // The products of many effects with each other are most of the work, and equal those of six rows.
     if (const auto root = Cholesky(by_pose)) {
       std::optional<StackedRows>& rows = rows_of_effects_[static_cast<size_t>(loop.effects()[e])];
       if (!rows) rows.emplace(static_cast<int>(chain.cols()));

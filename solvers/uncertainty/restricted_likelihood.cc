@@ -229,6 +229,32 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   std::optional<EstimatedUnknowns> EstimateUnknowns(const Eigen::MatrixXd& products,
                                                     const Eigen::VectorXd& variances) const;
 
+  // The unknowns at some variances, and what they are estimated from.
+  struct Estimated {
+    Whitening whitening;
+    Eigen::MatrixXd products;  // [J, y]^T S^-1 [J, y] of all rows.
+    EstimatedUnknowns unknowns;
+  };
+  // Returns nothing if the variances make a covariance singular, or do not determine the unknowns.
+  std::optional<Estimated> EstimateAt(const Eigen::VectorXd& variances) const {
+    Whitening whitening(*this, variances);
+    if (!whitening.is_regular()) return std::nullopt;
+    Eigen::MatrixXd products = independent_ / variances[0] + whitening.products();
+    std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
+    if (!unknowns) return std::nullopt;
+    return Estimated{std::move(whitening), std::move(products), std::move(*unknowns)};
+  }
+
+  // Returns the sum of the squares of the unknowns that have a prior, in units of their sigmas.
+  double SquaresOfPriors(const Eigen::VectorXd& step, const Eigen::VectorXd& variances) const {
+    double squares = 0;
+    for (size_t i = 0; i < shared_.columns.size(); ++i) {
+      const double variance = variances[shared_.groups[i]];
+      if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
+    }
+    return squares;
+  }
+
   // Adds the scores of the variances of unknowns and their average information. `pulls` are J^T S^-1 V_k P y of the
   // other variances, which belong to the groups `sources`.
   void AddAverageOfUnknowns(const Eigen::MatrixXd& products, const EstimatedUnknowns& unknowns,
@@ -329,20 +355,14 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   Likelihood result;
   result.gradient.setZero(num_groups_);
   result.fisher.setZero(num_groups_, num_groups_);
-  const Whitening whitening(*this, variances);
-  if (!whitening.is_regular()) return result;
-  const Eigen::MatrixXd products = independent_ / p + whitening.products();
-  const std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
-  if (!unknowns) return result;
-  const auto& [covariance, step, log_determinant] = *unknowns;
+  const std::optional<Estimated> at = EstimateAt(variances);
+  if (!at) return result;
+  const auto& [whitening, products, unknowns] = *at;
+  const auto& [covariance, step, log_determinant] = unknowns;
   const double independent_squares =
       independent_(n, n) - 2 * step.dot(independent_right) + step.dot(independent * step);
   const double independent_seen = covariance.cwiseProduct(independent).sum();
-  double squares = independent_squares / p;
-  for (size_t i = 0; i < shared_.columns.size(); ++i) {
-    const double variance = variances[shared_.groups[i]];
-    if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
-  }
+  double squares = independent_squares / p + SquaresOfPriors(step, variances);
   result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
   result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
   const Eigen::MatrixXd covariance_by_rows = whitening.TimesWeighted(covariance);
@@ -449,12 +469,10 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& v
   Likelihood result;
   result.gradient.setZero(num_groups_);
   result.fisher.setZero(num_groups_, num_groups_);
-  const Whitening whitening(*this, variances);
-  if (!whitening.is_regular()) return result;
-  const Eigen::MatrixXd products = independent_ / p + whitening.products();
-  const std::optional<EstimatedUnknowns> unknowns = EstimateUnknowns(products, variances);
-  if (!unknowns) return result;
-  const auto& [covariance, step, log_determinant] = *unknowns;
+  const std::optional<Estimated> at = EstimateAt(variances);
+  if (!at) return result;
+  const auto& [whitening, products, unknowns] = *at;
+  const auto& [covariance, step, log_determinant] = unknowns;
   std::vector<Eigen::Index> sources = {0};
   for (const EffectColumns::Range& range : effects_.ranges) sources.push_back(range.group);
   const auto num_sources = static_cast<Eigen::Index>(sources.size());
@@ -464,11 +482,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& v
   const Eigen::VectorXd by_independent = independent_.col(n).head(n) - independent * step;
   const double independent_squares =
       independent_(n, n) - step.dot(independent_.col(n).head(n)) - step.dot(by_independent);
-  double squares = independent_squares / p;
-  for (size_t i = 0; i < shared_.columns.size(); ++i) {
-    const double variance = variances[shared_.groups[i]];
-    if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
-  }
+  double squares = independent_squares / p + SquaresOfPriors(step, variances);
   whole(0, 0) = independent_squares / (p * p * p);
   pulls.col(0) = by_independent / (p * p);
   // Twice the gradients but for the parts that the unknowns take.
@@ -507,7 +521,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& v
       result.fisher(group, sources[static_cast<size_t>(l)]) = average(k, l);
     }
   }
-  if (!shared_.columns.empty()) AddAverageOfUnknowns(products, *unknowns, variances, pulls, sources, &result);
+  if (!shared_.columns.empty()) AddAverageOfUnknowns(products, unknowns, variances, pulls, sources, &result);
   const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;

@@ -34,7 +34,7 @@ constexpr double kRoughVariances = 1e-2;
 VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
                                      double small_change = kExactVariances);
 
-// Where the variances of the groups are at first: anywhere, or near their estimates, which then cost less.
+// A start states whether the variances of the groups are near their estimates, which then cost less, or anywhere.
 enum class VarianceStart { kAnywhere, kNear };
 // Sets the variances of the groups to their estimates, found with kRoughVariances. Returns the logarithm of restricted
 // likelihood times prior, as RestrictedLogLikelihood with a unit of 1 and all unknowns common, to some 1e-4.

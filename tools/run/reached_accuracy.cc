@@ -94,8 +94,8 @@ std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, c
   const Rigid3d world_from_camera =
       solution.poses.world_from_base[used.cameras[camera].mount.robot] * solution.poses.mount_from_camera[camera];
   for (size_t k = 0; k < reached.size(); ++k) {
-    // Of several cameras, those that have a position in their image are asked. A single one is judged there even if its
-    // image ends before.
+    // A position concerns those of several cameras that have it in their image. A single camera is judged there even if
+    // its image ends before.
     const std::optional<SeenTarget> moved = MovedTo(Inverse(world_from_camera) * required.places_in_base_m[k],
                                                     solution.cameras[camera], used.cameras.size() > 1, *fullest);
     reached[k] = moved ? ReachOf(*moved, camera, required.confidence, used, solution)

@@ -47,7 +47,7 @@ TEST(RigidEquivalentTest, GeometryStandsForComplianceAtTheCaptures) {
   const Arm& arm = *FindArm("ur5e");
   const Eigen::VectorXd errors = ErrorsWithCompliance(arm);
   const Arm yielding = WithChanges(arm, errors);
-  std::vector<double> shares;  // What is left of the effect of the compliances.
+  std::vector<double> shares;  // Each is the share of the effect of the compliances that is left.
   for (int trial = 0; trial < 21; ++trial) {
     const std::vector<Eigen::VectorXd> joints = CloseJoints(arm, 25, &rng);
     const RigidEquivalent rigid = FitRigidEquivalent(arm, errors, joints);
