@@ -115,3 +115,12 @@ class Result(RunFolder):
         if covariance is None:
             return None
         return np.array(covariance["matrix"])[:6, :6]
+
+    @property
+    @needs_numpy
+    def covariance_repeatable(self) -> np.ndarray | None:
+        """The covariance without what all sessions of a cell have in common: the scales of its robot and target."""
+        covariance = self.estimate().get("covariance_repeatable")
+        if covariance is None:
+            return None
+        return np.array(covariance["matrix"])[:6, :6]

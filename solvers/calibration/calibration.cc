@@ -711,7 +711,6 @@ Advice Advise(const Calibration& calibration, const CalibrationOptions& options)
     advice.findings.insert(advice.findings.end(), of_held.findings.begin(), of_held.findings.end());
     advice.changes.insert(advice.changes.end(), of_held.changes.begin(), of_held.changes.end());
   };
-  add(DiagnoseScale(solution, model));
   const Advice of_model = DiagnoseModel(solved, solution, bundle, options.choose);
   if (calibration.camera_was_given) {
     const Advice of_camera = DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose);

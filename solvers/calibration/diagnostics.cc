@@ -155,16 +155,12 @@ Advice DiagnoseModel(const Problem& problem, const Solution& solution, const Bun
   return advice;
 }
 
-std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model) {
-  if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
-  return JudgeScale(solution.shape, solution.covariance, kTargetBlock, !SigmaOf(solution.covariance, "camera.fx"));
-}
-
 std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& covariance, std::string_view block_name,
-                                  bool is_focal_held) {
+                                  bool is_focal_held, double known_sigma) {
   constexpr double kOfPrint = 5e-3;
   constexpr double kWrong = 0.02;
   constexpr double kSigmas = 3;
+  constexpr double kContradicts = 4;
   double sigma = 0;
   const UnknownBlock block = covariance.layout.Block(block_name);
   for (Eigen::Index i = block.first; i < block.end(); ++i) {
@@ -172,12 +168,16 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
       sigma = std::max(sigma, std::sqrt(covariance.matrix(i, i)));
     }
   }
+  const double deviation = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
   // The part of the deviation that its uncertainty does not explain.
-  const double off = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1)) - kSigmas * sigma;
-  if (off <= kOfPrint) return std::nullopt;
+  const double off = deviation - kSigmas * sigma;
+  if (off <= kOfPrint && deviation <= kContradicts * std::hypot(sigma, known_sigma)) return std::nullopt;
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   FindingCode("target_scale"),
-                  {{"scale_x", shape.params[0]}, {"scale_y", shape.params[1]}, {"scale_sigma", sigma}},
+                  {{"scale_x", shape.params[0]},
+                   {"scale_y", shape.params[1]},
+                   {"scale_sigma", sigma},
+                   {"known_sigma", known_sigma}},
                   {{"focal_length", is_focal_held ? "held" : "free"}}};
   finding.is_cause = true;
   return finding;

@@ -25,13 +25,12 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
 Advice DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                      const AutoModel& chosen);
 
-// Returns the finding `target_scale` if the estimated scale of the target differs from its design by more than printing
-// explains. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
-std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
-// Returns the finding about a target of this shape, of which the scale is free; nothing if it is as large as prints
-// are.
+// Returns the finding `target_scale` if the scale of a target, which is free, differs from its design by more than
+// printing explains, or by more than four sigmas of what is known about it: `known_sigma` is one sigma of its ratio to
+// the scale of the robot. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses
+// are then wrong.
 std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& covariance, std::string_view block,
-                                  bool is_focal_held);
+                                  bool is_focal_held, double known_sigma);
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
 // F-test of the changes in a refinement that frees them, and the change of the estimate. The advice is empty if they

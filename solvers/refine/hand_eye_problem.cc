@@ -13,6 +13,7 @@ RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) 
   RigTarget& target = whole.targets[0];
   target.free_shape = options.free_shape;
   target.scale_sigma = options.target_scale_sigma;
+  target.known_scale_sigma = options.known_target_scale_sigma;
   const SharedEffects* const shared = options.effects.get();
   std::vector<int> estimated;
   if (shared != nullptr) {
@@ -71,6 +72,7 @@ Solution HandEyeSolution(const RigSolution& whole, const BundleOptions& options)
     view.rejected_ids = capture.rejected_ids[0];
   }
   solution.covariance = whole.covariance;
+  solution.covariance_repeatable = whole.covariance_repeatable;
   solution.covariance_dof = whole.covariance_dof;
   solution.convergence = whole.convergence;
   return solution;

@@ -284,16 +284,6 @@ Advice DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& c
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration) {
   std::vector<Finding> findings;
   const RigSolution& solution = *calibration.refined;
-  for (size_t t = 0; t < calibration.problem.targets.size(); ++t) {
-    const RigTarget& target = calibration.problem.targets[t];
-    const auto& free = target.free_shape;
-    if (std::find(free.begin(), free.end(), TargetShapeGroup::kScale) == free.end()) continue;
-    std::optional<Finding> finding =
-        JudgeScale(solution.shapes[t], solution.covariance, TargetShapeBlock(target), false);
-    if (!finding) continue;
-    finding->names.emplace_back("of_target", target.name);
-    findings.push_back(std::move(*finding));
-  }
   for (const RigSmoothErrors& of_arm : calibration.smooth_errors) {
     const RobotNoise smooth = SmoothNoiseOf(solution, of_arm.robot).value_or(RobotNoise{});
     const RobotNoise after = solution.robot_noise[of_arm.robot].value_or(RobotNoise{});

@@ -15,6 +15,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
+#include "heba/data/scale_sigmas.h"
 #include "targets/render/cairo_status.h"
 #include "targets/render/sheet_layout.h"
 #include "targets/render/sheet_painter.h"
@@ -182,6 +183,7 @@ std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path) {
   if (is_spread) {
     json["pages"] = {{"rows", sheet.NumPageRows()}, {"columns", sheet.NumPageColumns()}};
   }
+  json["scale_sigma"] = kSheetScaleSigma;
   json["points"] = nlohmann::ordered_json::array();
   for (const SheetPoint& point : sheet.points) {
     nlohmann::ordered_json entry;

@@ -43,6 +43,7 @@ struct ArmRows {
   std::optional<RobotArm> robot;            // Its kinematics, if the config names them.
   std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
   bool joints_are_deg = false;
+  std::optional<double> scale_sigma;  // RigDataset::robot_scale_sigmas.
 };
 
 std::string CaptureName(const PoseRow& row, size_t index) {
@@ -92,13 +93,15 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
   }
   if (root != nullptr && root->Has("robot")) {
     MapReader robot(root->Get("robot"));
-    arm.robot = ReadRobotArm(robot, &config->data_files);
+    arm.scale_sigma = ReadRobotScale(robot);
+    if (!NamesNoArm(robot.value())) arm.robot = ReadRobotArm(robot, &config->data_files);
     robot.Finish();
     root->Record("robot", robot.used());
   } else if (root != nullptr && reader.Has("model")) {
     reader.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
-  } else if (root == nullptr && reader.Has("model")) {
-    arm.robot = ReadRobotArm(reader, &config->data_files);
+  } else if (root == nullptr) {
+    arm.scale_sigma = ReadRobotScale(reader);
+    if (reader.Has("model")) arm.robot = ReadRobotArm(reader, &config->data_files);
   }
   ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
   if (arm.robot && arm.joints.empty() && IsOfJoints(arm.reading.format, arm.robot->arm)) {
@@ -545,6 +548,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
     config.arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
     data.arms.push_back(arm.robot);
+    data.robot_scale_sigmas.push_back(arm.scale_sigma);
   }
   for (size_t i = 0; i < names.size(); ++i) {
     RigRecording capture = ImagesOfCapture(names[i], images_of_cameras, i);

@@ -6,6 +6,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/data/scale_sigmas.h"
 #include "heba/io/arm_file.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/pose_source.h"
@@ -106,6 +107,16 @@ void ReadJointsFile(MapReader& captures, RunConfig* config) {
   config->data_files.push_back(config->joints_file);
 }
 
+std::optional<double> ReadRobotScale(MapReader& reader) {
+  if (reader.Has("scale_sigma")) return reader.Ratio("scale_sigma");
+  if (reader.Has("kinematics")) return kCalibratedRobotScaleSigma;
+  return std::nullopt;
+}
+
+bool NamesNoArm(const ConfigValue& robot) {
+  return robot.IsMap() && robot.node().size() == 1 && robot.node()["scale_sigma"].IsDefined();
+}
+
 RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
   RobotArm robot;
   robot.arm = ReadArm(reader, data_files);
@@ -148,6 +159,12 @@ void ReadRobotSection(MapReader& root, RunConfig* config) {
   }
   if (value->IsText()) value->Fail("must be a mapping: {model: " + value->AsText() + "}");
   MapReader reader(*value);
+  config->data.robot_scale_sigma = ReadRobotScale(reader);
+  if (NamesNoArm(*value)) {
+    root.Record("robot", reader.used());
+    if (!config->joints_file.empty()) value->Fail("captures.joints needs an arm (robot.model)");
+    return;
+  }
   RobotArm robot = ReadRobotArm(reader, &config->data_files);
   reader.Finish();
   root.Record("robot", reader.used());

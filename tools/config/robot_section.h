@@ -31,6 +31,11 @@ std::vector<std::vector<double>> ReadJoints(const Arm& arm, const std::filesyste
 std::string JointsFileText(const Arm& arm, const std::vector<std::string>& images,
                            const std::vector<Eigen::VectorXd>& joints);
 
+// Reads one sigma of the scale of a robot's translations, `scale_sigma`; that of a calibrated robot if the reader has
+// only the calibration of an arm, `kinematics`. Nothing if nothing is stated.
+std::optional<double> ReadRobotScale(MapReader& reader);
+// Returns whether the section `robot` has no key but `scale_sigma`, which names no arm.
+bool NamesNoArm(const ConfigValue& robot);
 // Reads an arm from the keys model, base_link, tip_link, kinematics, payload, tool and joints_near. Adds the files that
 // it reads to `data_files`.
 RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files);

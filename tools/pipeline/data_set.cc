@@ -37,6 +37,18 @@ std::string JointsFile(const SceneConfig& scene, size_t robot) {
   return scene.has_named_robots ? scene.problem.robots[robot] + "_joints.csv" : "joints.csv";
 }
 
+// One sigma of a simulated length, which is exact unless the scene says otherwise.
+constexpr int kExact = 0;
+
+// Returns the mapping of a target. A print that deviates from its design is not exact.
+YAML::Node TargetNode(const SceneTarget& target) {
+  YAML::Node node = YAML::Clone(target.used);
+  const auto& params = target.printed.params;
+  const bool is_exact = params[0] == 1 && params[1] == 1;
+  if (is_exact && !target.target->scale_sigma()) node["scale_sigma"] = kExact;
+  return node;
+}
+
 std::string YamlText(const YAML::Node& node) {
   YAML::Emitter emitter;
   emitter << node;
@@ -54,6 +66,7 @@ YAML::Node ShortConfig(const SceneConfig& scene) {
   config["captures"]["poses"] = PosesFile(scene, 0);
   config["captures"]["pose_format"] = PoseFormatNode(scene.pose_format);
   config["evaluate"]["truth"] = "truth.json";
+  config["robot"]["scale_sigma"] = kExact;
   if (const std::optional<SceneArm>& arm = scene.arms[0]) {
     config["robot"]["model"] = arm->nominal.name;
     config["robot"]["tool"] = PoseNode(arm->tip_from_gripper);
@@ -62,15 +75,17 @@ YAML::Node ShortConfig(const SceneConfig& scene) {
   return config;
 }
 
-// Adds the kinematics of an arm to the config: beside its poses or, if the scene does not name it,
-// in a section of its own.
+// Adds what is known about an arm to the config: beside its poses or, if the scene does not name it, in a section of
+// its own.
 void AddArmKeys(const SceneConfig& scene, size_t robot, YAML::Node* config, YAML::Node* poses) {
-  const SceneArm& arm = *scene.arms[robot];
   YAML::Node keys;
-  keys["model"] = arm.nominal.name;
-  // Recorded joints determine the tool.
-  if (!arm.records_joints) keys["tool"] = PoseNode(arm.tip_from_gripper);
-  if (arm.records_joints) (*poses)["joints"] = JointsFile(scene, robot);
+  keys["scale_sigma"] = kExact;
+  if (const std::optional<SceneArm>& arm = scene.arms[robot]) {
+    keys["model"] = arm->nominal.name;
+    // Recorded joints determine the tool.
+    if (!arm->records_joints) keys["tool"] = PoseNode(arm->tip_from_gripper);
+    if (arm->records_joints) (*poses)["joints"] = JointsFile(scene, robot);
+  }
   if (!scene.has_named_robots) {
     (*config)["robot"] = keys;
     return;
@@ -84,7 +99,7 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
     YAML::Node poses;
     poses["poses"] = PosesFile(scene, r);
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
-    if (scene.arms[r]) AddArmKeys(scene, r, &config, &poses);
+    AddArmKeys(scene, r, &config, &poses);
     if (scene.has_named_robots) {
       config["robots"][scene.problem.robots[r]] = poses;
     } else {
@@ -180,7 +195,8 @@ Outcome<int> WriteDataSet(const SceneConfig& scene, const fs::path& output, int 
     WriteFileAtomically(folder.staging() / CameraFile(camera), CameraToYaml(camera.camera));
   }
   for (size_t t = 0; t < scene.targets.size(); ++t) {
-    WriteFileAtomically(folder.staging() / TargetFile(scene.problem.targets[t]), YamlText(scene.targets[t].used));
+    WriteFileAtomically(folder.staging() / TargetFile(scene.problem.targets[t]),
+                        YamlText(TargetNode(scene.targets[t])));
   }
   WriteFileAtomically(folder.staging() / "config.yaml",
                       YamlText(scene.setup ? ShortConfig(scene) : NamedConfig(scene)));

@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/calibration_problem.h"
+#include "solvers/calibration/scale_share.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/residuals/inliers.h"
 #include "tools/run/captures.h"
@@ -235,16 +236,21 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   }
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
-  AddChanges(advice.changes, &result.estimates.back().solution->covariance);
   const SearchedModel of_all = AsProblem(calibration, options).model;
+  const RigProblem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
+  const ScaleShare scales =
+      ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(AsRigDataset(dataset), of_all.problem));
+  AddShare(scales, advice.changes, &*result.estimates.back().solution);
+  result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
   if (!calibration.left_out.empty()) {
     SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
                &result.estimates.back().errors);
   }
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
-  const RigSolution& solution = of_all.judged.solution;
-  const RigProblem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), solution);
+  // A wrong scale moves the camera, and not what it sees of an object of known size.
+  RigSolution solution = of_all.judged.solution;
+  AddChanges(scales.changes, &solution.covariance);
   const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, advice.changes);
   result.working_point = working_points.front();
   result.model = SummariseModel(calibration);

@@ -31,7 +31,23 @@ RigDataset AsRigDataset(const Dataset& dataset) {
   whole.given_detections = InRig(dataset.given_detections);
   whole.detections_source = dataset.detections_source;
   whole.arms = {dataset.robot};
+  whole.robot_scale_sigmas = {dataset.robot_scale_sigma};
   return whole;
+}
+
+ScaleSigmas ScaleSigmasOf(const RigDataset& dataset, const RigProblem& solved) {
+  ScaleSigmas sigmas;
+  for (const std::shared_ptr<const Target>& target : dataset.targets) {
+    sigmas.targets.push_back(target->scale_sigma().value_or(kTargetScaleSigma));
+  }
+  for (size_t r = 0; r < solved.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(solved, r);
+    const bool is_calibrated = effects != nullptr && effects->kind == SharedEffectsKind::kArm;
+    const std::optional<double> stated =
+        dataset.robot_scale_sigmas.empty() ? std::nullopt : dataset.robot_scale_sigmas[r];
+    sigmas.robots.push_back(stated.value_or(is_calibrated ? kCalibratedRobotScaleSigma : kRobotScaleSigma));
+  }
+  return sigmas;
 }
 
 std::vector<RigDetection> InRig(const std::vector<CaptureDetection>& detections) {
@@ -98,6 +114,7 @@ CalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, int 
   options.methods = run.methods;
   options.seed = run.seed;
   options.bundle = run.bundle;
+  options.bundle.known_target_scale_sigma = dataset.target->scale_sigma().value_or(kTargetScaleSigma);
   options.choose = run.choose;
   options.choose_camera_model = run.choose_camera_model;
   options.setup = dataset.setup;

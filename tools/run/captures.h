@@ -23,6 +23,9 @@ void FitCameraToImages(const std::vector<CaptureDetection>& detections, Dataset*
 
 // Returns the data set as that of a rig whose parts have no names (heba/data/hand_eye.h).
 RigDataset AsRigDataset(const Dataset& dataset);
+// Returns what is known about the scales of a data set's targets and arms. `solved` has the errors of arms that were
+// estimated, which makes their lengths those of arms that were calibrated.
+ScaleSigmas ScaleSigmasOf(const RigDataset& dataset, const RigProblem& solved);
 // Returns the detections as those of such a data set, and back.
 std::vector<RigDetection> InRig(const std::vector<CaptureDetection>& detections);
 std::vector<CaptureDetection> OutOfRig(std::vector<RigDetection> detections);

@@ -15,11 +15,13 @@
 #include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
 #include "solvers/calibration/influence.h"
+#include "solvers/calibration/scale_share.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
+#include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/reached_accuracy.h"
 #include "tools/run/rig_arm_errors.h"
@@ -38,6 +40,7 @@ RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>&
   for (size_t t = 0; t < rig.targets.size(); ++t) {
     rig.targets[t].shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
     rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
+    rig.targets[t].known_scale_sigma = dataset.targets[t]->scale_sigma().value_or(kTargetScaleSigma);
   }
   rig.captures.clear();
   for (const RigRecording& recording : dataset.captures) {
@@ -452,9 +455,12 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
   std::vector<Eigen::VectorXd> changes = of_held.changes;
   changes.insert(changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());
-  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, changes);
-  AddChanges(of_held.changes, &output.calibration.refined->covariance);
-  AddChanges(of_smooth.changes, &output.calibration.refined->covariance);
+  const ScaleShare scales = ShareOfScales(used, solution, ScaleSigmasOf(dataset, output.calibration.problem));
+  // A wrong scale moves the cameras, and not what they see of an object of known size.
+  RigSolution with_scales = solution;
+  AddChanges(scales.changes, &with_scales.covariance);
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, with_scales, changes);
+  AddShare(scales, changes, &*output.calibration.refined);
   timing.refine_s = solution.convergence.seconds;
   timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
 
@@ -478,7 +484,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.arms = std::move(summaries.arms);
   NameKnownArms(result.arms, result.rig.robots, &of_rig);
   for (const std::vector<Finding>& findings :
-       {of_rig, summaries.findings, of_held.findings, of_smooth.findings, directions, missing_ids}) {
+       {scales.findings, of_rig, summaries.findings, of_held.findings, of_smooth.findings, directions, missing_ids}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
   result.working_points = working_points;

@@ -299,7 +299,9 @@ Outcome<RunOutput> RunOnImages(Dataset dataset, const RunOptions& options, RunOb
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   const Advice advice = Advise(calibration, calibrated->options);
   output.result = Assess(output.dataset, options, detections, calibration, advice, calibrated->options, observer);
-  AddChanges(advice.changes, &calibration.refined->covariance);
+  const Solution& assessed = *output.result.estimates.back().solution;
+  calibration.refined->covariance = assessed.covariance;
+  calibration.refined->covariance_repeatable = assessed.covariance_repeatable;
   std::vector<Finding>& observations = output.result.observations;
   for (Finding& motion : motions) observations.push_back(std::move(motion));
   if (dataset.robot) {

@@ -25,6 +25,7 @@ Dataset DatasetOfPair(const RigDataset& rig) {
   dataset.camera_source = rig.camera_sources.front();
   dataset.detections_source = rig.detections_source;
   if (!rig.arms.empty()) dataset.robot = rig.arms.front();
+  if (!rig.robot_scale_sigmas.empty()) dataset.robot_scale_sigma = rig.robot_scale_sigmas.front();
   for (size_t i = 0; i < rig.captures.size(); ++i) {
     const RigRecording& recording = rig.captures[i];
     if (recording.images.front().empty()) continue;
@@ -127,6 +128,7 @@ RigRunOutput PlacedInRig(const RigDataset& rig, const RunOutput& run) {
   named.targets.front().symmetries = rig.targets.front()->Symmetries();
   NameParts(named, run.calibration, &calibration.problem);
   calibration.refined->covariance.layout = RigUnknowns(calibration.problem);
+  calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
   calibration.start = HandEyePosesOf(run.result.estimates.back().hand_eye);
   RigPair& pair = calibration.pairs.emplace_back();

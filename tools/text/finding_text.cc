@@ -410,16 +410,38 @@ FindingText RobotNoiseIgnored(const Finding& finding) {
           {kEstimatedNoise}};
 }
 
+std::string PercentText(double ratio) { return Significant(100 * ratio, 2) + " %"; }
+
+// Returns how well the ratio of the scales of target and robot is known; empty if the finding does not say it.
+std::string KnownText(const Finding& finding) {
+  const std::optional<double> known_sigma = finding.Number("known_sigma");
+  return known_sigma ? ", whose dimensions are taken to be right to " + PercentText(*known_sigma) : "";
+}
+
 FindingText TargetScale(const Finding& finding) {
   const double mean = 0.5 * (Number(finding, "scale_x") + Number(finding, "scale_y"));
   const std::optional<double> scale_sigma = finding.Number("scale_sigma");
   const std::string sigma = scale_sigma ? " (one sigma " + Significant(100 * *scale_sigma, 1) + " %)" : "";
   return {
       "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " %" + sigma +
-          (mean > 1 ? " larger" : " smaller") + " than the config says" +
+          (mean > 1 ? " larger" : " smaller") + " than the config says" + KnownText(finding) +
           (Is(finding, "focal_length", "held") ? " (a focal length that is held at a wrong value looks the same)" : ""),
       "measure the target and correct its dimensions in the config; if they are right, check the units of the "
       "robot's poses and its own calibration"};
+}
+
+FindingText ScaleSource(const Finding& finding) {
+  const std::string robot = PercentText(Number(finding, "robot_scale_sigma"));
+  const std::string target = PercentText(Number(finding, "target_scale_sigma"));
+  const std::string camera = finding.Name("of_camera").value_or("");
+  const std::string source =
+      Is(finding, "source", "robot")
+          ? "the translations of the robot, whose lengths are taken to be right to " + robot
+          : "the translations of the robot and the size of the target, which are taken to be right to " + robot +
+                " and " + target;
+  return {"the scale of the result is that of " + source + ": this makes " + Amount(finding, "share_mm") +
+              " mm of the uncertainty of the position of " + (camera.empty() ? "the camera" : "camera " + camera),
+          ""};
 }
 
 FindingText CameraMoved(const Finding& finding) {
@@ -556,6 +578,7 @@ constexpr CodeWords kWords[] = {
     {"target_shape_ignored", &TargetShapeIgnored},
     {"robot_noise_ignored", &RobotNoiseIgnored},
     {"target_scale", &TargetScale},
+    {"scale_source", &ScaleSource},
     {"held_intrinsics", &HeldIntrinsics},
     {"camera", &CameraUse},
     {"captures_contradict", &CapturesContradict},

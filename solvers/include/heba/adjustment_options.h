@@ -8,13 +8,10 @@
 
 #include "heba/data/camera_prior.h"
 #include "heba/data/loss_kind.h"
+#include "heba/data/scale_sigmas.h"
 #include "heba/data/solution.h"
 
 namespace heba {
-
-// One sigma of the scales of a printed target, if the robot has systematic errors: the scale of the target and the size
-// of an arm are nearly one, and prints are off by some tenths of a per cent.
-inline constexpr double kPrintScaleSigma = 0.003;
 
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
@@ -45,6 +42,7 @@ struct BundleOptions {
   // One sigma of the target's scales about 1 (TargetShape), as additional measurements; nothing: they are not known.
   // The scale of the target and the size of an arm have nearly the same effect on the images.
   std::optional<double> target_scale_sigma;
+  double known_target_scale_sigma = kTargetScaleSigma;  // RigTarget::known_scale_sigma.
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 

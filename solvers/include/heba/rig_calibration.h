@@ -29,9 +29,8 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
 // those whose intrinsics cannot be freed, have none. `problem` is the one that was calibrated.
 Advice DiagnoseHeldIntrinsics(const RigProblem& problem, const RigCalibration& calibration, const RigOptions& options);
 
-// Returns the findings about a calibration whose adjustment succeeded: targets whose size differs from the design,
-// cameras that were moved during the captures, and arms whose poses have smooth errors. `problem` is the one that was
-// calibrated.
+// Returns the findings about a calibration whose adjustment succeeded: cameras that were moved during the captures, and
+// arms whose poses have smooth errors. `problem` is the one that was calibrated.
 std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration);
 
 // Returns a finding `weak_direction` for each camera of a calibration whose adjustment succeeded. It has a part

@@ -29,6 +29,8 @@ constexpr Unit kUnits[] = {
     {Quantity::kMass, "g", 1e-3},
     {Quantity::kCompliance, "rad/(N m)", 1.0},
     {Quantity::kCompliance, "deg/(N m)", kPi / 180.0},
+    {Quantity::kRatio, "", 1.0},
+    {Quantity::kRatio, "%", 1e-2},
 };
 
 }  // namespace
@@ -54,6 +56,8 @@ std::string_view Example(Quantity quantity) {
       return "a mass such as '1.2 kg'";
     case Quantity::kCompliance:
       return "a compliance such as '2e-5 rad/(N m)'";
+    case Quantity::kRatio:
+      return "a ratio such as '0.1 %' or 0.001";
   }
   return "";
 }
@@ -70,6 +74,7 @@ double MaxQuantity(Quantity quantity) {
     case Quantity::kMass:
       return 1e4;
     case Quantity::kCompliance:
+    case Quantity::kRatio:
       return 1;
   }
   return 0;
@@ -85,7 +90,7 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
   if (error != std::errc()) return {0, Quoted(trimmed) + " is not " + expected};
   if (!std::isfinite(number)) return {0, Quoted(trimmed) + " is not finite"};
   const std::string unit_name = Trim(rest.substr(static_cast<size_t>(end - rest.data())));
-  if (unit_name.empty()) return {0, Quoted(trimmed) + " has no unit; write " + expected};
+  if (unit_name.empty() && !BaseUnit(quantity).empty()) return {0, Quoted(trimmed) + " has no unit; write " + expected};
   std::vector<std::string> known;
   for (const Unit& unit : kUnits) {
     if (unit.quantity != quantity) continue;
@@ -93,12 +98,12 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
       const double value = number * unit.factor;
       const double most = MaxQuantity(quantity);
       if (std::abs(value) > most) {
-        return {0, Quoted(trimmed) + " is out of range; at most " + Significant(most / unit.factor, 6) + " " +
-                       std::string(unit.name) + " is possible"};
+        return {0, Quoted(trimmed) + " is out of range; at most " +
+                       Trim(Significant(most / unit.factor, 6) + " " + std::string(unit.name)) + " is possible"};
       }
       return {value, ""};
     }
-    known.emplace_back(unit.name);
+    if (!unit.name.empty()) known.emplace_back(unit.name);
   }
   return {0, Quoted(trimmed) + " has the unit " + Quoted(unit_name) + "; one of " + Join(known, ", ") + " is needed" +
                  DidYouMean(unit_name, known)};

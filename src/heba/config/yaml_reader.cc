@@ -367,6 +367,12 @@ double MapReader::Pixels(const std::string& key, std::optional<double> fallback_
   return QuantityOf(key, Quantity::kPixels, fallback_px);
 }
 
+double MapReader::Ratio(const std::string& key, std::optional<double> fallback) {
+  const double ratio = QuantityOf(key, Quantity::kRatio, fallback);
+  if (ratio < 0) Get(key).Fail("must not be negative");
+  return ratio;
+}
+
 double MapReader::PositiveLength(const std::string& key, std::optional<double> fallback_m) {
   const double length_m = Length(key, fallback_m);
   if (!(length_m > 0)) Get(key).Fail("must be greater than zero");
@@ -436,7 +442,7 @@ YAML::Node PoseNode(const Rigid3d& pose) {
 }
 
 YAML::Node QuantityNode(double value, Quantity quantity) {
-  std::string text = RoundTrip(value) + " " + std::string(BaseUnit(quantity));
+  std::string text = Trim(RoundTrip(value) + " " + std::string(BaseUnit(quantity)));
   // 0.018000000000000002 m is what 18 mm is read as.
   constexpr double kPerM = 1e12;
   constexpr double kPerMm = 1e9;

@@ -117,6 +117,8 @@ class MapReader {
   double Angle(const std::string& key, std::optional<double> fallback_rad = std::nullopt);
   double Pixels(const std::string& key, std::optional<double> fallback_px = std::nullopt);
   double QuantityOf(const std::string& key, Quantity quantity, std::optional<double> fallback = std::nullopt);
+  // Reads a ratio that must not be negative: "0.1 %" or 0.001.
+  double Ratio(const std::string& key, std::optional<double> fallback = std::nullopt);
   // Reads a length that must be at least 0.001 mm.
   double PositiveLength(const std::string& key, std::optional<double> fallback_m = std::nullopt);
   std::string Choice(const std::string& key, const std::vector<std::string>& choices,

@@ -50,6 +50,7 @@ RigSolution ProblemSolution(const Solution& solution) {
     capture.rejected_ids = {view.rejected_ids};
   }
   whole.covariance = solution.covariance;
+  whole.covariance_repeatable = solution.covariance_repeatable;
   whole.covariance_dof = solution.covariance_dof;
   whole.convergence = solution.convergence;
   return whole;

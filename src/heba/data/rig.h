@@ -18,6 +18,7 @@
 #include "heba/camera/camera.h"
 #include "heba/data/camera_prior.h"
 #include "heba/data/problem.h"
+#include "heba/data/scale_sigmas.h"
 #include "heba/data/shared_effects.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
@@ -53,8 +54,10 @@ struct RigTarget {
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
   std::string mount_name = {};  // RigCamera::mount_name.
-  // One sigma of each scale of its shape, about that of the design; nothing if nothing is known about it.
+  // One sigma of each scale of its shape, about that of the design, as prior knowledge that the estimate uses; nothing
+  // if it uses none, because no systematic error of an arm acts like another scale.
   std::optional<double> scale_sigma = {};
+  double known_scale_sigma = kTargetScaleSigma;  // One sigma of each scale, used or not.
 };
 
 // The points of one target in one camera.

@@ -135,15 +135,17 @@ UnknownLayout RigUnknowns(const RigProblem& problem) {
 }
 
 RigSolution WithEffectsOf(const RigProblem& problem, RigSolution solution) {
-  Covariance kept{RigUnknowns(problem), {}};
+  const UnknownLayout kept = RigUnknowns(problem);
   std::vector<Eigen::Index> places;
-  for (Eigen::Index i = 0; i < kept.layout.size(); ++i) {
-    const std::optional<Eigen::Index> place = solution.covariance.layout.Place(kept.layout.Name(i));
+  for (Eigen::Index i = 0; i < kept.size(); ++i) {
+    const std::optional<Eigen::Index> place = solution.covariance.layout.Place(kept.Name(i));
     CHECK(place.has_value()) << "the solution is that of another problem";
     places.push_back(*place);
   }
-  kept.matrix = solution.covariance.matrix(places, places);
-  solution.covariance = std::move(kept);
+  for (Covariance* const covariance : {&solution.covariance, &solution.covariance_repeatable}) {
+    if (covariance->matrix.size() == 0) continue;
+    *covariance = {kept, covariance->matrix(places, places)};
+  }
   for (size_t r = 0; r < solution.effects.size(); ++r) {
     if (EffectsOf(problem, r) != nullptr) continue;
     solution.effects[r].resize(0);

@@ -47,6 +47,7 @@ struct RigSolution {
   // "targets.NAME.pose", "targets.NAME.shape", "robots.NAME.world_from_base" and "robots.NAME.errors". The tangents of
   // poses are on the right, translation before rotation.
   Covariance covariance;
+  Covariance covariance_repeatable;                                 // See Solution::covariance_repeatable.
   double covariance_dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
   Convergence convergence;
 };

@@ -103,6 +103,9 @@ struct Solution {
   std::optional<RobotNoise> robot_noise_stddev;
   std::vector<ViewOutcome> views;  // One per view of the problem.
   Covariance covariance;
+  // The covariance without what all sessions of a cell have in common: the scales of its targets and robots. Empty if
+  // it is not known.
+  Covariance covariance_repeatable;
   // Degrees of freedom of the noise estimate on which the covariance is based. A confidence region is a region of
   // Fisher's F with this number of degrees of freedom in the denominator. Infinite if the noise was given.
   double covariance_dof = std::numeric_limits<double>::infinity();

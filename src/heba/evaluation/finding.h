@@ -37,6 +37,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "target_shape_ignored",
     "robot_noise_ignored",
     "target_scale",
+    "scale_source",
     "held_intrinsics",
     "camera",
     "captures_contradict",

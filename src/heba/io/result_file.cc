@@ -115,6 +115,11 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     const bool has_smooth = solution->smooth_noise.has_value();
     json["covariance"] =
         CovarianceJson(*covariance, has_smooth ? covariance->layout.Block(kRobotBlock) : UnknownBlock());
+    const Covariance& repeatable = solution->covariance_repeatable;
+    if (repeatable.matrix.size() > 0) {
+      json["covariance_repeatable"] =
+          CovarianceJson(repeatable, has_smooth ? repeatable.layout.Block(kRobotBlock) : UnknownBlock());
+    }
     json["solve"] = SolveJson(solution->convergence, solution->covariance_dof, NoiseJson(*solution), Json::object());
   }
   return json;
@@ -356,6 +361,9 @@ std::string RigResultToJson(const RigResult& result) {
   json["relative_bases"] = RelativeJson(result.relative_bases, {});
   json["captures"] = CapturesJson(result);
   json["covariance"] = CovarianceJson(result.solution.covariance);
+  if (result.solution.covariance_repeatable.matrix.size() > 0) {
+    json["covariance_repeatable"] = CovarianceJson(result.solution.covariance_repeatable);
+  }
   json["solve"] = SolveJson(result.solution.convergence, result.solution.covariance_dof, Json::object(),
                             Json{{"holdout_chi2_per_dof", OrNull(result.holdout_chi2)}});
   json["timing_s"] = TimingJson(result.timing);

@@ -100,6 +100,9 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate, Setup 
     RigProblem problem = HandEyeProblem(setup, solution);
     problem.effects = {ReadEffectNames(reader.Get("covariance"))};
     solution.covariance = ReadCovariance(reader.Get("covariance"), &problem);
+    if (reader.Has("covariance_repeatable")) {
+      solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), &problem);
+    }
   }
   const JsonReader solve = reader.Get("solve");
   ReadSolve(solve, &solution);
@@ -336,6 +339,9 @@ RigResult ReadRigResult(const JsonReader& reader) {
   ReadSection(reader.Get("cameras"), ReadCameraEntry, &result);
   ReadSection(reader.Get("targets"), ReadTargetEntry, &result);
   result.solution.covariance = ReadCovariance(reader.Get("covariance"), &result.rig);
+  if (reader.Has("covariance_repeatable")) {
+    result.solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), &result.rig);
+  }
   for (const RigCamera& camera : result.rig.cameras) {
     result.errors.push_back(ReadErrorsOfCamera(reader.Get("errors").Get(camera.name.c_str())));
   }

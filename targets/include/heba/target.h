@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -79,6 +80,13 @@ class Target {
   // Returns the keys of all lengths, with the values of a target of the same proportions that do not depend on this
   // target's size: an image of one of the two is an image of the other as well. Empty if the type has no such keys.
   virtual TargetSettings UnitLengths() const { return {}; }
+
+  // One sigma of the scales of the print about those of the design, as a ratio, if the mapping states it.
+  const std::optional<double>& scale_sigma() const { return scale_sigma_; }
+  void set_scale_sigma(double sigma) { scale_sigma_ = sigma; }
+
+ private:
+  std::optional<double> scale_sigma_;
 };
 
 // Reads a target from its whole mapping, in heba's or Kalibr's format. Afterwards the reader holds the target as it

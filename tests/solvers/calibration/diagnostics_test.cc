@@ -159,17 +159,20 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
 }
 
 TEST(AdviceTest, ReportsAWrongTargetSizeAsACause) {
-  Solution solution;
-  const ErrorModel scaled{BundleOptions::Robot::kExact, {TargetShapeGroup::kScale}};
-  solution.shape.params = {1.1, 1.1, 0, 0};
-  const std::optional<Finding> finding = DiagnoseScale(solution, scaled);
+  TargetShape shape;
+  shape.params = {1.1, 1.1, 0, 0};
+  const auto judge = [&](double known_sigma) { return JudgeScale(shape, {}, kTargetBlock, true, known_sigma); };
+  const std::optional<Finding> finding = judge(kTargetScaleSigma);
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->grade, Grade::kBad);
   EXPECT_TRUE(finding->is_cause);
   EXPECT_EQ(finding->Number("scale_x"), 1.1);
   EXPECT_EQ(finding->Name("focal_length"), "held");
-  solution.shape.params = {1.002, 1.001, 0, 0};  // Printers have scale errors of this size.
-  EXPECT_FALSE(DiagnoseScale(solution, scaled).has_value());
+  shape.params = {1.002, 1.001, 0, 0};  // Printers have scale errors of this size.
+  EXPECT_FALSE(judge(kTargetScaleSigma).has_value());
+  // They contradict a measurement.
+  ASSERT_TRUE(judge(4e-4).has_value());
+  EXPECT_EQ(judge(4e-4)->grade, Grade::kDoubtful);
 }
 
 }  // namespace

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
+#include "solvers/calibration/scale_share.h"
+#include "solvers/residuals/inliers.h"
 #include "tests/support/matchers.h"
 #include "tests/support/rig_scenes.h"
 
@@ -348,6 +350,14 @@ TEST(RigCalibration, HoldsOutTheCamerasThatTheOthersDetermine) {
   EXPECT_TRUE(errors.chi2_per_dof.has_value());
 }
 
+// Returns the findings about the scales of targets that were printed as designed, by robots of exact lengths.
+std::vector<Finding> ScalesOf(const RigCalibration& calibration) {
+  const RigProblem& problem = calibration.problem;
+  return ShareOfScales(WithoutRejected(problem, *calibration.refined), *calibration.refined,
+                       {std::vector<double>(problem.targets.size(), 0), std::vector<double>(problem.robots.size(), 0)})
+      .findings;
+}
+
 TEST(RigCalibration, NamesTheTargetOfAWrongSize) {
   RigScene scene = MixedRig(18, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
   for (RigCapture& capture : scene.problem.captures) {
@@ -358,7 +368,7 @@ TEST(RigCalibration, NamesTheTargetOfAWrongSize) {
   scene.problem.targets[1].shape = DesignedShape(1.1 * scene.targets[1].points_in_target);
   const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
   ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
-  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  const std::vector<Finding> findings = ScalesOf(*calibration);
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings.front().code, "target_scale");
   EXPECT_EQ(findings.front().Name("of_target"), "wall");
@@ -381,7 +391,7 @@ TEST(RigCalibration, NamesTheTargetOfAWrongSizeBesideOneOfUnknownSize) {
   const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
   ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
   EXPECT_TRUE(calibration->problem.targets[1].free_shape.empty());
-  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  const std::vector<Finding> findings = ScalesOf(*calibration);
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings.front().Name("of_target"), "plate");
   EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.01, 2e-4);

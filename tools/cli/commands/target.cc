@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/data/scale_sigmas.h"
 #include "heba/io/camera_file.h"
 #include "heba/target.h"
 #include "targets/render/papers.h"
@@ -64,7 +65,8 @@ std::string SuggestionFile(const Suggestion& suggestion, const SuggestionOptions
           std::to_string(suggestion.num_points) + " points are found; its pose has a sigma of at most " +
           Significant(1000 * suggestion.sigma.position_m, 2) + " mm and " +
           Significant(RadToDeg(suggestion.sigma.rotation_rad), 2) + " deg, from the noise of the image alone\n";
-  return text + suggestion.config;
+  return text + suggestion.config + "scale_sigma: " + Significant(100 * kSheetScaleSigma, 2) +
+         " %  # of a sheet printed true to scale; 0.1 % once it is measured over its whole length\n";
 }
 
 int Suggest() {

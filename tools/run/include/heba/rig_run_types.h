@@ -59,6 +59,7 @@ struct RigDataset {
   std::string detections_source = "detections";  // Messages about them start with it.
   // One per arm: its kinematics, if they are known; or an empty list.
   std::vector<std::optional<RobotArm>> arms = {};
+  std::vector<std::optional<double>> robot_scale_sigmas = {};  // Dataset::robot_scale_sigma of each arm; or empty.
   std::optional<RigTruth> truth;
   std::vector<RigLeftOut> left_out;  // Is listed in the result.
 };

@@ -50,6 +50,8 @@ struct Dataset {
   std::vector<Capture> captures;
   // Detections that replace the images: one per capture, or empty. A size of 0 x 0 stands for that of the camera.
   std::vector<CaptureDetection> given_detections;
+  // One sigma of the scale of the robot's translations; nothing: that of robots (heba/data/scale_sigmas.h).
+  std::optional<double> robot_scale_sigma = {};
   std::optional<RobotArm> robot;  // Its kinematics are estimated if the captures require it (RunOptions::kinematics).
   // camera_from_target of each capture, instead of images and detections; or empty.
   std::vector<Rigid3d> target_poses;

@@ -1,0 +1,48 @@
+// What wrong lengths do to an estimate: a target that is printed larger than it was designed, and a robot whose
+// translations are longer than it reports.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/calibration.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+#include "heba/data/scale_sigmas.h"
+#include "heba/evaluation/finding.h"
+
+namespace heba {
+
+struct ScaleShare {
+  // What the scales do to the estimate that its covariance does not hold yet, in the layout of that covariance
+  // (AddChanges).
+  std::vector<Eigen::VectorXd> changes;
+  // The covariance of the solution without what the scales of targets contribute to it: all sessions of a cell have the
+  // same scales.
+  Covariance repeatable;
+  // `scale_source`: where the scale of the result comes from and how much of the camera's position it leaves open,
+  // unless all lengths are exact; and `target_scale` for each target of which an estimated scale differs from its
+  // design by more than is known about it, or by as much as prints seldom do.
+  std::vector<Finding> findings;
+};
+
+// Returns the share of the scales. With the unknowns x of the solution, the scales h that it held (those of targets
+// that it took as designed, and those of the robots' translations) and the information H of all data and of `sigmas`,
+// the scales have the covariance S = (H_hh - H_hx H_xx^-1 H_xh)^-1 and the estimate errs by -H_xx^-1 H_xh h. The
+// changes are the columns of H_xx^-1 H_xh S^(1/2), and that by the mean of h, because the estimate is that without
+// them. A scale that the solution estimated without prior knowledge is in its covariance already. `problem` holds the
+// points that the solution used. The share is empty if a point cannot be projected.
+ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas);
+
+// Makes the covariance of a solution (Solution, RigSolution) the total one, and keeps the repeatable one. `changes` are
+// those of other causes (Advice), which are part of both.
+template <class AnySolution>
+void AddShare(const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes, AnySolution* solution) {
+  solution->covariance_repeatable = share.repeatable;
+  AddChanges(changes, &solution->covariance_repeatable);
+  AddChanges(changes, &solution->covariance);
+  AddChanges(share.changes, &solution->covariance);
+}
+
+}  // namespace heba
