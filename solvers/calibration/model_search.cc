@@ -21,29 +21,14 @@
 namespace heba {
 namespace {
 
-// Returns whether a scale of a target that was estimated without prior knowledge contradicts what is known about it.
-bool ContradictsKnown(const RigTarget& target, const TargetShape& shape, const Covariance& covariance) {
-  constexpr double kSigmas = 4;
-  for (const size_t axis : {0, 1}) {
-    const std::string name = TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[axis]);
-    const std::optional<double> sigma = SigmaOf(covariance, name);
-    if (sigma && std::abs(shape.params[axis] - 1) > kSigmas * std::hypot(*sigma, target.known_scale_sigma)) return true;
-  }
-  return false;
-}
-
-// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture. `before` is a
-// solution without them.
+// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
 void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-               const std::vector<std::shared_ptr<const PoseEffect>>& effects, const RigSolution& before,
-               RigProblem* problem) {
+               const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem) {
   SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
   constexpr double kLeastSigma = 1e-6;
-  for (size_t t = 0; t < problem->targets.size(); ++t) {
-    RigTarget& target = problem->targets[t];
-    if (target.scale_sigma || ContradictsKnown(target, before.shapes[t], before.covariance)) continue;
-    target.scale_sigma = std::max(target.known_scale_sigma, kLeastSigma);
+  for (RigTarget& target : problem->targets) {
+    if (!target.scale_sigma) target.scale_sigma = std::max(target.known_scale_sigma, kLeastSigma);
   }
 }
 
@@ -101,7 +86,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
   }
   const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<RigSolution>> {
     RigProblem with_errors = fixed;
-    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), solution, &with_errors);
+    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
     const RigProblem without_joints = with_errors;
     SetJoints(arm, robot, branches, &with_errors);
@@ -267,7 +252,7 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
     const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsIn(arm, choice.branches);
     if (arm.is_chosen) parts.arms[r] = {arm.models, true, {effects}};
     is_any_chosen = is_any_chosen || arm.is_chosen;
-    SetErrors(r, choice.model, effects, model->judged.solution, &with_errors.problem);
+    SetErrors(r, choice.model, effects, &with_errors.problem);
   }
   if (!has_any) return choices;
   const auto decline_all = [&](const Failure& failure) {
@@ -333,8 +318,7 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
     for (const RigCapture& capture : model->problem.captures) {
       effects.push_back(errors->EffectAt(capture.base_from_gripper[arm.robot]));
     }
-    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, solution,
-              &with_errors.problem);
+    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, &with_errors.problem);
   }
   if (added.empty()) return added;
   ModelSpace parts = space.parts;
