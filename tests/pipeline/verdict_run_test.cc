@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/base/text.h"
 #include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 
@@ -55,6 +56,23 @@ TEST_F(VerdictRunTest, GoodResultsNameTheChosenModel) {
   EXPECT_EQ(result["model"]["camera"], "brown5");
   EXPECT_FALSE(FindingOf(result, "model").is_null());
   for (const Json& capture : result["captures"]) EXPECT_TRUE(capture["used"].get<bool>()) << capture["reason"];
+}
+
+// What the config leaves out is not given; an image without a pose is.
+TEST_F(VerdictRunTest, StrictRunsUseEverything) {
+  const auto run = [](const std::string& name, const std::string& text) {
+    return RunHeba({"run", Config(name, text), "--out", (folder() / name).string(), "--strict", "--quiet"});
+  };
+  EXPECT_EQ(run("all", "evaluate: {folds: 0}\n").status, 0);
+  EXPECT_EQ(run("all_but_excluded", "captures: {exclude: [003.png]}\nevaluate: {folds: 0}\n").status, 0);
+  std::vector<std::string> rows = Split(ReadAll(folder() / "data" / "poses.csv"), '\n');
+  rows.erase(rows.begin() + 4);
+  WriteAll(folder() / "data" / "without_one.csv", Join(rows, "\n"));
+  const CommandResult unused = run("unused", "captures: {poses: without_one.csv}\nevaluate: {folds: 0}\n");
+  EXPECT_EQ(unused.status, 1);
+  EXPECT_THAT(unused.err, testing::HasSubstr("not everything that was given is used (--strict): 003.png (the robot's "
+                                             "pose is not in the poses file)"));
+  EXPECT_TRUE(fs::exists(folder() / "unused" / "result.json"));
 }
 
 TEST_F(VerdictRunTest, UnmetRequirementFailsTheRunButKeepsItsResults) {

@@ -83,16 +83,17 @@ std::string TimeLeft(double seconds) {
 // Prints one line per run when it ends, with the estimated time left.
 class BatchProgress {
  public:
-  BatchProgress(size_t total, Verbosity verbosity, std::optional<Grade> fail_on)
-      : total_(total), verbosity_(verbosity), fail_on_(fail_on) {}
+  BatchProgress(size_t total, Verbosity verbosity, const RunDemands& demands)
+      : total_(total), verbosity_(verbosity), demands_(demands) {}
 
   void Done(const Item& item, double seconds) {
     ++num_done_;
     if (!item.was_there) ++num_worked_;
     const Verdict* const verdict = item.run.verdict();
     if (verdict == nullptr) PrintError(item.run.reason);
-    if (verdict != nullptr && fail_on_ && verdict->grade >= *fail_on_) {
-      PrintError(item.config_path + ": " + VerdictFailure(*verdict));
+    if (item.run.result) {
+      const std::string not_met = WhyNotMet(*item.run.result, demands_);
+      if (!not_met.empty()) PrintError(item.config_path + ": " + not_met);
     }
     if (verbosity_ == Verbosity::kQuiet) return;
     const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
@@ -109,7 +110,7 @@ class BatchProgress {
  private:
   size_t total_;
   Verbosity verbosity_;
-  std::optional<Grade> fail_on_;
+  RunDemands demands_;
   size_t num_done_ = 0;
   size_t num_worked_ = 0;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -141,7 +142,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
 
   const int num_mine = static_cast<int>(mine.size());
   const int num_workers = std::max(1, std::min(options.num_threads, num_mine));
-  BatchProgress progress(mine.size(), options.verbosity, options.fail_on);
+  BatchProgress progress(mine.size(), options.verbosity, options.demands);
   std::mutex mutex;
   int num_started = 0;
   ParallelFor(num_mine, num_workers, [&](int index) {
@@ -171,8 +172,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     if (!options.output.empty()) std::cout << "results: " << options.output.string() << std::endl;
   }
   const bool all_good = std::all_of(runs.begin(), runs.end(), [&](const BatchRun& run) {
-    const Verdict* const verdict = run.verdict();
-    return verdict != nullptr && !(options.fail_on && verdict->grade >= *options.fail_on);
+    return run.result && WhyNotMet(*run.result, options.demands).empty();
   });
   return all_good ? kDone : kWorkFailed;
 }

@@ -2,11 +2,11 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "heba/evaluation/finding.h"
+#include "tools/batch/run_demands.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -23,7 +23,7 @@ struct BatchOptions {
   int num_threads = 1;                // For all runs together.
   bool resume = false;                // Skip runs whose results are complete and whose inputs are unchanged.
   Shard shard;
-  std::optional<Grade> fail_on;  // Value of --fail-on.
+  RunDemands demands;
   Verbosity verbosity = Verbosity::kNormal;
 };
 

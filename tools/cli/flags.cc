@@ -31,6 +31,7 @@ DEFINE_string(set, "",
               "|simulate: overrides the scene, such as motion.captures=30; may be given several times");
 DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
 DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with this verdict, or a worse one, ends with exit status 1");
+DEFINE_bool(strict, false, "|images, rows of poses and an arm that were given and are not used end with exit status 1");
 DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all writes every format into the folder --out");
 DEFINE_string(method, "", "METHOD|method whose estimate is exported; default: the refined one");
 DEFINE_string(parent, "", "FRAME|parent frame of the pose; default: base_link (base for Universal Robots) or tool0");

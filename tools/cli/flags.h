@@ -23,6 +23,7 @@ DECLARE_string(shard);
 DECLARE_string(set);
 DECLARE_bool(resume);
 DECLARE_string(fail_on);
+DECLARE_bool(strict);
 DECLARE_string(to);
 DECLARE_string(method);
 DECLARE_string(parent);

@@ -488,7 +488,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   }
   for (size_t i = 0; i < seen.size(); ++i) {
     if (is_excluded[i]) {
-      config->data.left_out.push_back({seen[i].name, "left out by captures.exclude"});
+      config->data.left_out.push_back({seen[i].name, std::string(kExcludedReason)});
     } else if (!has_row[i]) {
       config->images_without_pose.push_back(seen[i].name);
       config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});

@@ -475,7 +475,7 @@ RigRecording ImagesOfCapture(const std::string& name, const std::vector<std::vec
 
 // Returns the reason why a capture is left out; an empty text if it is not.
 std::string WhyLeftOut(const RigRecording& capture, const std::set<std::string>& excluded) {
-  if (excluded.contains(capture.name)) return "left out by captures.exclude";
+  if (excluded.contains(capture.name)) return std::string(kExcludedReason);
   const bool has_none =
       std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
   return has_none ? "no camera has an image of it" : "";

@@ -24,7 +24,7 @@ std::string TableOf(const AnyResult& result, const AnyConfig& config) {
   return ResultTable(*single, colour, asked_for);
 }
 
-int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
+int RunOne(const std::string& config_path, const RunDemands& demands) {
   const AnyConfig config = ReadAnyConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? OutputOf(config) : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
@@ -39,8 +39,8 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
   if (!FLAGS_quiet) {
     std::cout << ForTerminal(TableOf(*result, config)) << "results: " << output.string() << std::endl;
   }
-  if (fail_on && VerdictOf(*result).grade >= *fail_on) {
-    PrintError(config_path + ": " + VerdictFailure(VerdictOf(*result)));
+  if (const std::string not_met = WhyNotMet(*result, demands); !not_met.empty()) {
+    PrintError(config_path + ": " + not_met);
     return kWorkFailed;
   }
   return kDone;
@@ -50,16 +50,16 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
 
 int RunCommand_run(const std::vector<std::string>& arguments) {
   const Shard shard = ParseShard();
-  const std::optional<Grade> fail_on = FailOn();
+  const RunDemands demands = {FailOn(), FLAGS_strict};
   // An explicit --shard requests a batch, even a shard 0/1 of a single config.
-  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0], fail_on);
+  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0], demands);
   BatchOptions options;
   if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();
   options.settings = Settings();
   options.num_threads = NumThreads();
   options.resume = FLAGS_resume;
   options.shard = shard;
-  options.fail_on = fail_on;
+  options.demands = demands;
   options.verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   return RunBatch(arguments, options);
 }
