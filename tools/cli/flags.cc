@@ -66,9 +66,12 @@ DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, 
 DEFINE_string(target, "",
               "TARGET.yaml|the target in the images of a folder without a known format"
               "|init: the target in the images, or its keys, such as '{type: chessboard, rows: 6, columns: 9, square: "
-              "25 mm}'; default: found");
+              "25 mm}'; default: found"
+              "|check: in-place or moved: whether the target is mounted exactly as it was for the calibration");
 DEFINE_string(images, "", "PATH|the folder of the images; default: the one with the most images");
-DEFINE_string(poses, "", "PATH|the file or folder of the robot poses; default: found");
+DEFINE_string(poses, "",
+              "PATH|the file or folder of the robot poses; default: found|check: the robot poses of the images, as in "
+              "the run's poses file");
 DEFINE_string(camera, "",
               "PATH|the camera file; default: found, or estimated from the captures"
               "|target: the file of the camera that is to see the proposed target");

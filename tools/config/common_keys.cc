@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "heba/io/camera_file.h"
+#include "heba/session_check.h"
 
 namespace heba {
 namespace fs = std::filesystem;
@@ -36,6 +37,26 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
 bool HoldsTargetKeys(MapReader& reader, const std::string& key) {
   const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
   return value.IsMap() && MapReader(value).Has("type");
+}
+
+RobotNoise ReadWobble(MapReader& root) {
+  RobotNoise wobble = SessionOptions().wobble;
+  if (!root.Has("check")) return wobble;
+  MapReader check(root.Get("check"));
+  if (check.Has("wobble")) {
+    MapReader reader(check.Get("wobble"));
+    wobble.translation_m = reader.Length("translation", wobble.translation_m);
+    wobble.rotation_rad = reader.Angle("rotation", wobble.rotation_rad);
+    for (const char* key : {"translation", "rotation"}) {
+      const bool is_length = std::string_view(key) == "translation";
+      if ((is_length ? wobble.translation_m : wobble.rotation_rad) < 0) reader.Get(key).Fail("must not be negative");
+    }
+    reader.Finish();
+    check.Record("wobble", reader.used());
+  }
+  check.Finish();
+  root.Record("check", check.used());
+  return wobble;
 }
 
 std::string ReadFolderName(MapReader& reader, const std::string& fallback) {

@@ -11,6 +11,7 @@
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/data/camera_prior.h"
+#include "heba/data/solution.h"
 #include "heba/data/target_shape.h"
 #include "heba/target.h"
 
@@ -20,6 +21,9 @@ namespace heba {
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
 // Returns whether `key`, a target, holds the target in heba's keys (RunConfig::has_target_keys).
 bool HoldsTargetKeys(MapReader& reader, const std::string& key);
+// Reads `check.wobble`: one sigma of what the mounts on a gripper move by themselves between two sessions, along and
+// about each axis.
+RobotNoise ReadWobble(MapReader& root);
 // Reads the key `name`, which must be able to name a folder.
 std::string ReadFolderName(MapReader& reader, const std::string& fallback);
 // Reads the key `output`, a folder, which is `fallback` if it is not stated.

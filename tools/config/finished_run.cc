@@ -50,6 +50,7 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
     run.pose_readings.push_back(ReadPoseReading(reader));
     run.joints_are_deg.push_back(ReadJointsAreDeg(reader));
   }
+  run.wobble = ReadWobble(config);
   return run;
 }
 

@@ -17,6 +17,7 @@ struct FinishedRun {
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<PoseReading> pose_readings;  // One per arm.
   std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.
+  RobotNoise wobble;                       // ReadWobble.
 };
 
 // Returns the folder of a run that is named by its folder or by the result.json in it.

@@ -570,6 +570,7 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
+  ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();
   config.used = UsedText(reader);

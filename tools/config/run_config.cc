@@ -209,6 +209,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.options.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
+  ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);
   reader.Finish();
   config.used = UsedText(reader);

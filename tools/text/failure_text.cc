@@ -336,6 +336,9 @@ constexpr CodeWords kWords[] = {
     {"one_camera", "a point needs its pixels in at least two cameras"},
     {"parallel_rays", "the rays of the pixels are parallel: they do not determine a point"},
     {"rays_behind", "the rays of the pixels do not meet in front of the cameras"},
+    // The check of a later session.
+    {"no_part_told",
+     "the images do not tell whether anything has moved; more images, at other orientations of the gripper, do"},
     // The detection.
     {"all_left_out", "{notes}"},
     {"nothing_detected", "", &NothingDetected},

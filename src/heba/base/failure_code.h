@@ -88,6 +88,8 @@ inline constexpr std::string_view kFailureCodes[] = {
     "one_camera",
     "parallel_rays",
     "rays_behind",
+    // The check of a later session.
+    "no_part_told",
     // The detection.
     "all_left_out",
     "nothing_detected",

@@ -229,7 +229,7 @@ TEST(Sheet, SameSheetGivesSameBytes) {
 
 TEST(Sheet, JsonFollowsTheDocumentedFormat) {
   const Sheet sheet = MakeSheet(TwoDiscs());
-  const std::string expected = R"({"page_mm":[121.0,72.9],"dpi":300.0,"points":[)"
+  const std::string expected = R"({"page_mm":[121.0,72.9],"dpi":300.0,"scale_sigma":0.002,"points":[)"
                                R"({"id":5,"target_m":[0.0,0.0,0.0],"page_mm":[25.2,20.1]},)"
                                R"({"id":7,"target_m":[0.04001,0.02003,0.0],"page_mm":[65.21,40.13]}]})";
   EXPECT_EQ(nlohmann::ordered_json::parse(SheetJson(sheet, "sheet.png")).dump(), expected);

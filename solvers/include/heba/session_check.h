@@ -1,0 +1,72 @@
+// Tests whether a finished calibration still holds for images that were taken later: whether a camera, a target or a
+// lens has changed since. Equation (16) of docs/estimation.md.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/base/error.h"
+#include "heba/base/units.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+#include "heba/data/smooth_errors.h"
+
+namespace heba {
+
+struct SessionOptions {
+  // Whether the targets are mounted as they were for the calibration. Otherwise their poses are estimated from the
+  // images, and nothing is said of them.
+  bool is_target_in_place = true;
+  // One sigma of what the mounts on grippers move by themselves between two sessions, along and about each axis.
+  RobotNoise wobble = {0, DegToRad(0.03), 0};
+  // One for each arm: the lengths of its smooth errors (RigSolution::smooth_noise); an empty list: those of the
+  // default.
+  std::vector<SmoothLengths> smooth_lengths = {};
+};
+
+// What may have changed.
+enum class ChangedPart { kCamera, kTarget, kLens };
+
+struct SessionChange {
+  ChangedPart part = ChangedPart::kCamera;
+  size_t index = 0;  // Of the camera or of the target.
+  // The estimated change if nothing else has changed, and its covariance: of a pose its tangent (m, rad, in its own
+  // frame), of a lens its intrinsics.
+  Eigen::VectorXd change;
+  Eigen::MatrixXd covariance;
+  // The probability of images that ask for a change of this part at least as much if nothing has changed.
+  double p_value = 1;
+  // Of a pose: the translation without a rotation, and the rotation without a translation, that are seen with a
+  // probability of 95 %, over random directions.
+  std::optional<double> seen_m = {};
+  std::optional<double> seen_rad = {};
+};
+
+struct SessionCheck {
+  std::vector<SessionChange> changes;  // The most likely first; without the parts about which the images say nothing.
+  // The probability of images that ask for any change at least as much if nothing has changed.
+  double p_value = 1;
+  bool has_changed = false;  // Whether it is below 5 %.
+  // The ratio of the scatter of the points about the best pose of the target in each image to the noise of the
+  // calibration, and the probability of one at least as large. A wrong lens or target raises it.
+  double scatter_ratio = 1;
+  double scatter_p_value = 1;
+  int num_images = 0;
+};
+
+// Tests the images in the captures of `problem`, whose parts are those of the calibration; `solution` is its estimate
+// with covariance_repeatable, because a session has the scales of the calibration. An image is predicted up to the
+// uncertainty of the calibration, the noise of the arms (white and smooth, or that of arms whose errors are estimated),
+// the wobble of what grippers carry, and the noise of the pixels; a change d of a part adds J d. Each part is tested by
+// the generalised least-squares estimate of its change, d^T C^-1 d, in Fisher's F; the largest of all parts is judged
+// by its distribution without any change. The draws that it needs have a fixed seed.
+//
+// Returns a Failure `no_target` if no image has points, `hidden_point` if one cannot be projected, and
+// `no_part_told` if the images say nothing about any part, as one image does with a target that was moved.
+Outcome<SessionCheck> CheckSession(const RigProblem& problem, const RigSolution& solution,
+                                   const SessionOptions& options);
+
+}  // namespace heba

@@ -1,0 +1,103 @@
+// `heba check`: images of a later session against a finished run.
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "heba/base/text.h"
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class CheckCommandTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder() = TestFolder("check_command");
+    Simulate("first", {});
+    ASSERT_EQ(RunHeba({"run", Path("first/config.yaml"), "--out", Path("run"), "--quiet"}).status, 0);
+    Simulate("later", {"--set", "seed=6", "--set", "motion.captures=6"});
+    Simulate("moved", {"--set", "seed=6", "--set", "motion.captures=6", "--set",
+                       "hand_eye.translation=[823 mm, -140 mm, 611 mm]"});
+  }
+  static fs::path& folder() {
+    static fs::path path;
+    return path;
+  }
+  static std::string Path(const std::string& name) { return (folder() / name).string(); }
+  static void Simulate(const std::string& name, const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments = {"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/manual/cell.yaml",
+                                          "--out", Path(name), "--quiet"};
+    arguments.insert(arguments.end(), settings.begin(), settings.end());
+    ASSERT_EQ(RunHeba(arguments).status, 0);
+  }
+  // Checks the run with the images of a data set and further arguments.
+  static CommandResult Check(const std::string& name, const std::vector<std::string>& arguments, int num_images = 6) {
+    std::vector<std::string> all = {"check", Path("run")};
+    for (int i = 0; i < num_images; ++i) all.push_back(Path(name + "/images/00" + std::to_string(i) + ".png"));
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return RunHeba(all);
+  }
+};
+
+TEST_F(CheckCommandTest, HoldsWhereNothingHasMoved) {
+  for (const std::string target : {"in-place", "moved"}) {
+    const CommandResult check = Check("later", {"--poses", Path("later/poses.csv"), "--target", target});
+    EXPECT_EQ(check.status, 0) << check.err;
+    EXPECT_THAT(check.out, HasSubstr("holds: 6 images agree with the calibration"));
+    EXPECT_THAT(check.out, HasSubstr("smallest change that is seen in 95 %: the camera"));
+  }
+  const CommandResult json = Check("later", {"--poses", Path("later/poses.csv"), "--target", "in-place", "--json"});
+  EXPECT_EQ(Json::parse(json.out)["decision"], "holds");
+}
+
+TEST_F(CheckCommandTest, NamesTheCameraThatHasMoved) {
+  for (const std::string target : {"in-place", "moved"}) {
+    const CommandResult check = Check("moved", {"--poses", Path("moved/poses.csv"), "--target", target, "--json"});
+    EXPECT_EQ(check.status, 1);
+    EXPECT_THAT(check.err, HasSubstr("heba: error: the calibration does not hold any more: the camera has moved by"));
+    const Json json = Json::parse(check.out);
+    EXPECT_EQ(json["decision"], "moved");
+    EXPECT_EQ(json["body"], "camera");
+    EXPECT_EQ(json["change"]["side"], "world");
+    double squares_mm2 = 0;
+    for (const Json& mm : json["change"]["translation_mm"]) squares_mm2 += mm.get<double>() * mm.get<double>();
+    EXPECT_NEAR(std::sqrt(squares_mm2), std::sqrt(10.0), 1);
+  }
+}
+
+TEST_F(CheckCommandTest, OneImageSeesAMoveButNotOfWhat) {
+  const std::vector<std::string> rows = Split(ReadAll(Path("moved/poses.csv")), '\n');
+  const std::string numbers = rows[1].substr(rows[1].find(',') + 1);
+  const CommandResult check = Check("moved", {"--pose", numbers, "--target", "in-place"}, 1);
+  EXPECT_EQ(check.status, 1);
+  EXPECT_THAT(check.out, HasSubstr("the images do not tell this from a change of the "));
+  // A target that was moved explains a single image.
+  const CommandResult moved = Check("moved", {"--pose", numbers, "--target", "moved", "--json"}, 1);
+  EXPECT_EQ(moved.status, 1);
+  EXPECT_EQ(Json::parse(moved.out)["decision"], "undecided");
+  EXPECT_THAT(moved.err, HasSubstr("heba: error: undecided: the images do not tell whether anything has moved"));
+}
+
+TEST_F(CheckCommandTest, RefusesWhatItCannotCheck) {
+  const std::string poses = Path("later/poses.csv");
+  const auto expect = [](const CommandResult& check, const std::string& message) {
+    EXPECT_EQ(check.status, 2) << message;
+    EXPECT_THAT(check.err, HasSubstr(message));
+  };
+  expect(Check("later", {"--poses", poses}), "--target in-place or moved is needed");
+  expect(Check("later", {"--poses", poses, "--target", "in-plce"}), "did you mean 'in-place'?");
+  expect(Check("later", {"--target", "moved"}), "the robot's poses at the images are needed");
+  expect(Check("later", {"--pose", "0,0,0,0,0,0,1", "--target", "moved"}), "--pose: is the pose of one image");
+  expect(Check("later", {"--poses", poses, "--target", "moved"}, 0), "needs an IMAGE");
+  WriteAll(Path("one_row.csv"), "image,x,y,z,qx,qy,qz,qw\n000.png,0,0,0,0,0,0,1\n");
+  expect(Check("later", {"--poses", Path("one_row.csv"), "--target", "moved"}), "has no row for the image");
+}
+
+}  // namespace
+}  // namespace heba

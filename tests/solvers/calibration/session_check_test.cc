@@ -1,0 +1,159 @@
+#include "heba/session_check.h"
+
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "heba/bundle_adjustment.h"
+#include "heba/data/hand_eye.h"
+#include "solvers/refine/hand_eye_problem.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kNumCalibrated = 15;
+
+// A calibration from the first captures of a scene, and a later session from the others.
+struct TwoSessions {
+  Setup setup = Setup::kEyeToHand;
+  HandEye truth;
+  Solution solution;
+  std::vector<View> later;
+};
+
+TwoSessions MakeSessions(uint64_t seed, Setup setup, int num_later) {
+  TestSceneOptions options;
+  options.setup = setup;
+  options.num_captures = static_cast<int>(kNumCalibrated) + num_later;
+  options.points = GridPoints(5, 4, 0.04);
+  options.noise_px = 0.1;
+  options.robot_translation_m = 2e-4;
+  options.robot_rotation_rad = 3e-4;
+  const TestScene scene = MakeTestScene(seed, options);
+  BundleOptions bundle;
+  bundle.loss = LossKind::kNone;
+  bundle.free_intrinsics = {};
+  bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  const std::vector<View> first(scene.views.begin(), scene.views.begin() + kNumCalibrated);
+  const Outcome<Solution> solution =
+      RefineHandEye({scene.camera, first, setup, DesignedShape(options.points)}, scene.hand_eye, bundle);
+  EXPECT_TRUE(solution.ok()) << solution.reason();
+  TwoSessions sessions{setup, scene.hand_eye, *solution, {}};
+  sessions.later.assign(scene.views.begin() + kNumCalibrated, scene.views.end());
+  sessions.solution.views.clear();
+  return sessions;
+}
+
+// Moves the camera in its mount, or the target, before the later session: its images are those of the robot poses at
+// which they look the same.
+void MoveCamera(const Tangent6& step, TwoSessions* sessions) {
+  const Rigid3d& x = sessions->truth.camera_mount_from_camera;
+  for (View& view : sessions->later) {
+    view.camera_mount_from_target_mount = Retract(x, step) * Inverse(x) * view.camera_mount_from_target_mount;
+  }
+}
+void MoveTarget(const Tangent6& step, TwoSessions* sessions) {
+  const Rigid3d& z = sessions->truth.target_mount_from_target;
+  for (View& view : sessions->later) {
+    view.camera_mount_from_target_mount = view.camera_mount_from_target_mount * z * Inverse(Retract(z, step));
+  }
+}
+
+Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place) {
+  BundleOptions bundle;
+  bundle.free_intrinsics = {};
+  const RigProblem problem =
+      HandEyeProblem({sessions.solution.camera, sessions.later, sessions.setup, sessions.solution.shape}, bundle);
+  SessionOptions options;
+  options.is_target_in_place = is_in_place;
+  options.wobble = {};
+  return CheckSession(problem, ProblemSolution(sessions.solution), options);
+}
+
+Tangent6 RandomTranslation(double length_m, std::mt19937_64* random) {
+  std::normal_distribution<double> normal;
+  const Eigen::Vector3d direction(normal(*random), normal(*random), normal(*random));
+  Tangent6 step = Tangent6::Zero();
+  step.head<3>() = length_m * direction.normalized();
+  return step;
+}
+
+// A session without any change is accepted in 95 %, with one image and with several, wherever the target is.
+TEST(SessionCheckTest, AcceptsWhatHasNotChanged) {
+  constexpr int kNumTrials = 100;
+  for (const auto& [num_later, is_in_place] : {std::pair(1, true), std::pair(6, true), std::pair(6, false)}) {
+    int num_accepted = 0;
+    for (int trial = 0; trial < kNumTrials; ++trial) {
+      const TwoSessions sessions =
+          MakeSessions(static_cast<uint64_t>(trial), trial % 2 == 0 ? Setup::kEyeToHand : Setup::kEyeInHand, num_later);
+      const Outcome<SessionCheck> check = Check(sessions, is_in_place);
+      ASSERT_TRUE(check.ok()) << check.reason();
+      num_accepted += check->has_changed ? 0 : 1;
+    }
+    EXPECT_GE(num_accepted, 88) << num_later << " images";
+    EXPECT_LE(num_accepted, 99) << num_later << " images";
+  }
+}
+
+// Changes of the size that is said to be seen are found in 95 %.
+TEST(SessionCheckTest, FindsChangesOfTheSizeThatItStates) {
+  constexpr int kNumTrials = 60;
+  int num_found_camera = 0;
+  int num_found_target = 0;
+  for (int trial = 0; trial < kNumTrials; ++trial) {
+    std::mt19937_64 random(static_cast<uint64_t>(trial));
+    const TwoSessions still =
+        MakeSessions(static_cast<uint64_t>(trial), trial % 2 == 0 ? Setup::kEyeToHand : Setup::kEyeInHand, 4);
+    const Outcome<SessionCheck> check = Check(still, true);
+    ASSERT_TRUE(check.ok()) << check.reason();
+    for (const SessionChange& change : check->changes) {
+      TwoSessions moved = still;
+      const Tangent6 step = RandomTranslation(*change.seen_m, &random);
+      (change.part == ChangedPart::kCamera ? MoveCamera : MoveTarget)(step, &moved);
+      const Outcome<SessionCheck> of_moved = Check(moved, true);
+      ASSERT_TRUE(of_moved.ok()) << of_moved.reason();
+      (change.part == ChangedPart::kCamera ? num_found_camera : num_found_target) += of_moved->has_changed ? 1 : 0;
+    }
+  }
+  EXPECT_GE(num_found_camera, 51);
+  EXPECT_GE(num_found_target, 51);
+}
+
+TEST(SessionCheckTest, NamesWhatHasMoved) {
+  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+    Tangent6 step = Tangent6::Zero();
+    step << 1e-3, -2e-3, 1e-3, 2e-3, 0, -1e-3;
+    TwoSessions with_camera = MakeSessions(7, setup, 8);
+    MoveCamera(step, &with_camera);
+    const Outcome<SessionCheck> of_camera = Check(with_camera, true);
+    ASSERT_TRUE(of_camera.ok()) << of_camera.reason();
+    EXPECT_TRUE(of_camera->has_changed);
+    EXPECT_EQ(of_camera->changes.front().part, ChangedPart::kCamera);
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      constexpr double kSigmas = 5;
+      EXPECT_NEAR(of_camera->changes.front().change[i], step[i],
+                  kSigmas * std::sqrt(of_camera->changes.front().covariance(i, i)));
+    }
+    TwoSessions with_target = MakeSessions(8, setup, 8);
+    MoveTarget(step, &with_target);
+    const Outcome<SessionCheck> of_target = Check(with_target, true);
+    ASSERT_TRUE(of_target.ok()) << of_target.reason();
+    EXPECT_EQ(of_target->changes.front().part, ChangedPart::kTarget);
+    // A target that may have moved tells nothing.
+    const Outcome<SessionCheck> of_moved = Check(with_target, false);
+    ASSERT_TRUE(of_moved.ok()) << of_moved.reason();
+    EXPECT_FALSE(of_moved->has_changed);
+  }
+}
+
+TEST(SessionCheckTest, FailsWithoutEvidence) {
+  TwoSessions sessions = MakeSessions(9, Setup::kEyeToHand, 1);
+  // Any pose of the camera explains a single image of a target that was moved.
+  EXPECT_EQ(Check(sessions, false).failure().code, "no_part_told");
+  sessions.later.front().observations = Observations();
+  EXPECT_EQ(Check(sessions, true).failure().code, "no_target");
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,177 @@
+#include "tools/pipeline/session.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+#include "heba/evaluation/arm_uncertainty.h"
+#include "heba/evaluation/metrics.h"
+#include "heba/io/pose_source.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/robot_section.h"
+#include "tools/text/failure_text.h"
+
+namespace heba {
+namespace {
+
+// Returns the parts of the run's problem whose change is asked for: the lenses, too, are not taken for granted.
+RigProblem ProblemOf(const RigResult& result) {
+  RigProblem problem = result.rig;
+  problem.captures.clear();
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    problem.cameras[c].camera = result.solution.cameras[c];
+    problem.cameras[c].free_intrinsics = BundleOptions().free_intrinsics;
+  }
+  for (RigTarget& target : problem.targets) {
+    target.free_shape.clear();
+    const UnknownLayout& layout = result.solution.covariance.layout;
+    for (int param = 0; param < TargetShape::kNumParams; param += 2) {
+      const std::string name =
+          TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[static_cast<size_t>(param)]);
+      if (layout.Place(name)) target.free_shape.push_back(ShapeGroupOf(param));
+    }
+  }
+  return problem;
+}
+
+// Returns the points of a target with symmetries in the reading order that is closest to the prediction.
+Observations InPredictedOrder(const RigResult& result, size_t camera, size_t target, const Rigid3d& predicted,
+                              const Observations& seen) {
+  const Observations* best = nullptr;
+  double least_px = 0;
+  std::vector<Observations> orders;
+  for (const Rigid3d& symmetry : result.rig.targets[target].symmetries) {
+    Observations& order = orders.emplace_back(seen);
+    order.points_in_target = (symmetry.RotationMatrix() * seen.points_in_target).colwise() + symmetry.translation;
+  }
+  for (const Observations& order : orders) {
+    const std::optional<SquaredErrors> errors =
+        ViewErrors(result.solution.cameras[camera], predicted, ApplyShape(order, result.solution.shapes[target]));
+    const std::optional<double> rms_px = errors ? errors->RmsPx() : std::nullopt;
+    if (!rms_px || (best != nullptr && *rms_px >= least_px)) continue;
+    best = &order;
+    least_px = *rms_px;
+  }
+  return best != nullptr ? *best : seen;
+}
+
+bool IsSame(const GivenArmPose& a, const GivenArmPose& b) {
+  return a.base_from_gripper->translation == b.base_from_gripper->translation &&
+         a.base_from_gripper->rotation.coeffs() == b.base_from_gripper->rotation.coeffs();
+}
+
+// Returns a capture at a pose of the arm, with its error if the errors of the arm are estimated.
+RigCapture CaptureAt(const RigResult& result, const GivenArmPose& pose, const std::string& image) {
+  const RigProblem& rig = result.rig;
+  const Outcome<StatedPose> stated = WithErrorsOfArm(FindEstimatedArm(result, 0), *pose.base_from_gripper, pose.joints);
+  if (!stated) throw InputError(image + ": the joints of the arm: " + FailureText(stated.failure()));
+  RigCapture capture;
+  capture.name = image;
+  capture.base_from_gripper = {stated->base_from_mount};
+  if (stated->gripper_by_joints.cols() > 0) capture.postures = {{stated->gripper_by_joints, {}}};
+  const SharedEffects* const effects = EffectsOf(rig, 0);
+  if (effects == nullptr) return capture;
+  std::vector<int> estimated;
+  for (const SharedEffect& effect : effects->effects) estimated.push_back(effect.index);
+  capture.effects = {stated->effect == nullptr ? nullptr : SelectEffects(stated->effect, effects->num_all, estimated)};
+  return capture;
+}
+
+}  // namespace
+
+std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
+                                        const std::vector<SessionImage>& images) {
+  const PoseReading& reading = run.pose_readings.front();
+  const std::vector<PoseRow> rows = ReadPoses(poses, reading.format);
+  std::map<std::string, const PoseRow*> row_of;
+  for (const PoseRow& row : rows) {
+    if (!row.image.empty()) row_of.emplace(row.image, &row);
+  }
+  if (row_of.empty() && rows.size() != images.size()) {
+    throw InputError(poses.string() + ": has " + std::to_string(rows.size()) + " rows for " +
+                     std::to_string(images.size()) + " images; a column image would say which belong together");
+  }
+  const RobotSummary* const arm = FindEstimatedArm(run.result, 0);
+  std::vector<GivenArmPose> given;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const PoseRow* row = row_of.empty() ? &rows[i] : nullptr;
+    if (row == nullptr) {
+      const std::filesystem::path& path = images[i].path;
+      auto found = row_of.find(path.filename().string());
+      if (found == row_of.end()) found = row_of.find(path.stem().string());
+      if (found == row_of.end()) throw InputError(poses.string() + ": has no row for the image " + path.string());
+      row = found->second;
+    }
+    GivenArmPose& pose = given.emplace_back();
+    pose.base_from_gripper = BaseFromGripper(reading, row->pose);
+    if (arm != nullptr && IsOfJoints(reading.format, arm->nominal)) {
+      const std::vector<double> joints = JointsOfNumbers(arm->nominal, reading.format, row->numbers);
+      pose.joints = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
+    }
+  }
+  return given;
+}
+
+Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
+                    const std::vector<GivenArmPose>& poses, int num_threads) {
+  CHECK_EQ(images.size(), poses.size());
+  const RigResult& result = run.result;
+  if (result.rig.robots.size() > 1)
+    throw InputError("the run has several arms; only one with a single arm can be checked");
+  std::vector<std::vector<Detection>> seen(images.size());
+  ParallelFor(static_cast<int>(images.size()), num_threads, [&](int index) {
+    const auto i = static_cast<size_t>(index);
+    for (const std::shared_ptr<const Target>& target : run.targets) {
+      seen[i].push_back(DetectFor(result.solution.cameras[images[i].camera], *target, images[i].path));
+    }
+  });
+  Session session;
+  session.problem = ProblemOf(result);
+  std::vector<GivenArmPose> of_captures;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const auto same = std::find_if(of_captures.begin(), of_captures.end(),
+                                   [&](const GivenArmPose& pose) { return IsSame(pose, poses[i]); });
+    const auto place = static_cast<size_t>(same - of_captures.begin());
+    if (same == of_captures.end()) {
+      of_captures.push_back(poses[i]);
+      session.problem.captures.push_back(CaptureAt(result, poses[i], images[i].path.string()));
+    }
+    RigCapture& capture = session.problem.captures[place];
+    bool shows_target = false;
+    for (size_t t = 0; t < run.targets.size(); ++t) {
+      const size_t camera = images[i].camera;
+      constexpr size_t kFewestPoints = 4;
+      if (seen[i][t].ids.size() < kFewestPoints) continue;
+      const Rigid3d predicted = CameraFromTarget(session.problem, result.solution.poses, camera, t,
+                                                 WithErrors(capture, result.solution.effects));
+      capture.images.push_back(
+          {camera, t, InPredictedOrder(result, camera, t, predicted, ObservationsOf(*run.targets[t], seen[i][t]))});
+      shows_target = true;
+    }
+    if (shows_target) continue;
+    const std::string reason = run.targets.size() == 1 ? seen[i].front().reason : "";
+    session.notes.push_back(images[i].path.string() + ": shows no target" + (reason.empty() ? "" : ": " + reason));
+  }
+  return session;
+}
+
+SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place) {
+  SessionOptions options;
+  options.is_target_in_place = is_target_in_place;
+  options.wobble = run.wobble;
+  for (const std::string& robot : run.result.rig.robots) {
+    SmoothLengths& lengths = options.smooth_lengths.emplace_back();
+    for (const Finding& finding : run.result.verdict.findings) {
+      if (finding.code != "smooth_errors" || finding.Name("of_arm").value_or(robot) != robot) continue;
+      const std::optional<double> length_mm = finding.Number("length_mm");
+      const std::optional<double> length_deg = finding.Number("length_deg");
+      if (length_mm && length_deg) lengths = {1e-3 * *length_mm, DegToRad(*length_deg)};
+    }
+  }
+  return options;
+}
+
+}  // namespace heba

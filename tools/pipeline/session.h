@@ -1,0 +1,42 @@
+// The images of a later session, with the poses of the arm at which they were taken, as a problem of the calibration.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/session_check.h"
+#include "tools/config/finished_run.h"
+#include "tools/run/image_location.h"
+
+namespace heba {
+
+// An image of one camera.
+struct SessionImage {
+  size_t camera = 0;
+  std::filesystem::path path;
+};
+
+struct Session {
+  RigProblem problem;              // Its captures have the points of the images.
+  std::vector<std::string> notes;  // One sentence for each image that is not used.
+};
+
+// Returns the poses of the arm at the images: the rows of a poses file that name them or, if no row names an image, the
+// rows in the order of the images. The joints are those of the rows if these are joints. Throws InputError if the file
+// cannot be read or has no row for an image.
+std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
+                                        const std::vector<SessionImage>& images);
+
+// Detects the targets in the images, which were taken at these poses of the only arm; images at one pose are one
+// capture. Throws InputError if an image cannot be read or is not of the size of the calibration's, if the run has
+// several arms, or if joints are missing without which the errors of its arm are not known.
+Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
+                    const std::vector<GivenArmPose>& poses, int num_threads);
+
+// Returns the options for a session of a run: its wobble, and the lengths of the smooth errors that it states.
+SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place);
+
+}  // namespace heba
