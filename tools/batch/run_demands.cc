@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/base/text.h"
-#include "heba/run_types.h"
+#include "tools/config/common_keys.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 

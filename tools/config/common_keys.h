@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -16,6 +17,9 @@
 #include "heba/target.h"
 
 namespace heba {
+
+// The reason of what a config leaves out (LeftOut, RigLeftOut).
+inline constexpr std::string_view kExcludedReason = "left out by captures.exclude";
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);

@@ -28,8 +28,6 @@ struct LeftOut {
   std::string name;    // Name of the image, or of the row of poses without one.
   std::string reason;  // One clause.
 };
-// The reason of what the config leaves out.
-inline constexpr std::string_view kExcludedReason = "left out by captures.exclude";
 
 // The arm, if its kinematics may be estimated.
 struct RobotArm {
