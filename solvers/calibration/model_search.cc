@@ -26,9 +26,8 @@ void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
                const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem) {
   SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
-  constexpr double kLeastSigma = 1e-6;
   for (RigTarget& target : problem->targets) {
-    if (!target.scale_sigma) target.scale_sigma = std::max(target.known_scale_sigma, kLeastSigma);
+    if (!target.scale_sigma) target.scale_sigma = AsMeasured(target.known_scale_sigma);
   }
 }
 

@@ -12,6 +12,7 @@
 #include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
+#include "tools/config/common_keys.h"
 #include "tools/config/image_list.h"
 #include "tools/config/robot_section.h"
 #include "tools/files/detection_file.h"

@@ -270,7 +270,7 @@ void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, 
       const std::vector<std::shared_ptr<const SharedEffects>> errors = CandidateArmErrors(arm, kind);
       variant->labels.kinematics = model;
       variant->cell.options.bundle.target_scale_sigma =
-          named.scene.targets[0].target->scale_sigma().value_or(kTargetScaleSigma);
+          AsMeasured(named.scene.targets[0].target->scale_sigma().value_or(kTargetScaleSigma));
       if (model == "auto") {
         variant->cell.options.choose.effects = errors;
       } else if (!errors.empty()) {

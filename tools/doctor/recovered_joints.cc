@@ -168,7 +168,7 @@ std::vector<FittedReading> FitReadings(const Calibration& calibration, const Cal
     const ArmReading& reading = *task.reading;
     BundleOptions bundle = calibration.bundle;
     bundle.num_threads = 1;
-    bundle.target_scale_sigma = bundle.known_target_scale_sigma;
+    bundle.target_scale_sigma = AsMeasured(bundle.known_target_scale_sigma);
     bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(reading.arm, ArmErrorModel::kGeometry));
     task.fit = FitEffects({calibration.camera, calibration.views, options.setup, options.shape}, *calibration.refined,
                           bundle, {EffectsOf(reading.arm, reading.tip_from_gripper, task.branch)})

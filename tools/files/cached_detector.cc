@@ -9,6 +9,7 @@ namespace heba {
 CachedDetector::CachedDetector(const std::string& target_used) : largest_cache_bytes_(LargestCacheBytes()) {
   const auto create = [&](const TargetSettings& settings) {
     YAML::Node node = YAML::Load(target_used);
+    node.remove("scale_sigma");  // No detection depends on it.
     for (const auto& [key, value] : settings) node[key] = value;
     MapReader reader(ConfigValue(node, "target", "target"));
     target_ = CreateTarget(reader);

@@ -2,6 +2,7 @@
 // robot, and nothing else: that of the result is known as well as one of the two.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 namespace heba {
@@ -12,6 +13,12 @@ inline constexpr double kTargetScaleSigma = 0.01;
 inline constexpr double kSheetScaleSigma = 0.002;
 inline constexpr double kRobotScaleSigma = 0.001;
 inline constexpr double kCalibratedRobotScaleSigma = 0.0003;
+
+// Returns the sigma with which a scale is a measurement: an exact one has no weight that is finite.
+inline double AsMeasured(double scale_sigma) {
+  constexpr double kLeast = 1e-6;
+  return std::max(scale_sigma, kLeast);
+}
 
 // The scales of a problem; 0 stands for one that is exact.
 struct ScaleSigmas {

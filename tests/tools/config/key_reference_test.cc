@@ -210,6 +210,7 @@ TEST_F(KeyReferenceTest, TargetsHaveTheKeysOfTheirReaders) {
     const std::string text = "{type: " + type + ", " + keys + ", unknown_key: 1}";
     Names known = KeysOfReader([&] { ParseTarget(text); });
     EXPECT_EQ(known.erase("type"), 1U);
+    EXPECT_EQ(known.erase("scale_sigma"), 1U);
     known.erase("target_type");  // The type in Kalibr's files, whose keys are others.
     EXPECT_EQ(known, KeysOfTable("targets", type)) << type;
   }
