@@ -227,10 +227,11 @@ std::vector<TestedPart> PartsOf(const RigProblem& problem, const UnknownLayout& 
   return parts;
 }
 
-// Sets the inverse information of a part. Returns false if the images do not determine its change.
-bool SetInformation(const Eigen::MatrixXd& information, TestedPart* part) {
+// Sets the inverse information of a part. Returns false if the images do not determine its change. `squares` are those
+// of the columns, with what another pose of moved targets explains.
+bool SetInformation(const Eigen::MatrixXd& information, const Eigen::VectorXd& squares, TestedPart* part) {
   const Eigen::MatrixXd own = information.block(part->first, part->first, part->size, part->size);
-  const Eigen::VectorXd scale = own.diagonal().cwiseSqrt();
+  const Eigen::VectorXd scale = squares.segment(part->first, part->size).cwiseSqrt();
   if (!(scale.minCoeff() > 0)) return false;
   const Eigen::VectorXd inverse = scale.cwiseInverse();
   const Eigen::MatrixXd scaled = inverse.asDiagonal() * own * inverse.asDiagonal();
@@ -274,6 +275,7 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
   std::vector<Eigen::Index> columns;
   std::vector<TestedPart> parts = PartsOf(problem, session.layout, options.is_target_in_place, &columns);
   Eigen::MatrixXd tested = session.by_unknowns(Eigen::all, columns);
+  const Eigen::VectorXd squares = tested.colwise().squaredNorm();
   Eigen::VectorXd residuals = session.residuals;
   if (!options.is_target_in_place) {
     std::vector<Eigen::Index> of_targets;
@@ -288,7 +290,7 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
   }
   const Eigen::MatrixXd information = tested.transpose() * tested;
   const Eigen::VectorXd products = tested.transpose() * residuals;
-  std::erase_if(parts, [&](TestedPart& part) { return !SetInformation(information, &part); });
+  std::erase_if(parts, [&](TestedPart& part) { return !SetInformation(information, squares, &part); });
   if (parts.empty()) return Failure{FailureCode("no_part_told")};
 
   const auto least_p_value = [&](const Eigen::VectorXd& of_images, double scale) {

@@ -52,8 +52,12 @@ std::string CheckToJson(const RigProblem& rig, const SessionCheck& check) {
             {"p_value", Finite(check.p_value)},
             {"images", check.num_images},
             {"scatter", {{"ratio", Finite(check.scatter_ratio)}, {"p_value", Finite(check.scatter_p_value)}}}};
-  json["body"] = BodyOf(rig, check.changes.front());
-  json["change"] = ChangeJson(rig, check.changes.front());
+  json["body"] = nullptr;
+  json["change"] = nullptr;
+  if (DecisionOf(check) == "moved") {
+    json["body"] = BodyOf(rig, check.changes.front());
+    json["change"] = ChangeJson(rig, check.changes.front());
+  }
   json["changes"] = Json::array();
   for (const SessionChange& change : check.changes) json["changes"].push_back(ChangeJson(rig, change));
   return FileText(json);

@@ -8,9 +8,9 @@
 
 namespace heba {
 
-// Returns `decision` (holds or moved), `p_value`, `images`, the most likely change as `body`, `side` and `change` with
-// its sigmas, the scatter of the points, and for each part the change that it may have made and the smallest one that
-// would have been seen.
+// Returns `decision` (holds or moved), `p_value`, `images`, of a move the most likely change as `body` and `change`,
+// with its side and sigmas, the scatter of the points, and for each part the change that it may have made and the
+// smallest one that would have been seen.
 std::string CheckToJson(const RigProblem& rig, const SessionCheck& check);
 // Returns `decision: undecided` with the reason.
 std::string UndecidedToJson(const std::string& reason);
