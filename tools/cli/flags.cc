@@ -52,7 +52,8 @@ DEFINE_string(pose, "",
 DEFINE_string(
     joints, "",
     "NUMBERS|the positions of the joints at --pose, as in the run's joints file, separated by commas: needed if "
-    "the errors of the arm are estimated and the captures are in several configurations; of several arms: as --pose");
+    "the errors of the arm are estimated and the captures are in several configurations; of several arms: as --pose"
+    "|check: with --poses, the file of the joints of the images, as the run's joints file");
 DEFINE_string(
     near, "",
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "

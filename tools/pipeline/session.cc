@@ -115,6 +115,16 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::files
   return given;
 }
 
+void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vector<SessionImage>& images,
+               const std::filesystem::path& joints, std::vector<GivenArmPose>* poses) {
+  std::vector<std::string> names;
+  for (const SessionImage& image : images) names.push_back(image.path.filename().string());
+  const std::vector<std::vector<double>> read = ReadJoints(arm.nominal, joints, run.joints_are_deg.front(), names);
+  for (size_t i = 0; i < read.size(); ++i) {
+    (*poses)[i].joints = Eigen::Map<const Eigen::VectorXd>(read[i].data(), static_cast<Eigen::Index>(read[i].size()));
+  }
+}
+
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<GivenArmPose>& poses, int num_threads) {
   CHECK_EQ(images.size(), poses.size());

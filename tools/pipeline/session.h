@@ -30,6 +30,11 @@ struct Session {
 std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
                                         const std::vector<SessionImage>& images);
 
+// Sets the joints of the arm, whose errors are estimated, at the images: those of a file with columns j1 to jN and
+// image. Throws InputError like PosesOfImages.
+void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vector<SessionImage>& images,
+               const std::filesystem::path& joints, std::vector<GivenArmPose>* poses);
+
 // Detects the targets in the images, which were taken at these poses of the only arm; images at one pose are one
 // capture. Throws InputError if an image cannot be read or is not of the size of the calibration's, if the run has
 // several arms, or if joints are missing without which the errors of its arm are not known.
