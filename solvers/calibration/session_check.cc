@@ -19,6 +19,10 @@ namespace {
 constexpr double kFalseAlarms = 0.05;
 constexpr double kSeen = 0.95;
 constexpr int kNumDraws = 4000;
+// A lens is found to have changed from this probability on, and if it moves the points by so many sigmas of a pixel
+// (RMS): what the calibration's model of lens and target lacks is the same in many points, and smaller.
+constexpr double kLensP = 1e-6;
+constexpr double kLeastLensShift = 2;
 
 // The residuals of all images at the calibration, whitened by everything that scatters them if nothing has changed, and
 // their derivatives by the unknowns.
@@ -205,7 +209,7 @@ double SizeSeen(const std::vector<TestedPart>& parts, const TestedPart& moved, b
   return high;
 }
 
-// Returns the parts that the images may tell, with their columns in `by_unknowns`.
+// Returns the parts that the images may tell, poses before lenses, with their columns in `by_unknowns`.
 std::vector<TestedPart> PartsOf(const RigProblem& problem, const UnknownLayout& layout, bool has_targets,
                                 std::vector<Eigen::Index>* columns) {
   std::vector<TestedPart> parts;
@@ -242,6 +246,25 @@ bool SetInformation(const Eigen::MatrixXd& information, const Eigen::VectorXd& s
   if (!(values.minCoeff() > kNothing)) return false;
   part->inverse_information = inverse.asDiagonal() * InverseOfSymmetric(scaled) * inverse.asDiagonal();
   return true;
+}
+
+// Returns whether the images show that a lens has changed; `products` are those of its columns with the residuals.
+bool HasLensChanged(const RigProblem& problem, const std::vector<LinearisedView>& views, const UnknownLayout& layout,
+                    const TestedPart& lens, const Eigen::VectorXd& products, double dof) {
+  if (PValueOf(lens, products, 1, dof) >= kLensP) return false;
+  const Eigen::VectorXd change = lens.inverse_information * products.segment(lens.first, lens.size);
+  const UnknownBlock block = layout.Block(CameraBlock(problem.cameras[lens.change.index]));
+  double squares = 0;
+  for (const LinearisedView& view : views) {
+    squares += (view.by_unknowns.middleCols(block.first, block.size) * change).squaredNorm();
+  }
+  int num_points = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.camera == lens.change.index) num_points += image.observations.size();
+    }
+  }
+  return squares > kLeastLensShift * kLeastLensShift * 2 * num_points;
 }
 
 // Returns the ratio of the scatter of points about the best pose in each image to the noise, and its probability.
@@ -291,6 +314,10 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
   const Eigen::MatrixXd information = tested.transpose() * tested;
   const Eigen::VectorXd products = tested.transpose() * residuals;
   std::erase_if(parts, [&](TestedPart& part) { return !SetInformation(information, squares, &part); });
+  const auto first_lens = std::find_if(parts.begin(), parts.end(),
+                                       [](const TestedPart& part) { return part.change.part == ChangedPart::kLens; });
+  const std::vector<TestedPart> lenses(first_lens, parts.end());
+  parts.erase(first_lens, parts.end());
   if (parts.empty()) return Failure{FailureCode("no_part_told")};
 
   const auto least_p_value = [&](const Eigen::VectorXd& of_images, double scale) {
@@ -316,9 +343,17 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
     change.covariance = part.inverse_information;
     change.change = part.inverse_information * products.segment(part.first, part.size);
     change.p_value = PValueOf(part, products, 1, dof);
-    if (part.change.part == ChangedPart::kLens) continue;
     change.seen_m = SizeSeen(parts, part, false, information, draws, critical, dof);
     change.seen_rad = SizeSeen(parts, part, true, information, draws, critical, dof);
+  }
+  for (const TestedPart& lens : lenses) {
+    if (!HasLensChanged(problem, *views, session.layout, lens, products, dof)) continue;
+    check.has_changed = true;
+    SessionChange& change = check.changes.emplace_back(lens.change);
+    change.covariance = lens.inverse_information;
+    change.change = lens.inverse_information * products.segment(lens.first, lens.size);
+    change.p_value = PValueOf(lens, products, 1, dof);
+    check.p_value = std::min(check.p_value, change.p_value);
   }
   std::stable_sort(check.changes.begin(), check.changes.end(),
                    [](const SessionChange& a, const SessionChange& b) { return a.p_value < b.p_value; });

@@ -46,10 +46,13 @@ struct SessionChange {
 };
 
 struct SessionCheck {
-  std::vector<SessionChange> changes;  // The most likely first; without the parts about which the images say nothing.
-  // The probability of images that ask for any change at least as much if nothing has changed.
+  // The most likely first; without the parts about which the images say nothing, and without lenses that have not
+  // changed beyond doubt.
+  std::vector<SessionChange> changes;
+  // The probability of images that ask for a change of any pose at least as much if nothing has changed, or that of a
+  // changed lens.
   double p_value = 1;
-  bool has_changed = false;  // Whether it is below 5 %.
+  bool has_changed = false;  // Whether it is below 5 %, or a lens has changed.
   // The ratio of the scatter of the points about the best pose of the target in each image to the noise of the
   // calibration, and the probability of one at least as large. A wrong lens or target raises it.
   double scatter_ratio = 1;

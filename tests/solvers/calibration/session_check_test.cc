@@ -61,8 +61,7 @@ void MoveTarget(const Tangent6& step, TwoSessions* sessions) {
 }
 
 Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place) {
-  BundleOptions bundle;
-  bundle.free_intrinsics = {};
+  const BundleOptions bundle;  // The lens may have changed, too.
   const RigProblem problem =
       HandEyeProblem({sessions.solution.camera, sessions.later, sessions.setup, sessions.solution.shape}, bundle);
   SessionOptions options;
@@ -145,6 +144,21 @@ TEST(SessionCheckTest, NamesWhatHasMoved) {
     ASSERT_TRUE(of_moved.ok()) << of_moved.reason();
     EXPECT_FALSE(of_moved->has_changed);
   }
+}
+
+TEST(SessionCheckTest, NamesALensThatWasRefocused) {
+  TwoSessions sessions = MakeSessions(10, Setup::kEyeInHand, 6);
+  const Eigen::Vector2d centre(sessions.solution.camera.params[2], sessions.solution.camera.params[3]);
+  for (View& view : sessions.later) {
+    Points2& pixels = view.observations.pixels;
+    pixels = (1.01 * (pixels.colwise() - centre)).colwise() + centre;
+  }
+  const Outcome<SessionCheck> check = Check(sessions, true);
+  ASSERT_TRUE(check.ok()) << check.reason();
+  EXPECT_TRUE(check->has_changed);
+  EXPECT_EQ(check->changes.front().part, ChangedPart::kLens);
+  EXPECT_NEAR(check->changes.front().change[0], 0.01 * sessions.solution.camera.params[0],
+              0.1 * 0.01 * sessions.solution.camera.params[0]);
 }
 
 TEST(SessionCheckTest, FailsWithoutEvidence) {
