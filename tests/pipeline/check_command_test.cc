@@ -56,6 +56,19 @@ TEST_F(CheckCommandTest, HoldsWhereNothingHasMoved) {
   EXPECT_EQ(Json::parse(json.out)["decision"], "holds");
 }
 
+// The bend of a target is part of what a finished run says about it.
+TEST_F(CheckCommandTest, KnowsABentTarget) {
+  const std::vector<std::string> bend = {"--set", "print.bend_x=2 mm", "--set", "print.bend_y=-1 mm"};
+  Simulate("bent", bend);
+  ASSERT_EQ(RunHeba({"run", Path("bent/config.yaml"), "--out", Path("bent_run"), "--quiet"}).status, 0);
+  Simulate("bent_later", {"--set", "seed=6", "--set", "motion.captures=6", "--set", bend[1], "--set", bend[3]});
+  std::vector<std::string> arguments = {"check",    Path("bent_run"), "--poses", Path("bent_later/poses.csv"),
+                                        "--target", "in-place"};
+  for (int i = 0; i < 6; ++i) arguments.push_back(Path("bent_later/images/00" + std::to_string(i) + ".png"));
+  const CommandResult check = RunHeba(arguments);
+  EXPECT_EQ(check.status, 0) << check.err;
+}
+
 TEST_F(CheckCommandTest, NamesTheCameraThatHasMoved) {
   for (const std::string target : {"in-place", "moved"}) {
     const CommandResult check = Check("moved", {"--poses", Path("moved/poses.csv"), "--target", target, "--json"});

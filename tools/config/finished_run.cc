@@ -34,7 +34,8 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
   FinishedRun run;
   run.result = ReadRefinedResult(folder);
   MapReader config(ReadYamlFile(folder / "config.yaml"));
-  for (RigTarget& target : run.result.rig.targets) {
+  for (size_t t = 0; t < run.result.rig.targets.size(); ++t) {
+    RigTarget& target = run.result.rig.targets[t];
     if (target.name.empty()) {
       run.targets.push_back(ReadTarget(config, "target"));
     } else {
@@ -43,6 +44,11 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
       run.targets.push_back(ReadTarget(reader, "target"));
     }
     target.symmetries = run.targets.back()->Symmetries();
+    // A file has the deviations of a shape, which its extent gives a meaning.
+    TargetShape shape = DesignedShape(AllPoints(*run.targets.back()).points_in_target);
+    shape.params = run.result.solution.shapes[t].params;
+    run.result.solution.shapes[t] = shape;
+    target.shape = shape;
   }
   for (const std::string& robot : run.result.rig.robots) {
     MapReader section(config.Get(config.Has("robots") ? "robots" : "captures"));

@@ -13,7 +13,8 @@
 namespace heba {
 
 struct FinishedRun {
-  RigResult result;  // That of a single camera is AsRigResult. The symmetries of its targets are set.
+  // That of a single camera is AsRigResult. The symmetries of its targets, and the extents of their shapes, are set.
+  RigResult result;
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<PoseReading> pose_readings;  // One per arm.
   std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.
