@@ -16,6 +16,12 @@
 
 namespace heba {
 
+// Errors of an arm that vary smoothly with its pose.
+struct SmoothPrior {
+  RobotNoise sigma;
+  SmoothLengths lengths;
+};
+
 struct SessionOptions {
   // Whether the targets are mounted as they were for the calibration. Otherwise their poses are estimated from the
   // images, and nothing is said of them.
