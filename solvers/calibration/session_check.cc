@@ -62,18 +62,17 @@ void AddWobble(const RigProblem& problem, const UnknownLayout& layout, const Rob
 
 // Adds the covariance of the rows of all views that the smooth errors of the arms cause. `first_rows` are the places of
 // the views.
-void AddSmoothErrors(const RigProblem& problem, const RigSolution& solution, const SessionOptions& options,
-                     const std::vector<LinearisedView>& views, const std::vector<Eigen::Index>& first_rows,
-                     Eigen::MatrixXd* covariance) {
+void AddSmoothErrors(const RigProblem& problem, const SessionOptions& options, const std::vector<LinearisedView>& views,
+                     const std::vector<Eigen::Index>& first_rows, Eigen::MatrixXd* covariance) {
   const std::vector<size_t> captures = CapturesWithPoints(problem);
   const std::vector<size_t> moving = MovingRobots(problem);
   for (size_t k = 0; k < moving.size(); ++k) {
-    const std::optional<RobotNoise> noise = SmoothNoiseOf(solution, moving[k]);
-    if (!noise) continue;
+    if (options.smooth.empty() || !options.smooth[moving[k]]) continue;
+    const SmoothPrior& prior = *options.smooth[moving[k]];
     std::vector<Rigid3d> poses;
     for (const size_t i : captures) poses.push_back(problem.captures[i].base_from_gripper[moving[k]]);
-    SmoothErrors errors(poses, options.smooth_lengths.empty() ? SmoothLengths() : options.smooth_lengths[moving[k]]);
-    errors.SetSigmas({noise->translation_m, noise->rotation_rad});
+    SmoothErrors errors(poses, prior.lengths);
+    errors.SetSigmas({prior.sigma.translation_m, prior.sigma.rotation_rad});
     const SharedEffects& effects = errors.effects();
     Eigen::VectorXd sigmas(effects.size());
     for (Eigen::Index j = 0; j < sigmas.size(); ++j) {
@@ -91,7 +90,6 @@ void AddSmoothErrors(const RigProblem& problem, const RigSolution& solution, con
 
 WhitenedSession Whiten(const RigProblem& problem, const RigSolution& solution, const SessionOptions& options,
                        const std::vector<LinearisedView>& views) {
-  const FitState state = StateOf(solution);
   const Eigen::VectorXd variances =
       CorrectionVariances(NoiseOf(solution), NoisyJointsOf(problem, MovingRobots(problem)));
   WhitenedSession session{RigUnknowns(problem), {}, {}};
@@ -107,10 +105,10 @@ WhitenedSession Whiten(const RigProblem& problem, const RigSolution& solution, c
   for (size_t v = 0; v < views.size(); ++v) {
     const Eigen::Index size = views[v].offset.size();
     session.by_unknowns.middleRows(first_rows[v], size) = views[v].by_unknowns;
-    session.residuals.segment(first_rows[v], size) = ResidualOf(problem, state, views[v], Eigen::VectorXd());
+    session.residuals.segment(first_rows[v], size) = views[v].offset;
     covariance.block(first_rows[v], first_rows[v], size, size) = MarginalCovariance(views[v], 1, variances);
   }
-  AddSmoothErrors(problem, solution, options, views, first_rows, &covariance);
+  AddSmoothErrors(problem, options, views, first_rows, &covariance);
   const Covariance& known =
       solution.covariance_repeatable.matrix.size() > 0 ? solution.covariance_repeatable : solution.covariance;
   Eigen::MatrixXd of_unknowns = CovarianceIn(session.layout, known);

@@ -107,7 +107,7 @@ TEST_F(CheckCommandTest, RefusesWhatItCannotCheck) {
   expect(Check("later", {"--poses", poses, "--target", "in-plce"}), "did you mean 'in-place'?");
   expect(Check("later", {"--target", "moved"}), "the robot's poses at the images are needed");
   expect(Check("later", {"--pose", "0,0,0,0,0,0,1", "--target", "moved"}), "--pose: is the pose of one image");
-  expect(Check("later", {"--poses", poses, "--target", "moved"}, 0), "needs an IMAGE");
+  expect(Check("later", {"--poses", poses, "--target", "moved"}, 0), "takes RUN_DIR IMAGE...");
   WriteAll(Path("one_row.csv"), "image,x,y,z,qx,qy,qz,qw\n000.png,0,0,0,0,0,0,1\n");
   expect(Check("later", {"--poses", Path("one_row.csv"), "--target", "moved"}), "has no row for the image");
 }

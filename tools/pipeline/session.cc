@@ -172,13 +172,19 @@ SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place)
   SessionOptions options;
   options.is_target_in_place = is_target_in_place;
   options.wobble = run.wobble;
-  for (const std::string& robot : run.result.rig.robots) {
-    SmoothLengths& lengths = options.smooth_lengths.emplace_back();
+  for (size_t r = 0; r < run.result.rig.robots.size(); ++r) {
+    std::optional<SmoothPrior>& prior = options.smooth.emplace_back();
+    if (const std::optional<RobotNoise> noise = SmoothNoiseOf(run.result.solution, r)) {
+      prior = SmoothPrior{*noise, SmoothLengths()};
+    }
     for (const Finding& finding : run.result.verdict.findings) {
+      const std::string& robot = run.result.rig.robots[r];
       if (finding.code != "smooth_errors" || finding.Name("of_arm").value_or(robot) != robot) continue;
-      const std::optional<double> length_mm = finding.Number("length_mm");
-      const std::optional<double> length_deg = finding.Number("length_deg");
-      if (length_mm && length_deg) lengths = {1e-3 * *length_mm, DegToRad(*length_deg)};
+      const auto number = [&](const char* key) { return finding.Number(key).value_or(0); };
+      // Beside the estimated errors of an arm, the finding alone has the sigmas.
+      if (!prior) prior = SmoothPrior{{1e-3 * number("smooth_mm"), DegToRad(number("smooth_deg")), 0}, {}};
+      if (number("length_mm") <= 0 || number("length_deg") <= 0) continue;
+      prior->lengths = {1e-3 * number("length_mm"), DegToRad(number("length_deg"))};
     }
   }
   return options;

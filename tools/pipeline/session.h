@@ -41,7 +41,7 @@ void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vecto
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<GivenArmPose>& poses, int num_threads);
 
-// Returns the options for a session of a run: its wobble, and the lengths of the smooth errors that it states.
+// Returns the options for a session of a run: its wobble, and the smooth errors that it states.
 SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place);
 
 }  // namespace heba

@@ -28,9 +28,8 @@ struct SessionOptions {
   bool is_target_in_place = true;
   // One sigma of what the mounts on grippers move by themselves between two sessions, along and about each axis.
   RobotNoise wobble = {0, DegToRad(0.03), 0};
-  // One for each arm: the lengths of its smooth errors (RigSolution::smooth_noise); an empty list: those of the
-  // default.
-  std::vector<SmoothLengths> smooth_lengths = {};
+  // One for each arm: its smooth errors, which are unknown at the poses of the session; an empty list: there are none.
+  std::vector<std::optional<SmoothPrior>> smooth = {};
 };
 
 // What may have changed.

@@ -85,7 +85,6 @@ int Undecided(const std::string& reason) {
 
 int RunCommand_check(const std::vector<std::string>& arguments) {
   const std::vector<std::string> paths(arguments.begin() + 1, arguments.end());
-  if (paths.empty()) throw InputError("'heba check' needs an IMAGE, taken after the calibration");
   const bool is_in_place = IsTargetInPlace();
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const std::vector<SessionImage> images = ImagesOf(run.result.rig, paths);
