@@ -353,8 +353,13 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
     change.p_value = PValueOf(lens, products, 1, dof);
     check.p_value = std::min(check.p_value, change.p_value);
   }
+  // By Akaike's criterion: probabilities of gross changes are all zero.
+  const auto likelihood = [](const SessionChange& change) {
+    return change.change.dot(SolveSymmetric(change.covariance, change.change)) -
+           2 * static_cast<double>(change.change.size());
+  };
   std::stable_sort(check.changes.begin(), check.changes.end(),
-                   [](const SessionChange& a, const SessionChange& b) { return a.p_value < b.p_value; });
+                   [&](const SessionChange& a, const SessionChange& b) { return likelihood(a) > likelihood(b); });
   return check;
 }
 
