@@ -1,0 +1,98 @@
+#include "tools/pipeline/camera_pipeline.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "heba/base/failure_code.h"
+#include "heba/base/files.h"
+#include "heba/image_detection.h"
+#include "tools/files/cached_detector.h"
+#include "tools/files/camera_result.h"
+#include "tools/files/detection_file.h"
+#include "tools/files/result_folder.h"
+#include "tools/pages/camera_page.h"
+#include "tools/run/captures.h"
+#include "tools/text/run_console.h"
+
+namespace heba {
+namespace {
+
+constexpr int kMapColumns = 9;
+constexpr int kMapRows = 7;
+
+// Returns the images as the captures of a data set, whose robot stands still.
+Dataset DatasetOf(const CameraConfig& config) {
+  Dataset data;
+  data.name = config.name;
+  data.target = config.target;
+  for (const std::filesystem::path& image : config.images) {
+    Capture capture;
+    capture.name = image.filename().string();
+    capture.image = image;
+    data.captures.push_back(std::move(capture));
+  }
+  return data;
+}
+
+CameraMap MapOf(const CameraCalibration& calibration, const std::vector<View>& views) {
+  CameraMap map{kMapColumns, kMapRows, ProjectionSigmasPx(calibration, kMapColumns, kMapRows),
+                std::vector<int>(static_cast<size_t>(kMapColumns) * kMapRows, 0)};
+  const auto place = [](double pixel, int size_px, int number) {
+    return std::clamp(static_cast<int>((pixel + 0.5) * number / size_px), 0, number - 1);
+  };
+  for (const View& view : views) {
+    for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
+      const int column = place(view.observations.pixels(0, i), calibration.camera.width_px, kMapColumns);
+      const int row = place(view.observations.pixels(1, i), calibration.camera.height_px, kMapRows);
+      ++map.num_points[static_cast<size_t>(row) * kMapColumns + static_cast<size_t>(column)];
+    }
+  }
+  return map;
+}
+
+}  // namespace
+
+Outcome<CalibratedCamera> RunCamera(const CameraConfig& config, const std::filesystem::path& output, int num_threads,
+                                    Console* console) {
+  StagedFolder folder(output, "the results of a run");
+  const Dataset data = DatasetOf(config);
+  ProgressObserver observer(console->verbosity());
+  const std::vector<CaptureDetection> detections =
+      DetectCaptures(data, CachedDetection(config.target_used), num_threads, &observer);
+  std::vector<UnusedImage> unused;
+  for (size_t i = 0; i < detections.size(); ++i) {
+    if (!detections[i].detection.ids.empty()) continue;
+    unused.push_back({data.captures[i].name, detections[i].detection.reason});
+    console->Note(data.name + ": " + unused.back().image + ": " + unused.back().reason);
+  }
+  const std::vector<View> views = ViewsOf(data, detections);
+  if (views.empty()) {
+    return Failure{FailureCode("nothing_detected"),
+                   {{"images", static_cast<double>(detections.size())}},
+                   {{"image", data.captures[0].name}, {"why", detections.front().detection.reason}}};
+  }
+  CameraCalibrationOptions options = config.options;
+  options.width_px = detections.front().width_px;
+  options.height_px = detections.front().height_px;
+  options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
+  options.num_threads = num_threads;
+  Outcome<CameraCalibration> calibration = CalibrateCamera(views, options);
+  if (!calibration) return calibration.failure();
+  CalibratedCamera result{std::move(*calibration), {}};
+  result.map = MapOf(result.calibration, views);
+  const std::filesystem::path& staging = folder.staging();
+  for (const auto& [name, text] : CameraFiles(config.name, result.calibration)) {
+    WriteFileAtomically(staging / name, text);
+  }
+  WriteFileAtomically(staging / "detections.json", DetectionsToJson(data.captures, detections));
+  WriteFileAtomically(staging / "config.yaml", config.used);
+  WriteFileAtomically(staging / "log.txt", console->log());
+  WriteFileAtomically(staging / "report.html", CameraPage(config.name, result.calibration, result.map, unused));
+  WriteFileAtomically(staging / "result.json",
+                      CameraResultToJson(config.name, config.about, result.calibration, result.map, unused));
+  folder.Commit();
+  return result;
+}
+
+}  // namespace heba
