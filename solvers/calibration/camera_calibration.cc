@@ -32,7 +32,7 @@ struct Fitted {
 };
 
 // Returns the views with the pose that each shows by itself in place of a robot's; without those that show none.
-std::vector<View> WithOwnPoses(const std::vector<View>& views, const Camera& camera) {
+std::vector<View> WithPosesSeen(const std::vector<View>& views, const Camera& camera) {
   std::vector<View> posed;
   for (const View& view : views) {
     if (view.observations.size() < kMinPosePoints) continue;
@@ -96,7 +96,7 @@ Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, co
   const Outcome<Camera> start = EstimateIntrinsics(views, model, options.width_px, options.height_px);
   if (!start) return start.failure();
   Fitted fitted;
-  fitted.views = WithOwnPoses(views, *start);
+  fitted.views = WithPosesSeen(views, *start);
   Outcome<Solution> flat = Refine(fitted.views, *start, options.shape, false, options);
   if (!flat) return flat.failure();
   fitted.solution = std::move(*flat);
