@@ -149,10 +149,8 @@ struct Draws {
 
 Draws DrawUnchanged(const Eigen::MatrixXd& information, double dof) {
   const Eigen::Index size = information.rows();
-  Eigen::VectorXd values(size);
-  Eigen::MatrixXd vectors(size, size);
-  kernels::EigenSymmetric(size, information.data(), values.data(), vectors.data());
-  const Eigen::MatrixXd root = vectors * values.cwiseMax(0).cwiseSqrt().asDiagonal();
+  const SymmetricEigen<Eigen::Dynamic> eigen = EigenOfSymmetric(information);
+  const Eigen::MatrixXd root = eigen.vectors * eigen.values.cwiseMax(0).cwiseSqrt().asDiagonal();
   std::mt19937_64 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp): results are to be repeatable.
   std::normal_distribution<double> normal;
   Draws draws{Eigen::MatrixXd(size, kNumDraws), Eigen::VectorXd::Ones(kNumDraws)};
@@ -237,11 +235,8 @@ bool SetInformation(const Eigen::MatrixXd& information, const Eigen::VectorXd& s
   if (!(scale.minCoeff() > 0)) return false;
   const Eigen::VectorXd inverse = scale.cwiseInverse();
   const Eigen::MatrixXd scaled = inverse.asDiagonal() * own * inverse.asDiagonal();
-  Eigen::VectorXd values(part->size);
-  Eigen::MatrixXd vectors(part->size, part->size);
-  kernels::EigenSymmetric(part->size, scaled.data(), values.data(), vectors.data());
   constexpr double kNothing = 1e-9;
-  if (!(values.minCoeff() > kNothing)) return false;
+  if (!(EigenOfSymmetric(scaled).values.minCoeff() > kNothing)) return false;
   part->inverse_information = inverse.asDiagonal() * InverseOfSymmetric(scaled) * inverse.asDiagonal();
   return true;
 }

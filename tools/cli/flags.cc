@@ -84,6 +84,8 @@ DEFINE_string(
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base (in the world of a rig), such as "
               "0,0,1,120 mm");
+DEFINE_string(pose_format, "",
+              "FORM|format of the poses: ros (the default), ur, kuka, ..., or a mapping as captures.pose_format");
 DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");

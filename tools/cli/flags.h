@@ -41,6 +41,7 @@ DECLARE_string(format);
 DECLARE_string(target);
 DECLARE_string(images);
 DECLARE_string(poses);
+DECLARE_string(pose_format);
 DECLARE_string(setup);
 DECLARE_string(pixels);
 DECLARE_string(plane);

@@ -22,6 +22,8 @@ inline constexpr std::string_view kFailureCodes[] = {
     "no_closed_form",
     "target_behind",
     "no_pixels",
+    "few_touches",
+    "one_touch_axis",
     // The intrinsics.
     "no_camera",
     "intrinsics_failed",
