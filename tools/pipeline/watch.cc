@@ -1,0 +1,313 @@
+#include "tools/pipeline/watch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <optional>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/detection.h"
+#include "targets/images/image.h"
+#include "tools/files/cached_detector.h"
+#include "tools/pages/page.h"
+#include "tools/pipeline/any_run.h"
+#include "tools/text/console.h"
+#include "tools/text/failure_text.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr std::chrono::milliseconds kInterval(250);
+
+// An image of a capture, and what it is called.
+struct WatchedImage {
+  std::string name;
+  fs::path path;
+};
+
+std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
+  std::vector<WatchedImage> images;
+  for (const Capture& capture : config.data.captures) images.push_back({capture.name, capture.image});
+  return images;
+}
+
+std::vector<WatchedImage> ImagesOf(const RigConfig& config) {
+  std::vector<WatchedImage> images;
+  for (const RigRecording& capture : config.data.captures) {
+    for (size_t c = 0; c < capture.images.size(); ++c) {
+      if (capture.images[c].empty()) continue;
+      images.push_back(
+          {config.data.rig.cameras[c].name + "/" + capture.images[c].filename().string(), capture.images[c]});
+    }
+  }
+  return images;
+}
+
+// What is known about the images so far.
+struct Watched {
+  std::map<fs::path, std::uintmax_t> sizes;  // At the last look.
+  std::set<fs::path> complete;
+  std::set<fs::path> told;        // Images about which a line was printed.
+  std::set<fs::path> calibrated;  // Those of the last run.
+};
+
+// Returns whether an image is complete: its size has not changed since the last look, and it can be read.
+bool IsComplete(const fs::path& path, Watched* watched) {
+  if (watched->complete.contains(path)) return true;
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) return false;
+  const auto [last, is_new] = watched->sizes.try_emplace(path, size);
+  const bool is_stable = !is_new && last->second == size && size > 0;
+  last->second = size;
+  if (!is_stable) return false;
+  try {
+    ReadGreyImage(path);
+  } catch (const InputError&) {
+    return false;  // Half-written.
+  }
+  watched->complete.insert(path);
+  return true;
+}
+
+// Returns what the exposure of an image lacks; empty if nothing.
+std::string ExposureText(const fs::path& path) {
+  const cv::Mat grey = ReadGreyImage(path);
+  double num_bright = 0;
+  double sum = 0;
+  for (int row = 0; row < grey.rows; ++row) {
+    const auto* const pixels = grey.ptr<unsigned char>(row);
+    for (int column = 0; column < grey.cols; ++column) {
+      constexpr unsigned char kSaturated = 254;
+      num_bright += pixels[column] >= kSaturated ? 1 : 0;
+      sum += pixels[column];
+    }
+  }
+  const double num_pixels = static_cast<double>(grey.rows) * grey.cols;
+  constexpr double kMostBright = 0.2;
+  constexpr double kDark = 30;
+  if (num_bright > kMostBright * num_pixels) {
+    return "overexposed: " + Fixed(100 * num_bright / num_pixels, 0) + " % of its pixels are white";
+  }
+  if (sum < kDark * num_pixels) return "dark: its mean is " + Fixed(sum / num_pixels, 0) + " of 255";
+  return "";
+}
+
+// The places of the target in the images of a single camera, as shares of what a good session covers.
+struct Gauges {
+  double x = 0;
+  double y = 0;
+  double size = 0;
+};
+
+Gauges GaugesOf(const std::vector<CaptureDetection>& detections) {
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(1);
+  Eigen::Vector3d high = Eigen::Vector3d::Zero();
+  for (const CaptureDetection& capture : detections) {
+    const std::vector<Eigen::Vector2d>& pixels = capture.detection.pixels;
+    if (pixels.empty()) continue;
+    Eigen::Vector2d least = pixels.front();
+    Eigen::Vector2d most = pixels.front();
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2d& pixel : pixels) {
+      least = least.cwiseMin(pixel);
+      most = most.cwiseMax(pixel);
+      mean += pixel / static_cast<double>(pixels.size());
+    }
+    const double area_px2 = static_cast<double>(capture.width_px) * capture.height_px;
+    const Eigen::Vector3d place(mean.x() / capture.width_px, mean.y() / capture.height_px,
+                                std::sqrt((most - least).prod() / area_px2));
+    low = low.cwiseMin(place);
+    high = high.cwiseMax(place);
+  }
+  const Eigen::Vector3d range = (high - low).cwiseMax(0);
+  // What hand-held calibrations are asked for: the middle of the target over these parts of the image.
+  constexpr double kOfImage = 0.5;
+  constexpr double kOfSize = 0.25;
+  return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize)};
+}
+
+std::vector<Requirement> RequirementsOf(const RunResult& result) { return result.requirements; }
+std::vector<Requirement> RequirementsOf(const RigResult& result) {
+  std::vector<Requirement> requirements;
+  for (const RigRequirement& of_camera : result.requirements) requirements.push_back(of_camera.requirement);
+  return requirements;
+}
+
+// Returns whether there are requirements, and all are met.
+bool IsMet(const AnyResult& result) {
+  const std::vector<Requirement> requirements = std::visit([](const auto& any) { return RequirementsOf(any); }, result);
+  return !requirements.empty() && std::all_of(requirements.begin(), requirements.end(), [](const Requirement& one) {
+    return one.reached_m && *one.reached_m <= one.within_m;
+  });
+}
+
+// Returns what is known, and what to take next.
+std::string KnownText(const AnyResult& result) {
+  const int num_used = std::visit([](const auto& any) { return NumUsedCaptures(any); }, result);
+  std::string text = std::to_string(num_used) + " captures: " + std::string(GradeName(VerdictOf(result).grade));
+  if (const auto* const single = std::get_if<RunResult>(&result)) {
+    if (const Estimate* const refined = FindRefined(*single)) {
+      const auto covariance = PoseCovarianceOf(refined->solution->covariance, kHandEyeBlock);
+      if (covariance) {
+        const auto [sigma_m, sigma_rad] = LargestSigmas(*covariance);
+        text += ", the camera's pose is known to " + ShownAmount(1000 * sigma_m, 2) + " mm and " +
+                ShownAmount(RadToDeg(sigma_rad), 2) + " deg";
+      }
+    }
+  }
+  for (const Requirement& one : std::visit([](const auto& any) { return RequirementsOf(any); }, result)) {
+    text += "; " + one.place + ": " + (one.reached_m ? ShownAmount(1000 * *one.reached_m, 2) + " mm" : "not located") +
+            " of " + ShownAmount(1000 * one.within_m, 2) + " mm";
+  }
+  return text;
+}
+
+// Returns the advice about the captures to take next; empty if there is none.
+std::string NextText(const AnyResult& result) {
+  for (const Finding& finding : VerdictOf(result).findings) {
+    if (finding.code == "weak_direction" && !finding.action.empty()) return finding.action;
+  }
+  for (const Finding& finding : VerdictOf(result).findings) {
+    if (finding.code != "weak_direction") continue;
+    const size_t place = finding.text.find("; from capture");
+    return place == std::string::npos ? "" : finding.text.substr(place + 2);
+  }
+  return "";
+}
+
+void WritePage(const fs::path& output, const std::string& name, const std::vector<std::string>& lines) {
+  std::error_code error;
+  if (!fs::is_directory(output, error)) return;
+  std::string body = Paragraph("This page reloads itself while heba watch follows the session.");
+  std::vector<std::vector<PageCell>> rows;
+  for (auto line = lines.rbegin(); line != lines.rend(); ++line) rows.push_back({{*line}});
+  body += HtmlTable({"what has come, the latest first"}, rows);
+  body += "<p><a href=\"report.html\">The report of the latest run</a></p>";
+  std::string page = HtmlPage(name, body);
+  const size_t head = page.find("<head>");
+  if (head != std::string::npos) page.insert(head + 6, "<meta http-equiv=\"refresh\" content=\"2\">");
+  // It stands beside the folder, whose files are those of one run.
+  WriteFileAtomically(fs::path(output.string() + ".watch.html"), page);
+}
+
+// One session: what was printed, and what is known about the images.
+class Session {
+ public:
+  Session(std::string config_path, WatchOptions options)
+      : config_path_(std::move(config_path)), options_(std::move(options)) {}
+
+  // Looks once. Returns whether the requirements are met.
+  bool Look() {
+    std::optional<AnyConfig> config;
+    try {
+      config = ReadAnyConfig(config_path_, options_.settings);
+    } catch (const InputError& error) {
+      if (!has_config_ && !IsAboutCaptures(error.what())) throw;
+      Tell("waiting: " + std::string(error.what()));
+      return false;
+    }
+    has_config_ = true;
+    const std::vector<WatchedImage> images = std::visit([](const auto& of) { return ImagesOf(of); }, *config);
+    std::set<fs::path> now;
+    for (const WatchedImage& image : images) {
+      if (!IsComplete(image.path, &watched_)) return false;
+      now.insert(image.path);
+    }
+    if (now == watched_.calibrated) return false;
+    TellImages(*config, images);
+    return Calibrate(*config, std::move(now));
+  }
+
+ private:
+  // Returns whether a fault is that of captures that have not come yet.
+  static bool IsAboutCaptures(const std::string& fault) {
+    const std::vector<std::string> words = {"captures.", "images", "poses", "does not exist", "there is no"};
+    return std::any_of(words.begin(), words.end(),
+                       [&](const std::string& word) { return fault.find(word) != std::string::npos; });
+  }
+
+  void Tell(const std::string& line) {
+    if (!lines_.empty() && lines_.back() == line) return;
+    lines_.push_back(line);
+    std::cout << ForTerminal(line + "\n") << std::flush;
+  }
+
+  // Says of each new image whether it shows the target, and how it is exposed.
+  void TellImages(const AnyConfig& any, const std::vector<WatchedImage>& images) {
+    const auto* const config = std::get_if<RunConfig>(&any);
+    std::vector<CaptureDetection> detections;
+    for (const WatchedImage& image : images) {
+      const bool is_new = watched_.told.insert(image.path).second;
+      if (config == nullptr) {
+        if (is_new) Tell(image.name + ": has come");
+        continue;
+      }
+      detections.push_back(DetectOnce(*config, image.path));
+      if (!is_new) continue;
+      const Detection& seen = detections.back().detection;
+      const std::string exposure = ExposureText(image.path);
+      Tell(image.name + ": " +
+           (seen.ids.empty() ? "the target is not seen" + (seen.reason.empty() ? "" : " (" + seen.reason + ")")
+                             : std::to_string(seen.ids.size()) + " of " +
+                                   std::to_string(config->data.target->points().size()) + " points") +
+           (exposure.empty() ? "" : "; " + exposure));
+    }
+    if (config == nullptr) return;
+    const Gauges gauges = GaugesOf(detections);
+    const auto percent = [](double share) { return Fixed(100 * share, 0) + " %"; };
+    Tell("covered: x " + percent(gauges.x) + ", y " + percent(gauges.y) + ", size " + percent(gauges.size));
+  }
+
+  const CaptureDetection& DetectOnce(const RunConfig& config, const fs::path& image) {
+    const auto known = detections_.find(image);
+    if (known != detections_.end()) return known->second;
+    if (!detect_) detect_ = CachedDetection(config.target_used);
+    return detections_.emplace(image, detect_(image, std::nullopt)).first->second;
+  }
+
+  bool Calibrate(const AnyConfig& config, std::set<fs::path> images) {
+    const fs::path output = options_.output.empty() ? OutputOf(config) : options_.output;
+    Console console(Verbosity::kQuiet);
+    watched_.calibrated = std::move(images);
+    const Outcome<AnyResult> result = RunAny(config, output, options_.num_threads, &console);
+    if (!result) {
+      Tell("not yet: " + FailureText(result.failure()));
+      return false;
+    }
+    Tell(KnownText(*result));
+    const std::string next = NextText(*result);
+    if (!next.empty()) Tell("next: " + next);
+    const bool is_met = IsMet(*result);
+    if (is_met) Tell("the required accuracy is reached; results: " + output.string());
+    WritePage(output, NameOf(config), lines_);
+    return is_met;
+  }
+
+  std::string config_path_;
+  WatchOptions options_;
+  bool has_config_ = false;
+  Watched watched_;
+  DetectFunction detect_;  // Keeps what the run needs again.
+  std::map<fs::path, CaptureDetection> detections_;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace
+
+void Watch(const std::string& config_path, const WatchOptions& options) {
+  Session session(config_path, options);
+  while (!session.Look()) std::this_thread::sleep_for(kInterval);
+}
+
+}  // namespace heba
