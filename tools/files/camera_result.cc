@@ -78,12 +78,21 @@ std::vector<std::pair<std::string, std::string>> CameraFiles(const std::string& 
                                                              const CameraCalibration& calibration) {
   std::string own = CameraToYaml(calibration.camera);
   if (!own.ends_with('\n')) own += '\n';
+  // The first four are fx, fy, cx and cy in every model.
+  constexpr size_t kFirstDistortion = 4;
   std::vector<std::string> sigmas;
+  std::vector<std::string> of_distortion;
   const std::vector<std::string>& names = calibration.camera.Model().param_names();
   for (size_t i = 0; i < names.size(); ++i) {
     const auto place = static_cast<Eigen::Index>(i);
-    sigmas.push_back(names[i] + ": " + RoundTrip(std::sqrt(calibration.covariance(place, place))));
+    const std::string sigma = RoundTrip(std::sqrt(calibration.covariance(place, place)));
+    if (i < kFirstDistortion) {
+      sigmas.push_back(names[i] + ": " + sigma);
+    } else {
+      of_distortion.push_back(sigma);
+    }
   }
+  if (!of_distortion.empty()) sigmas.push_back("distortion: [" + Join(of_distortion, ", ") + "]");
   std::vector<std::pair<std::string, std::string>> files = {
       {"camera.yaml", own + "std: {" + Join(sigmas, ", ") + "}\n"}};
   ExportRequest request;
