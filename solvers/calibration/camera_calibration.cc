@@ -54,7 +54,11 @@ Outcome<Solution> Refine(const std::vector<View>& posed, const Camera& camera, c
   bundle.loss = options.loss;
   bundle.num_threads = options.num_threads;
   bundle.robot = BundleOptions::Robot::kGivenNoise;
-  bundle.robot_noise = {0.1, 0.1, 0};
+  // Some hundred times what an image leaves open.
+  constexpr double kShareOfDistance = 0.05;
+  std::vector<Rigid3d> camera_from_target;
+  for (const View& view : posed) camera_from_target.push_back(view.camera_mount_from_target_mount);
+  bundle.robot_noise = {kShareOfDistance * WorkingDistance(camera_from_target), kShareOfDistance, 0};
   if (is_bent) bundle.free_shape = {TargetShapeGroup::kBend};
   return RefineHandEye({camera, posed, Setup::kEyeToHand, shape}, HandEye(), bundle);
 }

@@ -84,6 +84,23 @@ TEST_F(CheckCommandTest, NamesTheCameraThatHasMoved) {
   }
 }
 
+TEST_F(CheckCommandTest, HistoryGrows) {
+  const std::string history = Path("history");
+  for (const std::string name : {"later", "moved"}) {
+    Check(name, {"--poses", Path(name + "/poses.csv"), "--target", "in-place", "--history", history});
+  }
+  const Json checks = Json::parse(ReadAll(history + "/history.json"))["checks"];
+  ASSERT_EQ(checks.size(), 2U);
+  EXPECT_EQ(checks[0]["decision"], "holds");
+  EXPECT_EQ(checks[1]["decision"], "moved");
+  EXPECT_THAT(ReadAll(history + "/history.html"), HasSubstr("<circle"));
+  WriteAll(history + "/history.json", "[]");
+  const CommandResult check =
+      Check("later", {"--poses", Path("later/poses.csv"), "--target", "in-place", "--history", history});
+  EXPECT_EQ(check.status, 2);
+  EXPECT_THAT(check.err, HasSubstr("is not a history of checks"));
+}
+
 TEST_F(CheckCommandTest, OneImageSeesAMoveButNotOfWhat) {
   const std::vector<std::string> rows = Split(ReadAll(Path("moved/poses.csv")), '\n');
   const std::string numbers = rows[1].substr(rows[1].find(',') + 1);

@@ -87,6 +87,7 @@ DEFINE_string(plane, "target",
 DEFINE_string(pose_format, "",
               "FORM|format of the poses: ros (the default), ur, kuka, ..., or a mapping as captures.pose_format");
 DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
+DEFINE_string(history, "", "FOLDER|add the check to the history in this folder, and write its page, history.html");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 DEFINE_string(paper, "", "NAME|paper of the sheet: a4, a3, letter, ...; default: a page as large as the sheet");

@@ -47,6 +47,7 @@ DECLARE_string(pixels);
 DECLARE_string(plane);
 DECLARE_bool(any);
 DECLARE_bool(json);
+DECLARE_string(history);
 
 namespace heba {
 

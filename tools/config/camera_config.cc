@@ -40,8 +40,17 @@ std::vector<fs::path> ReadImages(MapReader& captures) {
   return images;
 }
 
-// Returns what the config of a run says about its camera.
-CameraConfig FromRun(const RunConfig& run) {
+// Returns the model that the section `camera` of a config states; empty if it is to be chosen. A file of intrinsics
+// states none: they are calibrated anew.
+std::string StatedModel(const ConfigValue& value) {
+  MapReader root(value);
+  MapReader camera = root.Section("camera");
+  const std::string model = camera.Has("model") ? camera.Get("model").AsText() : "auto";
+  return model == "auto" ? "" : model;
+}
+
+// Returns what the config of a run says about its camera, whose model is stated or empty.
+CameraConfig FromRun(const RunConfig& run, const std::string& model) {
   CameraConfig config;
   config.file = run.file;
   config.name = run.data.name;
@@ -52,7 +61,7 @@ CameraConfig FromRun(const RunConfig& run) {
     if (capture.image.empty()) throw InputError(run.file.string() + ": a camera is calibrated from images");
     config.images.push_back(capture.image);
   }
-  if (!run.options.choose_camera_model) config.options.model = run.options.camera_model;
+  config.options.model = model;
   config.options.choose_bend = run.options.choose.target_shape;
   config.options.loss = run.options.bundle.loss;
   config.options.folds = run.options.folds;
@@ -75,7 +84,7 @@ CameraConfig ReadCameraConfig(const fs::path& path, const std::vector<std::strin
   MapReader reader(value);
   MapReader captures(reader.Get("captures"));
   for (const char* key : {"poses", "data", "detections", "target_poses"}) {
-    if (captures.Has(key)) return FromRun(ReadRunConfig(path, settings));
+    if (captures.Has(key)) return FromRun(ReadRunConfig(path, settings), StatedModel(value));
   }
   CameraConfig config;
   config.file = path;

@@ -11,6 +11,7 @@
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
 #include "tools/files/check_file.h"
+#include "tools/pages/check_history.h"
 #include "tools/pipeline/session.h"
 #include "tools/text/check_text.h"
 #include "tools/text/console.h"
@@ -93,6 +94,7 @@ int RunCommand_check(const std::vector<std::string>& arguments) {
   const RigProblem& rig = session.problem;
   const Outcome<SessionCheck> check = CheckSession(rig, run.result.solution, SessionOptionsOf(run, is_in_place));
   if (!check) return Undecided("undecided: " + FailureText(check.failure()));
+  if (!FLAGS_history.empty()) AddToHistory(FLAGS_history, run.result.name, rig, *check);
   std::cout << (FLAGS_json ? CheckToJson(rig, *check) : ForTerminal(CheckText(rig, *check))) << std::flush;
   if (DecisionOf(*check) == "holds") return kDone;
   PrintError("the calibration does not hold any more: " + ChangeText(rig, *check));
