@@ -439,6 +439,13 @@ std::string ComparedPoseName::Text() const {
   return "base of arm " + child + " in " + parent;
 }
 
+// Returns the solution with its repeatable covariance, if it has one: two runs of a cell have the same scales, which
+// make no difference between them.
+RigSolution WithoutWhatIsShared(RigSolution solution) {
+  if (solution.covariance_repeatable.matrix.size() > 0) solution.covariance = solution.covariance_repeatable;
+  return solution;
+}
+
 ComparedRun ComparedRunOf(const std::string& label, const RigResult& result) {
   ComparedRun run{label,
                   result.name,
@@ -447,15 +454,16 @@ ComparedRun ComparedRunOf(const std::string& label, const RigResult& result) {
                   Join(result.target_types, " "),
                   result.rig.robots};
   const std::vector<RelativePose> cameras = CameraPoses(result.rig, result.solution);
+  const RigSolution session = WithoutWhatIsShared(result.solution);
   for (size_t c = 0; c < cameras.size(); ++c) {
     run.cameras.push_back({cameras[c].child, MountText(result.rig, result.rig.cameras[c]), FiguresOf(result, c)});
     SetSigmas(cameras[c].covariance, &run.cameras.back().figures);
   }
   const std::pair<ComparedPoseKind, std::vector<RelativePose>> groups[] = {
-      {ComparedPoseKind::kCamera, cameras},
-      {ComparedPoseKind::kCameraInCamera, result.relative_cameras},
-      {ComparedPoseKind::kTarget, TargetPoses(result.rig, result.solution)},
-      {ComparedPoseKind::kArm, BasePoses(result.rig, result.solution)}};
+      {ComparedPoseKind::kCamera, CameraPoses(result.rig, session)},
+      {ComparedPoseKind::kCameraInCamera, RelativeCameraPoses(result.rig, session)},
+      {ComparedPoseKind::kTarget, TargetPoses(result.rig, session)},
+      {ComparedPoseKind::kArm, BasePoses(result.rig, session)}};
   for (const auto& [kind, poses] : groups) {
     for (const RelativePose& pose : poses) {
       run.poses.push_back(
