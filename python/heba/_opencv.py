@@ -7,6 +7,7 @@ same functions under names that Python programmers expect.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Sequence
 
 from . import _heba
@@ -133,6 +134,21 @@ def calibrateRobotWorldHandEye(  # noqa: N802: OpenCV's name.
     return results
 
 
+def _warn_of_units(robot: np.ndarray, target: np.ndarray) -> None:
+    """Warns if the robot's poses and the target's are in different units: their motions differ by more than 100 times."""
+    if len(robot) < 2:
+        return
+    steps = [np.median(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)) for poses in (robot, target)]
+    most = 100
+    if min(steps) > 0 and max(steps) > most * min(steps):
+        larger, smaller = ("robot", "target") if steps[0] > steps[1] else ("target", "robot")
+        warnings.warn(
+            f"the {larger} moves {max(steps) / min(steps):.0f} times as far between the poses as the {smaller}: "
+            "are the translations of one in mm and those of the other in m?",
+            stacklevel=4,
+        )
+
+
 def _parts(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return pose[:3, :3].copy(), pose[:3, 3:].copy()
 
@@ -158,6 +174,7 @@ def _solve(base_from_gripper: np.ndarray, camera_from_target: np.ndarray, method
         raise Error(
             f"there are {len(base_from_gripper)} poses of the robot, but {len(camera_from_target)} of the target"
         )
+    _warn_of_units(base_from_gripper, camera_from_target)
     # The methods count in metres; poses in millimetres would be a cell of a kilometre.
     unit = _unit(base_from_gripper, camera_from_target)
     base_from_gripper, camera_from_target = base_from_gripper.copy(), camera_from_target.copy()

@@ -43,6 +43,14 @@ def test_exact_poses(method):
     assert np.abs(translation[:, 0] - expected[:3, 3]).max() < 1e-6
 
 
+def test_mixed_units_are_warned_of():
+    _, _, grippers, targets = exact_pairs(12)
+    grippers = grippers.copy()
+    grippers[:, :3, 3] *= 1000
+    with pytest.warns(UserWarning, match="the robot moves [0-9]+ times as far"):
+        heba.calibrate_hand_eye(*split(grippers), *split(targets), method="park")
+
+
 def test_world_of_exact_poses():
     gripper_from_camera, base_from_target, grippers, targets = exact_pairs(12)
     for method in ("best", "shah", "li", heba.CALIB_ROBOT_WORLD_HAND_EYE_LI):

@@ -63,6 +63,11 @@ Camera ReadSceneCamera(MapReader& reader) {
   const ConfigValue value = reader.Get("camera").DownTo({"model"});
   const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsInputPath());
   if (camera.width_px == 0) value.Fail("the camera file has no image size; a simulated camera needs one");
+  constexpr double kMostPixels = 2e8;
+  if (static_cast<double>(camera.width_px) * camera.height_px > kMostPixels) {
+    value.Fail("a simulated image has at most 200 million pixels, not " + std::to_string(camera.width_px) + " x " +
+               std::to_string(camera.height_px));
+  }
   reader.Record("camera", YAML::Load(CameraToYaml(camera)));
   return camera;
 }

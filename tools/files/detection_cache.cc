@@ -71,6 +71,11 @@ std::string ToJson(const CaptureDetection& capture) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
+// Returns what an entry of this name and content begins with.
+std::string SealOf(const std::filesystem::path& file, const std::string& json) {
+  return DigestOf(file.filename().string() + json);
+}
+
 CaptureDetection FromJson(const JsonReader& reader) {
   CaptureDetection capture;
   const std::vector<double> size = reader.Get("size").Numbers(2);
@@ -145,12 +150,10 @@ std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_di
   if (!std::filesystem::exists(file, error)) return std::nullopt;
   try {
     constexpr size_t kMaxBytes = size_t{64} << 20;
-    // The first line is the digest of the rest, which detects corrupted files.
+    // The first line is the digest of the rest with the name, which detects corrupted files and those of others.
     const std::string text = ReadTextFile(file, kMaxBytes);
     const size_t end = text.find('\n');
-    if (end == std::string::npos || DigestOf(std::string_view(text).substr(end + 1)) != text.substr(0, end)) {
-      return std::nullopt;
-    }
+    if (end == std::string::npos || SealOf(file, text.substr(end + 1)) != text.substr(0, end)) return std::nullopt;
     const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text.substr(end + 1), nullptr, false);
     if (json.is_discarded()) return std::nullopt;
     CaptureDetection detection = FromJson(JsonReader(json, file.string()));
@@ -169,7 +172,7 @@ void DetectionCache::Keep(const std::string& image_digest, const CaptureDetectio
   std::filesystem::create_directories(file.parent_path(), error);
   try {
     const std::string json = ToJson(detection);
-    WriteFileAtomically(file, DigestOf(json) + "\n" + json);
+    WriteFileAtomically(file, SealOf(file, json) + "\n" + json);
   } catch (const InputError&) {
     return;
   }

@@ -85,6 +85,7 @@ class JsonReader {
 // fewer, and parsing them would take gigabytes.
 inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, size_t max_bytes) {
   const std::string text = ReadTextFile(path, max_bytes);
+  if (text.find('\0') != std::string::npos) throw InputError(path.string() + ": contains NUL characters");
   constexpr std::ptrdiff_t kMostValues = 20'000'000;
   if (std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == '[' || c == '{'; }) > kMostValues) {
     throw InputError(path.string() + ": contains more than 20 million values");
