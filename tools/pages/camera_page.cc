@@ -58,8 +58,10 @@ std::string MapFigure(const CameraCalibration& calibration, const CameraMap& map
                     "\" role=\"img\" aria-label=\"projection uncertainty over the image\" style=\"max-width:720px;"
                     "width:100%;height:auto\">";
   for (size_t i = 0; i < map.sigmas_px.size(); ++i) {
-    const auto column = static_cast<double>(i % static_cast<size_t>(map.columns));
-    const auto row = static_cast<double>(i / static_cast<size_t>(map.columns));
+    const auto columns = static_cast<size_t>(map.columns);
+    const size_t place_in_column = i / columns;
+    const auto column = static_cast<double>(i % columns);
+    const auto row = static_cast<double>(place_in_column);
     const double sigma_px = map.sigmas_px[i];
     const bool is_known = std::isfinite(sigma_px);
     const double share = is_known && largest > 0 ? sigma_px / largest : 1;

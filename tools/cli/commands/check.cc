@@ -43,22 +43,20 @@ std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run, const std::vector
   if (FLAGS_poses.empty() == FLAGS_pose.empty()) {
     throw InputError("the robot's poses at the images are needed: --poses FILE, or --pose NUMBERS for one image");
   }
-  const RobotSummary* const arm = FindEstimatedArm(run.result, 0);
-  if (arm == nullptr && !FLAGS_joints.empty()) {
+  const RobotSummary* const arm = FLAGS_joints.empty() ? nullptr : FindEstimatedArm(run.result, 0);
+  if (!FLAGS_joints.empty() && arm == nullptr) {
     throw InputError("--joints: the run has not estimated the errors of an arm; leave them out");
   }
   if (!FLAGS_poses.empty()) {
     std::vector<GivenArmPose> poses = PosesOfImages(run, FLAGS_poses, images);
-    if (!FLAGS_joints.empty()) SetJoints(run, *arm, images, FLAGS_joints, &poses);
+    if (arm != nullptr) SetJoints(run, *arm, images, FLAGS_joints, &poses);
     return poses;
   }
   if (images.size() != 1) throw InputError("--pose: is the pose of one image; of several, --poses FILE is needed");
   const PoseReading& reading = run.pose_readings.front();
   GivenArmPose pose;
   pose.base_from_gripper = BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
-  if (!FLAGS_joints.empty()) {
-    pose.joints = JointsOfFlag("joints", FLAGS_joints, arm->nominal, run.joints_are_deg.front());
-  }
+  if (arm != nullptr) pose.joints = JointsOfFlag("joints", FLAGS_joints, arm->nominal, run.joints_are_deg.front());
   return {pose};
 }
 
