@@ -69,13 +69,16 @@ Rigid3d PoseOf(const View& view, const Solution& solution, size_t index) {
   return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount * correction);
 }
 
-// Returns the squared residuals of a view's points; empty if one cannot be projected.
+// Returns the squared residuals of a view's points.
 std::vector<double> SquaresOf(const Fitted& fitted, size_t index) {
   std::vector<double> squares;
   const View& view = fitted.views[index];
   const std::optional<Points2> residuals = Residuals(fitted.solution.camera, PoseOf(view, fitted.solution, index),
                                                      ApplyShape(view.observations, fitted.solution.shape));
   for (Eigen::Index i = 0; residuals && i < residuals->cols(); ++i) squares.push_back(residuals->col(i).squaredNorm());
+  // A point that a lens does not see counts as far off.
+  constexpr double kHiddenPx2 = 1e4;
+  if (!residuals) squares.assign(static_cast<size_t>(view.observations.size()), kHiddenPx2);
   return squares;
 }
 
@@ -195,6 +198,7 @@ std::optional<size_t> Choose(const std::vector<std::string>& models, const std::
   constexpr double kDecisive = 10;
   for (size_t i = 0; i < models.size(); ++i) {
     if (!fitted[i] || std::find(ladder.begin(), ladder.end(), i) != ladder.end()) continue;
+    if (chosen && fitted[i]->views.size() != fitted[*chosen]->views.size()) continue;
     if (!chosen || bic(i) < bic(*chosen) - kDecisive) chosen = i;
   }
   return chosen;
@@ -242,7 +246,9 @@ Outcome<CameraCalibration> CalibrateCamera(const std::vector<View>& views, const
     lens.model = models[i];
     Outcome<Fitted> fit = Fit(views, models[i], of_one);
     if (!fit) {
-      lens.reason = fit.failure();
+      // The target takes the place of a robot here.
+      const bool is_still = fit.failure().code == "no_rotation" || fit.failure().code == "one_axis";
+      lens.reason = is_still ? Failure(FailureCode("few_tilts")) : fit.failure();
       return;
     }
     lens.camera = fit->solution.camera;
@@ -255,6 +261,8 @@ Outcome<CameraCalibration> CalibrateCamera(const std::vector<View>& views, const
   for (const std::optional<Fitted>& fit : fitted) {
     if (fit) sigma_px = std::min(sigma_px, fit->solution.pixel_sigma_px);
   }
+  constexpr double kLeastSigmaPx = 1e-6;  // Of images without noise.
+  sigma_px = std::max(sigma_px, kLeastSigmaPx);
   std::optional<size_t> chosen = Choose(models, fitted, sigma_px);
   if (!options.model.empty()) {
     const auto stated = static_cast<size_t>(std::find(models.begin(), models.end(), options.model) - models.begin());

@@ -2,13 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
+#include <set>
 #include <utility>
 
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/failure_code.h"
+#include "heba/evaluation/metrics.h"
 #include "heba/kernels/small_matrix.h"
+#include "solvers/initial/target_pose.h"
 #include "solvers/refine/fit.h"
 #include "solvers/refine/linearised_images.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -241,71 +245,273 @@ bool SetInformation(const Eigen::MatrixXd& information, const Eigen::VectorXd& s
   return true;
 }
 
-// Returns whether the images show that a lens has changed; `products` are those of its columns with the residuals.
-bool HasLensChanged(const RigProblem& problem, const std::vector<LinearisedView>& views, const UnknownLayout& layout,
-                    const TestedPart& lens, const Eigen::VectorXd& products, double dof) {
-  if (PValueOf(lens, products, 1, dof) >= kLensP) return false;
-  const Eigen::VectorXd change = lens.inverse_information * products.segment(lens.first, lens.size);
-  const UnknownBlock block = layout.Block(CameraBlock(problem.cameras[lens.change.index]));
-  double squares = 0;
-  for (const LinearisedView& view : views) {
-    squares += (view.by_unknowns.middleCols(block.first, block.size) * change).squaredNorm();
+// The images at an estimate. `moved` are the columns of targets that were moved: `tested` and `residuals` are without
+// what these explain.
+struct Evaluated {
+  std::vector<LinearisedView> views;
+  UnknownLayout layout;
+  Eigen::MatrixXd all_tested;  // The columns of all parts.
+  Eigen::VectorXd all_residuals;
+  Eigen::MatrixXd moved;
+  Eigen::MatrixXd tested;
+  Eigen::VectorXd residuals;
+};
+
+// Returns nothing if a point cannot be projected.
+std::optional<Evaluated> EvaluateAt(const RigProblem& problem, const RigSolution& at, const SessionOptions& options,
+                                    const std::vector<Eigen::Index>& columns) {
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseEachCapture(problem, StateOf(at), NoiseOf(at), LossOf(LossKind::kNone));
+  if (!views) return std::nullopt;
+  WhitenedSession session = Whiten(problem, at, options, *views);
+  Evaluated evaluated{std::move(*views),
+                      std::move(session.layout),
+                      session.by_unknowns(Eigen::all, columns),
+                      std::move(session.residuals),
+                      {},
+                      {},
+                      {}};
+  evaluated.tested = evaluated.all_tested;
+  evaluated.residuals = evaluated.all_residuals;
+  if (options.is_target_in_place) return evaluated;
+  std::vector<Eigen::Index> of_targets;
+  for (const RigTarget& target : problem.targets) {
+    const UnknownBlock block = evaluated.layout.Block(TargetPoseBlock(target));
+    for (Eigen::Index i = block.first; i < block.end(); ++i) of_targets.push_back(i);
   }
-  int num_points = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
-      if (image.camera == lens.change.index) num_points += image.observations.size();
-    }
-  }
-  return squares > kLeastLensShift * kLeastLensShift * 2 * num_points;
+  evaluated.moved = session.by_unknowns(Eigen::all, of_targets);
+  const Eigen::MatrixXd products = evaluated.moved.transpose() * evaluated.moved;
+  evaluated.tested -= evaluated.moved * SolveSymmetric(products, evaluated.moved.transpose() * evaluated.all_tested);
+  evaluated.residuals -=
+      evaluated.moved * SolveSymmetric(products, evaluated.moved.transpose() * evaluated.all_residuals);
+  return evaluated;
 }
 
-// Returns the ratio of the scatter of points about the best pose in each image to the noise, and its probability.
-void SetScatter(const std::vector<LinearisedView>& views, double dof, SessionCheck* check) {
+// Steps the poses of moved targets to where they explain these residuals best. Returns the length of the step.
+double StepTargets(const Evaluated& at, const Eigen::VectorXd& residuals, RigSolution* solution) {
+  if (at.moved.cols() == 0) return 0;
+  const Eigen::VectorXd step = SolveSymmetric(at.moved.transpose() * at.moved, at.moved.transpose() * residuals);
+  for (size_t t = 0; t < solution->poses.mount_from_target.size(); ++t) {
+    Rigid3d& pose = solution->poses.mount_from_target[t];
+    pose = Retract(pose, step.segment<6>(6 * static_cast<Eigen::Index>(t)));
+  }
+  return step.norm();
+}
+
+// Returns the solution with the poses of its targets as the images show them: from the pose that most images agree with
+// to the one of least squares.
+RigSolution WithTargetsPlaced(const RigProblem& problem, RigSolution solution, const SessionOptions& options) {
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    std::vector<Rigid3d> candidates;
+    for (const RigCapture& capture : problem.captures) {
+      for (const RigImage& image : capture.images) {
+        if (image.target != t) continue;
+        const std::vector<Rigid3d> base_from_gripper = WithErrors(capture, solution.effects);
+        const RigCamera& camera = problem.cameras[image.camera];
+        const std::vector<Rigid3d>& bases = solution.poses.world_from_base;
+        const Rigid3d world_from_camera =
+            WorldFromMount(camera.mount, bases, base_from_gripper) * solution.poses.mount_from_camera[image.camera];
+        const Rigid3d mount_from_world = Inverse(WorldFromMount(problem.targets[t].mount, bases, base_from_gripper));
+        for (const TargetPose& pose :
+             EstimateTargetPose(solution.cameras[image.camera], ApplyShape(image.observations, solution.shapes[t]))) {
+          candidates.push_back(mount_from_world * world_from_camera * pose.camera_from_target);
+        }
+      }
+    }
+    // The one with the least sum of distances to the others; a radian counts as much as the target is far.
+    double least = std::numeric_limits<double>::infinity();
+    Rigid3d best = solution.poses.mount_from_target[t];
+    for (const Rigid3d& candidate : candidates) {
+      double sum = 0;
+      for (const Rigid3d& other : candidates) {
+        constexpr double kMost = 0.1;
+        sum += std::min(kMost, DistanceM(candidate, other) + AngleRad(candidate, other));
+      }
+      if (sum >= least) continue;
+      least = sum;
+      best = candidate;
+    }
+    solution.poses.mount_from_target[t] = best;
+  }
+  constexpr int kMostSteps = 8;
+  constexpr double kSmall = 1e-7;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const std::optional<Evaluated> at = EvaluateAt(problem, solution, options, {});
+    if (!at || StepTargets(*at, at->all_residuals, &solution) < kSmall) break;
+  }
+  return solution;
+}
+
+// The best change of one part alone.
+struct FittedChange {
+  RigSolution solution;
+  Eigen::MatrixXd covariance;
+  double squares = 0;  // What is left, whitened.
+};
+
+// Changes the part until the images ask for no more. Returns nothing if its change is not determined.
+std::optional<FittedChange> FitChange(const RigProblem& problem, const RigSolution& start,
+                                      const SessionOptions& options, const std::vector<Eigen::Index>& columns,
+                                      const TestedPart& part) {
+  std::optional<FittedChange> fitted;
+  RigSolution at = start;
+  constexpr int kMostSteps = 8;
+  constexpr double kSmall = 1e-7;
+  for (int step = 0; step <= kMostSteps; ++step) {
+    const std::optional<Evaluated> evaluated = EvaluateAt(problem, at, options, columns);
+    if (!evaluated) break;
+    const Eigen::MatrixXd own = evaluated->tested.middleCols(part.first, part.size);
+    const Eigen::MatrixXd information = own.transpose() * own;
+    const Eigen::VectorXd change = SolveSymmetric(information, own.transpose() * evaluated->residuals);
+    const double squares = (evaluated->residuals - own * change).squaredNorm();
+    if (!std::isfinite(squares) || !change.allFinite()) break;
+    if (fitted && squares > 1.5 * fitted->squares + 1) break;  // It diverges.
+    if (part.change.part == ChangedPart::kLens) {
+      std::vector<double>& params = at.cameras[part.change.index].params;
+      for (size_t i = 0; i < params.size(); ++i) params[i] += change[static_cast<Eigen::Index>(i)];
+    } else {
+      Rigid3d& pose = part.change.part == ChangedPart::kCamera ? at.poses.mount_from_camera[part.change.index]
+                                                               : at.poses.mount_from_target[part.change.index];
+      pose = Retract(pose, Tangent6(change));
+    }
+    StepTargets(*evaluated, evaluated->all_residuals - evaluated->all_tested.middleCols(part.first, part.size) * change,
+                &at);
+    fitted = FittedChange{at, InverseOfSymmetric(information), squares};
+    const Eigen::VectorXd scaled = change.cwiseProduct(information.diagonal().cwiseSqrt());
+    if (scaled.norm() < kSmall + 1e-3) break;
+  }
+  return fitted;
+}
+
+// Returns the change of a part from the calibration to a solution: the tangent of a pose, or the difference of a lens.
+Eigen::VectorXd ChangeTo(const RigSolution& calibration, const RigSolution& solution, const SessionChange& part) {
+  const size_t i = part.index;
+  if (part.part == ChangedPart::kCamera) {
+    return LocalCoordinates(calibration.poses.mount_from_camera[i], solution.poses.mount_from_camera[i]);
+  }
+  if (part.part == ChangedPart::kTarget) {
+    return LocalCoordinates(calibration.poses.mount_from_target[i], solution.poses.mount_from_target[i]);
+  }
+  const std::vector<double>& before = calibration.cameras[i].params;
+  const std::vector<double>& after = solution.cameras[i].params;
+  Eigen::VectorXd change(static_cast<Eigen::Index>(before.size()));
+  for (size_t k = 0; k < before.size(); ++k) change[static_cast<Eigen::Index>(k)] = after[k] - before[k];
+  return change;
+}
+
+// Returns by how many sigmas of a pixel a change of a lens moves the points (RMS).
+double LensShift(const RigProblem& problem, const Evaluated& at, const SessionChange& lens) {
+  const UnknownBlock block = at.layout.Block(CameraBlock(problem.cameras[lens.index]));
+  double squares = 0;
+  for (const LinearisedView& view : at.views) {
+    squares += (view.by_unknowns.middleCols(block.first, block.size) * lens.change).squaredNorm();
+  }
+  double num_points = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.camera == lens.index) num_points += image.observations.size();
+    }
+  }
+  return num_points > 0 ? std::sqrt(squares / (2 * num_points)) : 0;
+}
+
+// Sets the scatter of the points about the best pose of the target in each image.
+void SetScatter(const RigProblem& problem, const RigSolution& solution, SessionCheck* check) {
   double squares = 0;
   double number = 0;
-  for (const LinearisedView& view : views) {
-    squares += view.residual_sum_of_squares;
-    number += view.num_residual_dof;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) {
+      constexpr int kPoseParams = 6;
+      const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
+      if (2 * points.size() <= kPoseParams) continue;
+      const std::vector<TargetPose> poses = EstimateTargetPose(solution.cameras[image.camera], points);
+      if (poses.empty()) continue;
+      const std::optional<SquaredErrors> errors =
+          ViewErrors(solution.cameras[image.camera], poses.front().camera_from_target, points);
+      const double rms_px = errors ? errors->RmsPx().value_or(0) : 0;
+      const double sigma_px = solution.pixel_sigmas_px[image.camera];
+      squares += points.size() * rms_px * rms_px / (sigma_px * sigma_px);
+      number += 2 * points.size() - kPoseParams;
+    }
   }
   if (number <= 0) return;
   check->scatter_ratio = std::sqrt(squares / number);
-  check->scatter_p_value = FisherTail(squares / number, number, dof);
+  check->scatter_p_value = FisherTail(squares / number, number, solution.covariance_dof);
+}
+
+// Replaces the linear changes of the poses by those that fit best, adds the lenses that have changed beyond doubt, and
+// sets what is left unexplained.
+void FitChanges(const RigProblem& problem, const RigSolution& calibration, const RigSolution& start,
+                const SessionOptions& options, const std::vector<Eigen::Index>& columns, const Evaluated& at_start,
+                const std::vector<TestedPart>& parts, const std::vector<TestedPart>& lenses, SessionCheck* check) {
+  const double dof = calibration.covariance_dof;
+  std::vector<std::pair<double, SessionChange>> ranked;  // By Akaike's criterion, the least first.
+  const auto add = [&](const TestedPart& part, SessionChange change) {
+    const std::optional<FittedChange> fitted = FitChange(problem, start, options, columns, part);
+    if (!fitted) return;
+    change.change = ChangeTo(calibration, fitted->solution, change);
+    change.covariance = fitted->covariance;
+    ranked.emplace_back(fitted->squares + 2 * static_cast<double>(part.size), std::move(change));
+  };
+  for (size_t i = 0; i < parts.size(); ++i) add(parts[i], check->changes[i]);
+  const auto by_rank = [](const auto& a, const auto& b) { return a.first < b.first; };
+  std::stable_sort(ranked.begin(), ranked.end(), by_rank);
+  const double best = ranked.empty() ? at_start.residuals.squaredNorm() : ranked.front().first;
+  for (const TestedPart& part : lenses) {
+    const std::optional<FittedChange> fitted = FitChange(problem, start, options, columns, part);
+    if (!fitted) continue;
+    SessionChange lens = part.change;
+    lens.change = ChangeTo(calibration, fitted->solution, lens);
+    lens.covariance = fitted->covariance;
+    const auto size = static_cast<double>(part.size);
+    const double gain = std::max(0.0, at_start.residuals.squaredNorm() - fitted->squares);
+    lens.p_value = FisherTail(gain / size, size, dof);
+    constexpr double kDecisive = 20;
+    if (lens.p_value >= kLensP || LensShift(problem, at_start, lens) < kLeastLensShift) continue;
+    if (fitted->squares + 2 * size > best - kDecisive) continue;
+    check->has_changed = true;
+    check->p_value = std::min(check->p_value, lens.p_value);
+    ranked.emplace_back(fitted->squares + 2 * size, std::move(lens));
+  }
+  if (ranked.empty()) return;
+  std::stable_sort(ranked.begin(), ranked.end(), by_rank);
+  check->changes.clear();
+  for (auto& [rank, change] : ranked) {
+    change.rank = rank;
+    check->changes.push_back(std::move(change));
+  }
+  const auto left = static_cast<double>(at_start.residuals.size() - at_start.moved.cols()) -
+                    static_cast<double>(check->changes.front().change.size());
+  if (left <= 0) return;
+  const double squares = check->changes.front().rank - 2 * static_cast<double>(check->changes.front().change.size());
+  check->unexplained_ratio = std::sqrt(std::max(0.0, squares) / left);
+  check->unexplained_p_value = FisherTail(std::max(0.0, squares) / left, left, dof);
 }
 
 }  // namespace
 
 Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSolution& solution,
                                    const SessionOptions& options) {
-  const RigProblem problem = WeightedAs(solution, problem_in);
+  RigSolution calibration = solution;
+  calibration.unmodelled_sigma_px.resize(problem_in.cameras.size());  // A file does not have them.
+  const RigProblem problem = WeightedAs(calibration, problem_in);
   SessionCheck check;
-  for (const RigCapture& capture : problem.captures) check.num_images += static_cast<int>(capture.images.size());
-  if (CapturesWithPoints(problem).empty()) return Failure{FailureCode("no_target")};
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseEachCapture(problem, StateOf(solution), NoiseOf(solution), LossOf(LossKind::kNone));
-  if (!views) return HiddenPoint();
-  const double dof = solution.covariance_dof;
-  SetScatter(*views, dof, &check);
-  const WhitenedSession session = Whiten(problem, solution, options, *views);
-
-  std::vector<Eigen::Index> columns;
-  std::vector<TestedPart> parts = PartsOf(problem, session.layout, options.is_target_in_place, &columns);
-  Eigen::MatrixXd tested = session.by_unknowns(Eigen::all, columns);
-  const Eigen::VectorXd squares = tested.colwise().squaredNorm();
-  Eigen::VectorXd residuals = session.residuals;
-  if (!options.is_target_in_place) {
-    std::vector<Eigen::Index> of_targets;
-    for (const RigTarget& target : problem.targets) {
-      const UnknownBlock block = session.layout.Block(TargetPoseBlock(target));
-      for (Eigen::Index i = block.first; i < block.end(); ++i) of_targets.push_back(i);
-    }
-    const Eigen::MatrixXd moved = session.by_unknowns(Eigen::all, of_targets);
-    const Eigen::MatrixXd products = moved.transpose() * moved;
-    tested -= moved * SolveSymmetric(products, moved.transpose() * tested);
-    residuals -= moved * SolveSymmetric(products, moved.transpose() * residuals);
+  for (const RigCapture& capture : problem.captures) {
+    std::set<size_t> cameras;
+    for (const RigImage& image : capture.images) cameras.insert(image.camera);
+    check.num_images += static_cast<int>(cameras.size());
   }
-  const Eigen::MatrixXd information = tested.transpose() * tested;
-  const Eigen::VectorXd products = tested.transpose() * residuals;
+  if (CapturesWithPoints(problem).empty()) return Failure{FailureCode("no_target")};
+  const double dof = calibration.covariance_dof;
+  SetScatter(problem, calibration, &check);
+  std::vector<Eigen::Index> columns;
+  std::vector<TestedPart> parts = PartsOf(problem, RigUnknowns(problem), options.is_target_in_place, &columns);
+  const RigSolution start = options.is_target_in_place ? calibration : WithTargetsPlaced(problem, calibration, options);
+  const std::optional<Evaluated> at = EvaluateAt(problem, start, options, columns);
+  if (!at) return HiddenPoint();
+  const Eigen::VectorXd squares = at->all_tested.colwise().squaredNorm();
+  const Eigen::MatrixXd information = at->tested.transpose() * at->tested;
+  const Eigen::VectorXd products = at->tested.transpose() * at->residuals;
   std::erase_if(parts, [&](TestedPart& part) { return !SetInformation(information, squares, &part); });
   const auto first_lens = std::find_if(parts.begin(), parts.end(),
                                        [](const TestedPart& part) { return part.change.part == ChangedPart::kLens; });
@@ -336,25 +542,17 @@ Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSoluti
     change.covariance = part.inverse_information;
     change.change = part.inverse_information * products.segment(part.first, part.size);
     change.p_value = PValueOf(part, products, 1, dof);
+    change.rank = -SquareOf(part, products);
     change.seen_m = SizeSeen(parts, part, false, information, draws, critical, dof);
     change.seen_rad = SizeSeen(parts, part, true, information, draws, critical, dof);
   }
-  for (const TestedPart& lens : lenses) {
-    if (!HasLensChanged(problem, *views, session.layout, lens, products, dof)) continue;
-    check.has_changed = true;
-    SessionChange& change = check.changes.emplace_back(lens.change);
-    change.covariance = lens.inverse_information;
-    change.change = lens.inverse_information * products.segment(lens.first, lens.size);
-    change.p_value = PValueOf(lens, products, 1, dof);
-    check.p_value = std::min(check.p_value, change.p_value);
+  const bool is_doubtful = check.has_changed || check.scatter_p_value < kFalseAlarms;
+  if (is_doubtful) {
+    FitChanges(problem, calibration, start, options, columns, *at, parts, lenses, &check);
+  } else {
+    std::stable_sort(check.changes.begin(), check.changes.end(),
+                     [](const SessionChange& a, const SessionChange& b) { return a.rank < b.rank; });
   }
-  // By Akaike's criterion: probabilities of gross changes are all zero.
-  const auto likelihood = [](const SessionChange& change) {
-    return change.change.dot(SolveSymmetric(change.covariance, change.change)) -
-           2 * static_cast<double>(change.change.size());
-  };
-  std::stable_sort(check.changes.begin(), check.changes.end(),
-                   [&](const SessionChange& a, const SessionChange& b) { return likelihood(a) > likelihood(b); });
   return check;
 }
 

@@ -84,6 +84,46 @@ TEST_F(CheckCommandTest, NamesTheCameraThatHasMoved) {
   }
 }
 
+TEST_F(CheckCommandTest, ATargetThatWasMountedAnewIsNoMove) {
+  Simulate("anew", {"--set", "seed=6", "--set", "motion.captures=6", "--set",
+                    "board.translation=[-20 mm, -40 mm, 95 mm]", "--set", "board.rpy=[3 deg, -2 deg, 60 deg]"});
+  const CommandResult check = Check("anew", {"--poses", Path("anew/poses.csv"), "--target", "moved"});
+  EXPECT_EQ(check.status, 0) << check.err;
+}
+
+TEST_F(CheckCommandTest, SaysThatPosesBelongToOtherImages) {
+  std::vector<std::string> rows = Split(ReadAll(Path("later/poses.csv")), '\n');
+  const auto rest = [](const std::string& row) { return row.substr(row.find(',')); };
+  const std::string first = rest(rows[1]);
+  rows[1] = "000.png" + rest(rows[2]);
+  rows[2] = "001.png" + first;
+  WriteAll(Path("swapped.csv"), Join(rows, "\n"));
+  const CommandResult check = Check("later", {"--poses", Path("swapped.csv"), "--target", "in-place"});
+  EXPECT_EQ(check.status, 1);
+  EXPECT_THAT(check.err, HasSubstr("poses that belong to other images"));
+}
+
+TEST_F(CheckCommandTest, ChecksSeveralCameras) {
+  const std::string scene = std::string(HEBA_SOURCE_DIR) + "/configs/rig/scene.yaml";
+  for (const auto& [name, seed] : {std::pair("rig", "3"), std::pair("rig_later", "9")}) {
+    ASSERT_EQ(RunHeba({"simulate", scene, "--set", "motion.captures=10", "--set", std::string("seed=") + seed, "--out",
+                       Path(name), "--quiet"})
+                  .status,
+              0);
+  }
+  ASSERT_EQ(RunHeba({"run", Path("rig/config.yaml"), "--out", Path("rig_run"), "--quiet"}).status, 0);
+  std::vector<std::string> arguments = {"check",    Path("rig_run"), "--poses", Path("rig_later/poses.csv"),
+                                        "--target", "in-place",      "--json"};
+  for (const char* camera : {"left", "right"}) {
+    for (const char* image : {"000.png", "001.png", "002.png"}) {
+      arguments.push_back(std::string(camera) + "=" + Path(std::string("rig_later/") + camera + "/" + image));
+    }
+  }
+  const CommandResult check = RunHeba(arguments);
+  EXPECT_EQ(check.status, 0) << check.err;
+  EXPECT_EQ(Json::parse(check.out)["images"], 6);
+}
+
 TEST_F(CheckCommandTest, HistoryGrows) {
   const std::string history = Path("history");
   for (const std::string name : {"later", "moved"}) {

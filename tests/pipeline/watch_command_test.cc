@@ -63,6 +63,7 @@ TEST(WatchCommandTest, RefusesAWrongConfig) {
   const CommandResult watch = RunHeba({"watch", (folder / "config.yaml").string()});
   EXPECT_EQ(watch.status, 2);
   EXPECT_THAT(watch.err, HasSubstr("eye_to_hnd"));
+  EXPECT_EQ(RunHeba({"watch", (folder / "none.yaml").string()}).status, 2);
 }
 
 }  // namespace

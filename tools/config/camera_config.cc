@@ -109,6 +109,8 @@ CameraConfig ReadCameraConfig(const fs::path& path, const std::vector<std::strin
   reader.Record("refine", refine.used());
   MapReader evaluate = reader.Section("evaluate");
   config.options.folds = evaluate.Int("folds", {0, 1000000}, 5);
+  if (config.options.folds == 1)
+    evaluate.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   evaluate.Finish();
   reader.Record("evaluate", evaluate.used());
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.name);

@@ -113,7 +113,7 @@ std::string Page(const std::string& run, const Json& checks) {
 void AddToHistory(const fs::path& folder, const std::string& run, const RigProblem& rig, const SessionCheck& check) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw OutputError(folder.string() + ": " + error.message());
+  if (error) throw InputError("--history: " + folder.string() + ": " + error.message());
   const fs::path file = folder / "history.json";
   Json history = ReadHistory(file);
   Json entry = Json::parse(CheckToJson(rig, check));

@@ -11,7 +11,7 @@ namespace heba {
 
 // Adds a check, made now, to history.json in a folder, which is created if it is not there, and writes history.html: a
 // line for each check and a chart of the changes against the smallest that would have been seen. Throws InputError if
-// history.json is no such file, OutputError if it cannot be written.
+// the folder cannot be made or history.json is no such file, OutputError if it cannot be written.
 void AddToHistory(const std::filesystem::path& folder, const std::string& run, const RigProblem& rig,
                   const SessionCheck& check);
 

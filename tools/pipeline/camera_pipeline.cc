@@ -1,6 +1,8 @@
 #include "tools/pipeline/camera_pipeline.h"
 
 #include <algorithm>
+#include <map>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -61,12 +63,22 @@ Outcome<CalibratedCamera> RunCamera(const CameraConfig& config, const std::files
   const std::vector<CaptureDetection> detections =
       DetectCaptures(data, CachedDetection(config.target_used), num_threads, &observer);
   std::vector<UnusedImage> unused;
+  std::vector<View> views = ViewsOf(data, detections);
+  std::map<std::string, std::string> name_of_digest;
   for (size_t i = 0; i < detections.size(); ++i) {
-    if (!detections[i].detection.ids.empty()) continue;
-    unused.push_back({data.captures[i].name, detections[i].detection.reason});
-    console->Note(data.name + ": " + unused.back().image + ": " + unused.back().reason);
+    const std::string& name = data.captures[i].name;
+    // A copy of an image says nothing new.
+    const auto [first, is_new] = name_of_digest.emplace(detections[i].image_digest, name);
+    if (!is_new && !first->first.empty()) {
+      unused.push_back({name, "is a copy of " + first->second});
+      std::erase_if(views, [&](const View& view) { return view.capture == i; });
+    } else if (detections[i].detection.ids.empty()) {
+      unused.push_back({name, detections[i].detection.reason});
+    } else {
+      continue;
+    }
+    console->Note(data.name + ": " + name + ": " + unused.back().reason);
   }
-  const std::vector<View> views = ViewsOf(data, detections);
   if (views.empty()) {
     return Failure{FailureCode("nothing_detected"),
                    {{"images", static_cast<double>(detections.size())}},

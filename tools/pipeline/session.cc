@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "heba/base/error.h"
@@ -59,7 +60,8 @@ Observations InPredictedOrder(const RigResult& result, size_t camera, size_t tar
 }
 
 bool IsSame(const GivenArmPose& a, const GivenArmPose& b) {
-  return a.base_from_gripper->translation == b.base_from_gripper->translation &&
+  const bool has_same_joints = a.joints.has_value() == b.joints.has_value() && (!a.joints || *a.joints == *b.joints);
+  return has_same_joints && a.base_from_gripper->translation == b.base_from_gripper->translation &&
          a.base_from_gripper->rotation.coeffs() == b.base_from_gripper->rotation.coeffs();
 }
 
@@ -93,6 +95,13 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::files
   if (row_of.empty() && rows.size() != images.size()) {
     throw InputError(poses.string() + ": has " + std::to_string(rows.size()) + " rows for " +
                      std::to_string(images.size()) + " images; a column image would say which belong together");
+  }
+  // An image of each camera may have one name; two of one camera would be one row.
+  std::set<std::pair<size_t, std::string>> names;
+  for (const SessionImage& image : images) {
+    if (names.emplace(image.camera, image.path.filename().string()).second || row_of.empty()) continue;
+    throw InputError(image.path.string() + ": another image has this name, too, so that " + poses.string() +
+                     " does not tell their poses apart; rename one");
   }
   const RobotSummary* const arm = FindEstimatedArm(run.result, 0);
   std::vector<GivenArmPose> given;

@@ -61,12 +61,26 @@ struct Watched {
   std::set<fs::path> calibrated;  // Those of the last run.
 };
 
+// Returns what a run depends on: the config as used, its images and its other files, with their sizes and times.
+std::string StateOf(const AnyConfig& any, const std::vector<WatchedImage>& images) {
+  std::string state = std::visit([](const auto& config) { return config.used; }, any);
+  std::vector<fs::path> files = std::visit([](const auto& config) { return config.data_files; }, any);
+  if (const auto* const single = std::get_if<RunConfig>(&any)) files.push_back(single->poses_file);
+  for (const WatchedImage& image : images) files.push_back(image.path);
+  for (const fs::path& file : files) {
+    std::error_code error;
+    const auto time = fs::last_write_time(file, error);
+    state += file.string() + " " + std::to_string(error ? 0 : time.time_since_epoch().count()) + "\n";
+  }
+  return state;
+}
+
 // Returns whether an image is complete: its size has not changed since the last look, and it can be read.
 bool IsComplete(const fs::path& path, Watched* watched) {
-  if (watched->complete.contains(path)) return true;
   std::error_code error;
   const std::uintmax_t size = fs::file_size(path, error);
   if (error) return false;
+  if (watched->complete.contains(path) && watched->sizes[path] == size) return true;
   const auto [last, is_new] = watched->sizes.try_emplace(path, size);
   const bool is_stable = !is_new && last->second == size && size > 0;
   last->second = size;
@@ -213,26 +227,34 @@ class Session {
     try {
       config = ReadAnyConfig(config_path_, options_.settings);
     } catch (const InputError& error) {
+      // A config that was right may be edited meanwhile.
       if (!has_config_ && !IsAboutCaptures(error.what())) throw;
       Tell("waiting: " + std::string(error.what()));
       return false;
     }
     has_config_ = true;
     const std::vector<WatchedImage> images = std::visit([](const auto& of) { return ImagesOf(of); }, *config);
-    std::set<fs::path> now;
+    std::string missing;
     for (const WatchedImage& image : images) {
-      if (!IsComplete(image.path, &watched_)) return false;
-      now.insert(image.path);
+      if (!IsComplete(image.path, &watched_)) missing = image.name;
     }
-    if (now == watched_.calibrated) return false;
+    if (!missing.empty()) {
+      constexpr int kPatientLooks = 12;
+      if (++num_waits_ > kPatientLooks) Tell("waiting for " + missing + ", which is not a complete image");
+      return false;
+    }
+    num_waits_ = 0;
+    std::string state = StateOf(*config, images);
+    if (state == calibrated_) return false;
     TellImages(*config, images);
-    return Calibrate(*config, std::move(now));
+    calibrated_ = std::move(state);
+    return Calibrate(*config);
   }
 
  private:
   // Returns whether a fault is that of captures that have not come yet.
   static bool IsAboutCaptures(const std::string& fault) {
-    const std::vector<std::string> words = {"captures.", "images", "poses", "does not exist", "there is no"};
+    const std::vector<std::string> words = {"captures.images", "captures.poses"};
     return std::any_of(words.begin(), words.end(),
                        [&](const std::string& word) { return fault.find(word) != std::string::npos; });
   }
@@ -276,10 +298,9 @@ class Session {
     return detections_.emplace(image, detect_(image, std::nullopt)).first->second;
   }
 
-  bool Calibrate(const AnyConfig& config, std::set<fs::path> images) {
+  bool Calibrate(const AnyConfig& config) {
     const fs::path output = options_.output.empty() ? OutputOf(config) : options_.output;
     Console console(Verbosity::kQuiet);
-    watched_.calibrated = std::move(images);
     const Outcome<AnyResult> result = RunAny(config, output, options_.num_threads, &console);
     if (!result) {
       Tell("not yet: " + FailureText(result.failure()));
@@ -297,6 +318,8 @@ class Session {
   std::string config_path_;
   WatchOptions options_;
   bool has_config_ = false;
+  int num_waits_ = 0;
+  std::string calibrated_;  // StateOf the last run.
   Watched watched_;
   DetectFunction detect_;  // Keeps what the run needs again.
   std::map<fs::path, CaptureDetection> detections_;

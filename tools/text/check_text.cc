@@ -3,7 +3,6 @@
 #include <cmath>
 #include <vector>
 
-#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 
@@ -17,6 +16,13 @@ constexpr double kMisfitRatio = 2;
 bool IsMisfit(const SessionCheck& check) {
   return check.scatter_p_value < kMisfitP && check.scatter_ratio > kMisfitRatio;
 }
+
+// Returns whether no single change explains the images.
+bool IsUnexplained(const SessionCheck& check) {
+  return check.unexplained_p_value < kMisfitP && check.unexplained_ratio > kMisfitRatio;
+}
+
+bool IsLens(const SessionCheck& check) { return check.changes.front().part == ChangedPart::kLens; }
 
 std::string MillimetresText(double length_m) { return ShownAmount(1000 * length_m, 2) + " mm"; }
 std::string DegreesText(double angle_rad) { return ShownAmount(RadToDeg(angle_rad), 2) + " deg"; }
@@ -66,15 +72,17 @@ std::string PartText(const RigProblem& rig, const SessionChange& change) {
 }
 
 bool IsToldFrom(const SessionChange& likely, const SessionChange& other) {
-  const auto square = [](const SessionChange& change) {
-    return change.change.dot(SolveSymmetric(change.covariance, change.change));
-  };
   constexpr double kLogRatio = 2;
-  return 0.5 * (square(likely) - square(other)) > kLogRatio;
+  return 0.5 * (other.rank - likely.rank) > kLogRatio;
 }
 
 std::string ChangeText(const RigProblem& rig, const SessionCheck& check) {
-  if (IsMisfit(check)) {
+  if (IsUnexplained(check) && !IsMisfit(check)) {
+    return "no change of one part explains the images, which differ " + Significant(check.unexplained_ratio, 2) +
+           " times as much as the calibration allows: poses that belong to other images, poses in other units, or "
+           "several parts that have moved";
+  }
+  if (IsMisfit(check) && !IsLens(check)) {
     return "the points lie " + Significant(check.scatter_ratio, 2) +
            " times as far from where the target would be seen as in the calibration: the lens was refocused, the "
            "camera "

@@ -237,6 +237,8 @@ constexpr CodeWords kWords[] = {
     {"no_closed_form", "no closed form has a result"},
     {"target_behind", "every closed form puts the target behind the camera; check setup and pose direction"},
     {"no_pixels", "poses of the target are given, not its points: bundle adjustment needs images or corners"},
+    {"few_tilts",
+     "the images show the target in one orientation, or turned about one axis only; tilt it about two axes"},
     {"few_touches", "at least 3 poses that touch one point are needed, there {poses?is|are} {poses}"},
     {"one_touch_axis",
      "the poses differ by rotations about one axis only, [{x.2}, {y.2}, {z.2}] of the gripper, which leaves the tip "

@@ -48,6 +48,7 @@ struct SessionChange {
   // probability of 95 %, over random directions.
   std::optional<double> seen_m = {};
   std::optional<double> seen_rad = {};
+  double rank = 0;  // Akaike's criterion of this change alone, up to a constant: the least is the most likely.
 };
 
 struct SessionCheck {
@@ -62,6 +63,9 @@ struct SessionCheck {
   // calibration, and the probability of one at least as large. A wrong lens or target raises it.
   double scatter_ratio = 1;
   double scatter_p_value = 1;
+  // The same of all residuals after the most likely change: images that belong to other poses raise it.
+  double unexplained_ratio = 1;
+  double unexplained_p_value = 1;
   int num_images = 0;
 };
 
@@ -70,7 +74,9 @@ struct SessionCheck {
 // uncertainty of the calibration, the noise of the arms (white and smooth, or that of arms whose errors are estimated),
 // the wobble of what grippers carry, and the noise of the pixels; a change d of a part adds J d. Each part is tested by
 // the generalised least-squares estimate of its change, d^T C^-1 d, in Fisher's F; the largest of all parts is judged
-// by its distribution without any change. The draws that it needs have a fixed seed.
+// by its distribution without any change. The draws that it needs have a fixed seed. Targets that were moved are placed
+// by the images first; a change that is found is fitted by Gauss-Newton steps of its part alone, because it may be
+// large.
 //
 // Returns a Failure `no_target` if no image has points, `hidden_point` if one cannot be projected, and
 // `no_part_told` if the images say nothing about any part, as one image does with a target that was moved.

@@ -22,6 +22,7 @@ inline constexpr std::string_view kFailureCodes[] = {
     "no_closed_form",
     "target_behind",
     "no_pixels",
+    "few_tilts",
     "few_touches",
     "one_touch_axis",
     // The intrinsics.

@@ -146,6 +146,43 @@ TEST(SessionCheckTest, NamesWhatHasMoved) {
   }
 }
 
+// Large changes are not linear: they are fitted, and a target that was mounted anew is found where it is.
+TEST(SessionCheckTest, LargeChangesAreFitted) {
+  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+    Tangent6 step = Tangent6::Zero();
+    step << 0.05, -0.02, 0.03, 0.1, -0.05, 0.02;
+    TwoSessions with_camera = MakeSessions(11, setup, 8);
+    MoveCamera(step, &with_camera);
+    const Outcome<SessionCheck> of_camera = Check(with_camera, true);
+    ASSERT_TRUE(of_camera.ok()) << of_camera.reason();
+    const SessionChange& change = of_camera->changes.front();
+    EXPECT_EQ(change.part, ChangedPart::kCamera);
+    const Tangent6 expected = LocalCoordinates(Rigid3d(), Retract(Rigid3d(), step));
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      constexpr double kSigmas = 5;
+      EXPECT_NEAR(change.change[i], expected[i], kSigmas * std::sqrt(change.covariance(i, i)));
+    }
+    TwoSessions with_target = MakeSessions(12, setup, 8);
+    step << 0.03, 0.05, 0.01, 0.1, 0.1, 1.2;
+    MoveTarget(step, &with_target);
+    const Outcome<SessionCheck> of_target = Check(with_target, false);
+    ASSERT_TRUE(of_target.ok()) << of_target.reason();
+    EXPECT_FALSE(of_target->has_changed);
+    EXPECT_GT(of_target->scatter_p_value, 1e-4);
+  }
+}
+
+// Poses that belong to other images are no change of a part.
+TEST(SessionCheckTest, NoChangeExplainsExchangedPoses) {
+  TwoSessions sessions = MakeSessions(13, Setup::kEyeToHand, 6);
+  std::swap(sessions.later[0].camera_mount_from_target_mount, sessions.later[1].camera_mount_from_target_mount);
+  const Outcome<SessionCheck> check = Check(sessions, true);
+  ASSERT_TRUE(check.ok()) << check.reason();
+  EXPECT_TRUE(check->has_changed);
+  EXPECT_LT(check->unexplained_p_value, 1e-6);
+  EXPECT_GT(check->unexplained_ratio, 5);
+}
+
 TEST(SessionCheckTest, NamesALensThatWasRefocused) {
   TwoSessions sessions = MakeSessions(10, Setup::kEyeInHand, 6);
   const Eigen::Vector2d centre(sessions.solution.camera.params[2], sessions.solution.camera.params[3]);

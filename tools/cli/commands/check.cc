@@ -76,7 +76,7 @@ bool IsTargetInPlace() {
 
 int Undecided(const std::string& reason) {
   if (FLAGS_json) std::cout << UndecidedToJson(reason) << std::flush;
-  PrintError(reason);
+  PrintError("undecided: " + reason);
   return kWorkFailed;
 }
 
@@ -91,7 +91,12 @@ int RunCommand_check(const std::vector<std::string>& arguments) {
   for (const std::string& note : session.notes) std::cerr << "heba: warning: " << note << std::endl;
   const RigProblem& rig = session.problem;
   const Outcome<SessionCheck> check = CheckSession(rig, run.result.solution, SessionOptionsOf(run, is_in_place));
-  if (!check) return Undecided("undecided: " + FailureText(check.failure()));
+  if (!check && check.failure().code == "hidden_point") {
+    return Undecided(
+        "the robot's poses put the target out of the camera's view: they belong to other images, or are in other units "
+        "than those of the calibration");
+  }
+  if (!check) return Undecided(FailureText(check.failure()));
   if (!FLAGS_history.empty()) AddToHistory(FLAGS_history, run.result.name, rig, *check);
   std::cout << (FLAGS_json ? CheckToJson(rig, *check) : ForTerminal(CheckText(rig, *check))) << std::flush;
   if (DecisionOf(*check) == "holds") return kDone;

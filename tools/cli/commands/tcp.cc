@@ -80,6 +80,11 @@ int RunCommand_tcp(const std::vector<std::string>& arguments) {
     PrintError(arguments[0] + ": " + FailureText(tip.failure()));
     return kWorkFailed;
   }
+  constexpr double kLongestM = 5;
+  if (tip->in_gripper_m.norm() > kLongestM) {
+    std::cerr << "heba: warning: " << arguments[0] << ": the tip is " << Significant(tip->in_gripper_m.norm(), 3)
+              << " m from the gripper; are the positions in mm, and is --pose_format right?" << std::endl;
+  }
   std::cout << (FLAGS_json ? TipJson(*tip) : ForTerminal(TipText(*tip, rows))) << std::flush;
   return kDone;
 }
