@@ -47,7 +47,7 @@ TEST(WatchCommandTest, EndsWhenTheRequiredAccuracyIsReached) {
   watching.join();
   EXPECT_EQ(watch.status, 0) << watch.err;
   EXPECT_THAT(watch.out, HasSubstr("000.png: 24 of 24 points"));
-  EXPECT_THAT(watch.out, HasSubstr("not yet: "));
+  EXPECT_THAT(watch.out, HasSubstr(" captures: "));
   EXPECT_THAT(watch.out, HasSubstr("covered: x "));
   EXPECT_THAT(watch.out, HasSubstr("the required accuracy is reached"));
   EXPECT_TRUE(fs::exists(folder / "run" / "result.json"));
