@@ -30,17 +30,20 @@ std::string IntrinsicsTable(const CameraCalibration& calibration) {
 
 std::string LensTable(const CameraCalibration& calibration) {
   std::vector<std::vector<PageCell>> rows;
+  std::string reasons;
   for (size_t i = 0; i < calibration.lenses.size(); ++i) {
     const LensFit& lens = calibration.lenses[i];
     if (!lens.camera) {
-      rows.push_back(Cells({lens.model, "-", "-", "-", FailureText(lens.reason)}));
+      reasons += Paragraph("Not " + lens.model + ": " + FailureText(lens.reason) + ".");
       continue;
     }
-    rows.push_back(Cells({lens.model, Significant(lens.rms_px, 3),
-                          lens.holdout_rms_px ? Significant(*lens.holdout_rms_px, 3) : "-",
-                          Fixed(lens.log_likelihood, 1), i == calibration.chosen ? "chosen" : ""}));
+    const bool is_chosen = i == calibration.chosen;
+    rows.push_back(
+        Cells({lens.model + (is_chosen ? " (chosen)" : ""), Significant(lens.rms_px, 3),
+               lens.holdout_rms_px ? Significant(*lens.holdout_rms_px, 3) : "-", Fixed(lens.log_likelihood, 1)}));
+    rows.back().front().is_strong = is_chosen;
   }
-  return HtmlTable({"model", "RMS, px", "hold-out RMS, px", "log-likelihood", ""}, rows);
+  return HtmlTable({"model", "RMS, px", "hold-out RMS, px", "log-likelihood"}, rows) + reasons;
 }
 
 // Returns the map as an SVG: each region of the image with its sigma; those without points are hatched by a dashed

@@ -85,6 +85,7 @@ std::string TextOf(const Json& entry, const char* key) {
   if (!entry.is_object() || !entry.contains(key)) return "-";
   const Json& value = entry[key];
   if (value.is_string()) return value.get<std::string>();
+  if (value.is_number_integer()) return std::to_string(value.get<int>());
   return value.is_number() ? Significant(value.get<double>(), 2) : "-";
 }
 
