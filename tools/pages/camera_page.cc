@@ -94,12 +94,13 @@ std::string ImageTable(const CameraCalibration& calibration, const std::vector<U
 std::string CameraPage(const std::string& name, const CameraCalibration& calibration, const CameraMap& map,
                        const std::vector<UnusedImage>& unused) {
   const LensFit& chosen = calibration.lenses[calibration.chosen];
-  std::string body = Paragraph("The lens is " + chosen.model + ": " + Significant(chosen.rms_px, 3) + " px RMS" +
-                               (chosen.holdout_rms_px
-                                    ? ", " + Significant(*chosen.holdout_rms_px, 3) +
-                                          " px in images that were held out (about the best pose of the target in each)"
-                                    : "") +
-                               ". " + Capitalised(ProjectionText(map)) + ".");
+  std::string body = "<h1>" + EscapedForMarkup(name) + "</h1>\n";
+  body += Paragraph("The lens is " + chosen.model + ": " + Significant(chosen.rms_px, 3) + " px RMS" +
+                    (chosen.holdout_rms_px
+                         ? ", " + Significant(*chosen.holdout_rms_px, 3) +
+                               " px in images that were held out (about the best pose of the target in each)"
+                         : "") +
+                    ". " + Capitalised(ProjectionText(map)) + ".");
   body += Heading("Intrinsics") + IntrinsicsTable(calibration);
   body += Heading("Projection uncertainty") +
           Paragraph(
