@@ -103,8 +103,9 @@ std::string Page(const std::string& run, const Json& checks) {
   }
   return HtmlPage(
       "Checks of " + run,
-      Paragraph("The change of the most likely part in each check (dot), and the smallest change that would "
-                "have been seen in 95 % (line).") +
+      "<h1>Checks of " + EscapedForMarkup(run) + "</h1>\n" +
+          Paragraph("The change of the most likely part in each check (dot), and the smallest change that would "
+                    "have been seen in 95 % (line).") +
           Chart(checks) +
           HtmlTable({"time", "decision", "what", "change, mm", "smallest seen, mm", "p", "images"}, rows));
 }

@@ -203,7 +203,8 @@ std::string NextText(const AnyResult& result) {
 void WritePage(const fs::path& output, const std::string& name, const std::vector<std::string>& lines) {
   std::error_code error;
   if (!fs::is_directory(output, error)) return;
-  std::string body = Paragraph("This page reloads itself while heba watch follows the session.");
+  std::string body = "<h1>" + EscapedForMarkup(name) + "</h1>\n" +
+                     Paragraph("This page reloads itself while heba watch follows the session.");
   std::vector<std::vector<PageCell>> rows;
   for (auto line = lines.rbegin(); line != lines.rend(); ++line) rows.push_back({{*line}});
   body += HtmlTable({"what has come, the latest first"}, rows);
