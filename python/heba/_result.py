@@ -111,16 +111,14 @@ class Result(RunFolder):
     @needs_numpy
     def covariance(self) -> np.ndarray | None:
         """The covariance of hand_eye, 6 x 6: translation (m), then rotation (rad), in the camera's frame."""
-        covariance = self.estimate()["covariance"]
-        if covariance is None:
-            return None
-        return np.array(covariance["matrix"])[:6, :6]
+        return self._covariance_of_hand_eye("covariance")
 
     @property
     @needs_numpy
     def covariance_repeatable(self) -> np.ndarray | None:
         """The covariance without what all sessions of a cell have in common: the scales of its robot and target."""
-        covariance = self.estimate().get("covariance_repeatable")
-        if covariance is None:
-            return None
-        return np.array(covariance["matrix"])[:6, :6]
+        return self._covariance_of_hand_eye("covariance_repeatable")
+
+    def _covariance_of_hand_eye(self, key: str) -> np.ndarray | None:
+        covariance = self.estimate().get(key)
+        return None if covariance is None else np.array(covariance["matrix"])[:6, :6]

@@ -28,7 +28,7 @@ constexpr const char* kPolynomials[] = {"pinhole", "brown4", "brown5", "rational
 struct Fitted {
   Solution solution;
   bool is_bent = false;
-  std::vector<View> views;  // Those that were used, with their first poses as mounts.
+  std::vector<View> views;  // The list has the views that were used, with their first poses as mounts.
 };
 
 // Returns the views with the pose that each shows by itself in place of a robot's; without those that show none.
@@ -120,13 +120,18 @@ Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, co
   return fitted;
 }
 
+// Returns the errors of the points of a view that were used; nothing if one cannot be projected.
+std::optional<SquaredErrors> ErrorsOf(const Fitted& fitted, size_t index) {
+  const View& view = fitted.views[index];
+  const Observations points = WithoutPoints(view.observations, fitted.solution.views[index].rejected_ids);
+  return ViewErrors(fitted.solution.camera, PoseOf(view, fitted.solution, index),
+                    ApplyShape(points, fitted.solution.shape));
+}
+
 double RmsPx(const Fitted& fitted) {
   SquaredErrors sum;
   for (size_t v = 0; v < fitted.views.size(); ++v) {
-    const View& view = fitted.views[v];
-    const Observations points = WithoutPoints(view.observations, fitted.solution.views[v].rejected_ids);
-    const std::optional<SquaredErrors> errors =
-        ViewErrors(fitted.solution.camera, PoseOf(view, fitted.solution, v), ApplyShape(points, fitted.solution.shape));
+    const std::optional<SquaredErrors> errors = ErrorsOf(fitted, v);
     if (errors) sum.Add(*errors);
   }
   return sum.RmsPx().value_or(0);
@@ -163,9 +168,9 @@ std::optional<double> HoldOutPx(const Fitted& fitted, const CameraCalibrationOpt
   return sum.RmsPx();
 }
 
-// Returns the place of the model to take.
+// Returns the place of the model to take. `likelihoods` are the LogLikelihoods of each model.
 std::optional<size_t> Choose(const std::vector<std::string>& models, const std::vector<std::optional<Fitted>>& fitted,
-                             double sigma_px) {
+                             const std::vector<std::vector<double>>& likelihoods) {
   const auto place_of = [&](const std::string& model) {
     return static_cast<size_t>(std::find(models.begin(), models.end(), model) - models.begin());
   };
@@ -180,8 +185,8 @@ std::optional<size_t> Choose(const std::vector<std::string>& models, const std::
     bool is_rejected = i + 1 < ladder.size() && !WhyNotBesideLarger(smaller.solution.camera).empty();
     for (size_t k = i + 1; k < ladder.size(); ++k) {
       const Fitted& larger = *fitted[ladder[k]];
-      std::vector<double> gains = LogLikelihoods(larger, sigma_px);
-      const std::vector<double> of_smaller = LogLikelihoods(smaller, sigma_px);
+      std::vector<double> gains = likelihoods[ladder[k]];
+      const std::vector<double>& of_smaller = likelihoods[ladder[i]];
       if (gains.size() != of_smaller.size()) continue;
       for (size_t v = 0; v < gains.size(); ++v) gains[v] -= of_smaller[v];
       const double more = NumMoreParams(smaller.solution.camera, larger.solution.camera);
@@ -193,7 +198,7 @@ std::optional<size_t> Choose(const std::vector<std::string>& models, const std::
     double num_points = 0;
     for (const View& view : fitted[place]->views) num_points += view.observations.size();
     return static_cast<double>(fitted[place]->solution.camera.params.size()) * std::log(std::max(2.0, num_points)) -
-           2 * SumOf(LogLikelihoods(*fitted[place], sigma_px));
+           2 * SumOf(likelihoods[place]);
   };
   constexpr double kDecisive = 10;
   for (size_t i = 0; i < models.size(); ++i) {
@@ -218,13 +223,10 @@ std::vector<CameraViewOutcome> OutcomesOf(const std::vector<View>& views, const 
     outcome.capture = view.capture;
     for (size_t v = 0; v < fitted.views.size(); ++v) {
       if (fitted.views[v].capture != view.capture) continue;
-      const std::vector<int>& rejected = fitted.solution.views[v].rejected_ids;
-      const Observations points = WithoutPoints(view.observations, rejected);
-      outcome.used = points.size() > 0;
-      outcome.num_rejected = static_cast<int>(rejected.size());
+      outcome.num_rejected = static_cast<int>(fitted.solution.views[v].rejected_ids.size());
+      outcome.used = outcome.num_rejected < view.observations.size();
       outcome.camera_from_target = PoseOf(fitted.views[v], fitted.solution, v);
-      const std::optional<SquaredErrors> errors =
-          ViewErrors(fitted.solution.camera, outcome.camera_from_target, ApplyShape(points, fitted.solution.shape));
+      const std::optional<SquaredErrors> errors = ErrorsOf(fitted, v);
       if (errors) outcome.rms_px = errors->RmsPx().value_or(0);
     }
   }
@@ -261,9 +263,13 @@ Outcome<CameraCalibration> CalibrateCamera(const std::vector<View>& views, const
   for (const std::optional<Fitted>& fit : fitted) {
     if (fit) sigma_px = std::min(sigma_px, fit->solution.pixel_sigma_px);
   }
-  constexpr double kLeastSigmaPx = 1e-6;  // Of images without noise.
+  constexpr double kLeastSigmaPx = 1e-6;  // Images without noise have this sigma.
   sigma_px = std::max(sigma_px, kLeastSigmaPx);
-  std::optional<size_t> chosen = Choose(models, fitted, sigma_px);
+  std::vector<std::vector<double>> likelihoods;
+  for (const std::optional<Fitted>& fit : fitted) {
+    likelihoods.push_back(fit ? LogLikelihoods(*fit, sigma_px) : std::vector<double>());
+  }
+  std::optional<size_t> chosen = Choose(models, fitted, likelihoods);
   if (!options.model.empty()) {
     const auto stated = static_cast<size_t>(std::find(models.begin(), models.end(), options.model) - models.begin());
     if (!fitted[stated]) return calibration.lenses[stated].reason;
@@ -273,7 +279,7 @@ Outcome<CameraCalibration> CalibrateCamera(const std::vector<View>& views, const
   double largest = -std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < models.size(); ++i) {
     if (!fitted[i]) continue;
-    calibration.lenses[i].log_likelihood = SumOf(LogLikelihoods(*fitted[i], sigma_px));
+    calibration.lenses[i].log_likelihood = SumOf(likelihoods[i]);
     largest = std::max(largest, calibration.lenses[i].log_likelihood);
   }
   for (LensFit& lens : calibration.lenses) lens.log_likelihood -= lens.camera ? largest : 0;

@@ -209,7 +209,7 @@ ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution,
   const Eigen::VectorXd gradient = equations->right(of_scales) - coupling.transpose() * solved.col(coupling.cols());
   const auto factor = Cholesky(information);
   if (!factor) return share;
-  const Eigen::MatrixXd covariance = InverseOfSymmetric(information);
+  const Eigen::MatrixXd covariance = factor->Inverse();
   const auto root = Cholesky(covariance);
   if (!root) return share;
   const Eigen::MatrixXd columns = by_scales * root->lower().triangularView<Eigen::Lower>();

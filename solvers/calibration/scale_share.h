@@ -1,5 +1,5 @@
-// What wrong lengths do to an estimate: a target that is printed larger than it was designed, and a robot whose
-// translations are longer than it reports.
+// Computes what wrong lengths do to an estimate: a target is printed larger than it was designed, or the translations
+// of a robot are longer than it reports.
 #pragma once
 
 #include <vector>
@@ -15,7 +15,7 @@
 namespace heba {
 
 struct ScaleShare {
-  // What the scales do to the estimate that its covariance does not hold yet, in the layout of that covariance
+  // The changes are those that the scales make and that the covariance of the estimate does not hold yet, in its layout
   // (AddChanges).
   std::vector<Eigen::VectorXd> changes;
   // The covariance of the solution without what the scales of targets contribute to it: all sessions of a cell have the

@@ -346,7 +346,7 @@ RigSolution WithTargetsPlaced(const RigProblem& problem, RigSolution solution, c
 struct FittedChange {
   RigSolution solution;
   Eigen::MatrixXd covariance;
-  double squares = 0;  // What is left, whitened.
+  double squares = 0;  // The sum of the squares of the whitened residuals that are left.
 };
 
 // Changes the part until the images ask for no more. Returns nothing if its change is not determined.

@@ -58,7 +58,7 @@ TEST_F(VerdictRunTest, GoodResultsNameTheChosenModel) {
   for (const Json& capture : result["captures"]) EXPECT_TRUE(capture["used"].get<bool>()) << capture["reason"];
 }
 
-// What the config leaves out is not given; an image without a pose is.
+// A strict run refuses an image without a pose, but not what the config leaves out.
 TEST_F(VerdictRunTest, StrictRunsUseEverything) {
   const auto run = [](const std::string& name, const std::string& text) {
     return RunHeba({"run", Config(name, text), "--out", (folder() / name).string(), "--strict", "--quiet"});

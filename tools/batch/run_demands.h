@@ -1,5 +1,5 @@
-// What a user demands of a run beside a result: a grade of its verdict (--fail-on), and that everything that was given
-// is used (--strict).
+// A user may demand two things of a run beside its result: a grade of its verdict (--fail-on), and that everything that
+// was given is used (--strict).
 #pragma once
 
 #include <optional>

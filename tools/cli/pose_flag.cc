@@ -1,8 +1,10 @@
 #include "tools/cli/pose_flag.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "tools/config/robot_section.h"
 
@@ -48,6 +50,17 @@ Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, c
 
 const PoseFormat& FormatOfNear(const PoseFormat& format) {
   return format.robot.empty() ? format : *FindPoseFormat("ros");
+}
+
+std::pair<size_t, std::string> NamedValue(const std::string& what, const std::string& text,
+                                          const std::vector<std::string>& names, const std::string& form) {
+  if (names.size() == 1 && names.front().empty()) return {0, text};
+  const size_t end = text.find('=');
+  if (end == std::string::npos) throw InputError(what + ": " + Quoted(text) + ": " + form + " is needed");
+  const std::string name = Trim(text.substr(0, end));
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) throw InputError(what + ": " + UnknownName(name, names));
+  return {static_cast<size_t>(found - names.begin()), text.substr(end + 1)};
 }
 
 }  // namespace heba

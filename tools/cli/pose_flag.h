@@ -1,7 +1,10 @@
-// Reads a pose, or the positions of joints, from the command line.
+// Reads a pose, the positions of joints, or what has a name from the command line.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -20,5 +23,11 @@ Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, c
 
 // Returns the format of --near, a pose, if the run's poses have `format`: the same, or `ros` if those are joints.
 const PoseFormat& FormatOfNear(const PoseFormat& format);
+
+// Splits NAME=VALUE, where the name is one of `names`, and returns its index and the value. The only part of a kind
+// whose name is empty is meant without a name. Throws InputError, which begins with `what`, if the text has another
+// form.
+std::pair<size_t, std::string> NamedValue(const std::string& what, const std::string& text,
+                                          const std::vector<std::string>& names, const std::string& form);
 
 }  // namespace heba

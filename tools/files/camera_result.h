@@ -10,7 +10,7 @@
 
 namespace heba {
 
-// What is said of an image that is not part of the calibration.
+// An image that is not part of the calibration has a reason.
 struct UnusedImage {
   std::string image;
   std::string reason;

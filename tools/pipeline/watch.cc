@@ -53,12 +53,11 @@ std::vector<WatchedImage> ImagesOf(const RigConfig& config) {
   return images;
 }
 
-// What is known about the images so far.
+// The images that were looked at.
 struct Watched {
-  std::map<fs::path, std::uintmax_t> sizes;  // At the last look.
-  std::set<fs::path> complete;
-  std::set<fs::path> told;        // Images about which a line was printed.
-  std::set<fs::path> calibrated;  // Those of the last run.
+  std::map<fs::path, std::uintmax_t> sizes;  // Their sizes are those of the last look.
+  std::map<fs::path, std::string> complete;  // Each complete image has its ExposureText.
+  std::set<fs::path> told;                   // A line was printed about these images.
 };
 
 // Returns what a run depends on: the config as used, its images and its other files, with their sizes and times.
@@ -75,28 +74,8 @@ std::string StateOf(const AnyConfig& any, const std::vector<WatchedImage>& image
   return state;
 }
 
-// Returns whether an image is complete: its size has not changed since the last look, and it can be read.
-bool IsComplete(const fs::path& path, Watched* watched) {
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(path, error);
-  if (error) return false;
-  if (watched->complete.contains(path) && watched->sizes[path] == size) return true;
-  const auto [last, is_new] = watched->sizes.try_emplace(path, size);
-  const bool is_stable = !is_new && last->second == size && size > 0;
-  last->second = size;
-  if (!is_stable) return false;
-  try {
-    ReadGreyImage(path);
-  } catch (const InputError&) {
-    return false;  // Half-written.
-  }
-  watched->complete.insert(path);
-  return true;
-}
-
 // Returns what the exposure of an image lacks; empty if nothing.
-std::string ExposureText(const fs::path& path) {
-  const cv::Mat grey = ReadGreyImage(path);
+std::string ExposureText(const cv::Mat& grey) {
   double num_bright = 0;
   double sum = 0;
   for (int row = 0; row < grey.rows; ++row) {
@@ -115,6 +94,24 @@ std::string ExposureText(const fs::path& path) {
   }
   if (sum < kDark * num_pixels) return "dark: its mean is " + Fixed(sum / num_pixels, 0) + " of 255";
   return "";
+}
+
+// Returns whether an image is complete: its size has not changed since the last look, and it can be read.
+bool IsComplete(const fs::path& path, Watched* watched) {
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) return false;
+  if (watched->complete.contains(path) && watched->sizes[path] == size) return true;
+  const auto [last, is_new] = watched->sizes.try_emplace(path, size);
+  const bool is_stable = !is_new && last->second == size && size > 0;
+  last->second = size;
+  if (!is_stable) return false;
+  try {
+    watched->complete[path] = ExposureText(ReadGreyImage(path));
+  } catch (const InputError&) {
+    return false;  // The image is half-written.
+  }
+  return true;
 }
 
 // The places of the target in the images of a single camera, as shares of what a good session covers.
@@ -145,7 +142,7 @@ Gauges GaugesOf(const std::vector<CaptureDetection>& detections) {
     high = high.cwiseMax(place);
   }
   const Eigen::Vector3d range = (high - low).cwiseMax(0);
-  // What hand-held calibrations are asked for: the middle of the target over these parts of the image.
+  // The middle of the target should move over these parts of the image, as in hand-held calibrations.
   constexpr double kOfImage = 0.5;
   constexpr double kOfSize = 0.25;
   return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize)};
@@ -279,7 +276,7 @@ class Session {
       detections.push_back(DetectOnce(*config, image.path));
       if (!is_new) continue;
       const Detection& seen = detections.back().detection;
-      const std::string exposure = ExposureText(image.path);
+      const std::string& exposure = watched_.complete.at(image.path);
       Tell(image.name + ": " +
            (seen.ids.empty() ? "the target is not seen" + (seen.reason.empty() ? "" : " (" + seen.reason + ")")
                              : std::to_string(seen.ids.size()) + " of " +

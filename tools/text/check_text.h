@@ -1,4 +1,4 @@
-// What `heba check` prints.
+// Words the result of `heba check`.
 #pragma once
 
 #include <string>

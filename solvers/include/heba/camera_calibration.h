@@ -38,7 +38,7 @@ struct LensFit {
   std::optional<Camera> camera;  // Nothing if it could not be estimated; `reason` says why.
   Failure reason = {};
   double rms_px = 0;
-  double log_likelihood = 0;  // Of all points, relative to that of the model with the largest one.
+  double log_likelihood = 0;  // It is that of all points, relative to that of the model with the largest one.
   std::optional<double> holdout_rms_px = {};
   bool is_bent = false;  // Whether the bend of the target was estimated.
 };
@@ -55,7 +55,8 @@ struct CameraViewOutcome {
 
 struct CameraCalibration {
   Camera camera;
-  // Of the parameters of the camera, in their order, and the degrees of freedom of the noise that it is based on.
+  // The covariance is that of the parameters of the camera, in their order; the noise that it is based on has
+  // `covariance_dof` degrees of freedom.
   Eigen::MatrixXd covariance;
   double covariance_dof = 0;
   TargetShape shape;

@@ -32,20 +32,20 @@ struct SessionOptions {
   std::vector<std::optional<SmoothPrior>> smooth = {};
 };
 
-// What may have changed.
+// A part is what may have changed.
 enum class ChangedPart { kCamera, kTarget, kLens };
 
 struct SessionChange {
   ChangedPart part = ChangedPart::kCamera;
-  size_t index = 0;  // Of the camera or of the target.
+  size_t index = 0;  // The index is that of the camera or of the target.
   // The estimated change if nothing else has changed, and its covariance: of a pose its tangent (m, rad, in its own
   // frame), of a lens its intrinsics.
   Eigen::VectorXd change;
   Eigen::MatrixXd covariance;
   // The probability of images that ask for a change of this part at least as much if nothing has changed.
   double p_value = 1;
-  // Of a pose: the translation without a rotation, and the rotation without a translation, that are seen with a
-  // probability of 95 %, over random directions.
+  // The translation of a pose without a rotation, and its rotation without a translation, that are seen with a
+  // probability of 95 %, over random directions; a lens has none.
   std::optional<double> seen_m = {};
   std::optional<double> seen_rad = {};
   double rank = 0;  // Akaike's criterion of this change alone, up to a constant: the least is the most likely.

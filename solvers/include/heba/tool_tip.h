@@ -1,4 +1,4 @@
-// Where the tip of a tool is, from poses of the gripper at which the tip touches one fixed point (pivoting).
+// Finds the tip of a tool from poses of the gripper at which the tip touches one fixed point (pivoting).
 #pragma once
 
 #include <vector>
@@ -13,11 +13,11 @@ namespace heba {
 struct ToolTip {
   Eigen::Vector3d in_gripper_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d touched_in_base_m = Eigen::Vector3d::Zero();
-  // Of in_gripper_m, by the scatter of the poses: 3 n - 6 degrees of freedom. The errors of the arm depend on the pose
-  // and are common to similar poses, so that they are only partly in it.
+  // The covariance is that of in_gripper_m, by the scatter of the poses, which has 3 n - 6 degrees of freedom. The
+  // errors of the arm depend on the pose and are common to similar poses, so that they are only partly in it.
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
   double dof = 0;
-  double rms_m = 0;               // Of the distances below.
+  double rms_m = 0;               // The RMS is that of the distances below.
   std::vector<double> misfits_m;  // For each pose, the distance between its tip and the point.
 };
 

@@ -170,7 +170,7 @@ TEST(AdviceTest, ReportsAWrongTargetSizeAsACause) {
   EXPECT_EQ(finding->Name("focal_length"), "held");
   shape.params = {1.002, 1.001, 0, 0};  // Printers have scale errors of this size.
   EXPECT_FALSE(judge(kTargetScaleSigma).has_value());
-  // They contradict a measurement.
+  // Scales of this size contradict a measurement.
   ASSERT_TRUE(judge(4e-4).has_value());
   EXPECT_EQ(judge(4e-4)->grade, Grade::kDoubtful);
 }

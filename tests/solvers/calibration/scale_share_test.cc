@@ -46,7 +46,7 @@ Matrix6 HandEyePart(const ScaleShare& share) {
   return sum;
 }
 
-// What is predicted for a robot of another scale is what an adjustment of its poses finds.
+// The prediction for a robot of another scale is what an adjustment of its poses finds.
 TEST(ScaleShareTest, IsTheChangeByARobotOfAnotherScale) {
   constexpr double kSigma = 1e-3;
   for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {

@@ -26,15 +26,8 @@ std::vector<SessionImage> ImagesOf(const RigProblem& rig, const std::vector<std:
   std::vector<std::string> names;
   for (const RigCamera& camera : rig.cameras) names.push_back(camera.name);
   for (const std::string& text : arguments) {
-    if (IsSingleCamera(rig)) {
-      images.push_back({0, text});
-      continue;
-    }
-    const size_t end = text.find('=');
-    if (end == std::string::npos) throw InputError("an image: " + Quoted(text) + ": CAMERA=IMAGE is needed");
-    const auto found = std::find(names.begin(), names.end(), text.substr(0, end));
-    if (found == names.end()) throw InputError("an image: " + UnknownName(text.substr(0, end), names));
-    images.push_back({static_cast<size_t>(found - names.begin()), text.substr(end + 1)});
+    const auto [camera, path] = NamedValue("an image", text, names, "CAMERA=IMAGE");
+    images.push_back({camera, path});
   }
   return images;
 }

@@ -29,19 +29,6 @@ struct Moment {
   std::vector<std::pair<size_t, std::string>> images;  // The camera and the path.
 };
 
-// Splits NAME=VALUE, where the name is one of `names`, and returns its index and the value. The only part of a kind
-// whose name is empty is meant without a name.
-std::pair<size_t, std::string> NamedValue(const std::string& what, const std::string& text,
-                                          const std::vector<std::string>& names, const std::string& form) {
-  if (names.size() == 1 && names.front().empty()) return {0, text};
-  const size_t end = text.find('=');
-  if (end == std::string::npos) throw InputError(what + ": " + Quoted(text) + ": " + form + " is needed");
-  const std::string name = Trim(text.substr(0, end));
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) throw InputError(what + ": " + UnknownName(name, names));
-  return {static_cast<size_t>(found - names.begin()), text.substr(end + 1)};
-}
-
 template <class Part>
 std::vector<std::string> NamesOf(const std::vector<Part>& parts) {
   std::vector<std::string> names;
