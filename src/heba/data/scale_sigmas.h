@@ -1,5 +1,5 @@
-// What is known about lengths. Images and the poses of a robot tell the ratio of the scale of a target to that of the
-// robot, and nothing else: that of the result is known as well as one of the two.
+// The sigmas of scales say what is known about lengths. Images and the poses of a robot tell the ratio of the scale of
+// a target to that of the robot, and nothing else: the scale of the result is known as well as one of the two.
 #pragma once
 
 #include <algorithm>
