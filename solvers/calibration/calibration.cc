@@ -453,7 +453,9 @@ std::vector<TargetShapeGroup> IgnoredShape(const Advice& of_model) {
   for (const Finding& finding : of_model.findings) {
     if (finding.code != "target_shape_ignored") continue;
     for (const Finding& part : finding.parts) {
-      groups.push_back(part.code == "shape_scale" ? TargetShapeGroup::kScale : TargetShapeGroup::kBend);
+      groups.push_back(part.code == "shape_scale"  ? TargetShapeGroup::kScale
+                       : part.code == "shape_bend" ? TargetShapeGroup::kBend
+                                                   : TargetShapeGroup::kCubic);
     }
   }
   return groups;

@@ -27,7 +27,7 @@ bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group
   return std::find(shape.begin(), shape.end(), group) != shape.end();
 }
 
-// Returns a part for each group of a shape's parameters: `shape_scale`, `shape_bend`.
+// Returns a part for each group of a shape's parameters: `shape_scale`, `shape_bend`, `shape_cubic`.
 std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
   std::vector<Finding> parts;
   if (HasGroup(groups, TargetShapeGroup::kScale)) {
@@ -37,7 +37,17 @@ std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<Targ
   if (HasGroup(groups, TargetShapeGroup::kBend)) {
     parts.push_back({Grade::kGood,
                      FindingCode("shape_bend"),
-                     {{"bend_x_mm", 1000 * shape.params[2]}, {"bend_y_mm", 1000 * shape.params[3]}}});
+                     {{"bend_x_mm", 1000 * shape.params[2]},
+                      {"bend_y_mm", 1000 * shape.params[3]},
+                      {"twist_mm", 1000 * shape.params[4]}}});
+  }
+  if (HasGroup(groups, TargetShapeGroup::kCubic)) {
+    double largest_m = 0;
+    for (int i = 0; i < TargetShape::kNumParams; ++i) {
+      const double height_m = std::abs(shape.params[static_cast<size_t>(i)]);
+      if (ShapeGroupOf(i) == TargetShapeGroup::kCubic) largest_m = std::max(largest_m, height_m);
+    }
+    parts.push_back({Grade::kGood, FindingCode("shape_cubic"), {{"cubic_mm", 1000 * largest_m}}});
   }
   return parts;
 }
@@ -131,7 +141,7 @@ Advice DiagnoseModel(const Problem& problem, const Solution& solution, const Bun
     constexpr double kBendMattersM = 1e-4;
     const TargetShape& shape = choice->solution.shape;
     const double scale = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
-    const double bend_m = std::max(std::abs(shape.params[2]), std::abs(shape.params[3]));
+    const double bend_m = LargestHeightM(shape);
     if (scale > kScaleMatters || bend_m > kBendMattersM) {
       const bool is_held = std::find(options.free_intrinsics.begin(), options.free_intrinsics.end(),
                                      ParameterGroup::kFocal) == options.free_intrinsics.end();
@@ -139,7 +149,8 @@ Advice DiagnoseModel(const Problem& problem, const Solution& solution, const Bun
       ignored.numbers = {{"scale_x", shape.params[0]},
                          {"scale_y", shape.params[1]},
                          {"bend_x_mm", 1000 * shape.params[2]},
-                         {"bend_y_mm", 1000 * shape.params[3]}};
+                         {"bend_y_mm", 1000 * shape.params[3]},
+                         {"twist_mm", 1000 * shape.params[4]}};
       ignored.names = {{"focal_length", is_held ? "held" : "free"}};
       ignored.parts = ShapeParts(shape, model.shape);
     }

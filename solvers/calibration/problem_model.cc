@@ -1,7 +1,9 @@
 #include "solvers/calibration/problem_model.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "heba/data/free_parameters.h"
@@ -31,11 +33,17 @@ bool Contains(const SharedEffects* larger, const SharedEffects* smaller) {
          });
 }
 
+int NumParamsOf(const Shape& shape) {
+  int num = 0;
+  for (const TargetShapeGroup group : shape) num += NumParamsOf(group);
+  return num;
+}
+
 }  // namespace
 
 int NumVariances(const ErrorModel& model) { return NumVariances(model.robot, {model.effects}); }
 
-int DofOf(const ErrorModel& model) { return NumVariances(model) + 2 * static_cast<int>(model.shape.size()); }
+int DofOf(const ErrorModel& model) { return NumVariances(model) + NumParamsOf(model.shape); }
 
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
   std::vector<std::vector<TargetShapeGroup>> combinations(4);
@@ -47,22 +55,21 @@ std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
 }
 
 std::string NameOf(const ErrorModel& model) {
-  const auto has = [&](TargetShapeGroup group) {
-    return std::find(model.shape.begin(), model.shape.end(), group) != model.shape.end();
-  };
-  const bool is_scaled = has(TargetShapeGroup::kScale);
-  const bool is_bent = has(TargetShapeGroup::kBend);
-  const std::string target = is_scaled && is_bent ? "target scaled and bent"
-                             : is_scaled          ? "target scaled"
-                             : is_bent            ? "target bent"
-                                                  : "target as designed";
+  constexpr std::string_view kWords[] = {"scaled", "bent", "warped"};
+  static_assert(std::size(kWords) == kTargetShapeGroupNames.size());
+  std::string target = "target ";
+  for (size_t i = 0; i < model.shape.size(); ++i) {
+    target += (i == 0 ? "" : i + 1 < model.shape.size() ? ", " : " and ");
+    target += kWords[static_cast<size_t>(model.shape[i])];
+  }
+  if (model.shape.empty()) target += "as designed";
   return (model.robot == Robot::kExact ? "exact robot" : "robot noise") +
          (model.effects == nullptr ? std::string() : " and " + model.effects->name) + ", " + target;
 }
 
 int NumShapeParams(const ProblemModel& model) {
   int num = 0;
-  for (const Shape& shape : model.shapes) num += 2 * static_cast<int>(shape.size());
+  for (const Shape& shape : model.shapes) num += NumParamsOf(shape);
   return num;
 }
 

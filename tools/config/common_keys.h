@@ -66,6 +66,9 @@ struct FreeShape {
   std::vector<TargetShapeGroup> groups;  // The unknown parts, if they are not chosen.
 };
 FreeShape ReadFreeShape(MapReader& refine);
+// The keys of TargetShape::params where a true shape is stated.
+inline constexpr std::array<const char*, TargetShape::kNumParams> kTargetShapeKeys = {
+    "scale_x", "scale_y", "bend_x", "bend_y", "twist", "cubic_xxx", "cubic_xxy", "cubic_xyy", "cubic_yyy"};
 
 // Reads the key `pixel_noise` of `refine`, px; nothing if it is to be estimated.
 std::optional<double> ReadPixelNoise(MapReader& refine);

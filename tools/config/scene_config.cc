@@ -86,19 +86,21 @@ void ReadMoved(MapReader& reader, size_t camera, SceneConfig* scene) {
 TargetShape ReadPrint(MapReader& reader, const Target& target) {
   MapReader print = reader.Section("print");
   TargetShape shape = DesignedShape(AllPoints(target).points_in_target);
-  shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
-                  print.Length("bend_y", 0.0)};
-  for (const char* key : {"scale_x", "scale_y"}) {
-    constexpr double kMostTimes = 2;
-    const double scale = print.Number(key, 1.0);
-    if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
-  }
-  for (const char* key : {"bend_x", "bend_y"}) {
-    // A larger bend would be a roll.
-    constexpr double kMostOfSheet = 0.25;
-    const Drawing& drawing = target.Draw();
-    const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
-    if (std::abs(print.Length(key, 0.0)) > most_m) {
+  // A larger bend would be a roll.
+  constexpr double kMostOfSheet = 0.25;
+  const Drawing& drawing = target.Draw();
+  const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    const char* const key = kTargetShapeKeys[i];
+    if (ShapeGroupOf(static_cast<int>(i)) == TargetShapeGroup::kScale) {
+      constexpr double kMostTimes = 2;
+      shape.params[i] = print.Number(key, 1.0);
+      const bool is_possible = shape.params[i] >= 1 / kMostTimes && shape.params[i] <= kMostTimes;
+      if (!is_possible) print.Get(key).Fail("must be from 0.5 to 2");
+      continue;
+    }
+    shape.params[i] = print.Length(key, 0.0);
+    if (std::abs(shape.params[i]) > most_m) {
       print.Get(key).Fail("must be at most " + Significant(1e3 * most_m, 3) +
                           " mm, a quarter of the sheet's shorter side");
     }

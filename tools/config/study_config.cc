@@ -90,14 +90,12 @@ YAML::Node NoiseNode(const RobotNoise& noise) {
   return node;
 }
 
-constexpr std::array<const char*, TargetShape::kNumParams> kShapeKeys = {"scale_x", "scale_y", "bend_x", "bend_y"};
-
 // Reads the deviation of the target from its design, with the keys of a scene's `print`.
 TargetShape ReadTrueShape(const ConfigValue& value) {
   MapReader reader(value);
   TargetShape shape;
   for (size_t i = 0; i < shape.params.size(); ++i) {
-    const std::optional<ConfigValue> param = reader.Find(kShapeKeys[i]);
+    const std::optional<ConfigValue> param = reader.Find(kTargetShapeKeys[i]);
     if (!param) continue;
     shape.params[i] = i < 2 ? param->AsNumber() : param->AsQuantity(Quantity::kLength);
     if (i < 2 && !(shape.params[i] >= 0.5 && shape.params[i] <= 2)) param->Fail("must be from 0.5 to 2");
@@ -110,7 +108,7 @@ TargetShape ReadTrueShape(const ConfigValue& value) {
 YAML::Node ShapeNode(const TargetShape& shape) {
   YAML::Node node;
   for (size_t i = 0; i < shape.params.size(); ++i) {
-    node[kShapeKeys[i]] =
+    node[kTargetShapeKeys[i]] =
         i < 2 ? YAML::Node(RoundTrip(shape.params[i])) : QuantityNode(shape.params[i], Quantity::kLength);
   }
   return node;

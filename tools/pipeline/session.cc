@@ -29,10 +29,12 @@ RigProblem ProblemOf(const RigResult& result) {
   for (RigTarget& target : problem.targets) {
     target.free_shape.clear();
     const UnknownLayout& layout = result.solution.covariance.layout;
-    for (int param = 0; param < TargetShape::kNumParams; param += 2) {
+    for (int param = 0; param < TargetShape::kNumParams; ++param) {
       const std::string name =
           TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[static_cast<size_t>(param)]);
-      if (layout.Place(name)) target.free_shape.push_back(ShapeGroupOf(param));
+      const TargetShapeGroup group = ShapeGroupOf(param);
+      const bool is_new = target.free_shape.empty() || target.free_shape.back() != group;
+      if (layout.Place(name) && is_new) target.free_shape.push_back(group);
     }
   }
   return problem;

@@ -69,6 +69,11 @@ const SweptQuantity kQuantities[kNumQuantities] = {
     {"scale in y", true, [](const StudyLabels& l) { return l.shape_params[1]; }},
     {"bend in x, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[2]; }},
     {"bend in y, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[3]; }},
+    {"twist, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[4]; }},
+    {"cubic xxx, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[5]; }},
+    {"cubic xxy, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[6]; }},
+    {"cubic xyy, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[7]; }},
+    {"cubic yyy, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[8]; }},
     {"outlier points, %", true, [](const StudyLabels& l) { return 100 * l.outlier_points; }},
     {"wrong poses, %", true, [](const StudyLabels& l) { return 100 * l.wrong_captures; }}};
 
@@ -101,9 +106,10 @@ std::string SceneLine(const StudyLabels& labels, size_t swept) {
   const std::array<double, TargetShape::kNumParams> designed = TargetShape().params;
   for (size_t i = 0; i < designed.size(); ++i) {
     if (labels.shape_params[i] == designed[i] || IsSwept(kScaleX + i, swept)) continue;
-    line += std::string(", ") + (i % 2 == 0 ? "x " : "y ") +
-            (i < 2 ? "scale " + Fixed(labels.shape_params[i], 4)
-                   : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
+    constexpr std::array<const char*, TargetShape::kNumParams> kWords = {
+        "x scale", "y scale", "x bend", "y bend", "twist", "cubic xxx", "cubic xxy", "cubic xyy", "cubic yyy"};
+    line += std::string(", ") + kWords[i] + " " +
+            (i < 2 ? Fixed(labels.shape_params[i], 4) : Significant(1000 * labels.shape_params[i], 3) + " mm");
   }
   line += ", refined with robot " + labels.robot_model;
   if (!labels.free_intrinsics.empty()) line += ", intrinsics " + IntrinsicsText(labels);

@@ -62,6 +62,11 @@ enum StudyQuantity : size_t {
   kScaleY,
   kBendX,
   kBendY,
+  kTwist,
+  kCubicXxx,
+  kCubicXxy,
+  kCubicXyy,
+  kCubicYyy,
   kOutlierPoints,
   kWrongPoses,
   kNumQuantities

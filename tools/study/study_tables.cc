@@ -119,6 +119,7 @@ std::vector<std::pair<const char*, std::string>> CsvFields(const StudyRow& row) 
           {"scale_y", Csv(labels.shape_params[1])},
           {"bend_x_mm", Csv(1000 * labels.shape_params[2])},
           {"bend_y_mm", Csv(1000 * labels.shape_params[3])},
+          {"twist_mm", Csv(1000 * labels.shape_params[4])},
           {"outlier_points", Csv(labels.outlier_points)},
           {"wrong_captures", Csv(labels.wrong_captures)},
           {"robot_model", labels.robot_model},

@@ -66,7 +66,8 @@ std::string CameraTable(const CameraCalibration& calibration, const CameraMap& m
            Significant(calibration.pixel_sigma_px, 3) + " px per coordinate\n" + IntrinsicsLines(calibration);
   if (calibration.lenses[calibration.chosen].is_bent) {
     table += "target: bent by " + ShownAmount(1000 * calibration.shape.params[2], 2) + " mm along x and " +
-             ShownAmount(1000 * calibration.shape.params[3], 2) + " mm along y in its middle\n";
+             ShownAmount(1000 * calibration.shape.params[3], 2) + " mm along y in its middle, twisted by " +
+             ShownAmount(1000 * calibration.shape.params[4], 2) + " mm at its corners\n";
   }
   return table + ProjectionText(map) + "\n";
 }

@@ -54,7 +54,7 @@ std::string RobotNoiseText(const Finding& finding) {
 // Describes the shape that the parts state: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
 std::string ShapeText(const Finding& finding) {
   std::vector<std::string> texts;
-  for (const std::string_view code : {"shape_scale", "shape_bend"}) {
+  for (const std::string_view code : {"shape_scale", "shape_bend", "shape_cubic"}) {
     if (const Finding* part = PartOf(finding, code)) texts.push_back(FindingWords(*part).text);
   }
   return Join(texts, ", ");
@@ -327,8 +327,13 @@ FindingText ShapeScale(const Finding& finding) {
 
 FindingText ShapeBend(const Finding& finding) {
   return {"its centre is " + Fixed(Number(finding, "bend_x_mm"), 2) + " mm (along x) and " +
-              Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges",
+              Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges, its corners " +
+              Fixed(Number(finding, "twist_mm"), 2) + " mm (saddle) from its plane",
           ""};
+}
+
+FindingText ShapeCubic(const Finding& finding) {
+  return {"its surface is cubic, with heights of up to " + Fixed(Number(finding, "cubic_mm"), 2) + " mm", ""};
 }
 
 FindingText ArmEstimated(const Finding& finding) {
@@ -573,6 +578,7 @@ constexpr CodeWords kWords[] = {
     {"model", &Model},
     {"shape_scale", &ShapeScale},
     {"shape_bend", &ShapeBend},
+    {"shape_cubic", &ShapeCubic},
     {"rejected_model", &RejectedModel},
     {"no_better_model", &NoBetterModel},
     {"target_shape_ignored", &TargetShapeIgnored},

@@ -167,6 +167,9 @@ std::string PosesText(const RigResult& result) {
   return text;
 }
 
+constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeWords = {
+    "scale x", "scale y", "bend x", "bend y", "twist", "cubic xxx", "cubic xxy", "cubic xyy", "cubic yyy"};
+
 // Describes the target's shape; empty if it was not estimated.
 std::string ShapeLine(const RigTarget& target, const TargetShape& shape, const Covariance& covariance) {
   std::vector<std::string> parts;
@@ -174,10 +177,9 @@ std::string ShapeLine(const RigTarget& target, const TargetShape& shape, const C
     const std::optional<double> sigma =
         SigmaOf(covariance, TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[i]));
     if (!sigma) continue;
-    const bool is_scale = i < 2;
+    const bool is_scale = ShapeGroupOf(static_cast<int>(i)) == TargetShapeGroup::kScale;
     const double unit = is_scale ? 1 : 1000;
-    parts.push_back(std::string(is_scale ? "scale" : "bend") + (i % 2 == 0 ? " x " : " y ") +
-                    Fixed(unit * shape.params[i], is_scale ? 5 : 3) + (is_scale ? "" : " mm") + " (one sigma " +
+    parts.push_back(std::string(kTargetShapeWords[i]) + " " + Fixed(unit * shape.params[i], is_scale ? 5 : 3) + (is_scale ? "" : " mm") + " (one sigma " +
                     ShownAmount(unit * *sigma, 2) + ")");
   }
   if (parts.empty()) return "";

@@ -34,7 +34,7 @@ struct ProjectionBatch {
   static constexpr int kCapacity = 64;
   static constexpr int kMaxDistortion = 16;
   // The rows that a model does not need are free for the caller.
-  static constexpr int kMaxRows = 8 + kMaxDistortion + 8;
+  static constexpr int kMaxRows = 8 + kMaxDistortion + 12;
   int size = 0;
   alignas(64) double points[3][kCapacity];  // Before the pose is applied, m.
   alignas(64) double pixels[2][kCapacity];  // u and v.

@@ -1,21 +1,42 @@
 #include "heba/data/target_shape.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace heba {
 namespace {
 
-// Returns 1 - a^2 and 1 - b^2, which are 1 in the middle of the target and 0 at its edges; 0 for a target without
-// extent, which cannot bend.
-Eigen::Array2d Arch(const Eigen::Vector2d& point, const TargetShape& shape) {
+constexpr int kNumScales = 2;
+using Heights = Eigen::Matrix<double, 1, TargetShape::kNumParams - kNumScales>;
+
+// Returns the derivatives of a point's height by the heights of the shape; 0 for a target without extent, which cannot
+// bend.
+Heights ByHeights(const Eigen::Vector2d& point, const TargetShape& shape) {
+  Eigen::Array2d place = Eigen::Array2d::Zero();
   Eigen::Array2d arch = Eigen::Array2d::Zero();
   for (Eigen::Index i = 0; i < 2; ++i) {
     if (!(shape.half_size_m[i] > 0)) continue;
-    const double place = (point[i] - shape.middle_m[i]) / shape.half_size_m[i];
-    arch[i] = 1 - place * place;
+    place[i] = (point[i] - shape.middle_m[i]) / shape.half_size_m[i];
+    arch[i] = 1 - place[i] * place[i];
   }
-  return arch;
+  return {arch[0],
+          arch[1],
+          place[0] * place[1],
+          place[0] * arch[0],
+          place[1] * arch[0],
+          place[0] * arch[1],
+          place[1] * arch[1]};
 }
 
 }  // namespace
+
+double LargestHeightM(const TargetShape& shape) {
+  double largest_m = 0;
+  for (size_t i = kNumScales; i < shape.params.size(); ++i) {
+    largest_m = std::max(largest_m, std::abs(shape.params[i]));
+  }
+  return largest_m;
+}
 
 TargetShape DesignedShape(const Points3& points_in_target) {
   TargetShape shape;
@@ -28,18 +49,17 @@ TargetShape DesignedShape(const Points3& points_in_target) {
 }
 
 Eigen::Vector3d ApplyShape(const Eigen::Vector3d& point, const TargetShape& shape) {
-  const Eigen::Array2d arch = Arch(point.head<2>(), shape);
+  const Eigen::Map<const Heights> heights(shape.params.data() + kNumScales);
   return {shape.params[0] * point.x(), shape.params[1] * point.y(),
-          point.z() + shape.params[2] * arch[0] + shape.params[3] * arch[1]};
+          point.z() + heights.dot(ByHeights(point.head<2>(), shape))};
 }
 
 Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Vector3d& point,
                                                                  const TargetShape& shape) {
-  const Eigen::Array2d arch = Arch(point.head<2>(), shape);
-  Eigen::Matrix<double, 3, TargetShape::kNumParams> by_params;
-  by_params << point.x(), 0, 0, 0,  //
-      0, point.y(), 0, 0,           //
-      0, 0, arch[0], arch[1];
+  Eigen::Matrix<double, 3, TargetShape::kNumParams> by_params = decltype(by_params)::Zero();
+  by_params(0, 0) = point.x();
+  by_params(1, 1) = point.y();
+  by_params.bottomRightCorner<1, Heights::SizeAtCompileTime>() = ByHeights(point.head<2>(), shape);
   return by_params;
 }
 

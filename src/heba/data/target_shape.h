@@ -12,26 +12,36 @@
 namespace heba {
 
 // A point designed at (x, y, z) in the target's frame lies at
-//   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2))
-// The numbers a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is a sum of
-// two parabolas with the given heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration
-// object deformation").
+//   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2) + twist a b
+//                            + (cubic_xxx a + cubic_xxy b) (1 - a^2) + (cubic_xyy a + cubic_yyy b) (1 - b^2))
+// The numbers a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is the
+// complete quadratic surface: two parabolas with the given heights in the middle, as in mrcal's model of a warped board
+// (Kogan, mrcal, "calibration object deformation"), and a saddle with the given height at the corners. The cubic part
+// completes the surface of the third order. What is constant or linear in a and b is a motion of the target.
 struct TargetShape {
-  static constexpr int kNumParams = 4;
-  std::array<double, kNumParams> params = {1, 1, 0, 0};  // scale_x, scale_y, bend_x in m, bend_y in m
+  static constexpr int kNumParams = 9;
+  // As kTargetShapeParamNames: the scales, then heights in m.
+  std::array<double, kNumParams> params = {1, 1, 0, 0, 0, 0, 0, 0, 0};
   // Centre and half size of the rectangle that contains the designed points.
   Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d half_size_m = Eigen::Vector2d::Zero();
 };
 
 // The groups that a refinement can free, and the parameters of each, in the order of TargetShape::params.
-enum class TargetShapeGroup { kScale, kBend };
-inline constexpr std::array<std::string_view, 2> kTargetShapeGroupNames = {"scale", "bend"};
+enum class TargetShapeGroup { kScale, kBend, kCubic };
+inline constexpr std::array<std::string_view, 3> kTargetShapeGroupNames = {"scale", "bend", "cubic"};
 inline constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeParamNames = {
-    "scale_x", "scale_y", "bend_x_m", "bend_y_m"};
+    "scale_x", "scale_y", "bend_x_m", "bend_y_m", "twist_m", "cubic_xxx_m", "cubic_xxy_m", "cubic_xyy_m", "cubic_yyy_m"};
 constexpr TargetShapeGroup ShapeGroupOf(int param) {
-  return param < 2 ? TargetShapeGroup::kScale : TargetShapeGroup::kBend;
+  return param < 2 ? TargetShapeGroup::kScale : param < 5 ? TargetShapeGroup::kBend : TargetShapeGroup::kCubic;
 }
+constexpr int NumParamsOf(TargetShapeGroup group) {
+  int num = 0;
+  for (int param = 0; param < TargetShape::kNumParams; ++param) num += ShapeGroupOf(param) == group ? 1 : 0;
+  return num;
+}
+// Returns the largest height, in m, among the parameters of the shape that are heights.
+double LargestHeightM(const TargetShape& shape);
 
 // Returns the shape of a target that is exactly as designed.
 TargetShape DesignedShape(const Points3& points_in_target);

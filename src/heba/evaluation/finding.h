@@ -58,6 +58,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "suggested_captures",
     "shape_scale",
     "shape_bend",
+    "shape_cubic",
     "rejected_model",
     "no_better_model",
 };

@@ -199,7 +199,9 @@ Camera ReadCameraJson(const JsonReader& reader) {
 TargetShape ReadShapeJson(const JsonReader& reader) {
   TargetShape shape;
   for (size_t i = 0; i < shape.params.size(); ++i) {
-    shape.params[i] = reader.Get(std::string(kTargetShapeParamNames[i]).c_str()).Number();
+    // Results that were written before a parameter existed lack it.
+    const std::string name(kTargetShapeParamNames[i]);
+    if (reader.Has(name.c_str())) shape.params[i] = reader.Get(name.c_str()).Number();
   }
   return shape;
 }
