@@ -116,7 +116,8 @@ Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, co
   constexpr double kBendRejected = 1e-3;
   const double gain =
       SumOf(LogLikelihoods(other, bent->pixel_sigma_px)) - SumOf(LogLikelihoods(fitted, bent->pixel_sigma_px));
-  if (FisherTail(std::max(0.0, gain), NumParamsOf(TargetShapeGroup::kBend), bent->covariance_dof) < kBendRejected) return other;
+  if (FisherTail(std::max(0.0, gain), NumParamsOf(TargetShapeGroup::kBend), bent->covariance_dof) < kBendRejected)
+    return other;
   return fitted;
 }
 

@@ -220,7 +220,8 @@ void ChooseCubicSurfaces(const ModelComparison& comparison, ErrorModelChoice* ch
     if (!found || !std::isfinite(found->log_likelihood)) continue;
     const double p = PValueAgainst(*found, choice->best);
     choice->alternatives[choice->chosen].p = std::min(choice->alternatives[choice->chosen].p.value_or(1), p);
-    choice->alternatives.push_back({larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
+    choice->alternatives.push_back(
+        {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
     if (p >= kModelRejected) continue;
     choice->chosen = choice->alternatives.size() - 1;
     choice->best = std::move(*found);

@@ -188,6 +188,29 @@ std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKe
   return prior;
 }
 
+DriftOptions ReadDrift(MapReader& refine, bool has_sides) {
+  DriftOptions drift;
+  const std::optional<ConfigValue> value = refine.Find("drift");
+  if (!value || value->IsText() || !has_sides) {
+    const std::string name = value ? value->AsChoice({"auto", "none"}) : "auto";
+    drift.is_tested = name == "auto";
+    refine.Record("drift", YAML::Node(name));
+    return drift;
+  }
+  drift.is_tested = false;
+  YAML::Node sides(YAML::NodeType::Sequence);
+  for (const ConfigValue& item : value->AsList()) {
+    const std::string name = item.AsChoice({kDriftSideNames.begin(), kDriftSideNames.end()});
+    const DriftSide side = name == kDriftSideNames[0] ? DriftSide::kHand : DriftSide::kWorld;
+    const bool is_new = std::find(drift.wanted.begin(), drift.wanted.end(), side) == drift.wanted.end();
+    if (!is_new) item.Fail("is listed twice");
+    drift.wanted.push_back(side);
+    sides.push_back(name);
+  }
+  refine.Record("drift", sides);
+  return drift;
+}
+
 FreeShape ReadFreeShape(MapReader& refine) {
   FreeShape shape;
   const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());

@@ -12,6 +12,7 @@
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/data/camera_prior.h"
+#include "heba/data/drift.h"
 #include "heba/data/solution.h"
 #include "heba/data/target_shape.h"
 #include "heba/target.h"
@@ -69,6 +70,9 @@ FreeShape ReadFreeShape(MapReader& refine);
 // The keys of TargetShape::params where a true shape is stated.
 inline constexpr std::array<const char*, TargetShape::kNumParams> kTargetShapeKeys = {
     "scale_x", "scale_y", "bend_x", "bend_y", "twist", "cubic_xxx", "cubic_xxy", "cubic_xyy", "cubic_yyy"};
+
+// Reads the key `drift` of `refine`; a list of sides only if `has_sides`.
+DriftOptions ReadDrift(MapReader& refine, bool has_sides);
 
 // Reads the key `pixel_noise` of `refine`, px; nothing if it is to be estimated.
 std::optional<double> ReadPixelNoise(MapReader& refine);

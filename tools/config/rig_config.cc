@@ -396,6 +396,7 @@ void ReadRefine(MapReader& root, RigConfig* config) {
   ReadRigNoise(reader, &config->options.calibration);
   adjustment.pixel_noise_px = ReadPixelNoise(reader);
   adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  config->options.drift = ReadDrift(reader, false);
   reader.Finish();
   root.Record("refine", reader.used());
 }

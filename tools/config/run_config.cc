@@ -140,6 +140,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
       ReadIntrinsicsPrior(reader, {is_imported ? std::nullopt : config->data.camera, source, ""},
                           config->options.bundle.free_intrinsics, "camera.intrinsics");
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  config->options.drift = ReadDrift(reader, true);
   reader.Finish();
   root.Record("refine", reader.used());
 }

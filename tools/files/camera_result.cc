@@ -51,9 +51,9 @@ std::string CameraResultToJson(const std::string& name, const std::vector<std::p
   const LensFit& chosen = calibration.lenses[calibration.chosen];
   json["errors"] = Json{{"reprojection_rms_px", Finite(chosen.rms_px)},
                         {"holdout_rms_px", chosen.holdout_rms_px ? Finite(*chosen.holdout_rms_px) : Json(nullptr)}};
-  json["target_shape"] =
-      Json{{"bend_x_m", Finite(calibration.shape.params[2])}, {"bend_y_m", Finite(calibration.shape.params[3])},
-           {"twist_m", Finite(calibration.shape.params[4])}};
+  json["target_shape"] = Json{{"bend_x_m", Finite(calibration.shape.params[2])},
+                              {"bend_y_m", Finite(calibration.shape.params[3])},
+                              {"twist_m", Finite(calibration.shape.params[4])}};
   json["lenses"] = Json::array();
   for (const LensFit& lens : calibration.lenses) json["lenses"].push_back(LensJson(lens));
   json["projection"] = Json{{"columns", map.columns}, {"rows", map.rows}, {"sigmas_px", Json::array()}};

@@ -12,8 +12,10 @@
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/calibration/capture_rejection.h"
+#include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/initial/pose_consistency.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_camera_motion.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
@@ -173,20 +175,40 @@ struct Calibrated {
   CalibrationOptions options;  // The final refinement used these.
   std::optional<ArmSetup> arm;
   std::optional<Finding> of_smooth_errors;
+  std::vector<Drift> drifts;  // The views were corrected for these.
 };
 
-// Calibrates from the detections of the captures that are not in `left_out`; the target may be detected again.
+// The drifts that the views are corrected for, with the poses of their bodies.
+struct KnownDrifts {
+  std::vector<Drift> drifts = {};
+  HandEye hand_eye = {};
+};
+
+void Correct(const Dataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
+  for (View& view : *views) {
+    for (const Drift& drift : known.drifts) {
+      view.camera_mount_from_target_mount = WithoutDrift(
+          view.camera_mount_from_target_mount, drift, RemainingShare(drift, view.capture, dataset.captures.size()),
+          dataset.setup, known.hand_eye.camera_mount_from_camera, known.hand_eye.target_mount_from_target);
+    }
+  }
+}
+
+// Calibrates from the detections of the captures that are not in `left_out`, with the drifts that are known; the target
+// may be detected again.
 Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& options,
-                                      const std::set<size_t>& left_out, std::vector<CaptureDetection>* detections,
-                                      RunObserver* observer) {
+                                      const std::set<size_t>& left_out, const KnownDrifts& known,
+                                      std::vector<CaptureDetection>* detections, RunObserver* observer) {
   const auto views_of = [&](const std::vector<CaptureDetection>& seen) {
     std::vector<View> views = ViewsOf(dataset, seen);
     std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
+    Correct(dataset, known, &views);
     return views;
   };
   EndIfCancelled(observer);
   Calibrated calibrated;
   calibrated.dataset = dataset;
+  calibrated.drifts = known.drifts;
   calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
   Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
   if (!calibration) return calibration.failure();
@@ -208,6 +230,68 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
   }
   calibrated.calibration = std::move(*calibration);
   return calibrated;
+}
+
+// The captures that a calibration uses, as a problem, with its solution and the times of the captures.
+struct UsedCaptures {
+  RigProblem problem;
+  RigSolution solution;
+  CaptureTimes times;
+};
+
+UsedCaptures UsedBy(const Calibrated& calibrated) {
+  const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
+  const JudgedRig& judged = of_captures.model.judged;
+  UsedCaptures used{WithoutRejected(Without(of_captures.model.problem, judged.left_out), judged.solution),
+                    judged.solution,
+                    {{}, calibrated.dataset.captures.size()}};
+  for (const View& view : of_captures.views) used.times.places.push_back(view.capture);
+  return used;
+}
+
+// Calibrates with drifts of the bodies and forms of `drifts`, which are estimated again with the captures that they
+// bring back. Returns nothing if the captures do not determine them.
+std::optional<Calibrated> CalibrateWithDrifts(const Dataset& dataset, const RunOptions& options,
+                                              const std::set<size_t>& left_out, KnownDrifts known,
+                                              std::vector<CaptureDetection>* detections, RunObserver* observer) {
+  std::optional<Calibrated> with_drifts;
+  constexpr int kNumRounds = 2;
+  for (int round = 0; round < kNumRounds; ++round) {
+    EndIfCancelled(observer);
+    Outcome<Calibrated> next = CalibrateCaptures(dataset, options, left_out, known, detections, observer);
+    if (!next || !next->calibration.refined) return with_drifts;
+    const UsedCaptures used = UsedBy(*next);
+    const std::optional<std::vector<Drift>> rest =
+        EstimateDrifts(used.problem, used.solution, dataset.setup, used.times, known.drifts);
+    if (!rest) return with_drifts;
+    for (size_t d = 0; d < known.drifts.size(); ++d) {
+      next->drifts[d].covariance = (*rest)[d].covariance;
+      known.drifts[d] = next->drifts[d];
+      // Captures at one pose are told by that of the robot: with the corrections they are at several.
+      if (known.drifts[d].evidence != DriftEvidence::kRevisits) known.drifts[d].change += (*rest)[d].change;
+    }
+    with_drifts = std::move(*next);
+  }
+  return with_drifts;
+}
+
+// Looks for a drift, or takes the drifts that are wanted.
+DriftSearch SearchDrift(const Calibrated& calibrated, const RunOptions& options, std::vector<Drift>* drifts) {
+  const UsedCaptures used = UsedBy(calibrated);
+  const Setup setup = calibrated.dataset.setup;
+  DriftSearch search;
+  if (options.drift.is_tested) {
+    search = FindDrift(used.problem, used.solution, setup, used.times);
+    if (search.found) drifts->push_back(*search.found);
+    return search;
+  }
+  std::vector<Drift> wanted;
+  for (const DriftSide side : options.drift.wanted) wanted.emplace_back().side = side;
+  if (wanted.empty()) return search;
+  const std::optional<std::vector<Drift>> estimated =
+      EstimateDrifts(used.problem, used.solution, setup, used.times, wanted);
+  if (estimated) *drifts = *estimated;
+  return search;
 }
 
 // The captures on one side of a motion of the camera.
@@ -234,14 +318,26 @@ std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_
   return left_out;
 }
 
-// Calibrates from the captures, without those on the shorter side of each motion of the camera; `motions` are the
-// findings about them.
+// Calibrates from the captures, corrected for a drift or without those on the shorter side of each motion of the
+// camera; `motions` are the findings about them.
 Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOptions& options,
                                             std::vector<CaptureDetection>* detections, std::vector<Finding>* motions,
                                             RunObserver* observer) {
   std::set<size_t> left_out;
   std::vector<UnusedView> unused;
-  Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, detections, observer);
+  Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, {}, detections, observer);
+  std::optional<Finding> unseen;
+  if (calibrated && calibrated->calibration.refined) {
+    EndIfCancelled(observer);
+    std::vector<Drift> drifts;
+    unseen = SearchDrift(*calibrated, options, &drifts).unseen;
+    std::optional<Calibrated> corrected;
+    if (!drifts.empty()) {
+      corrected = CalibrateWithDrifts(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
+                                      detections, observer);
+    }
+    if (corrected) calibrated = std::move(*corrected);
+  }
   for (int motion = 0; motion < kMostMotions; ++motion) {
     if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
     EndIfCancelled(observer);
@@ -249,7 +345,7 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
     if (!found) break;
     std::set<size_t> without = left_out;
     without.insert(found->captures.begin(), found->captures.end());
-    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, detections, observer);
+    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, {}, detections, observer);
     // A motion that leaves too few captures is not found out.
     if (!rest || !rest->calibration.refined) break;
     calibrated = std::move(rest);
@@ -257,10 +353,13 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
     motions->push_back(found->finding);
     for (const size_t i : found->captures) unused.push_back({dataset.captures[i].name, i, found->reason});
   }
-  if (calibrated) {
-    std::vector<UnusedView>& all = calibrated->calibration.unused;
-    all.insert(all.end(), unused.begin(), unused.end());
+  if (!calibrated) return calibrated;
+  for (const Drift& drift : calibrated->drifts) {
+    motions->push_back(DescribeDrift(drift, dataset.setup, dataset.captures[drift.capture].name));
   }
+  if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
+  std::vector<UnusedView>& all = calibrated->calibration.unused;
+  all.insert(all.end(), unused.begin(), unused.end());
   return calibrated;
 }
 
@@ -297,7 +396,17 @@ Outcome<RunOutput> RunOnImages(Dataset dataset, const RunOptions& options, RunOb
   if (!calibration.refined) return calibration.refined.failure();
   timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
-  const Advice advice = Advise(calibration, calibrated->options);
+  Advice advice = Advise(calibration, calibrated->options);
+  if (!calibrated->drifts.empty()) {
+    Calibrated of_output = *calibrated;
+    of_output.calibration = calibration;
+    of_output.dataset = output.dataset;
+    const UsedCaptures used = UsedBy(of_output);
+    for (Eigen::VectorXd& change :
+         ChangesByDrifts(used.problem, used.solution, dataset.setup, used.times, calibrated->drifts)) {
+      advice.changes.push_back(std::move(change));
+    }
+  }
   output.result = Assess(output.dataset, options, detections, calibration, advice, calibrated->options, observer);
   const Solution& assessed = *output.result.estimates.back().solution;
   calibration.refined->covariance = assessed.covariance;

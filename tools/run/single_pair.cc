@@ -67,6 +67,7 @@ RunOptions OptionsOfPair(const RigDataset& rig, const RigRunOptions& options) {
   of_pair.choose.robot_noise =
       adjustment.robot == BundleOptions::Robot::kEstimatedNoise && of_pair.smooth != SmoothPoseErrors::kAlways;
   of_pair.choose.target_shape = options.calibration.choose_target_shape;
+  of_pair.drift = options.drift;
   of_pair.kinematics = options.kinematics;
   of_pair.camera_model = camera.camera.model;
   of_pair.choose_camera_model = !rig.has_camera.front() && of_pair.camera_model.empty();

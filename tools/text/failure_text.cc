@@ -93,8 +93,9 @@ constexpr OwnerWords kOwners[] = {
     {"camera.", "cameras.", ".camera.", "the camera's", "camera", ""},
     {"target.", "targets.", ".shape.", "the target's", "target", ""},
 };
-constexpr std::string_view kShapeWords[] = {"scale along x", "scale along y", "bend along x", "bend along y", "twist",
-                                            "cubic bend xxx", "cubic bend xxy", "cubic bend xyy", "cubic bend yyy"};
+constexpr std::string_view kShapeWords[] = {"scale along x",  "scale along y",  "bend along x",
+                                            "bend along y",   "twist",          "cubic bend xxx",
+                                            "cubic bend xxy", "cubic bend xyy", "cubic bend yyy"};
 static_assert(std::size(kShapeWords) == TargetShape::kNumParams);
 
 std::string ParameterText(std::string_view name, std::string_view frame) {

@@ -328,7 +328,7 @@ FindingText ShapeScale(const Finding& finding) {
 FindingText ShapeBend(const Finding& finding) {
   return {"its centre is " + Fixed(Number(finding, "bend_x_mm"), 2) + " mm (along x) and " +
               Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges, its corners " +
-              Fixed(Number(finding, "twist_mm"), 2) + " mm (saddle) from its plane",
+              Fixed(finding.Number("twist_mm").value_or(0), 2) + " mm (saddle) from its plane",
           ""};
 }
 
@@ -458,6 +458,31 @@ FindingText CameraMoved(const Finding& finding) {
               " were left out",
           "fix the camera's mount and record all captures again, or calibrate from the captures after the motion only "
           "(captures.exclude)"};
+}
+
+FindingText DriftText(const Finding& finding) {
+  const std::string body = Name(finding, "body");
+  std::string text = "the " + body + (Is(finding, "form", "linear") ? " crept by " : " was knocked by ") +
+                     Amount(finding, "change_mm") + " mm and " + Amount(finding, "change_deg") + " deg (one sigma " +
+                     Amount(finding, "sigma_mm") + " mm and " + Amount(finding, "sigma_deg") + " deg) ";
+  text += Is(finding, "form", "linear") ? "from the first capture to the last"
+                                        : "just before the capture " + Name(finding, "capture");
+  if (!Is(finding, "evidence", "wanted")) text += " (" + ChanceText(Number(finding, "p")) + ")";
+  const double odds = Number(finding, "odds_of_side");
+  constexpr double kClear = 100;
+  if (odds < kClear && !Is(finding, "evidence", "wanted")) {
+    text += "; that it was not the " + std::string(body == "camera" ? "target" : "camera") +
+            " or the robot's base is " + Significant(odds, 2) + " times as likely";
+  }
+  return {text + "; the result is that of the last capture",
+          "tighten what carries the " + body + ", and record the captures again if it is to hold"};
+}
+
+FindingText DriftUnseen(const Finding& /*finding*/) {
+  return {
+      "a drift of the camera or of the target cannot be told from the errors of the robot, because the order of the "
+      "captures follows from their poses",
+      "repeat the first three poses at the end of the next session"};
 }
 
 FindingText HeldIntrinsics(const Finding& finding) {
@@ -599,6 +624,8 @@ constexpr CodeWords kWords[] = {
     {"arm_singular_captures", &ArmSingularCaptures},
     {"symmetric_target", &SymmetricTarget},
     {"camera_moved", &CameraMoved},
+    {"drift", &DriftText},
+    {"drift_unseen", &DriftUnseen},
 };
 
 constexpr const CodeWords* WordsOf(std::string_view code) {

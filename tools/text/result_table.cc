@@ -179,8 +179,8 @@ std::string ShapeLine(const RigTarget& target, const TargetShape& shape, const C
     if (!sigma) continue;
     const bool is_scale = ShapeGroupOf(static_cast<int>(i)) == TargetShapeGroup::kScale;
     const double unit = is_scale ? 1 : 1000;
-    parts.push_back(std::string(kTargetShapeWords[i]) + " " + Fixed(unit * shape.params[i], is_scale ? 5 : 3) + (is_scale ? "" : " mm") + " (one sigma " +
-                    ShownAmount(unit * *sigma, 2) + ")");
+    parts.push_back(std::string(kTargetShapeWords[i]) + " " + Fixed(unit * shape.params[i], is_scale ? 5 : 3) +
+                    (is_scale ? "" : " mm") + " (one sigma " + ShownAmount(unit * *sigma, 2) + ")");
   }
   if (parts.empty()) return "";
   return (target.name.empty() ? "target" : "target " + target.name) + ": " + Join(parts, ", ") + "\n";

@@ -19,12 +19,7 @@ Heights ByHeights(const Eigen::Vector2d& point, const TargetShape& shape) {
     place[i] = (point[i] - shape.middle_m[i]) / shape.half_size_m[i];
     arch[i] = 1 - place[i] * place[i];
   }
-  return {arch[0],
-          arch[1],
-          place[0] * place[1],
-          place[0] * arch[0],
-          place[1] * arch[0],
-          place[0] * arch[1],
+  return {arch[0],           arch[1], place[0] * place[1], place[0] * arch[0], place[1] * arch[0], place[0] * arch[1],
           place[1] * arch[1]};
 }
 

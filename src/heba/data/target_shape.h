@@ -31,7 +31,8 @@ struct TargetShape {
 enum class TargetShapeGroup { kScale, kBend, kCubic };
 inline constexpr std::array<std::string_view, 3> kTargetShapeGroupNames = {"scale", "bend", "cubic"};
 inline constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeParamNames = {
-    "scale_x", "scale_y", "bend_x_m", "bend_y_m", "twist_m", "cubic_xxx_m", "cubic_xxy_m", "cubic_xyy_m", "cubic_yyy_m"};
+    "scale_x",     "scale_y",     "bend_x_m",    "bend_y_m",   "twist_m",
+    "cubic_xxx_m", "cubic_xxy_m", "cubic_xyy_m", "cubic_yyy_m"};
 constexpr TargetShapeGroup ShapeGroupOf(int param) {
   return param < 2 ? TargetShapeGroup::kScale : param < 5 ? TargetShapeGroup::kBend : TargetShapeGroup::kCubic;
 }

@@ -52,6 +52,8 @@ inline constexpr std::string_view kFindingCodes[] = {
     "arm_singular_captures",
     "symmetric_target",
     "camera_moved",
+    "drift",
+    "drift_unseen",
     "at_working_point",
     "intrinsics_not_included",
     "weak_direction_of",

@@ -67,6 +67,7 @@ struct RigDataset {
 struct RigRunOptions {
   RigCalibrationOptions calibration;          // Its `has_camera` and `arms` are not used.
   Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if RigDataset::arms has any.
+  DriftOptions drift;                         // RunOptions::drift, for a rig of one camera, one target and one arm.
   std::vector<PlacedRequirement> requirements;
   int folds = 5;        // Number of folds of the cross-validation; 0: none.
   int num_threads = 1;  // The result does not depend on it.

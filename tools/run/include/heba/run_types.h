@@ -15,6 +15,7 @@
 #include "heba/calibration.h"
 #include "heba/cross_validation.h"
 #include "heba/data/dataset.h"
+#include "heba/data/drift.h"
 #include "heba/data/setup.h"
 #include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
@@ -89,6 +90,7 @@ struct RunOptions {
   Kinematics kinematics = Kinematics::kAuto;  // Not used without Dataset::robot.
   bool joint_noise = false;  // Whether the robot noise that is estimated includes that of the arm's joints.
   SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
+  DriftOptions drift;               // Which motions of the mounts during the captures are taken in.
   std::string camera_model;         // The model of an estimated camera.
   bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.
   int folds = 5;                    // Number of folds of the cross-validation; 0: none.

@@ -1,0 +1,414 @@
+#include "solvers/calibration/drift_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
+#include "heba/base/units.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kFewestCaptures = 8;
+constexpr DriftSide kSides[] = {DriftSide::kHand, DriftSide::kWorld};
+// Above this share, the order of the captures is a function of their poses.
+constexpr double kOrderIsPose = 0.3;
+// The repeatability of an industrial arm, and the largest distance at which its errors are the same but for that.
+constexpr RobotNoise kRepeatability = {1e-4, DegToRad(0.02)};
+constexpr double kSameErrorsM = 1e-3;
+constexpr double kSameErrorsRad = DegToRad(0.2);
+// One sigma of an error of a pose of which nothing is known.
+constexpr RobotNoise kAnyError = {0.1, 0.2};
+
+// The captures that share an error of the robot: the products of their whitened rows. The columns are the unknowns,
+// those of the poses of camera and target once more for each capture, and the offset.
+struct GroupProducts {
+  std::vector<size_t> captures;  // Indices in RigProblem::captures.
+  Eigen::MatrixXd products;
+};
+
+// The normal equations of drifts h, six numbers each, beside the unknowns x.
+struct DriftEquations {
+  Eigen::MatrixXd coupling;     // H_xh
+  Eigen::MatrixXd information;  // H_hh
+  Eigen::VectorXd gradient;     // g_h
+};
+
+struct LinearisedDrift {
+  std::vector<GroupProducts> groups;
+  Eigen::Index num_unknowns = 0;
+  CaptureTimes times;
+  Setup setup = Setup::kEyeToHand;
+};
+
+// Returns the view of a group: its captures one above the other, with the columns of GroupProducts. `own_effects` adds
+// the effects of each capture by itself after those that all share.
+LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector<size_t>& members,
+                     const std::array<Eigen::Index, 2>& bodies, bool own_effects) {
+  Eigen::Index num_rows = 0;
+  for (const size_t v : members) num_rows += views[v].offset.size();
+  const Eigen::Index num_unknowns = views.front().by_unknowns.cols();
+  const Eigen::Index num_effects = views.front().by_effects.cols();
+  const auto num_members = static_cast<Eigen::Index>(members.size());
+  LinearisedView stack;
+  stack.by_unknowns = Eigen::MatrixXd::Zero(num_rows, num_unknowns + 12 * num_members);
+  stack.by_effects = Eigen::MatrixXd::Zero(num_rows, num_effects * (own_effects ? 1 + num_members : 1));
+  stack.offset.resize(num_rows);
+  Eigen::Index row = 0;
+  for (Eigen::Index k = 0; k < num_members; ++k) {
+    const LinearisedView& view = views[members[static_cast<size_t>(k)]];
+    const Eigen::Index size = view.offset.size();
+    stack.by_unknowns.block(row, 0, size, num_unknowns) = view.by_unknowns;
+    for (size_t b = 0; b < 2; ++b) {
+      stack.by_unknowns.block<Eigen::Dynamic, 6>(row, num_unknowns + 12 * k + 6 * static_cast<Eigen::Index>(b), size,
+                                                 6) = view.by_unknowns.middleCols<6>(bodies[b]);
+    }
+    stack.by_effects.block(row, 0, size, num_effects) = view.by_effects;
+    if (own_effects) stack.by_effects.block(row, num_effects * (1 + k), size, num_effects) = view.by_effects;
+    stack.offset.segment(row, size) = view.offset;
+    row += size;
+  }
+  return stack;
+}
+
+// Returns the groups of captures at nearly one pose.
+CaptureGroups Revisits(const RigProblem& problem) {
+  CaptureGroups groups;
+  for (const size_t i : CapturesWithPoints(problem)) {
+    const Rigid3d& pose = problem.captures[i].base_from_gripper.front();
+    const auto same = std::find_if(groups.begin(), groups.end(), [&](const std::vector<size_t>& group) {
+      const Rigid3d& first = problem.captures[group.front()].base_from_gripper.front();
+      return DistanceM(first, pose) < kSameErrorsM && AngleRad(first, pose) < kSameErrorsRad;
+    });
+    if (same == groups.end()) {
+      groups.push_back({i});
+    } else {
+      same->push_back(i);
+    }
+  }
+  return groups;
+}
+
+// Linearises the captures; `at_revisits`: only what those at one pose say against each other. Returns nothing if a
+// point cannot be projected.
+std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const RigSolution& solution, Setup setup,
+                                              const CaptureTimes& times, bool at_revisits) {
+  const RigProblem weighted = WeightedAs(solution, problem);
+  const FitNoise noise = NoiseOf(solution);
+  const std::optional<std::vector<LinearisedView>> views =
+      LineariseEachCapture(weighted, StateOf(solution), noise, LossOf(LossKind::kNone));
+  if (!views || views->empty()) return std::nullopt;
+  const std::vector<size_t> captures = CapturesWithPoints(weighted);
+  const UnknownLayout layout = RigUnknowns(weighted);
+  const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
+                                              layout.Block(TargetPoseBlock(weighted.targets.front())).first};
+  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(weighted, MovingRobots(weighted));
+  const Eigen::VectorXd variances = CorrectionVariances(noise, num_joints);
+  LinearisedDrift linearised{{}, layout.size(), times, setup};
+  for (const std::vector<size_t>& group : at_revisits ? Revisits(weighted) : GroupByRobotPoses(weighted)) {
+    if (at_revisits && group.size() < 2) continue;
+    std::vector<size_t> members;
+    for (const size_t i : group) {
+      members.push_back(static_cast<size_t>(std::find(captures.begin(), captures.end(), i) - captures.begin()));
+    }
+    LinearisedView stack = Stack(*views, members, bodies, at_revisits);
+    Eigen::VectorXd of_effects = variances;
+    if (at_revisits) {
+      RobotNoise repeated = kRepeatability;
+      if (!noise.robots.empty()) {
+        repeated.translation_m = std::min(repeated.translation_m, noise.robots.front().translation_m);
+        repeated.rotation_rad = std::min(repeated.rotation_rad, noise.robots.front().rotation_rad);
+      }
+      const Eigen::Index num_effects = views->front().by_effects.cols();
+      of_effects = Eigen::VectorXd::Zero(stack.by_effects.cols());
+      for (Eigen::Index k = 0; num_effects >= 6 && k <= static_cast<Eigen::Index>(members.size()); ++k) {
+        of_effects.segment<6>(num_effects * k) = CorrectionVariances(k == 0 ? kAnyError : repeated);
+      }
+    }
+    if (stack.by_effects.cols() != of_effects.size()) of_effects = Eigen::VectorXd::Zero(stack.by_effects.cols());
+    const RowMajorMatrix rows = WhitenedRows(stack, 1, of_effects);
+    linearised.groups.push_back({group, rows.transpose() * rows});
+  }
+  return linearised;
+}
+
+// Returns the equations of drifts. At the optimum of the unknowns, their gradient is zero.
+DriftEquations EquationsOf(const LinearisedDrift& linearised, const std::vector<Drift>& drifts) {
+  const Eigen::Index p = linearised.num_unknowns;
+  const auto size = 6 * static_cast<Eigen::Index>(drifts.size());
+  DriftEquations equations{Eigen::MatrixXd::Zero(p, size), Eigen::MatrixXd::Zero(size, size),
+                           Eigen::VectorXd::Zero(size)};
+  for (const GroupProducts& group : linearised.groups) {
+    const Eigen::Index last = group.products.cols() - 1;
+    // The columns of the drifts are combinations of those of the bodies' poses in the captures of the group.
+    Eigen::MatrixXd by_drifts = Eigen::MatrixXd::Zero(last - p, size);
+    for (size_t k = 0; k < group.captures.size(); ++k) {
+      for (size_t d = 0; d < drifts.size(); ++d) {
+        const Eigen::Index body = IsCameraDrifting(linearised.setup, drifts[d].side) ? 0 : 6;
+        const double share =
+            RemainingShare(drifts[d], linearised.times.places[group.captures[k]], linearised.times.num_captures);
+        by_drifts.block<6, 6>(12 * static_cast<Eigen::Index>(k) + body, 6 * static_cast<Eigen::Index>(d)) =
+            -share * Eigen::Matrix<double, 6, 6>::Identity();
+      }
+    }
+    const Eigen::Index num_own = last - p;
+    equations.coupling += group.products.block(0, p, p, num_own) * by_drifts;
+    equations.information += by_drifts.transpose() * group.products.block(p, p, num_own, num_own) * by_drifts;
+    equations.gradient += by_drifts.transpose() * group.products.block(p, last, num_own, 1);
+  }
+  return equations;
+}
+
+struct DriftSolution {
+  Eigen::VectorXd changes;
+  Eigen::MatrixXd covariance;
+  double statistic = 0;
+};
+
+// Solves the equations; nothing if the captures do not determine the drifts. The unknowns are held at revisits, which
+// say nothing about them.
+std::optional<DriftSolution> Solve(const DriftEquations& equations, const Eigen::MatrixXd& covariance, bool are_held) {
+  Eigen::MatrixXd reduced = equations.information;
+  if (!are_held) reduced -= equations.coupling.transpose() * covariance * equations.coupling;
+  // A direction that the other unknowns take up leaves the rounding of the difference.
+  constexpr double kRank = 1e-9;
+  if (!(equations.information.diagonal().minCoeff() > 0)) return std::nullopt;
+  const Eigen::VectorXd scales = equations.information.diagonal().cwiseSqrt().cwiseInverse();
+  const auto factor = Cholesky(Eigen::MatrixXd(scales.asDiagonal() * reduced * scales.asDiagonal()));
+  if (!factor || Eigen::VectorXd(factor->lower().diagonal()).minCoeff() < std::sqrt(kRank)) return std::nullopt;
+  DriftSolution solution;
+  solution.covariance = scales.asDiagonal() * factor->Inverse() * scales.asDiagonal();
+  solution.changes = solution.covariance * equations.gradient;
+  solution.statistic = solution.changes.dot(equations.gradient);
+  return solution;
+}
+
+void SetChange(const DriftSolution& solution, size_t index, Drift* drift) {
+  const auto first = 6 * static_cast<Eigen::Index>(index);
+  drift->change = solution.changes.segment<6>(first);
+  drift->covariance = solution.covariance.block<6, 6>(first, first);
+}
+
+double TailOf(double statistic, double dof) {
+  const double clamped = std::max(0.0, statistic);
+  return std::isfinite(dof) ? FisherTail(clamped / 6, 6, dof) : ChiSquareTail(clamped, 6);
+}
+
+// Returns the drifts that are tested: the linear ones, and a step before each capture but the first and last two.
+std::vector<Drift> Candidates(size_t num_captures) {
+  std::vector<Drift> candidates;
+  for (const DriftSide side : kSides) {
+    Drift& linear = candidates.emplace_back();
+    linear.side = side;
+    constexpr size_t kFewestAtEnd = 2;
+    for (size_t k = kFewestAtEnd; k + kFewestAtEnd <= num_captures; ++k) {
+      Drift& step = candidates.emplace_back();
+      step.side = side;
+      step.form = DriftForm::kStep;
+      step.capture = k;
+    }
+  }
+  return candidates;
+}
+
+// Returns the clearest drift, with its p-value; nothing if none is determined.
+std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSolution& solution, bool are_held) {
+  // The largest of the statistics of all steps is distributed like that of so many independent ones at the most.
+  constexpr double kIndependentSteps = 20;
+  const size_t num_captures = linearised.times.num_captures;
+  const double num_steps = std::min(kIndependentSteps, static_cast<double>(num_captures));
+  std::optional<Drift> clearest;
+  double statistic_of_clearest = 0;
+  std::vector<std::pair<Drift, double>> tested;
+  for (Drift drift : Candidates(num_captures)) {
+    const std::optional<DriftSolution> solved =
+        Solve(EquationsOf(linearised, {drift}), solution.covariance.matrix, are_held);
+    if (!solved) continue;
+    SetChange(*solved, 0, &drift);
+    const double num_tests = (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * std::size(kSides);
+    drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, solution.covariance_dof));
+    tested.emplace_back(drift, solved->statistic);
+    const bool is_clearer = !clearest || drift.p_value < clearest->p_value ||
+                            (drift.p_value == clearest->p_value && solved->statistic > statistic_of_clearest);
+    if (!is_clearer) continue;
+    clearest = drift;
+    statistic_of_clearest = solved->statistic;
+  }
+  for (const auto& [drift, statistic] : tested) {
+    if (drift.form != clearest->form || drift.capture != clearest->capture || drift.side == clearest->side) continue;
+    constexpr double kMostLog = 100;
+    clearest->odds_of_side = std::exp(std::min(kMostLog, 0.5 * (statistic_of_clearest - statistic)));
+  }
+  return clearest;
+}
+
+// Returns whether the drift was found, and is estimated, by captures at one pose; it is then the only one.
+bool AreAtRevisits(const std::vector<Drift>& drifts) {
+  return drifts.size() == 1 && drifts.front().evidence == DriftEvidence::kRevisits;
+}
+
+// Returns what excludes that the errors of the robot look like a drift to a test in the order of the captures.
+std::optional<DriftEvidence> EvidenceOf(const RigProblem& problem, double order_by_pose) {
+  const SharedEffects* const effects = EffectsOf(problem, 0);
+  if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return DriftEvidence::kArm;
+  if (order_by_pose < kOrderIsPose) return DriftEvidence::kOrder;
+  return std::nullopt;
+}
+
+}  // namespace
+
+double OrderByPose(const std::vector<Rigid3d>& poses, const std::vector<size_t>& places) {
+  const size_t n = poses.size();
+  if (n < 3) return 0;
+  double mean_place = 0;
+  for (const size_t place : places) mean_place += static_cast<double>(place) / static_cast<double>(n);
+  double total = 0;
+  for (const size_t place : places) total += std::pow(static_cast<double>(place) - mean_place, 2);
+  double spread_m2 = 0;
+  double spread_rad2 = 0;
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      spread_m2 += std::pow(DistanceM(poses[i], poses[j]), 2);
+      spread_rad2 += std::pow(AngleRad(poses[i], poses[j]), 2);
+    }
+  }
+  const double num_pairs = 0.5 * static_cast<double>(n * (n - 1));
+  spread_m2 = std::max(spread_m2 / num_pairs, 1e-12);
+  spread_rad2 = std::max(spread_rad2 / num_pairs, 1e-12);
+  double best = 0;
+  for (const double width : {0.05, 0.1, 0.2, 0.3, 0.5, 0.8}) {
+    double errors = 0;
+    for (size_t i = 0; i < n; ++i) {
+      double sum = 0;
+      double weights = 0;
+      for (size_t j = 0; j < n; ++j) {
+        if (j == i) continue;
+        const double square = std::pow(DistanceM(poses[i], poses[j]), 2) / spread_m2 +
+                              std::pow(AngleRad(poses[i], poses[j]), 2) / spread_rad2;
+        const double weight = std::exp(-0.5 * square / (width * width));
+        sum += weight * static_cast<double>(places[j]);
+        weights += weight;
+      }
+      constexpr double kNone = 1e-300;
+      const double predicted = weights > kNone ? sum / weights : mean_place;
+      errors += std::pow(static_cast<double>(places[i]) - predicted, 2);
+    }
+    best = std::max(best, 1 - errors / total);
+  }
+  return best;
+}
+
+DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times) {
+  DriftSearch search;
+  const bool is_single =
+      problem.cameras.size() == 1 && problem.targets.size() == 1 && MovingRobots(problem).size() == 1;
+  const std::vector<size_t> captures = CapturesWithPoints(problem);
+  if (!is_single || captures.size() < kFewestCaptures) return search;
+  std::vector<Rigid3d> poses;
+  std::vector<size_t> places;
+  for (const size_t i : captures) {
+    poses.push_back(problem.captures[i].base_from_gripper.front());
+    places.push_back(times.places[i]);
+  }
+  const double order_by_pose = OrderByPose(poses, places);
+  const std::optional<DriftEvidence> evidence = EvidenceOf(problem, order_by_pose);
+  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
+  if (!all) return search;
+  std::optional<Drift> in_order = Clearest(*all, solution, false);
+  if (evidence && in_order && in_order->p_value < kDriftByChance) {
+    in_order->evidence = *evidence;
+    search.found = in_order;
+    return search;
+  }
+  const std::optional<LinearisedDrift> revisits = LineariseDrift(problem, solution, setup, times, true);
+  std::optional<Drift> at_revisits;
+  if (revisits && !revisits->groups.empty()) at_revisits = Clearest(*revisits, solution, true);
+  if (at_revisits && at_revisits->p_value < kDriftByChance) {
+    // Both sides explain captures at one pose; the others tell which.
+    Drift other = *at_revisits;
+    other.side = at_revisits->side == DriftSide::kHand ? DriftSide::kWorld : DriftSide::kHand;
+    const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+    const std::optional<DriftSolution> of_this = Solve(EquationsOf(*all, {*at_revisits}), covariance, false);
+    const std::optional<DriftSolution> of_other = Solve(EquationsOf(*all, {other}), covariance, false);
+    const std::optional<DriftSolution> other_at_revisits = Solve(EquationsOf(*revisits, {other}), covariance, true);
+    at_revisits->odds_of_side = 1;
+    if (of_this && of_other && other_at_revisits) {
+      constexpr double kMostLog = 100;
+      const double gain = of_other->statistic - of_this->statistic;
+      if (gain > 0) {
+        at_revisits->side = other.side;
+        SetChange(*other_at_revisits, 0, &*at_revisits);
+      }
+      at_revisits->odds_of_side = std::exp(std::min(kMostLog, 0.5 * std::abs(gain)));
+    }
+    at_revisits->evidence = DriftEvidence::kRevisits;
+    search.found = at_revisits;
+    return search;
+  }
+  const bool is_exact = NoiseOf(solution).robots.empty() && EffectsOf(problem, 0) == nullptr;
+  if (!evidence && !at_revisits && !is_exact) {
+    search.unseen = Finding{Grade::kGood, FindingCode("drift_unseen"), {{"order_by_pose", order_by_pose}}};
+  }
+  return search;
+}
+
+std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+                                                 const CaptureTimes& times, std::vector<Drift> drifts) {
+  const bool at_revisits = AreAtRevisits(drifts);
+  const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, setup, times, at_revisits);
+  if (!linearised || linearised->groups.empty()) return std::nullopt;
+  const std::optional<DriftSolution> solved =
+      Solve(EquationsOf(*linearised, drifts), solution.covariance.matrix, at_revisits);
+  if (!solved) return std::nullopt;
+  for (size_t d = 0; d < drifts.size(); ++d) SetChange(*solved, d, &drifts[d]);
+  return drifts;
+}
+
+std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+                                             const CaptureTimes& times, const std::vector<Drift>& drifts) {
+  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
+  if (drifts.empty() || !all) return {};
+  const DriftEquations equations = EquationsOf(*all, drifts);
+  Eigen::MatrixXd covariance = drifts.front().covariance;
+  if (!AreAtRevisits(drifts)) {
+    const std::optional<DriftSolution> solved = Solve(equations, solution.covariance.matrix, false);
+    if (!solved) return {};
+    covariance = solved->covariance;
+  }
+  const auto root = Cholesky(covariance);
+  if (!root) return {};
+  const Eigen::MatrixXd columns =
+      solution.covariance.matrix * equations.coupling * root->lower().triangularView<Eigen::Lower>();
+  std::vector<Eigen::VectorXd> changes;
+  for (Eigen::Index j = 0; j < columns.cols(); ++j) changes.emplace_back(columns.col(j));
+  return changes;
+}
+
+Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture) {
+  const auto root_of_sum = [&](Eigen::Index first) {
+    return std::sqrt(drift.covariance.diagonal().segment<3>(first).sum());
+  };
+  Finding finding{Grade::kDoubtful, FindingCode("drift")};
+  finding.numbers = {{"change_mm", 1000 * drift.change.head<3>().norm()},
+                     {"change_deg", RadToDeg(drift.change.tail<3>().norm())},
+                     {"sigma_mm", 1000 * root_of_sum(0)},
+                     {"sigma_deg", RadToDeg(root_of_sum(3))},
+                     {"p", drift.p_value},
+                     {"odds_of_side", drift.odds_of_side}};
+  finding.names = {{"body", IsCameraDrifting(setup, drift.side) ? "camera" : "target"},
+                   {"side", std::string(kDriftSideNames[static_cast<size_t>(drift.side)])},
+                   {"form", std::string(kDriftFormNames[static_cast<size_t>(drift.form)])},
+                   {"evidence", std::string(kDriftEvidenceNames[static_cast<size_t>(drift.evidence)])}};
+  if (drift.form == DriftForm::kStep) finding.names.emplace_back("capture", capture);
+  finding.is_cause = true;
+  return finding;
+}
+
+}  // namespace heba

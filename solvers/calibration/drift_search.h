@@ -1,0 +1,63 @@
+// Finds a mount that moved during the captures: a linear creep, or one step.
+//
+// The errors of a robot depend on its pose, and poses follow a path: seen in the order of the captures they look like a
+// drift. A drift is therefore found only on evidence that excludes them (DriftEvidence).
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/data/drift.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+#include "heba/data/setup.h"
+#include "heba/evaluation/finding.h"
+
+namespace heba {
+
+// When the captures of a problem were taken: for each its place in the order of time, and the number of all captures.
+struct CaptureTimes {
+  std::vector<size_t> places;
+  size_t num_captures = 0;
+};
+
+// Below this probability by chance, for all drifts that are tested, there is a drift.
+inline constexpr double kDriftByChance = 0.01;
+
+struct DriftSearch {
+  std::optional<Drift> found;
+  // `drift_unseen`, if there is no evidence to tell a drift by.
+  std::optional<Finding> unseen;
+};
+
+// Looks for a drift of the camera or of the target of a single camera, one target and one arm. `problem` holds the
+// points that the solution used. With the unknowns x of the solution, which has the covariance C, and the columns D =
+// s(t) A of a drift h, where A are the columns of the body's pose and s is its share of the motion, all whitened with
+// the noise of the solution,
+//   T = g^T S g,  g = D^T r,  S = (D^T D - D^T A_x C A_x^T D)^-1,  h = S g
+// follows F or chi-square with 6 degrees of freedom if there is none; p-values are corrected for the sides, forms and
+// steps that are tested. Returns neither a drift nor a finding for fewer than eight captures.
+DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times);
+
+// Returns drifts of the same bodies and forms as `drifts`, estimated together without a test: what is left of them at
+// the solution. Returns nothing if the captures do not determine them.
+std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+                                                 const CaptureTimes& times, std::vector<Drift> drifts);
+
+// Returns the changes of an estimate by the uncertainty of drifts that it was corrected for, as the columns that
+// AddChanges takes: C A_x^T D S^(1/2).
+std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+                                             const CaptureTimes& times, const std::vector<Drift>& drifts);
+
+// The finding `drift`. `capture` is the name of Drift::capture.
+Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture);
+
+// Returns how much of the captures' order is a function of their poses: the coefficient of determination of the
+// leave-one-out kernel regression of the place on the pose, at the best width; 0 for fewer than three.
+double OrderByPose(const std::vector<Rigid3d>& poses, const std::vector<size_t>& places);
+
+}  // namespace heba
