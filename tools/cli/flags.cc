@@ -19,6 +19,8 @@ DEFINE_string(out, "",
               "|detect: folder for the images with the detections; default: detections/NAME beside the config"
               "|target: the sheet, .svg, .pdf or .png; with --suggest, the target, .yaml"
               "|simulate: folder for the data set"
+              "|plan: file for the poses; its page, and the joints of an arm, are written beside it; default: "
+              "NAME_plan.csv beside the cell or the run"
               "|study: folder for the results; default: studies/NAME beside the study"
               "|import: folder for heba's own files"
               "|export: file for the result, or folder with --to all; default: standard output"
@@ -28,6 +30,7 @@ DEFINE_bool(quiet, false, "|no progress and no table");
 DEFINE_string(shard, "", "I/N|run part I, from 0 to N - 1, of N parts");
 DEFINE_string(set, "",
               "KEY=VALUE|overrides the config, such as refine.loss=none; may be given several times"
+              "|plan: overrides the cell, such as plan.tilt=30 deg; may be given several times"
               "|simulate: overrides the scene, such as motion.captures=30; may be given several times");
 DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
 DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with this verdict, or a worse one, ends with exit status 1");
@@ -88,6 +91,8 @@ DEFINE_string(pose_format, "",
               "FORM|format of the poses: ros (the default), ur, kuka, ..., or a mapping as captures.pose_format");
 DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
 DEFINE_string(history, "", "FOLDER|add the check to the history in this folder, and write its page, history.html");
+DEFINE_int32(count, 15, "N|number of poses");
+DEFINE_string(procedure, "", "two_step|the motions of the two-step method instead of the best poses");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 DEFINE_string(paper, "", "NAME|paper of the sheet: a4, a3, letter, ...; default: a page as large as the sheet");

@@ -48,6 +48,8 @@ DECLARE_string(plane);
 DECLARE_bool(any);
 DECLARE_bool(json);
 DECLARE_string(history);
+DECLARE_int32(count);
+DECLARE_string(procedure);
 
 namespace heba {
 

@@ -39,6 +39,12 @@ bool HoldsTargetKeys(MapReader& reader, const std::string& key) {
   return value.IsMap() && MapReader(value).Has("type");
 }
 
+Rigid3d ReadPoseKey(MapReader& reader, const std::string& key) {
+  const Rigid3d pose = ReadPose(reader.Get(key));
+  reader.Record(key, PoseNode(pose));
+  return pose;
+}
+
 RobotNoise ReadWobble(MapReader& root) {
   RobotNoise wobble = SessionOptions().wobble;
   if (!root.Has("check")) return wobble;

@@ -26,6 +26,8 @@ inline constexpr std::string_view kExcludedReason = "left out by captures.exclud
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
 // Returns whether `key`, a target, holds the target in heba's keys (RunConfig::has_target_keys).
 bool HoldsTargetKeys(MapReader& reader, const std::string& key);
+// Reads a key whose value is a pose.
+Rigid3d ReadPoseKey(MapReader& reader, const std::string& key);
 // Reads `check.wobble`: one sigma of what the mounts on a gripper move by themselves between two sessions, along and
 // about each axis.
 RobotNoise ReadWobble(MapReader& root);

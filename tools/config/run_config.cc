@@ -12,6 +12,7 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/given_detections.h"
+#include "tools/config/plan_section.h"
 #include "tools/config/requirements.h"
 #include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
@@ -211,6 +212,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   ReadWobble(reader);  // `heba check` needs it.
+  ReadPlan(reader);    // `heba plan` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);
   reader.Finish();
   config.used = UsedText(reader);

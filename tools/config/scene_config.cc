@@ -19,13 +19,6 @@
 namespace heba {
 namespace {
 
-// Reads a key whose value is a pose.
-Rigid3d ReadPoseKey(MapReader& reader, const std::string& key) {
-  const Rigid3d pose = ReadPose(reader.Get(key));
-  reader.Record(key, PoseNode(pose));
-  return pose;
-}
-
 // Reads an arm from the keys model, offsets, lengths, angles, gravity, joint_noise, configurations, tool and
 // record_joints.
 SceneArm ReadSceneArm(MapReader& reader) {

@@ -294,6 +294,12 @@ constexpr CodeWords kWords[] = {
     {"no_target_in_view", "no camera sees a target"},
     {"shifted_images", "", &ShiftedImages},
     // The errors of arms.
+    {"few_planned",
+     "{found} poses were found from which the camera sees the target, but {wanted} are needed; of {drawn} that were "
+     "drawn, {outside} lie outside of the workspace or where the robot must not be, in {unseen} the target is not seen "
+     "for certain, and {unreached} are out of the arm's reach; check hand_eye and board, or make the workspace larger, "
+     "the uncertainty smaller or the target smaller"},
+    {"no_planned_place", "the camera sees a target at none of the positions of evaluate.require"},
     {"few_captures_of_arm", "the captures are too few to distinguish the errors of the arm from those of its poses"},
     {"no_better_than_noise",
      "'{errors}' is not significantly better than the noise of the poses alone (log-likelihood higher by {gain:2} with "

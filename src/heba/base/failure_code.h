@@ -24,6 +24,8 @@ inline constexpr std::string_view kFailureCodes[] = {
     "no_pixels",
     "few_tilts",
     "few_touches",
+    "few_planned",
+    "no_planned_place",
     "one_touch_axis",
     // The intrinsics.
     "no_camera",

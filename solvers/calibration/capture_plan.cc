@@ -1,0 +1,556 @@
+#include "heba/capture_plan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "heba/base/factorisation.h"
+#include "heba/base/failure_code.h"
+#include "heba/base/rng.h"
+#include "heba/data/hand_eye.h"
+#include "heba/simulation/scene.h"
+#include "solvers/calibration/drift_search.h"
+#include "solvers/refine/fit.h"
+#include "solvers/refine/linearised_images.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+constexpr double kVisible = 0.95;
+constexpr int kNumRoughSetups = 100;
+constexpr double kMarginPx = 10;
+
+// What is drawn until there are enough candidates, and why the others were dropped.
+struct Drawn {
+  size_t num_all = 0;
+  size_t num_outside = 0;  // Of the workspace, in a box to keep out of, or too close to the camera.
+  size_t num_unseen = 0;   // Not seen in enough rough set-ups.
+  size_t num_unreached = 0;
+};
+
+struct Candidate {
+  PlannedCapture capture;
+  Eigen::MatrixXd information;  // About the unknowns.
+};
+
+// The derivatives of the position of a located target by the unknowns.
+using PlaceByUnknowns = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
+Rigid3d BaseFromGripperOf(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
+  return setup == Setup::kEyeInHand ? Inverse(camera_mount_from_target_mount) : camera_mount_from_target_mount;
+}
+
+Rigid3d MountOf(const PlanCell& cell, const Rigid3d& camera_from_target) {
+  return cell.hand_eye.camera_mount_from_camera * camera_from_target * Inverse(cell.hand_eye.target_mount_from_target);
+}
+
+// Returns a pose that is off by about the stated sizes.
+Rigid3d Rough(const Rigid3d& pose, const PlanCell& cell, Rng* rng) {
+  const double per_axis = std::sqrt(1.0 / 3);
+  Tangent6 error;
+  error << cell.uncertainty_m * per_axis * rng->NormalVector3(), cell.uncertainty_rad * per_axis * rng->NormalVector3();
+  return Retract(pose, error);
+}
+
+std::vector<HandEye> RoughSetups(const PlanCell& cell, Rng* rng) {
+  std::vector<HandEye> setups;
+  for (int i = 0; i < kNumRoughSetups; ++i) {
+    HandEye& rough = setups.emplace_back();
+    rough.camera_mount_from_camera = Rough(cell.hand_eye.camera_mount_from_camera, cell, rng);
+    rough.target_mount_from_target = Rough(cell.hand_eye.target_mount_from_target, cell, rng);
+  }
+  return setups;
+}
+
+// Returns the share of set-ups in which the camera sees the whole target; stops once it is too small.
+double VisibleShare(const PlanCell& cell, const std::vector<HandEye>& setups, const SimulatedTarget& target,
+                    const Rigid3d& mount) {
+  size_t num_seen = 0;
+  for (size_t i = 0; i < setups.size(); ++i) {
+    if (IsVisible(cell.camera, CameraFromTarget(setups[i], mount), target, kMarginPx)) ++num_seen;
+    const size_t num_missed = i + 1 - num_seen;
+    if (static_cast<double>(num_missed) > (1 - kVisible) * static_cast<double>(setups.size())) return 0;
+  }
+  return static_cast<double>(num_seen) / static_cast<double>(setups.size());
+}
+
+// Returns the points that bound what a camera sees of a target: those of the hull of its corners.
+SimulatedTarget OutlineOf(const PlanCell& cell) {
+  const Points3& points = cell.points_in_target;
+  std::vector<Eigen::Index> picked;
+  constexpr int kNumDirections = 16;
+  for (int k = 0; k < kNumDirections; ++k) {
+    const double angle = 2 * kPi * k / kNumDirections;
+    Eigen::Index farthest = 0;
+    (std::cos(angle) * points.row(0) + std::sin(angle) * points.row(1)).maxCoeff(&farthest);
+    if (std::find(picked.begin(), picked.end(), farthest) == picked.end()) picked.push_back(farthest);
+  }
+  return {points(Eigen::all, picked), cell.z_out};
+}
+
+// Returns whether the gripper, and what it carries, may stand there.
+bool IsAllowed(const PlanCell& cell, const Rigid3d& base_from_gripper, const Rigid3d& camera_from_target) {
+  const Eigen::Vector3d gripper = base_from_gripper.translation;
+  if (cell.workspace && !cell.workspace->Contains(gripper)) return false;
+  const bool carries_camera = cell.setup == Setup::kEyeInHand;
+  const Rigid3d carried_in_gripper =
+      carries_camera ? cell.hand_eye.camera_mount_from_camera : cell.hand_eye.target_mount_from_target;
+  const Eigen::Vector3d carried = base_from_gripper * carried_in_gripper.translation;
+  for (const PlanBox& box : cell.keep_out) {
+    if (box.Contains(gripper) || box.Contains(carried)) return false;
+  }
+  if (carries_camera) return true;
+  const Eigen::Vector3d camera = cell.hand_eye.camera_mount_from_camera.translation;
+  return (camera - gripper).norm() >= cell.clearance_m && camera_from_target.translation.norm() >= cell.clearance_m;
+}
+
+// Returns the range of depths in which the target is drawn: from where it fits into the image in most directions, to
+// where its points lie close together.
+std::array<double, 2> DepthsOf(const PlanCell& cell) {
+  const Eigen::Vector3d low = cell.points_in_target.rowwise().minCoeff();
+  const Eigen::Vector3d high = cell.points_in_target.rowwise().maxCoeff();
+  const double size_m = (high - low).norm();
+  const double focal_px = 0.5 * (cell.camera.params[0] + cell.camera.params[1]);
+  const double short_px = std::min(cell.camera.width_px, cell.camera.height_px);
+  const double fits_m = focal_px * size_m / short_px;
+  constexpr double kNearest = 1.1;
+  constexpr double kFarthest = 4;
+  return {std::max(cell.nearest_m, kNearest * fits_m), std::min(cell.farthest_m, kFarthest * fits_m)};
+}
+
+// Returns a pose of the target in front of the camera, with its front towards it.
+Rigid3d DrawPose(const PlanCell& cell, const std::array<double, 2>& depths_m, Rng* rng) {
+  const double depth_m = depths_m[0] * std::pow(depths_m[1] / depths_m[0], rng->Uniform());
+  const Eigen::Vector3d pixel(rng->Uniform(0, cell.camera.width_px), rng->Uniform(0, cell.camera.height_px), 1);
+  const Eigen::Vector3d ray((pixel.x() - cell.camera.params[2]) / cell.camera.params[0],
+                            (pixel.y() - cell.camera.params[3]) / cell.camera.params[1], 1);
+  // The normal of the target towards the camera is tilted against the line of sight.
+  const double tilt_rad = cell.max_tilt_rad * std::sqrt(rng->Uniform());
+  const double azimuth_rad = rng->Uniform(0, 2 * kPi);
+  const double spin_rad = rng->Uniform(-kPi, kPi);
+  const Eigen::Vector3d to_camera = -ray.normalized();
+  const Eigen::Vector3d z = cell.z_out ? to_camera : Eigen::Vector3d(-to_camera);
+  const Eigen::Quaterniond facing = RotationOnto(Eigen::Vector3d::UnitZ(), z);
+  const Eigen::Vector3d axis(std::cos(azimuth_rad), std::sin(azimuth_rad), 0);
+  const Eigen::Quaterniond rotation =
+      facing * ExpRotation(tilt_rad * axis) * ExpRotation(spin_rad * Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d middle_in_target =
+      0.5 * (cell.points_in_target.rowwise().minCoeff() + cell.points_in_target.rowwise().maxCoeff());
+  Rigid3d camera_from_target;
+  camera_from_target.rotation = rotation.normalized();
+  camera_from_target.translation = depth_m * ray - camera_from_target.rotation * middle_in_target;
+  return camera_from_target;
+}
+
+// Returns the posture of the arm: that nearest to the one before, if there is any.
+std::optional<Eigen::VectorXd> PostureFor(const PlanCell& cell, const Rigid3d& base_from_gripper,
+                                          const Eigen::VectorXd& before) {
+  const std::vector<Eigen::VectorXd> postures = cell.postures(base_from_gripper);
+  if (postures.empty()) return std::nullopt;
+  if (before.size() == 0) return postures.front();
+  return *std::min_element(postures.begin(), postures.end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return (a - before).norm() < (b - before).norm();
+  });
+}
+
+std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
+  const std::vector<HandEye> setups = RoughSetups(cell, rng);
+  const SimulatedTarget outline = OutlineOf(cell);
+  const std::array<double, 2> depths_m = DepthsOf(cell);
+  std::vector<PlannedCapture> candidates;
+  if (!(depths_m[0] < depths_m[1])) return candidates;
+  constexpr size_t kMostDraws = 60000;
+  while (candidates.size() < static_cast<size_t>(options.num_candidates) && drawn->num_all < kMostDraws) {
+    ++drawn->num_all;
+    PlannedCapture capture;
+    capture.camera_from_target = DrawPose(cell, depths_m, rng);
+    const Rigid3d mount = MountOf(cell, capture.camera_from_target);
+    capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
+    if (!IsAllowed(cell, capture.base_from_gripper, capture.camera_from_target)) {
+      ++drawn->num_outside;
+      continue;
+    }
+    capture.visible_share = VisibleShare(cell, setups, outline, mount);
+    if (capture.visible_share < kVisible) {
+      ++drawn->num_unseen;
+      continue;
+    }
+    if (cell.postures) {
+      const Eigen::VectorXd before = candidates.empty() ? Eigen::VectorXd() : candidates.front().joints;
+      const std::optional<Eigen::VectorXd> joints = PostureFor(cell, capture.base_from_gripper, before);
+      if (!joints) {
+        ++drawn->num_unreached;
+        continue;
+      }
+      capture.joints = *joints;
+    }
+    candidates.push_back(std::move(capture));
+  }
+  return candidates;
+}
+
+// The cell as a problem, whose unknowns are the two poses and the free intrinsics.
+struct PlanProblem {
+  RigProblem problem;
+  RigSolution solution;
+};
+
+PlanProblem ProblemOf(const PlanCell& cell, bool is_exact) {
+  PlanProblem plan;
+  plan.problem = HandEyeProblem(cell.setup, cell.camera, DesignedShape(cell.points_in_target));
+  plan.problem.cameras.front().free_intrinsics = cell.free_intrinsics;
+  RigSolution& solution = plan.solution;
+  solution.poses = HandEyePosesOf(cell.hand_eye);
+  solution.cameras = {cell.camera};
+  solution.shapes = {plan.problem.targets.front().shape};
+  solution.pixel_sigmas_px = {cell.pixel_noise_px};
+  solution.image_sigmas_px = {0};
+  solution.unmodelled_sigma_px = {std::nullopt};
+  solution.robot_noise = {is_exact ? std::nullopt : std::optional<RobotNoise>(cell.robot_noise)};
+  solution.robot_noise_stddev = {std::nullopt};
+  return plan;
+}
+
+// Returns what an image of the target at a pose says; nothing if a point has no image.
+std::optional<LinearisedView> Linearise(const PlanCell& cell, PlanProblem plan, const Rigid3d& camera_from_target) {
+  Rng none(0);
+  const Rigid3d mount = MountOf(cell, camera_from_target);
+  const std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, mount, cell.points_in_target, 0, &none);
+  if (!view) return std::nullopt;
+  RigCapture& capture = plan.problem.captures.emplace_back();
+  capture.base_from_gripper = {BaseFromGripperOf(cell.setup, mount)};
+  capture.images.push_back({0, 0, view->observations});
+  RigCaptureOutcome& outcome = plan.solution.captures.emplace_back();
+  if (plan.solution.robot_noise.front()) outcome.corrections = {Rigid3d()};
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseEachCapture(plan.problem, StateOf(plan.solution), NoiseOf(plan.solution), LossOf(LossKind::kNone));
+  if (!views || views->size() != 1) return std::nullopt;
+  return std::move(views->front());
+}
+
+std::vector<Candidate> WithInformation(const PlanCell& cell, const std::vector<PlannedCapture>& captures) {
+  const PlanProblem plan = ProblemOf(cell, false);
+  const Eigen::VectorXd variances = CorrectionVariances(cell.robot_noise);
+  std::vector<Candidate> candidates;
+  for (const PlannedCapture& capture : captures) {
+    const std::optional<LinearisedView> view = Linearise(cell, plan, capture.camera_from_target);
+    if (!view) continue;
+    const RowMajorMatrix rows = WhitenedRows(*view, 1, variances);
+    const auto by_unknowns = rows.leftCols(rows.cols() - 1);
+    candidates.push_back({capture, by_unknowns.transpose() * by_unknowns});
+  }
+  return candidates;
+}
+
+// Returns how the position of the middle of a target that is seen at a pose, in the frame of the camera's mount,
+// depends on the camera's pose and on its intrinsics, by which the target is located from its image.
+std::optional<PlaceByUnknowns> LinearisePlace(const PlanCell& cell, const PlanProblem& exact,
+                                              const UnknownLayout& layout, const Rigid3d& camera_from_target) {
+  const std::optional<LinearisedView> view = Linearise(cell, exact, camera_from_target);
+  if (!view) return std::nullopt;
+  const Eigen::Index camera_pose = layout.Block(CameraPoseBlock(exact.problem.cameras.front())).first;
+  const Eigen::Index target_pose = layout.Block(TargetPoseBlock(exact.problem.targets.front())).first;
+  // The pose of the target at the end of the chain stands for that of the target in the camera.
+  const auto by_seen_pose = view->by_unknowns.middleCols<6>(target_pose);
+  Eigen::MatrixXd seen_pose_by = Eigen::MatrixXd::Zero(6, layout.size());
+  const UnknownBlock camera = layout.Block(CameraBlock(exact.problem.cameras.front()));
+  if (camera.size > 0) {
+    seen_pose_by.middleCols(camera.first, camera.size) =
+        -by_seen_pose.colPivHouseholderQr().solve(view->by_unknowns.middleCols(camera.first, camera.size));
+  }
+  const Eigen::Vector3d middle_in_target =
+      0.5 * (cell.points_in_target.rowwise().minCoeff() + cell.points_in_target.rowwise().maxCoeff());
+  const Eigen::Matrix3d mount_from_camera = cell.hand_eye.camera_mount_from_camera.RotationMatrix();
+  PlaceByUnknowns by_unknowns =
+      mount_from_camera * camera_from_target.RotationMatrix() * PointByMotion(middle_in_target) * seen_pose_by;
+  by_unknowns.middleCols<6>(camera_pose) += mount_from_camera * PointByMotion(camera_from_target * middle_in_target);
+  return by_unknowns;
+}
+
+// Returns the poses at which targets will be located: at the places, facing the camera, or a sample of the candidates.
+std::vector<Rigid3d> PosesToLocate(const PlanCell& cell, const std::vector<Candidate>& candidates) {
+  std::vector<Rigid3d> poses;
+  if (!cell.places_in_base_m.empty() && cell.setup == Setup::kEyeToHand) {
+    const Rigid3d camera_from_base = Inverse(cell.hand_eye.camera_mount_from_camera);
+    for (const Eigen::Vector3d& place : cell.places_in_base_m) {
+      Rigid3d& pose = poses.emplace_back();
+      pose.translation = camera_from_base * place;
+      const Eigen::Vector3d to_camera = -pose.translation.normalized();
+      pose.rotation = RotationOnto(Eigen::Vector3d::UnitZ(), cell.z_out ? to_camera : Eigen::Vector3d(-to_camera)) *
+                      ExpRotation(Eigen::Vector3d(0.3, 0.3, 0));
+    }
+    return poses;
+  }
+  constexpr size_t kMostPlaces = 12;
+  const size_t step = std::max<size_t>(1, candidates.size() / kMostPlaces);
+  for (size_t i = 0; i < candidates.size(); i += step) poses.push_back(candidates[i].capture.camera_from_target);
+  return poses;
+}
+
+// Returns the information about the unknowns before the session.
+Eigen::MatrixXd KnownInformation(const PlanCell& cell, const UnknownLayout& layout) {
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(layout.size(), layout.size());
+  std::vector<Eigen::Index> places;
+  std::vector<Eigen::Index> of_known;
+  for (Eigen::Index i = 0; i < layout.size(); ++i) {
+    const std::optional<Eigen::Index> known = cell.known.layout.Place(layout.Name(i));
+    if (known) {
+      places.push_back(i);
+      of_known.push_back(*known);
+      continue;
+    }
+    const double focal_px = 0.5 * (cell.camera.params[0] + cell.camera.params[1]);
+    constexpr double kShareOfFocal = 0.1;
+    constexpr double kAnyDistortion = 0.3;
+    double sigma = kAnyDistortion;
+    switch (layout[i].group) {
+      case UnknownGroup::kTranslation:
+        sigma = cell.uncertainty_m;
+        break;
+      case UnknownGroup::kRotation:
+        sigma = cell.uncertainty_rad;
+        break;
+      case UnknownGroup::kFocal:
+      case UnknownGroup::kPrincipalPoint:
+        sigma = kShareOfFocal * focal_px;
+        break;
+      default:
+        break;
+    }
+    covariance(i, i) = sigma * sigma;
+  }
+  if (!places.empty()) covariance(places, places) = cell.known.matrix(of_known, of_known);
+  const auto factor = Cholesky(covariance);
+  return factor ? factor->Inverse() : Eigen::MatrixXd::Zero(layout.size(), layout.size());
+}
+
+// What a session is judged by.
+class Criterion {
+ public:
+  Criterion(const UnknownLayout& layout, const RigProblem& problem, std::vector<PlaceByUnknowns> places)
+      : places_(std::move(places)), camera_pose_(layout.Block(CameraPoseBlock(problem.cameras.front())).first) {}
+
+  // Returns the mean logarithm of the determinants; infinite if the information is not positive.
+  double ValueOf(const Eigen::MatrixXd& information) const {
+    const auto factor = Cholesky(information);
+    if (!factor) return std::numeric_limits<double>::infinity();
+    double sum = 0;
+    for (const PlaceByUnknowns& place : places_) {
+      const Eigen::MatrixXd solved = factor->SolveLower(place.transpose());
+      sum += std::log(Eigen::Matrix3d(solved.transpose() * solved).determinant());
+    }
+    return sum / static_cast<double>(places_.size());
+  }
+  void Describe(const Eigen::MatrixXd& information, PlannedCapture* capture) const {
+    const auto factor = Cholesky(information);
+    if (!factor) return;
+    const Eigen::MatrixXd covariance = factor->Inverse();
+    double sum_m2 = 0;
+    for (const PlaceByUnknowns& place : places_) sum_m2 += (place * covariance * place.transpose()).trace();
+    capture->target_m = std::sqrt(sum_m2 / static_cast<double>(places_.size()));
+    capture->position_m = std::sqrt(covariance.diagonal().segment<3>(camera_pose_).sum());
+    capture->orientation_rad = std::sqrt(covariance.diagonal().segment<3>(camera_pose_ + 3).sum());
+  }
+
+ private:
+  std::vector<PlaceByUnknowns> places_;
+  Eigen::Index camera_pose_;
+};
+
+// Returns the index of the candidate that makes the criterion least beside `information`, without those that are taken.
+size_t BestBeside(const std::vector<Candidate>& candidates, const std::vector<size_t>& taken,
+                  const Eigen::MatrixXd& information, const Criterion& criterion) {
+  size_t best = candidates.size();
+  double best_value = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (std::find(taken.begin(), taken.end(), i) != taken.end()) continue;
+    const double value = criterion.ValueOf(information + candidates[i].information);
+    if (value >= best_value) continue;
+    best_value = value;
+    best = i;
+  }
+  return best;
+}
+
+// Returns the chosen candidates: one after the other, then each exchanged for a better one, until none is.
+std::vector<size_t> Choose(const std::vector<Candidate>& candidates, size_t count, const Eigen::MatrixXd& known,
+                           const Criterion& criterion) {
+  std::vector<size_t> chosen;
+  Eigen::MatrixXd information = known;
+  const auto add = [&](size_t i) {
+    chosen.push_back(i);
+    information += candidates[i].information;
+  };
+  while (chosen.size() < count) {
+    const size_t best = BestBeside(candidates, chosen, information, criterion);
+    if (best == candidates.size()) break;
+    add(best);
+  }
+  constexpr int kMostRounds = 4;
+  for (int round = 0; round < kMostRounds; ++round) {
+    bool is_changed = false;
+    for (size_t k = 0; k < chosen.size(); ++k) {
+      const Eigen::MatrixXd without = information - candidates[chosen[k]].information;
+      const double value = criterion.ValueOf(information);
+      const size_t best = BestBeside(candidates, chosen, without, criterion);
+      if (best == candidates.size()) continue;
+      constexpr double kGain = 1e-3;
+      if (criterion.ValueOf(without + candidates[best].information) >= value - kGain) continue;
+      information = without + candidates[best].information;
+      chosen[k] = best;
+      is_changed = true;
+    }
+    if (!is_changed) break;
+  }
+  // The most telling come first.
+  std::vector<size_t> ordered;
+  std::vector<Candidate> rest;
+  for (const size_t i : chosen) rest.push_back(candidates[i]);
+  information = known;
+  std::vector<size_t> taken;
+  while (taken.size() < rest.size()) {
+    const size_t best = BestBeside(rest, taken, information, criterion);
+    if (best == rest.size()) break;
+    taken.push_back(best);
+    ordered.push_back(chosen[best]);
+    information += rest[best].information;
+  }
+  return ordered;
+}
+
+// Returns the captures of the two-step method that the cell allows.
+std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
+  const std::vector<HandEye> setups = RoughSetups(cell, rng);
+  const SimulatedTarget outline = OutlineOf(cell);
+  const std::array<double, 2> depths_m = DepthsOf(cell);
+  MotionOptions home;
+  home.distance_m = std::sqrt(depths_m[0] * depths_m[1]);
+  home.depth_ratio = 0.1;
+  home.spread = 0.2;
+  TwoStepMotionOptions motion;
+  constexpr int kNumBefore = 3;  // The home pose and the translations.
+  motion.num_turns = std::max(2, options.count - kNumBefore);
+  constexpr int kMostTries = 400;
+  for (int attempt = 0; attempt < kMostTries; ++attempt) {
+    // Motions that are too large for the image or the workspace are made smaller.
+    const double share = std::pow(0.25, static_cast<double>(attempt) / kMostTries);
+    motion.translation_m = share * TwoStepMotionOptions().translation_m;
+    motion.max_turn_rad = share * TwoStepMotionOptions().max_turn_rad;
+    const Outcome<std::vector<SimulatedPose>> poses = SimulateTwoStepPoses(
+        cell.setup, cell.camera, cell.points_in_target, cell.z_out, cell.hand_eye, home, motion, rng);
+    ++drawn->num_all;
+    if (!poses) {
+      ++drawn->num_unseen;
+      continue;
+    }
+    std::vector<PlannedCapture> captures;
+    for (const SimulatedPose& pose : *poses) {
+      PlannedCapture capture;
+      capture.role = pose.role;
+      capture.camera_from_target = pose.camera_from_target;
+      const Rigid3d mount = MountOf(cell, pose.camera_from_target);
+      capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
+      capture.visible_share = VisibleShare(cell, setups, outline, mount);
+      if (!IsAllowed(cell, capture.base_from_gripper, capture.camera_from_target)) {
+        ++drawn->num_outside;
+        break;
+      }
+      if (capture.visible_share < kVisible) {
+        ++drawn->num_unseen;
+        break;
+      }
+      if (cell.postures) {
+        const std::optional<Eigen::VectorXd> joints =
+            PostureFor(cell, capture.base_from_gripper, captures.empty() ? Eigen::VectorXd() : captures.front().joints);
+        if (!joints) {
+          ++drawn->num_unreached;
+          break;
+        }
+        capture.joints = *joints;
+      }
+      captures.push_back(std::move(capture));
+    }
+    if (captures.size() == poses->size()) return captures;
+  }
+  return {};
+}
+
+Failure WhyTooFew(const Drawn& drawn, size_t num_found, int wanted) {
+  return {FailureCode("few_planned"),
+          {{"found", static_cast<double>(num_found)},
+           {"wanted", static_cast<double>(wanted)},
+           {"drawn", static_cast<double>(drawn.num_all)},
+           {"outside", static_cast<double>(drawn.num_outside)},
+           {"unseen", static_cast<double>(drawn.num_unseen)},
+           {"unreached", static_cast<double>(drawn.num_unreached)}}};
+}
+
+// Adds the first captures once more.
+void AddRevisits(int num_revisits, std::vector<PlannedCapture>* captures) {
+  const size_t num_planned = captures->size();
+  for (size_t k = 0; k < std::min(num_planned, static_cast<size_t>(std::max(0, num_revisits))); ++k) {
+    PlannedCapture again = (*captures)[k];
+    const PlannedCapture& last = captures->back();
+    again.repeats = k;
+    again.target_m = last.target_m;
+    again.position_m = last.position_m;
+    again.orientation_rad = last.orientation_rad;
+    captures->push_back(std::move(again));
+  }
+}
+
+}  // namespace
+
+Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& options) {
+  Rng rng(options.seed);
+  Drawn drawn;
+  CapturePlan plan;
+  const std::vector<Candidate> candidates = WithInformation(cell, DrawCandidates(cell, options, &drawn, &rng));
+  plan.num_candidates = candidates.size();
+  if (candidates.size() < static_cast<size_t>(options.is_two_step ? 1 : options.count)) {
+    return WhyTooFew(drawn, candidates.size(), options.count);
+  }
+  const PlanProblem exact = ProblemOf(cell, true);
+  const UnknownLayout layout = RigUnknowns(exact.problem);
+  std::vector<PlaceByUnknowns> places;
+  for (const Rigid3d& pose : PosesToLocate(cell, candidates)) {
+    std::optional<PlaceByUnknowns> place = LinearisePlace(cell, exact, layout, pose);
+    if (place) places.push_back(std::move(*place));
+  }
+  if (places.empty()) return Failure{FailureCode("no_planned_place")};
+  const Criterion criterion(layout, exact.problem, std::move(places));
+  Eigen::MatrixXd information = KnownInformation(cell, layout);
+  PlannedCapture before;
+  criterion.Describe(information, &before);
+  plan.target_before_m = before.target_m;
+
+  std::vector<Candidate> chosen;
+  if (options.is_two_step) {
+    Drawn of_motion;
+    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, &of_motion, &rng);
+    chosen = WithInformation(cell, captures);
+    if (chosen.empty()) return WhyTooFew(of_motion, 0, options.count);
+  } else {
+    for (const size_t i : Choose(candidates, static_cast<size_t>(options.count), information, criterion)) {
+      chosen.push_back(candidates[i]);
+    }
+  }
+  for (Candidate& one : chosen) {
+    information += one.information;
+    criterion.Describe(information, &one.capture);
+    plan.captures.push_back(std::move(one.capture));
+  }
+  if (!options.is_two_step) AddRevisits(options.num_revisits, &plan.captures);
+  std::vector<Rigid3d> poses;
+  std::vector<size_t> order;
+  for (size_t i = 0; i < plan.captures.size(); ++i) {
+    poses.push_back(plan.captures[i].base_from_gripper);
+    order.push_back(i);
+  }
+  plan.order_by_pose = OrderByPose(poses, order);
+  return plan;
+}
+
+}  // namespace heba

@@ -1,0 +1,213 @@
+#include "tools/config/plan_config.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/error.h"
+#include "heba/robot/arm_postures.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
+#include "tools/config/file_kind.h"
+#include "tools/config/finished_run.h"
+#include "tools/config/plan_section.h"
+#include "tools/config/requirements.h"
+#include "tools/config/rig_keys.h"
+#include "tools/config/robot_section.h"
+#include "tools/config/run_config.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// Sets the postures by which an arm reaches a pose: in the configuration of the first pose that is asked for, if the
+// arm has named ones.
+void SetPostures(const RobotArm& robot, PlanCell* cell) {
+  cell->postures = [robot](const Rigid3d& base_from_gripper) -> std::vector<Eigen::VectorXd> {
+    const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
+    if (robot.joints_near.size() == robot.arm.num_joints()) {
+      const Outcome<Eigen::VectorXd> near = PostureNear(robot.arm, base_from_tip, robot.joints_near);
+      return near ? std::vector<Eigen::VectorXd>{*near} : std::vector<Eigen::VectorXd>();
+    }
+    Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(robot.arm, base_from_tip);
+    return postures ? std::move(*postures) : std::vector<Eigen::VectorXd>();
+  };
+}
+
+// Returns the knowledge of a camera file with sigmas.
+Covariance KnownCamera(const Camera& camera, const std::vector<ParameterGroup>& free, const CameraPrior& prior) {
+  Covariance known;
+  std::vector<bool> is_free;
+  std::vector<double> variances;
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    const bool is_of_free = std::find(free.begin(), free.end(), GroupOf(static_cast<int>(i))) != free.end();
+    is_free.push_back(is_of_free && std::isfinite(prior.sigmas[i]));
+    if (is_free.back()) variances.push_back(prior.sigmas[i] * prior.sigmas[i]);
+  }
+  known.layout.AddCamera(kCameraBlock, camera.Model(), is_free);
+  known.matrix =
+      Eigen::Map<Eigen::VectorXd>(variances.data(), static_cast<Eigen::Index>(variances.size())).asDiagonal();
+  return known;
+}
+
+// Reads the target, and what the plan takes from it.
+void TakeTarget(const std::shared_ptr<const Target>& target, PlanConfig* config) {
+  config->target = target;
+  config->cell.points_in_target = AllPoints(*target).points_in_target;
+  config->cell.z_out = target->Draw().y_up;
+}
+
+void TakeRequirements(const std::vector<PlacedRequirement>& requirements, PlanConfig* config) {
+  config->requirements = requirements;
+  for (const PlacedRequirement& requirement : requirements) {
+    const std::vector<Eigen::Vector3d>& places = requirement.places_in_base_m;
+    config->cell.places_in_base_m.insert(config->cell.places_in_base_m.end(), places.begin(), places.end());
+  }
+}
+
+void CheckReach(const fs::path& path, const PlanConfig& config) {
+  if (config.cell.workspace || config.robot) return;
+  throw InputError(path.string() +
+                   ": plan.workspace is needed where no arm is named (robot.model): where the gripper may go, such as "
+                   "{box: [[300 mm, -300 mm, 100 mm], [800 mm, 300 mm, 600 mm]]}");
+}
+
+PlanConfig ReadCell(const fs::path& path, const std::vector<std::string>& settings) {
+  RefuseFolder(path, FileKind::kRunConfig);
+  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
+  const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+  if (HasRigKeys(value)) {
+    throw InputError(path.string() + ": is the config of a rig; a cell of one camera and one target is needed");
+  }
+  MapReader root(value);
+  PlanConfig config;
+  config.name = ReadFolderName(root, path.stem().string());
+  const fs::path folder = fs::absolute(path).parent_path();
+  config.output = folder / (path.stem().string() + "_plan.csv");
+  PlanSection plan = ReadPlan(root);
+  if (!plan.hand_eye) {
+    throw InputError(path.string() +
+                     ": plan.hand_eye and plan.board are needed: roughly, where the camera and the target are mounted "
+                     "(translation and rotation, as in a scene)");
+  }
+  config.cell = plan.cell;
+  config.cell.hand_eye = *plan.hand_eye;
+  config.num_revisits = plan.num_revisits;
+  config.cell.setup = *FindSetup(root.Choice("setup", SetupNames()));
+  TakeTarget(ReadTarget(root, "target"), &config);
+
+  MapReader camera = root.Section("camera");
+  const CameraKeys keys = ReadCameraKeys(camera);
+  if (!keys.camera && !plan.lens) {
+    throw InputError(path.string() + ": a camera file (camera.intrinsics) or plan.lens is needed");
+  }
+  config.cell.camera = keys.camera ? *keys.camera : plan.lens->camera;
+  if (config.cell.camera.width_px <= 0) camera.Get("intrinsics").Fail("the file must state the size of the images");
+  if (plan.lens) {
+    config.cell.nearest_m = plan.lens->nearest_m;
+    config.cell.farthest_m = plan.lens->farthest_m;
+  }
+  MapReader refine = root.Section("refine");
+  config.cell.free_intrinsics = ReadFreeIntrinsics(refine, BundleOptions().free_intrinsics);
+  const std::optional<CameraPrior> prior =
+      ReadIntrinsicsPrior(refine, keys, config.cell.free_intrinsics, "camera.intrinsics");
+  if (prior) config.cell.known = KnownCamera(config.cell.camera, config.cell.free_intrinsics, *prior);
+
+  MapReader captures = root.Section("captures");
+  config.pose_reading = ReadPoseReading(captures);
+  config.joints_are_deg = ReadJointsAreDeg(captures);
+  const std::optional<ConfigValue> robot = root.Find("robot");
+  if (robot && !NamesNoArm(*robot)) {
+    MapReader reader(*robot);
+    ReadRobotScale(reader);
+    std::vector<fs::path> files;
+    config.robot = ReadRobotArm(reader, &files);
+    reader.Finish();
+    SetPostures(*config.robot, &config.cell);
+  }
+  MapReader evaluate = root.Section("evaluate");
+  TakeRequirements(ReadRequirements(evaluate), &config);
+  // The other keys are those of the run that follows.
+  for (const char* key : {"about", "seed", "methods", "output", "check", "prior"}) root.Find(key);
+  root.Finish();
+  CheckReach(path, config);
+  return config;
+}
+
+// Returns the box around the poses of a run, somewhat enlarged.
+PlanBox BoxAround(const std::vector<Capture>& captures) {
+  PlanBox box{captures.front().base_from_gripper.translation, captures.front().base_from_gripper.translation};
+  for (const Capture& capture : captures) {
+    box.low_m = box.low_m.cwiseMin(capture.base_from_gripper.translation);
+    box.high_m = box.high_m.cwiseMax(capture.base_from_gripper.translation);
+  }
+  constexpr double kShare = 0.1;
+  const Eigen::Vector3d more = kShare * (box.high_m - box.low_m);
+  return {box.low_m - more, box.high_m + more};
+}
+
+PlanConfig ReadRun(const fs::path& path) {
+  const fs::path folder = RunFolderOf(path);
+  const FinishedRun run = ReadFinishedRun(folder);
+  const RigResult& result = run.result;
+  if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
+    throw InputError(folder.string() + ": is the run of a rig; one of one camera, one target and one arm is needed");
+  }
+  const RunConfig before = ReadRunConfig(folder / "config.yaml");
+  MapReader root(ReadYamlFile(folder / "config.yaml"));
+  const PlanSection plan = ReadPlan(root);
+  PlanConfig config;
+  config.name = result.name;
+  config.output = fs::absolute(folder).lexically_normal();
+  if (config.output.filename().empty()) config.output = config.output.parent_path();
+  config.output += "_plan.csv";
+  config.cell = plan.cell;
+  config.num_revisits = plan.num_revisits;
+  config.cell.setup = before.data.setup;
+  const RigSolution& solution = result.solution;
+  config.cell.hand_eye = {solution.poses.mount_from_camera.front(), solution.poses.mount_from_target.front()};
+  config.cell.camera = solution.cameras.front();
+  config.cell.free_intrinsics = result.rig.cameras.front().free_intrinsics;
+  config.cell.known =
+      solution.covariance_repeatable.matrix.size() > 0 ? solution.covariance_repeatable : solution.covariance;
+  // The poses are known: a planned pose must be safe against three sigmas.
+  constexpr double kSigmas = 3;
+  const auto size_of = [&](Eigen::Index first) {
+    double largest = 0;
+    for (const std::string& block :
+         {CameraPoseBlock(result.rig.cameras.front()), TargetPoseBlock(result.rig.targets.front())}) {
+      const std::optional<Eigen::Matrix<double, 6, 6>> covariance = PoseCovarianceOf(config.cell.known, block);
+      if (covariance) largest = std::max(largest, std::sqrt(covariance->diagonal().segment<3>(first).sum()));
+    }
+    return kSigmas * largest;
+  };
+  config.cell.uncertainty_m = std::max(1e-6, size_of(0));
+  config.cell.uncertainty_rad = std::max(1e-6, size_of(3));
+  config.cell.pixel_noise_px = solution.pixel_sigmas_px.front();
+  if (!plan.has_noise) {
+    const RobotNoise random = solution.robot_noise.front().value_or(RobotNoise{});
+    const RobotNoise smooth = SmoothNoiseOf(solution, 0).value_or(RobotNoise{});
+    config.cell.robot_noise = {std::hypot(random.translation_m, smooth.translation_m),
+                               std::hypot(random.rotation_rad, smooth.rotation_rad)};
+  }
+  TakeTarget(run.targets.front(), &config);
+  config.pose_reading = run.pose_readings.front();
+  config.joints_are_deg = run.joints_are_deg.front();
+  config.robot = before.data.robot;
+  if (config.robot) SetPostures(*config.robot, &config.cell);
+  TakeRequirements(before.options.requirements, &config);
+  config.num_before = before.data.captures.size();
+  if (!config.cell.workspace) config.cell.workspace = BoxAround(before.data.captures);
+  return config;
+}
+
+}  // namespace
+
+PlanConfig ReadPlanConfig(const fs::path& path, const std::vector<std::string>& settings) {
+  std::error_code error;
+  const bool is_run = fs::is_regular_file(path / "result.json", error) || path.filename() == "result.json";
+  if (!is_run) return ReadCell(path, settings);
+  if (!settings.empty()) throw InputError("--set: changes a cell's file, not a finished run");
+  return ReadRun(path);
+}
+
+}  // namespace heba

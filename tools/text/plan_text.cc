@@ -1,0 +1,71 @@
+#include "tools/text/plan_text.h"
+
+#include <cmath>
+#include <vector>
+
+#include "heba/base/distributions.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+// Returns the number of captures that are not repeated ones.
+size_t NumNew(const CapturePlan& plan) {
+  size_t num = 0;
+  for (const PlannedCapture& capture : plan.captures) num += capture.repeats ? 0 : 1;
+  return num;
+}
+
+}  // namespace
+
+std::string PlannedImage(size_t index) {
+  const std::string number = std::to_string(index + 1);
+  constexpr size_t kDigits = 3;
+  return std::string(number.size() < kDigits ? kDigits - number.size() : 0, '0') + number + ".png";
+}
+
+std::string ExpectedText(const CapturePlan& plan, size_t after) {
+  const PlannedCapture& last = plan.captures[after - 1];
+  return "after " + std::to_string(after) + " captures a located target is expected to be known to " +
+         ShownAmount(1000 * last.target_m, 2) + " mm, and the pose of the camera to " +
+         ShownAmount(1000 * last.position_m, 2) + " mm and " + ShownAmount(RadToDeg(last.orientation_rad), 2) +
+         " deg (one sigma, by the calibration alone)";
+}
+
+std::string EnoughText(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan) {
+  std::string text;
+  for (const PlacedRequirement& requirement : requirements) {
+    // The radius that contains a position whose three coordinates have one sigma.
+    const double per_sigma = std::sqrt(ChiSquareQuantile(1 - requirement.confidence, 3) / 3);
+    size_t enough = 0;
+    for (size_t i = NumNew(plan); i-- > 0 && per_sigma * plan.captures[i].target_m <= requirement.within_m;) {
+      enough = i + 1;
+    }
+    text += (text.empty() ? "" : "; ") +
+            (enough > 0 ? std::to_string(enough) + " captures are enough for " : "these captures are not enough for ") +
+            Significant(1000 * requirement.within_m, 3) + " mm (" + Significant(100 * requirement.confidence, 3) +
+            " %)";
+  }
+  return text;
+}
+
+std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan) {
+  std::string text = PadRight("capture", 9) + PadLeft("located target, mm", 20) + PadLeft("camera, mm", 13) +
+                     PadLeft("camera, deg", 13) + PadLeft("seen for certain", 18) + "\n";
+  for (size_t i = 0; i < plan.captures.size(); ++i) {
+    const PlannedCapture& capture = plan.captures[i];
+    std::string note(RoleName(capture.role));
+    if (capture.repeats) note = "as " + PlannedImage(*capture.repeats);
+    text += PadRight(PlannedImage(i), 9) + PadLeft(ShownAmount(1000 * capture.target_m, 3), 20) +
+            PadLeft(ShownAmount(1000 * capture.position_m, 3), 13) +
+            PadLeft(ShownAmount(RadToDeg(capture.orientation_rad), 2), 13) +
+            PadLeft(Fixed(100 * capture.visible_share, 0) + " %", 18) + (note.empty() ? "" : "  " + note) + "\n";
+  }
+  text += ExpectedText(plan, NumNew(plan)) + "\n";
+  const std::string enough = EnoughText(requirements, plan);
+  if (!enough.empty()) text += enough + "\n";
+  return text;
+}
+
+}  // namespace heba
