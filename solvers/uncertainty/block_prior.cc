@@ -44,7 +44,14 @@ BlockPrior PriorOfEffects(Eigen::VectorXd weights, size_t index) {
 }
 
 BlockPrior PriorOfScales(double sigma, size_t index) {
-  return {UnknownOwner::kTarget, Eigen::Vector4d(1 / sigma, 1 / sigma, 0, 0), Eigen::Vector4d(1, 1, 0, 0), index};
+  BlockPrior prior{UnknownOwner::kTarget, Eigen::VectorXd::Zero(TargetShape::kNumParams),
+                   Eigen::VectorXd::Zero(TargetShape::kNumParams), index};
+  for (int param = 0; param < TargetShape::kNumParams; ++param) {
+    if (ShapeGroupOf(param) != TargetShapeGroup::kScale) continue;
+    prior.weights[param] = 1 / sigma;
+    prior.mean[param] = TargetShape().params[static_cast<size_t>(param)];
+  }
+  return prior;
 }
 
 LinearisedView PriorView(const BlockPrior& prior, const UnknownLayout& layout, const LoopValues& values,
