@@ -18,7 +18,7 @@ namespace heba {
 namespace {
 
 constexpr double kNoisePx = 0.1;
-constexpr std::array<double, TargetShape::kNumParams> kMade = {1.001, 1.0005, 5e-4, -3e-4};
+constexpr std::array<double, TargetShape::kNumParams> kMade = {1.001, 1.0005, 5e-4, -3e-4, 4e-4};
 
 Problem ProblemOf(const TestScene& scene, const TestSceneOptions& options) {
   return {scene.camera, scene.views, options.setup, DesignedShape(options.points)};
@@ -36,7 +36,8 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
   double error_m2 = 0;
   double designed_error_m2 = 0;
   double bound_m2 = 0;
-  Eigen::Vector4d shape_squares = Eigen::Vector4d::Zero();
+  constexpr Eigen::Index kNumShape = 5;
+  Eigen::Vector<double, kNumShape> shape_squares = Eigen::Vector<double, kNumShape>::Zero();
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
     const TestScene scene = MakeTestScene(seed, scene_options);
     const Problem problem = ProblemOf(scene, scene_options);
@@ -47,10 +48,10 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
     const Rigid3d& truth = scene.hand_eye.camera_mount_from_camera;
     error_m2 += std::pow(DistanceM(solution->hand_eye.camera_mount_from_camera, truth), 2);
     designed_error_m2 += std::pow(DistanceM(as_designed->hand_eye.camera_mount_from_camera, truth), 2);
-    EXPECT_EQ(solution->covariance.layout.Names().back(), "target.bend_y_m");
-    for (Eigen::Index i = 0; i < 4; ++i) {
+    EXPECT_EQ(solution->covariance.layout.Names().back(), "target.twist_m");
+    for (Eigen::Index i = 0; i < kNumShape; ++i) {
       const size_t k = static_cast<size_t>(i);
-      const Eigen::Index row = solution->covariance.matrix.rows() - 4 + i;
+      const Eigen::Index row = solution->covariance.matrix.rows() - kNumShape + i;
       shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
     }
     const std::vector<LinearisedView> linear =

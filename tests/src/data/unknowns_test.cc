@@ -12,7 +12,7 @@ namespace {
 std::vector<bool> Free(const CameraModel& model, std::vector<int> params, bool has_shape) {
   std::vector<bool> free(static_cast<size_t>(NumParams(model)), false);
   for (const int param : params) free[static_cast<size_t>(param)] = true;
-  if (has_shape) free.insert(free.end(), {false, true, true, false});
+  if (has_shape) free.insert(free.end(), {false, true, true, false, false, false, false, false, false});
   return free;
 }
 

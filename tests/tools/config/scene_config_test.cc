@@ -260,7 +260,7 @@ TEST(SceneConfigTest, ABendIsAtMostAQuarterOfTheSheetsShorterSide) {
   const auto bend = [](const std::string& key, double bend_mm) {
     return "print: {" + key + ": " + Fixed(bend_mm, 3) + " mm}\n";
   };
-  for (const std::string key : {"bend_x", "bend_y"}) {
+  for (const std::string key : {"bend_x", "bend_y", "twist", "cubic_xxy"}) {
     EXPECT_EQ(ErrorOf(bend(key, 0.99 * most_mm)), "no error");
     EXPECT_EQ(ErrorOf(bend(key, -1.01 * most_mm)), "scene.yaml:6: print." + key + ": must be at most " +
                                                        Significant(most_mm, 3) +

@@ -203,7 +203,10 @@ TEST_F(StudyConfigTest, StudyAsUsedStatesEveryDefault) {
   EXPECT_EQ(text_of("outlier_points"), "[0]");
   EXPECT_EQ(text_of("wrong_captures"), "[0]");
   EXPECT_EQ(text_of("robot_model"), "[auto]");
-  EXPECT_EQ(text_of("target_shape"), "[{scale_x: 1, scale_y: 1, bend_x: 0 m, bend_y: 0 m}]");
+  EXPECT_EQ(
+      text_of("target_shape"),
+      "[{scale_x: 1, scale_y: 1, bend_x: 0 m, bend_y: 0 m, twist: 0 m, cubic_xxx: 0 m, cubic_xxy: 0 m, cubic_xyy: 0 m, "
+      "cubic_yyy: 0 m}]");
   EXPECT_EQ(text_of("shape_model"), "auto");
   EXPECT_EQ(text_of("methods"), "all");
   EXPECT_EQ(text_of("start"), "best");
