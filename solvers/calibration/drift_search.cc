@@ -309,13 +309,13 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
   DriftSearch search;
   const bool is_single =
       problem.cameras.size() == 1 && problem.targets.size() == 1 && MovingRobots(problem).size() == 1;
-  const std::vector<size_t> captures = CapturesWithPoints(problem);
-  if (!is_single || captures.size() < kFewestCaptures) return search;
+  if (!is_single || CapturesWithPoints(problem).size() < kFewestCaptures) return search;
+  // Poses that are taken again say nothing about the order of the others.
   std::vector<Rigid3d> poses;
   std::vector<size_t> places;
-  for (const size_t i : captures) {
-    poses.push_back(problem.captures[i].base_from_gripper.front());
-    places.push_back(times.places[i]);
+  for (const std::vector<size_t>& group : Revisits(problem)) {
+    poses.push_back(problem.captures[group.front()].base_from_gripper.front());
+    places.push_back(times.places[group.front()]);
   }
   const double order_by_pose = OrderByPose(poses, places);
   const std::optional<DriftEvidence> evidence = EvidenceOf(problem, order_by_pose);
