@@ -65,8 +65,11 @@ Camera ReadSceneCamera(MapReader& reader) {
   return camera;
 }
 
-// Reads the motion of a camera during the captures, if there is one.
+// Reads the motions of a camera during the captures, if there are any.
 void ReadMoved(MapReader& reader, size_t camera, SceneConfig* scene) {
+  if (reader.Has("creep")) {
+    scene->camera_creeps.push_back({camera, LocalCoordinates(Rigid3d(), ReadPoseKey(reader, "creep"))});
+  }
   if (!reader.Has("moved")) return;
   MapReader moved(reader.Get("moved"));
   const int from = moved.Int("from", {0, 10000});

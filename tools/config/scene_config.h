@@ -44,6 +44,11 @@ struct CameraMotion {
   size_t first_capture = 0;
   Rigid3d before_from_after;
 };
+// A motion of a camera that goes on through all captures; its pose is that at the last one.
+struct CameraCreep {
+  size_t camera = 0;
+  Tangent6 change = Tangent6::Zero();  // From the first capture to the last, in the camera's frame.
+};
 
 struct SceneConfig {
   std::optional<Setup> setup;     // That of the short form, whose camera, target and arm have empty names.
@@ -52,6 +57,7 @@ struct SceneConfig {
   std::vector<std::optional<SceneArm>> arms;  // One per arm: its kinematics, if they have errors.
   RigPoses poses;
   std::vector<CameraMotion> camera_motions;
+  std::vector<CameraCreep> camera_creeps;
   std::vector<SceneTarget> targets;
   SceneOptions options;  // The motion, the noise of the arms' poses and their homes.
   int num_repeats = 1;   // The captures that are taken at each commanded pose, with one error of the robot.

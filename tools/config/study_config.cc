@@ -285,8 +285,10 @@ void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, 
 // Refuses what a scene has and a study does not simulate.
 void RefuseUnsimulated(const NamedScene& named) {
   const SceneConfig& scene = named.scene;
-  if (!scene.camera_motions.empty()) {
-    const std::string& name = scene.problem.cameras[scene.camera_motions.front().camera].name;
+  if (!scene.camera_motions.empty() || !scene.camera_creeps.empty()) {
+    const size_t camera =
+        scene.camera_motions.empty() ? scene.camera_creeps.front().camera : scene.camera_motions.front().camera;
+    const std::string& name = scene.problem.cameras[camera].name;
     named.place.Fail("moves " + (name.empty() ? "its camera" : "camera " + name) +
                      " during the captures, which a study does not simulate");
   }

@@ -116,6 +116,16 @@ Outcome<SceneCaptures> DrawSceneCaptures(const SceneConfig& scene) {
       }
     }
   }
+  const size_t num_captures = drawn.captures.size();
+  for (const CameraCreep& creep : scene.camera_creeps) {
+    for (size_t i = 0; i + 1 < num_captures; ++i) {
+      const double left = static_cast<double>(num_captures - 1 - i) / static_cast<double>(num_captures - 1);
+      const Rigid3d last_from_then = Retract(Rigid3d(), -left * creep.change);
+      for (Rigid3d& camera_from_target : drawn.captures[i].camera_from_target[creep.camera]) {
+        camera_from_target = Inverse(last_from_then) * camera_from_target;
+      }
+    }
+  }
   return drawn;
 }
 

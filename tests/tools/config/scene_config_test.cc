@@ -137,21 +137,25 @@ TEST(SceneConfigTest, ReadsTheArm) {
 TEST(SceneConfigTest, NamedCamerasAndTargetsHaveTheKeysOfTheShortForm) {
   const SceneConfig scene = ReadScene(ParseYaml(
       "cameras: {left: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, image_size: "
-      "[640, 480], fx: 600, fy: 600, cx: 320, cy: 240}, moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}}}\n"
+      "[640, 480], fx: 600, fy: 600, cx: 320, cy: 240}, moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}, "
+      "creep: {translation: [0 mm, 2 mm, 0 mm]}}}\n"
       "targets: {plate: {mount: gripper, pose: {translation: [0 m, 0 m, 0.1 m]}, target: {type: chessboard, rows: 5, "
       "columns: 8, square: 20 mm}, print: {scale_x: 1.01, bend_y: 1 mm}}}\n"
       "motion: {captures: 5, repeats: 3}\nimage: {noise: 1 grey}\n",
       "scene.yaml"));
   EXPECT_FALSE(scene.setup.has_value());
-  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1.01, 1, 0, 1e-3));
+  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1.01, 1, 0, 1e-3, 0, 0, 0, 0, 0));
   EXPECT_EQ(scene.problem.targets[0].shape.params, TargetShape().params);
   EXPECT_EQ(scene.num_repeats, 3);
   ASSERT_EQ(scene.camera_motions.size(), 1U);
-  const SceneConfig only = Read("moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}\n");
+  const SceneConfig only =
+      Read("moved: {from: 2, by: {translation: [1 mm, 0 mm, 0 mm]}}\ncreep: {translation: [0 mm, 2 mm, 0 mm]}\n");
   ASSERT_EQ(only.camera_motions.size(), 1U);
   for (const SceneConfig& each : {scene, only}) {
     EXPECT_EQ(each.camera_motions[0].first_capture, 2U);
     EXPECT_NEAR(each.camera_motions[0].before_from_after.translation.x(), 1e-3, 1e-12);
+    ASSERT_EQ(each.camera_creeps.size(), 1U);
+    EXPECT_NEAR(each.camera_creeps[0].change[1], 2e-3, 1e-12);
   }
 }
 
