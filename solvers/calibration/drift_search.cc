@@ -17,6 +17,7 @@ namespace heba {
 namespace {
 
 constexpr size_t kFewestCaptures = 8;
+
 constexpr DriftSide kSides[] = {DriftSide::kHand, DriftSide::kWorld};
 // Above this share, the order of the captures is a function of their poses.
 constexpr double kOrderIsPose = 0.3;
@@ -47,6 +48,17 @@ struct LinearisedDrift {
   CaptureTimes times;
   Setup setup = Setup::kEyeToHand;
 };
+
+// Returns the six rows of a capture that another pose of the target would explain: a drift acts on no others.
+LinearisedView PoseRows(const LinearisedView& view) {
+  if (view.offset.size() < 6) return view;
+  const Eigen::MatrixXd basis = HouseholderFactor(view.by_effects.leftCols<6>()).Basis();
+  LinearisedView rows;
+  rows.by_unknowns = basis.transpose() * view.by_unknowns;
+  rows.by_effects = basis.transpose() * view.by_effects;
+  rows.offset = basis.transpose() * view.offset;
+  return rows;
+}
 
 // Returns the view of a group: its captures one above the other, with the columns of GroupProducts. `own_effects` adds
 // the effects of each capture by itself after those that all share.
@@ -102,9 +114,10 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
                                               const CaptureTimes& times, bool at_revisits) {
   const RigProblem weighted = WeightedAs(solution, problem);
   const FitNoise noise = NoiseOf(solution);
-  const std::optional<std::vector<LinearisedView>> views =
+  std::optional<std::vector<LinearisedView>> views =
       LineariseEachCapture(weighted, StateOf(solution), noise, LossOf(LossKind::kNone));
   if (!views || views->empty()) return std::nullopt;
+  for (LinearisedView& view : *views) view = PoseRows(view);
   const std::vector<size_t> captures = CapturesWithPoints(weighted);
   const UnknownLayout layout = RigUnknowns(weighted);
   const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
@@ -196,9 +209,40 @@ void SetChange(const DriftSolution& solution, size_t index, Drift* drift) {
   drift->covariance = solution.covariance.block<6, 6>(first, first);
 }
 
-double TailOf(double statistic, double dof) {
+// The squares of all whitened residuals, and the number of their degrees of freedom beside the unknowns; nothing if the
+// noise is known.
+struct Residuals {
+  double squares = 0;
+  double dof = 0;
+};
+
+Residuals ResidualsOf(const RigProblem& problem, const RigSolution& solution, const LinearisedDrift& linearised) {
+  Residuals residuals;
+  for (const GroupProducts& group : linearised.groups) {
+    residuals.squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
+    residuals.dof += 6 * static_cast<double>(group.captures.size());
+  }
+  residuals.dof -= 12;
+  const SharedEffects* const effects = EffectsOf(problem, 0);
+  if (effects == nullptr) return residuals;
+  // An effect takes as much of a degree of freedom as the captures reduce its variance.
+  const Eigen::Index first = solution.covariance.layout.Block(ErrorsBlock(problem.robots.front())).first;
+  for (Eigen::Index i = 0; i < effects->size(); ++i) {
+    const double sigma = solution.effect_sigmas.front()[effects->effects[static_cast<size_t>(i)].group];
+    if (sigma > 0) residuals.dof -= 1 - solution.covariance.matrix(first + i, first + i) / (sigma * sigma);
+  }
+  return residuals;
+}
+
+// Returns the probability of a statistic by chance. The noise was estimated from the residuals, which the drift is part
+// of.
+double TailOf(double statistic, const std::optional<Residuals>& residuals) {
   const double clamped = std::max(0.0, statistic);
-  return std::isfinite(dof) ? FisherTail(clamped / 6, 6, dof) : ChiSquareTail(clamped, 6);
+  if (!residuals) return ChiSquareTail(clamped, 6);
+  const double dof = residuals->dof - 6;
+  if (!(dof >= 1)) return 1;
+  const double rest = std::max(1e-9 * residuals->squares, residuals->squares - clamped);
+  return FisherTail(clamped / 6 / (rest / dof), 6, dof);
 }
 
 // Returns the drifts that are tested: the linear ones, and a step before each capture but the first and last two.
@@ -218,8 +262,11 @@ std::vector<Drift> Candidates(size_t num_captures) {
   return candidates;
 }
 
-// Returns the clearest drift, with its p-value; nothing if none is determined.
-std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSolution& solution, bool are_held) {
+// Returns the clearest drift, with its p-value; nothing if none is determined. Without residuals the noise is known,
+// and the unknowns are held.
+std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSolution& solution,
+                              const std::optional<Residuals>& residuals) {
+  const bool are_held = !residuals;
   // The largest of the statistics of all steps is distributed like that of so many independent ones at the most.
   constexpr double kIndependentSteps = 20;
   const size_t num_captures = linearised.times.num_captures;
@@ -233,7 +280,7 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSoluti
     if (!solved) continue;
     SetChange(*solved, 0, &drift);
     const double num_tests = (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * std::size(kSides);
-    drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, solution.covariance_dof));
+    drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, residuals));
     tested.emplace_back(drift, solved->statistic);
     const bool is_clearer = !clearest || drift.p_value < clearest->p_value ||
                             (drift.p_value == clearest->p_value && solved->statistic > statistic_of_clearest);
@@ -321,7 +368,7 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
   const std::optional<DriftEvidence> evidence = EvidenceOf(problem, order_by_pose);
   const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
   if (!all) return search;
-  std::optional<Drift> in_order = Clearest(*all, solution, false);
+  std::optional<Drift> in_order = Clearest(*all, solution, ResidualsOf(problem, solution, *all));
   if (evidence && in_order && in_order->p_value < kDriftByChance) {
     in_order->evidence = *evidence;
     search.found = in_order;
@@ -329,7 +376,7 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
   }
   const std::optional<LinearisedDrift> revisits = LineariseDrift(problem, solution, setup, times, true);
   std::optional<Drift> at_revisits;
-  if (revisits && !revisits->groups.empty()) at_revisits = Clearest(*revisits, solution, true);
+  if (revisits && !revisits->groups.empty()) at_revisits = Clearest(*revisits, solution, std::nullopt);
   if (at_revisits && at_revisits->p_value < kDriftByChance) {
     // Both sides explain captures at one pose; the others tell which.
     Drift other = *at_revisits;

@@ -39,8 +39,10 @@ struct DriftSearch {
 // s(t) A of a drift h, where A are the columns of the body's pose and s is its share of the motion, all whitened with
 // the noise of the solution,
 //   T = g^T S g,  g = D^T r,  S = (D^T D - D^T A_x C A_x^T D)^-1,  h = S g
-// follows F or chi-square with 6 degrees of freedom if there is none; p-values are corrected for the sides, forms and
-// steps that are tested. Returns neither a drift nor a finding for fewer than eight captures.
+// is compared with the squares R of the residuals, which the noise was estimated from: (T / 6) / ((R - T) / (dof - 6))
+// follows F if there is none. Captures at one pose are judged by T alone, with the repeatability of robots. p-values
+// are corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than
+// eight captures.
 DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times);
 
 // Returns drifts of the same bodies and forms as `drifts`, estimated together without a test: what is left of them at
