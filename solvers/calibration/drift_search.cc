@@ -1,6 +1,7 @@
 #include "solvers/calibration/drift_search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -449,6 +450,11 @@ Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& captur
                      {"sigma_deg", RadToDeg(root_of_sum(3))},
                      {"p", drift.p_value},
                      {"odds_of_side", drift.odds_of_side}};
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    constexpr std::array<const char*, 6> kNames = {"x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"};
+    finding.numbers.emplace_back(kNames[static_cast<size_t>(i)],
+                                 i < 3 ? 1000 * drift.change[i] : RadToDeg(drift.change[i]));
+  }
   finding.names = {{"body", IsCameraDrifting(setup, drift.side) ? "camera" : "target"},
                    {"side", std::string(kDriftSideNames[static_cast<size_t>(drift.side)])},
                    {"form", std::string(kDriftFormNames[static_cast<size_t>(drift.form)])},

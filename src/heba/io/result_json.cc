@@ -153,9 +153,14 @@ Json VerdictJson(const Verdict& verdict) {
   for (const Finding& finding : verdict.findings) {
     Json numbers = Json::object();
     for (const auto& [name, value] : finding.numbers) numbers[name] = Finite(value);
+    Json names = Json::object();
+    for (const auto& [name, value] : finding.names) {
+      if (!names.contains(name)) names[name] = value;
+    }
     findings.push_back(Json{{"code", finding.code},
                             {"grade", GradeName(finding.grade)},
                             {"numbers", numbers},
+                            {"names", names},
                             {"text", finding.text},
                             {"action", finding.action}});
   }
@@ -291,6 +296,12 @@ Verdict ReadVerdict(const JsonReader& reader) {
     finding.action = entry.Get("action").Text();
     for (const auto& [name, value] : entry.Get("numbers").Members()) {
       finding.numbers.emplace_back(name, value ? value->Number() : std::numeric_limits<double>::infinity());
+    }
+    // Results of earlier versions have none.
+    if (entry.Has("names")) {
+      for (const auto& [name, value] : entry.Get("names").Members()) {
+        if (value) finding.names.emplace_back(name, value->Text());
+      }
     }
     verdict.findings.push_back(std::move(finding));
   }
