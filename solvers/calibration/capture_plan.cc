@@ -144,15 +144,30 @@ Rigid3d DrawPose(const PlanCell& cell, const std::array<double, 2>& depths_m, Rn
   return camera_from_target;
 }
 
-// Returns the posture of the arm: that nearest to the one before, if there is any.
-std::optional<Eigen::VectorXd> PostureFor(const PlanCell& cell, const Rigid3d& base_from_gripper,
-                                          const Eigen::VectorXd& before) {
-  const std::vector<Eigen::VectorXd> postures = cell.postures(base_from_gripper);
-  if (postures.empty()) return std::nullopt;
-  if (before.size() == 0) return postures.front();
-  return *std::min_element(postures.begin(), postures.end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-    return (a - before).norm() < (b - before).norm();
-  });
+bool IsReached(const PlanCell& cell, const Rigid3d& base_from_gripper) {
+  return !cell.postures || !cell.postures(base_from_gripper).empty();
+}
+
+// Sets the joints of the captures: for each the posture nearest to one of the first capture, that which leaves the arm
+// the least to turn.
+void SetJoints(const PlanCell& cell, std::vector<PlannedCapture>* captures) {
+  if (!cell.postures || captures->empty()) return;
+  std::vector<std::vector<Eigen::VectorXd>> postures;
+  for (const PlannedCapture& capture : *captures) postures.push_back(cell.postures(capture.base_from_gripper));
+  double least = std::numeric_limits<double>::infinity();
+  for (const Eigen::VectorXd& first : postures.front()) {
+    std::vector<Eigen::VectorXd> chosen;
+    double sum = 0;
+    for (const std::vector<Eigen::VectorXd>& of_capture : postures) {
+      chosen.push_back(*std::min_element(
+          of_capture.begin(), of_capture.end(),
+          [&](const Eigen::VectorXd& p, const Eigen::VectorXd& q) { return (p - first).norm() < (q - first).norm(); }));
+      sum += (chosen.back() - first).norm();
+    }
+    if (sum >= least) continue;
+    least = sum;
+    for (size_t i = 0; i < chosen.size(); ++i) (*captures)[i].joints = chosen[i];
+  }
 }
 
 std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
@@ -177,14 +192,9 @@ std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptio
       ++drawn->num_unseen;
       continue;
     }
-    if (cell.postures) {
-      const Eigen::VectorXd before = candidates.empty() ? Eigen::VectorXd() : candidates.front().joints;
-      const std::optional<Eigen::VectorXd> joints = PostureFor(cell, capture.base_from_gripper, before);
-      if (!joints) {
-        ++drawn->num_unreached;
-        continue;
-      }
-      capture.joints = *joints;
+    if (!IsReached(cell, capture.base_from_gripper)) {
+      ++drawn->num_unreached;
+      continue;
     }
     candidates.push_back(std::move(capture));
   }
@@ -421,12 +431,11 @@ std::vector<size_t> Choose(const std::vector<Candidate>& candidates, size_t coun
 }
 
 // Returns the captures of the two-step method that the cell allows.
-std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
+std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOptions& options,
+                                            const std::vector<Candidate>& candidates, Drawn* drawn, Rng* rng) {
   const std::vector<HandEye> setups = RoughSetups(cell, rng);
   const SimulatedTarget outline = OutlineOf(cell);
-  const std::array<double, 2> depths_m = DepthsOf(cell);
   MotionOptions home;
-  home.distance_m = std::sqrt(depths_m[0] * depths_m[1]);
   home.depth_ratio = 0.1;
   home.spread = 0.2;
   TwoStepMotionOptions motion;
@@ -436,6 +445,9 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     // Motions that are too large for the image or the workspace are made smaller.
     const double share = std::pow(0.25, static_cast<double>(attempt) / kMostTries);
+    // The home pose is as far away as a pose that the cell allows.
+    const int like = rng->Index(static_cast<int>(candidates.size()));
+    home.distance_m = candidates[static_cast<size_t>(like)].capture.camera_from_target.translation.z();
     motion.translation_m = share * TwoStepMotionOptions().translation_m;
     motion.max_turn_rad = share * TwoStepMotionOptions().max_turn_rad;
     const Outcome<std::vector<SimulatedPose>> poses = SimulateTwoStepPoses(
@@ -461,14 +473,9 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
         ++drawn->num_unseen;
         break;
       }
-      if (cell.postures) {
-        const std::optional<Eigen::VectorXd> joints =
-            PostureFor(cell, capture.base_from_gripper, captures.empty() ? Eigen::VectorXd() : captures.front().joints);
-        if (!joints) {
-          ++drawn->num_unreached;
-          break;
-        }
-        capture.joints = *joints;
+      if (!IsReached(cell, capture.base_from_gripper)) {
+        ++drawn->num_unreached;
+        break;
       }
       captures.push_back(std::move(capture));
     }
@@ -529,7 +536,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   std::vector<Candidate> chosen;
   if (options.is_two_step) {
     Drawn of_motion;
-    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, &of_motion, &rng);
+    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, candidates, &of_motion, &rng);
     chosen = WithInformation(cell, captures);
     if (chosen.empty()) return WhyTooFew(of_motion, 0, options.count);
   } else {
@@ -542,6 +549,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     criterion.Describe(information, &one.capture);
     plan.captures.push_back(std::move(one.capture));
   }
+  SetJoints(cell, &plan.captures);
   if (!options.is_two_step) AddRevisits(options.num_revisits, &plan.captures);
   std::vector<Rigid3d> poses;
   std::vector<size_t> order;
