@@ -28,8 +28,8 @@ struct CaptureTimes {
 // Below this probability by chance, for all drifts that are tested, there is a drift.
 inline constexpr double kDriftByChance = 0.01;
 // Likewise if the errors of an arm are not estimated: those of neighbouring poses are alike, so that even in a mixed
-// order the captures say less about them than independent ones would. Of 60 simulated sessions of arms with usual errors
-// and no drift, p was below 0.01 in 8 and below 0.0005 in none.
+// order the captures say less about them than independent ones would. Of 60 simulated sessions of arms with usual
+// errors and no drift, p was below 0.01 in 8 and below 0.0005 in none.
 inline constexpr double kDriftByChanceInOrder = 1e-5;
 
 struct DriftSearch {

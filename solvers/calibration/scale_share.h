@@ -36,12 +36,15 @@ struct ScaleShare {
 ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas);
 
 // Makes the covariance of a solution (Solution, RigSolution) the total one, and keeps the repeatable one. `changes` are
-// those of other causes (Advice), which are part of both.
+// those of other causes (Advice), which are part of both; `of_cell` are those of causes that all sessions of a cell
+// have in common besides its scales.
 template <class AnySolution>
-void AddShare(const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes, AnySolution* solution) {
+void AddShare(const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes,
+              const std::vector<Eigen::VectorXd>& of_cell, AnySolution* solution) {
   solution->covariance_repeatable = share.repeatable;
   AddChanges(changes, &solution->covariance_repeatable);
   AddChanges(changes, &solution->covariance);
+  AddChanges(of_cell, &solution->covariance);
   AddChanges(share.changes, &solution->covariance);
 }
 

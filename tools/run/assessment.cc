@@ -15,6 +15,7 @@
 #include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
+#include "tools/run/stand_in_arm.h"
 
 namespace heba {
 namespace {
@@ -240,7 +241,8 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   const RigProblem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
   const ScaleShare scales =
       ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(AsRigDataset(dataset), of_all.problem));
-  AddShare(scales, advice.changes, &*result.estimates.back().solution);
+  const std::vector<Eigen::VectorXd> of_arm = ChangesByUnknownArms(used, of_all.judged.solution);
+  AddShare(scales, advice.changes, of_arm, &*result.estimates.back().solution);
   result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
   if (!calibration.left_out.empty()) {
     SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
@@ -251,7 +253,9 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   // A wrong scale moves the camera, and not what it sees of an object of known size.
   RigSolution solution = of_all.judged.solution;
   AddChanges(scales.changes, &solution.covariance);
-  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, advice.changes);
+  std::vector<Eigen::VectorXd> all_changes = advice.changes;
+  all_changes.insert(all_changes.end(), of_arm.begin(), of_arm.end());
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, all_changes);
   result.working_point = working_points.front();
   result.model = SummariseModel(calibration);
   for (Finding& missing :

@@ -28,6 +28,7 @@
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
 #include "tools/run/single_pair.h"
+#include "tools/run/stand_in_arm.h"
 
 namespace heba {
 namespace {
@@ -459,8 +460,11 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   // A wrong scale moves the cameras, and not what they see of an object of known size.
   RigSolution with_scales = solution;
   AddChanges(scales.changes, &with_scales.covariance);
-  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, with_scales, changes);
-  AddShare(scales, changes, &*output.calibration.refined);
+  const std::vector<Eigen::VectorXd> of_arms = ChangesByUnknownArms(used, solution);
+  std::vector<Eigen::VectorXd> all_changes = changes;
+  all_changes.insert(all_changes.end(), of_arms.begin(), of_arms.end());
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, with_scales, all_changes);
+  AddShare(scales, changes, of_arms, &*output.calibration.refined);
   timing.refine_s = solution.convergence.seconds;
   timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
 
