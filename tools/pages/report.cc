@@ -17,6 +17,7 @@
 #include "tools/pages/page.h"
 #include "tools/pages/page_numbers.h"
 #include "tools/pages/residual_sections.h"
+#include "tools/pages/target_figure.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -372,6 +373,7 @@ constexpr ReportSection kSections[] = {
     {"Poses between cameras and between targets", RelativePart},
     {"Intrinsics", IntrinsicsPart, ReportSection::For::kRig},
     {"", ResidualSections},
+    {"Points of the target", TargetFigures},
     {"Uncertainty at the working point", UncertaintyPart},
     {"Arms", ArmsPart},
     {"", ArmSections},

@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/calibration/calibration_problem.h"
+#include "solvers/calibration/residual_structure.h"
 #include "solvers/calibration/scale_share.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/residuals/inliers.h"
@@ -244,6 +245,9 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   const std::vector<Eigen::VectorXd> of_arm = ChangesByUnknownArms(used, of_all.judged.solution);
   AddShare(scales, advice.changes, of_arm, &*result.estimates.back().solution);
   result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
+  ResidualStructure structure = FindResidualStructure(used, of_all.judged.solution);
+  result.observations.insert(result.observations.end(), structure.findings.begin(), structure.findings.end());
+  result.point_deviations = std::move(structure.points);
   if (!calibration.left_out.empty()) {
     SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
                &result.estimates.back().errors);

@@ -15,6 +15,7 @@
 #include "heba/image_detection.h"
 #include "heba/rig_cross_validation.h"
 #include "solvers/calibration/influence.h"
+#include "solvers/calibration/residual_structure.h"
 #include "solvers/calibration/scale_share.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/residuals/inliers.h"
@@ -461,6 +462,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigSolution with_scales = solution;
   AddChanges(scales.changes, &with_scales.covariance);
   const std::vector<Eigen::VectorXd> of_arms = ChangesByUnknownArms(used, solution);
+  ResidualStructure structure = FindResidualStructure(used, solution);
   std::vector<Eigen::VectorXd> all_changes = changes;
   all_changes.insert(all_changes.end(), of_arms.begin(), of_arms.end());
   const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, with_scales, all_changes);
@@ -487,10 +489,11 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   RigArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
   NameKnownArms(result.arms, result.rig.robots, &of_rig);
-  for (const std::vector<Finding>& findings :
-       {scales.findings, of_rig, summaries.findings, of_held.findings, of_smooth.findings, directions, missing_ids}) {
+  for (const std::vector<Finding>& findings : {scales.findings, of_rig, summaries.findings, of_held.findings,
+                                               of_smooth.findings, structure.findings, directions, missing_ids}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
+  result.point_deviations = std::move(structure.points);
   result.working_points = working_points;
   result.requirements = ReachedAccuracies(options.requirements, used, solution, working_points);
   result.verdict = JudgeRig(result);

@@ -485,6 +485,24 @@ FindingText DriftUnseen(const Finding& /*finding*/) {
       "repeat the first three poses at the end of the next session"};
 }
 
+FindingText TargetPoints(const Finding& finding) {
+  const std::string target = Name(finding, "of_target");
+  return {Count(finding, "deviating") + " of " + Count(finding, "points") + " points of the target" +
+              (target.empty() ? "" : " " + target) + " lie beside the shape that was estimated, by up to " +
+              Significant(Number(finding, "largest_mm"), 2) + " mm (point " + Count(finding, "largest_id") +
+              "): errors of the print, or of its detection",
+          ""};
+}
+
+FindingText ImageRegions(const Finding& finding) {
+  const std::string camera = Name(finding, "of_camera");
+  return {"in " + Count(finding, "deviating") + " of " + Count(finding, "regions") + " regions of the image" +
+              (camera.empty() ? "" : " of camera " + camera) + " the residuals have a mean, of up to " +
+              Significant(Number(finding, "largest_px"), 2) + " px (near " + Count(finding, "at_u_px") + ", " +
+              Count(finding, "at_v_px") + "): the model of the lens lacks something there",
+          ""};
+}
+
 FindingText HeldIntrinsics(const Finding& finding) {
   return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
               ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
@@ -626,6 +644,8 @@ constexpr CodeWords kWords[] = {
     {"camera_moved", &CameraMoved},
     {"drift", &DriftText},
     {"drift_unseen", &DriftUnseen},
+    {"target_points", &TargetPoints},
+    {"image_regions", &ImageRegions},
 };
 
 constexpr const CodeWords* WordsOf(std::string_view code) {

@@ -144,6 +144,16 @@ struct RobotSummary {
   std::optional<RobotNoise> noise_after;
 };
 
+// The deviation of one point of a target from the shape that was estimated.
+struct PointDeviation {
+  size_t target = 0;
+  int id = 0;
+  Eigen::Vector3d designed_m = Eigen::Vector3d::Zero();   // In the target.
+  Eigen::Vector3d deviation_m = Eigen::Vector3d::Zero();  // By the residuals of all images.
+  // The probability of such residuals if the point has no deviation, for all points that were tested.
+  double p_value = 1;
+};
+
 // A finished run, from which result.json is written.
 struct RunResult {
   std::string name;
@@ -160,6 +170,8 @@ struct RunResult {
   std::vector<Requirement> requirements;
   // Findings about the run that its figures do not show.
   std::vector<Finding> observations;
+  // The points of the target that were seen often enough. Not written to files.
+  std::vector<PointDeviation> point_deviations;
   Verdict verdict;  // Result of JudgeRun.
   Timing timing;
 };

@@ -54,6 +54,8 @@ inline constexpr std::string_view kFindingCodes[] = {
     "camera_moved",
     "drift",
     "drift_unseen",
+    "target_points",
+    "image_regions",
     "at_working_point",
     "intrinsics_not_included",
     "weak_direction_of",

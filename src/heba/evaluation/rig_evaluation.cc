@@ -246,6 +246,7 @@ RigResult AsRigResult(const RunResult& result, const Estimate& estimate) {
   }
   for (const Requirement& requirement : result.requirements) whole.requirements.push_back({0, requirement});
   whole.observations = result.observations;
+  whole.point_deviations = result.point_deviations;
   whole.verdict = result.verdict;
   whole.timing = result.timing;
   return whole;

@@ -128,8 +128,9 @@ struct RigResult {
   // In the order of the requirements; a requirement has an entry for every camera that it concerns, whose built-in
   // limits on uncertainty and hold-out errors it replaces.
   std::vector<RigRequirement> requirements;
-  std::vector<Finding> observations;  // Findings about the run that its figures do not show.
-  Verdict verdict;                    // Result of JudgeRig.
+  std::vector<Finding> observations;             // Findings about the run that its figures do not show.
+  std::vector<PointDeviation> point_deviations;  // RunResult::point_deviations.
+  Verdict verdict;                               // Result of JudgeRig.
   Timing timing;
 };
 

@@ -170,7 +170,7 @@ TEST(ScaleShareTest, RegionsHoldOverScalesDrawnFromTheirPriors) {
     const ScaleShare share = ShareOfScales(WithoutRejected(Without(all.problem, all.judged.left_out), solution),
                                            solution, {{kOfTarget}, {kOfRobot}});
     Solution total = *calibration->refined;
-    AddShare(share, {}, &total);
+    AddShare(share, {}, {}, &total);
     const auto is_covered = [&](const Covariance& covariance) {
       const Tangent6 error = ChangeOf(total.hand_eye, scene.hand_eye);
       const Matrix6 of_pose = covariance.matrix.topLeftCorner<6, 6>();

@@ -1,0 +1,182 @@
+#include "solvers/calibration/residual_structure.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "heba/base/distributions.h"
+#include "heba/base/factorisation.h"
+#include "heba/data/prediction.h"
+#include "heba/data/target_shape.h"
+#include "solvers/refine/fit.h"
+
+namespace heba {
+namespace {
+
+constexpr int kColumns = 8;
+constexpr int kRows = 6;
+
+struct PointSums {
+  Eigen::Vector3d designed_m = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  int num = 0;
+};
+
+struct RegionSums {
+  Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
+  int num = 0;
+};
+
+using PointsOfTargets = std::map<std::pair<size_t, int>, PointSums>;
+using RegionsOfCameras = std::map<std::pair<size_t, int>, RegionSums>;
+
+void AddImage(const RigProblem& problem, const RigSolution& solution, const FitState& state, const ImageIndex& index,
+              PointsOfTargets* points, RegionsOfCameras* regions) {
+  const RigImage& image = problem.captures[index.capture].images[index.image];
+  const Camera& camera = solution.cameras[image.camera];
+  const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
+  const Rigid3d camera_from_target = PredictedPose(problem, state, index);
+  Points2 pixels;
+  ProjectionJacobian jacobian;
+  if (!Predict(camera.Model(), camera.params.data(), camera_from_target, shaped, &pixels, &jacobian)) return;
+  const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
+  const double sigma_px = solution.pixel_sigmas_px[image.camera];
+  for (Eigen::Index i = 0; i < shaped.size(); ++i) {
+    const auto at = static_cast<size_t>(i);
+    const Eigen::Vector2d residual = image.observations.pixels.col(i) - pixels.col(i);
+    Eigen::Matrix<double, 2, 3> by_point;
+    by_point << jacobian.u.col(i).head<3>().transpose(), jacobian.v.col(i).head<3>().transpose();
+    by_point = (by_point * rotation).eval();
+    Eigen::Matrix2d weight = Eigen::Matrix2d::Identity() / sigma_px;
+    if (!image.observations.whitening.empty()) weight = image.observations.whitening[at] / sigma_px;
+    const Eigen::Matrix<double, 2, 3> weighted = weight * by_point;
+    PointSums& of_point = (*points)[{image.target, shaped.ids[at]}];
+    of_point.designed_m = image.observations.points_in_target.col(i);
+    of_point.normal += weighted.transpose() * weighted;
+    of_point.right += weighted.transpose() * (weight * residual);
+    ++of_point.num;
+    const auto cell = [](double pixel, int size, int cells) {
+      return std::clamp(static_cast<int>(std::floor((pixel + 0.5) / size * cells)), 0, cells - 1);
+    };
+    const Eigen::Vector2d pixel = image.observations.pixels.col(i);
+    const int column = cell(pixel.x(), camera.width_px, kColumns);
+    const int row = cell(pixel.y(), camera.height_px, kRows);
+    RegionSums& of_region = (*regions)[{image.camera, row * kColumns + column}];
+    of_region.sum_px += residual;
+    ++of_region.num;
+  }
+}
+
+std::vector<PointDeviation> DeviationsOf(const PointsOfTargets& points) {
+  constexpr int kFewestImages = 3;
+  std::vector<PointDeviation> deviations;
+  for (const auto& [key, sums] : points) {
+    const auto factor = Cholesky(sums.normal);
+    if (sums.num < kFewestImages || !factor) continue;
+    PointDeviation& deviation = deviations.emplace_back();
+    deviation.target = key.first;
+    deviation.id = key.second;
+    deviation.designed_m = sums.designed_m;
+    deviation.deviation_m = factor->Solve(sums.right);
+    deviation.p_value = ChiSquareTail(deviation.deviation_m.dot(sums.right), 3);
+  }
+  for (PointDeviation& one : deviations) {
+    one.p_value = std::min(1.0, one.p_value * static_cast<double>(deviations.size()));
+  }
+  return deviations;
+}
+
+std::vector<RegionDeviation> DeviationsOf(const RegionsOfCameras& regions, const RigSolution& solution) {
+  constexpr int kFewestPoints = 10;
+  std::vector<RegionDeviation> deviations;
+  for (const auto& [key, sums] : regions) {
+    if (sums.num < kFewestPoints) continue;
+    const Camera& camera = solution.cameras[key.first];
+    RegionDeviation& deviation = deviations.emplace_back();
+    deviation.camera = key.first;
+    deviation.mean_px = sums.sum_px / sums.num;
+    const double column = 0.5 + key.second % kColumns;
+    const double row = 0.5 + std::floor(key.second / kColumns);
+    deviation.middle_px = {column * camera.width_px / kColumns - 0.5, row * camera.height_px / kRows - 0.5};
+    const double sigma_px = solution.pixel_sigmas_px[key.first];
+    deviation.p_value = ChiSquareTail(sums.num * deviation.mean_px.squaredNorm() / (sigma_px * sigma_px), 2);
+  }
+  for (RegionDeviation& one : deviations) {
+    one.p_value = std::min(1.0, one.p_value * static_cast<double>(deviations.size()));
+  }
+  return deviations;
+}
+
+Finding DescribePoints(const RigProblem& problem, size_t target, const std::vector<PointDeviation>& points) {
+  Finding finding{Grade::kGood, FindingCode("target_points")};
+  int num_deviating = 0;
+  int num_all = 0;
+  const PointDeviation* largest = nullptr;
+  for (const PointDeviation& one : points) {
+    if (one.target != target) continue;
+    ++num_all;
+    if (one.p_value >= kDeviates) continue;
+    ++num_deviating;
+    if (largest == nullptr || one.deviation_m.norm() > largest->deviation_m.norm()) largest = &one;
+  }
+  if (largest == nullptr) return {};
+  finding.numbers = {{"deviating", num_deviating},
+                     {"points", num_all},
+                     {"largest_mm", 1000 * largest->deviation_m.norm()},
+                     {"largest_id", largest->id},
+                     {"p", largest->p_value}};
+  if (!problem.targets[target].name.empty()) finding.names = {{"of_target", problem.targets[target].name}};
+  return finding;
+}
+
+Finding DescribeRegions(const RigProblem& problem, size_t camera, const std::vector<RegionDeviation>& regions) {
+  Finding finding{Grade::kGood, FindingCode("image_regions")};
+  int num_deviating = 0;
+  int num_all = 0;
+  const RegionDeviation* largest = nullptr;
+  for (const RegionDeviation& one : regions) {
+    if (one.camera != camera) continue;
+    ++num_all;
+    if (one.p_value >= kDeviates) continue;
+    ++num_deviating;
+    if (largest == nullptr || one.mean_px.norm() > largest->mean_px.norm()) largest = &one;
+  }
+  if (largest == nullptr) return {};
+  finding.numbers = {{"deviating", num_deviating},
+                     {"regions", num_all},
+                     {"largest_px", largest->mean_px.norm()},
+                     {"at_u_px", largest->middle_px.x()},
+                     {"at_v_px", largest->middle_px.y()},
+                     {"p", largest->p_value}};
+  if (!problem.cameras[camera].name.empty()) finding.names = {{"of_camera", problem.cameras[camera].name}};
+  return finding;
+}
+
+}  // namespace
+
+ResidualStructure FindResidualStructure(const RigProblem& problem, const RigSolution& solution) {
+  const RigProblem weighted = WeightedAs(solution, problem);
+  const FitState state = StateOf(solution);
+  PointsOfTargets points;
+  RegionsOfCameras regions;
+  for (size_t i = 0; i < weighted.captures.size(); ++i) {
+    for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
+      AddImage(weighted, solution, state, {i, k}, &points, &regions);
+    }
+  }
+  ResidualStructure structure{DeviationsOf(points), DeviationsOf(regions, solution), {}};
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    Finding finding = DescribePoints(problem, t, structure.points);
+    if (!finding.code.empty()) structure.findings.push_back(std::move(finding));
+  }
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    Finding finding = DescribeRegions(problem, c, structure.regions);
+    if (!finding.code.empty()) structure.findings.push_back(std::move(finding));
+  }
+  return structure;
+}
+
+}  // namespace heba
