@@ -159,10 +159,11 @@ void SetJoints(const PlanCell& cell, std::vector<PlannedCapture>* captures) {
     std::vector<Eigen::VectorXd> chosen;
     double sum = 0;
     for (const std::vector<Eigen::VectorXd>& of_capture : postures) {
-      chosen.push_back(*std::min_element(
-          of_capture.begin(), of_capture.end(),
-          [&](const Eigen::VectorXd& p, const Eigen::VectorXd& q) { return (p - first).norm() < (q - first).norm(); }));
-      sum += (chosen.back() - first).norm();
+      chosen.push_back(*std::min_element(of_capture.begin(), of_capture.end(),
+                                         [&](const Eigen::VectorXd& p, const Eigen::VectorXd& q) {
+                                           return cell.posture_distance(p, first) < cell.posture_distance(q, first);
+                                         }));
+      sum += cell.posture_distance(chosen.back(), first);
     }
     if (sum >= least) continue;
     least = sum;

@@ -22,6 +22,9 @@ namespace fs = std::filesystem;
 // Sets the postures by which an arm reaches a pose: in the configuration of the first pose that is asked for, if the
 // arm has named ones.
 void SetPostures(const RobotArm& robot, PlanCell* cell) {
+  cell->posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return PostureDistance(arm, a, b);
+  };
   cell->postures = [robot](const Rigid3d& base_from_gripper) -> std::vector<Eigen::VectorXd> {
     const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
     if (robot.joints_near.size() == robot.arm.num_joints()) {

@@ -36,11 +36,12 @@ std::vector<Eigen::VectorXd> PosturesOfAll(const Arm& arm, const std::vector<Rig
     Eigen::VectorXd& posture = postures.emplace_back();
     const Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(arm, pose);
     if (!all) continue;
-    posture = first.size() == 0 ? all->front()
-                                : *std::min_element(all->begin(), all->end(),
-                                                    [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-                                                      return (a - first).norm() < (b - first).norm();
-                                                    });
+    posture =
+        first.size() == 0
+            ? all->front()
+            : *std::min_element(all->begin(), all->end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+                return PostureDistance(arm, a, first) < PostureDistance(arm, b, first);
+              });
     if (first.size() == 0) first = posture;
   }
   return postures;

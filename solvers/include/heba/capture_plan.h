@@ -66,6 +66,8 @@ struct PlanCell {
   // Returns the joints by which the arm reaches a pose of the gripper, an empty list if it does not. Not set: every
   // pose is reached.
   std::function<std::vector<Eigen::VectorXd>(const Rigid3d& base_from_gripper)> postures = nullptr;
+  // Returns how far apart two of them are; needed with `postures`.
+  std::function<double(const Eigen::VectorXd& a, const Eigen::VectorXd& b)> posture_distance = nullptr;
 };
 
 struct PlanOptions {

@@ -195,6 +195,17 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
   return postures;
 }
 
+double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  double sum = 0;
+  for (Eigen::Index j = 0; j < a.size(); ++j) {
+    const double difference = a[j] - b[j];
+    const double to_next =
+        arm.joints[static_cast<size_t>(j)].is_turning ? std::remainder(difference, 2 * kPi) : difference;
+    sum += to_next * to_next;
+  }
+  return std::sqrt(sum);
+}
+
 std::optional<Configuration> ConfigurationOf(const Arm& arm, const Eigen::VectorXd& joints) {
   const bool all_turn =
       std::all_of(arm.joints.begin(), arm.joints.end(), [](const ArmJoint& joint) { return joint.is_turning; });

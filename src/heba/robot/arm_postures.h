@@ -27,6 +27,10 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
 // joints, which reach a pose in infinitely many ways.
 Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip);
 
+// Returns how far apart two postures are: the norm of the differences of their joints, of which those that turn count
+// to the next whole turn.
+double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
+
 // The configuration of a posture, as controllers name it: the signs of shoulder, elbow and wrist. Two postures of
 // different configurations are separated by a singularity.
 using Configuration = std::array<bool, 3>;
