@@ -11,6 +11,15 @@ import numpy as np
 
 PAGES = Path(__file__).resolve().parent
 CONFIGS = PAGES.parents[1] / "configs"
+PLANNED = """setup: eye_in_hand
+target: {type: chessboard, rows: 6, columns: 9, square: 25 mm}
+robot: {model: ur5e}
+plan:
+  hand_eye: {translation: [0 mm, 60 mm, 50 mm]}
+  board: {translation: [500 mm, 50 mm, 0 mm], rpy: [180 deg, 0 deg, 30 deg]}
+  workspace: {box: [[200 mm, -300 mm, 200 mm], [800 mm, 400 mm, 900 mm]]}
+  lens: {focal_length: 8 mm, pixel: 3.45 um, image_size: [1920, 1200]}
+"""
 BAD = ["motion.tilt=6 deg", "motion.spin=3 deg", "motion.depth=0", "motion.spread=0.05"]
 
 
@@ -38,6 +47,35 @@ def sheet_of(folder, count=9, columns=3, width=300):
     return np.vstack([np.hstack(small[i : i + columns]) for i in range(0, count, columns)])
 
 
+def screenshot(page, width, height, box=None):
+    """Returns the top of a page as an image; `box` cuts out x, y, width and height."""
+    with tempfile.TemporaryDirectory() as name:
+        shot = Path(name) / "page.png"
+        subprocess.run(
+            ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={width},{height}", f"--screenshot={shot}",
+             f"file://{page}"],
+            check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        image = cv2.imread(str(shot))
+    return image if box is None else image[box[1] : box[1] + box[3], box[0] : box[0] + box[2]]
+
+
+def figure_of(page, view, work, width=620, height=470):
+    """Returns one figure of a page, drawn alone."""
+    text = page.read_text()
+    alone = work / "figure.html"
+    script_end = text.rindex("</body>")
+    keep = (
+        "<style>.only { display: block !important; position: fixed; inset: 0; margin: 0; padding: 12px; background: var(--paper); z-index: 9 }"
+        ".only figcaption, .only .hint, .only .view-buttons, .only .magnifier { display: none }</style>"
+    )
+    marked = text[:script_end] + keep + text[script_end:]
+    place = marked.index(f'data-view="{view}"')
+    marked = marked[:place] + 'class="only" ' + marked[place:]
+    alone.write_text(marked)
+    return screenshot(alone, width, height)
+
+
 def main(program):
     (PAGES / "pictures").mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
@@ -56,16 +94,18 @@ def main(program):
             heba(program, "target", work / "board.yaml", "--paper", "a4", "--out", work / "sheet.png", "--dpi", "75")
             save(f"sheet_{name}.png", cv2.imread(str(work / "sheet.png"), cv2.IMREAD_GRAYSCALE))
         heba(program, "run", work / "sample/config.yaml", "--out", work / "run")
-        shot = work / "report.png"
-        subprocess.run(
-            ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1280,1400", f"--screenshot={shot}",
-             f"file://{work}/run/report.html"],
-            check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
-        save("report.jpg", scaled(cv2.imread(str(shot)), 960), 75)
+        report = work / "run/report.html"
+        save("report.jpg", scaled(screenshot(report, 1280, 1000), 960), 75)
+        save("residuals.jpg", scaled(figure_of(report, "residual-field", work), 620))
         overlay = work / "detections"
         heba(program, "detect", work / "sample/config.yaml", "--out", overlay)
-        save("overlay.jpg", scaled(first_image(overlay / "overlays"), 640))
+        seen = first_image(overlay / "overlays")
+        save("overlay.jpg", scaled(seen, 640))
+        cell = figure_of(report, "set-up", work, 640, 480)
+        save("cell.jpg", np.hstack([cell, cv2.resize(seen, (640, 480), interpolation=cv2.INTER_AREA)]))
+        (work / "cell.yaml").write_text(PLANNED)
+        heba(program, "plan", work / "cell.yaml", "--count", "12", "--out", work / "plan.csv")
+        save("plan.jpg", scaled(screenshot(work / "plan.html", 1280, 1000), 960), 75)
 
 
 if __name__ == "__main__":

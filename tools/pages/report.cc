@@ -15,6 +15,7 @@
 #include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
+#include "tools/pages/photograph.h"
 #include "tools/pages/page_numbers.h"
 #include "tools/pages/residual_sections.h"
 #include "tools/pages/target_figure.h"
@@ -367,7 +368,6 @@ struct ReportSection {
   bool needs_images = true;
 };
 constexpr ReportSection kSections[] = {
-    {"Setup", SetupPart},
     {"Methods", MethodsPart, ReportSection::For::kSingle, false},
     {"Poses", PosesPart, ReportSection::For::kRig},
     {"Poses between cameras and between targets", RelativePart},
@@ -390,7 +390,9 @@ bool IsFor(const ReportSection& section, const ReportData& data) {
 }  // namespace
 
 std::string ReportPage(const ReportData& data, const ReportContext& context) {
-  std::string body = RecordSection(data, context);
+  // What people look at first: the verdict, the cell, and a photograph.
+  const std::string cell = data.has_images() ? SetupPart(data) + BestPhotograph(data) : "";
+  std::string body = RecordSection(data, context, cell);
   for (const ReportSection& section : kSections) {
     if (!IsFor(section, data)) continue;
     const std::string content = section.content(data);

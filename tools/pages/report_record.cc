@@ -400,9 +400,13 @@ std::string IntrinsicsTables(const ReportData& data) {
   return tables;
 }
 
-std::string RecordSection(const ReportData& data, const ReportContext& context) {
+std::string RecordSection(const ReportData& data, const ReportContext& context, const std::string& beside) {
+  const std::string verdict = VerdictPart(data.result.verdict) + (data.has_images() ? TilesPart(data) : "");
   return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(data.result.name) + "</h1>\n" +
-         VerdictPart(data.result.verdict) + (data.has_images() ? TilesPart(data) : "") + CamerasPart(data) +
+         (beside.empty() ? verdict
+                         : "<div class=\"first\">\n<div>\n" + verdict + "</div>\n<div class=\"beside\">\n" + beside +
+                               "</div>\n</div>\n") +
+         CamerasPart(data) +
          ResultPart(data) + NextPart(data, context) + RecordPart(data, context) + "</div>\n";
 }
 

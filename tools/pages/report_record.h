@@ -56,7 +56,7 @@ std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& in
 // the true camera is known.
 std::string IntrinsicsTables(const ReportData& data);
 
-// Returns markup.
-std::string RecordSection(const ReportData& data, const ReportContext& context);
+// Returns markup, with `beside` beside the verdict and its figures where there is room.
+std::string RecordSection(const ReportData& data, const ReportContext& context, const std::string& beside);
 
 }  // namespace heba
