@@ -36,10 +36,10 @@ std::string BestPhotograph(const ReportData& data) {
   caption += ": " + std::to_string(best->pixels.cols()) + " points";
   if (best->left_out_pixels.cols() > 0) caption += ", " + std::to_string(best->left_out_pixels.cols()) + " left out";
   return "<figure class=\"photograph\"><figcaption>" + EscapedForMarkup(caption) + "</figcaption><svg viewBox=\"0 0 " +
-         width + " " + height + "\" role=\"img\" aria-label=\"" + EscapedForMarkup(caption) + "\"><image href=\"data:" +
-         "image/jpeg;base64," + ToBase64(best->small_jpeg) + "\" width=\"" + width + "\" height=\"" + height + "\"/>" +
-         CirclesAt(best->pixels, radius_px, "#35d0ff") + CirclesAt(best->left_out_pixels, radius_px, "#ff3344") +
-         "</svg></figure>\n";
+         width + " " + height + "\" role=\"img\" aria-label=\"" + EscapedForMarkup(caption) +
+         "\"><image href=\"data:" + "image/jpeg;base64," + ToBase64(best->small_jpeg) + "\" width=\"" + width +
+         "\" height=\"" + height + "\"/>" + CirclesAt(best->pixels, radius_px, "#35d0ff") +
+         CirclesAt(best->left_out_pixels, radius_px, "#ff3344") + "</svg></figure>\n";
 }
 
 }  // namespace heba

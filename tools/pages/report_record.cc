@@ -406,8 +406,7 @@ std::string RecordSection(const ReportData& data, const ReportContext& context, 
          (beside.empty() ? verdict
                          : "<div class=\"first\">\n<div>\n" + verdict + "</div>\n<div class=\"beside\">\n" + beside +
                                "</div>\n</div>\n") +
-         CamerasPart(data) +
-         ResultPart(data) + NextPart(data, context) + RecordPart(data, context) + "</div>\n";
+         CamerasPart(data) + ResultPart(data) + NextPart(data, context) + RecordPart(data, context) + "</div>\n";
 }
 
 }  // namespace heba

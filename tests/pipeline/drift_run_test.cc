@@ -1,0 +1,89 @@
+// Runs of cells whose camera creeps, or is knocked, during the captures.
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* kMotion = "{translation: [0.7 mm, -0.7 mm, 0 mm], rpy: [0 deg, 0.1 deg, 0 deg]}";
+
+class DriftRunTest : public testing::Test {
+ protected:
+  // Returns the result of a run on 20 captures of a simulated cell.
+  static Json RunWith(const std::string& name, const std::vector<std::string>& of_scene,
+                      const std::vector<std::string>& of_run = {}) {
+    const fs::path folder = TestFolder("drift_" + name);
+    std::vector<std::string> simulate = {"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/manual/cell.yaml",
+                                         "--set", "motion.captures=20"};
+    simulate.insert(simulate.end(), of_scene.begin(), of_scene.end());
+    simulate.insert(simulate.end(), {"--out", (folder / "cell").string(), "--quiet"});
+    EXPECT_EQ(RunHeba(simulate).status, 0);
+    std::vector<std::string> run = {"run", (folder / "cell/config.yaml").string(), "--out", (folder / "run").string(),
+                                    "--quiet"};
+    run.insert(run.end(), of_run.begin(), of_run.end());
+    EXPECT_EQ(RunHeba(run).status, 0);
+    return Json::parse(ReadAll(folder / "run/result.json"));
+  }
+  static Json FindingOf(const Json& result, const std::string& code) {
+    for (const Json& finding : result["verdict"]["findings"]) {
+      if (finding["code"] == code) return finding;
+    }
+    return nullptr;
+  }
+  // Returns how far the camera is from its true pose, mm.
+  static double ErrorMm(const Json& result) {
+    for (const Json& estimate : result["estimates"]) {
+      if (estimate["method"] == "bundle") return estimate["errors"]["truth"]["hand_eye_mm"];
+    }
+    return -1;
+  }
+};
+
+TEST_F(DriftRunTest, EstimatesACreep) {
+  const Json result = RunWith("creep", {"--set", std::string("creep=") + kMotion});
+  const Json drift = FindingOf(result, "drift");
+  ASSERT_FALSE(drift.is_null());
+  EXPECT_EQ(drift["names"]["body"], "camera");
+  EXPECT_EQ(drift["names"]["side"], "world");
+  EXPECT_EQ(drift["names"]["form"], "linear");
+  EXPECT_NEAR(drift["numbers"]["change_mm"].get<double>(), 0.99, 0.25);
+  EXPECT_NEAR(drift["numbers"]["change_deg"].get<double>(), 0.1, 0.03);
+  EXPECT_EQ(result["verdict"]["grade"], "doubtful");
+  EXPECT_LT(ErrorMm(result), 0.2);
+  // Without it, the camera is in the middle between where it was and where it is.
+  const Json ignored =
+      RunWith("creep_ignored", {"--set", std::string("creep=") + kMotion}, {"--set", "refine.drift=none"});
+  EXPECT_TRUE(FindingOf(ignored, "drift").is_null());
+  EXPECT_GT(ErrorMm(ignored), 0.3);
+  const Json wanted =
+      RunWith("creep_wanted", {"--set", std::string("creep=") + kMotion}, {"--set", "refine.drift=[world]"});
+  EXPECT_EQ(FindingOf(wanted, "drift")["names"]["evidence"], "wanted");
+  EXPECT_LT(ErrorMm(wanted), 0.2);
+}
+
+TEST_F(DriftRunTest, EstimatesAKnock) {
+  const Json result = RunWith("knock", {"--set", std::string("moved={from: 10, by: ") + kMotion + "}"});
+  const Json drift = FindingOf(result, "drift");
+  ASSERT_FALSE(drift.is_null());
+  EXPECT_EQ(drift["names"]["form"], "step");
+  EXPECT_EQ(drift["names"]["capture"], "010.png");
+  EXPECT_EQ(drift["names"]["body"], "camera");
+  // The truth is the pose before.
+  EXPECT_NEAR(ErrorMm(result), 0.99, 0.2);
+}
+
+TEST_F(DriftRunTest, FindsNoneWhereThereIsNone) {
+  const Json result = RunWith("none", {});
+  EXPECT_TRUE(FindingOf(result, "drift").is_null());
+  EXPECT_EQ(result["verdict"]["grade"], "good");
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,90 @@
+// `heba plan`: poses for a cell and for a finished run.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/text.h"
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kCell =
+    "setup: eye_in_hand\n"
+    "target: {type: chessboard, rows: 6, columns: 9, square: 25 mm}\n"
+    "robot: {model: ur5e}\n"
+    "captures: {pose_format: ur}\n"
+    "plan:\n"
+    "  hand_eye: {translation: [0 mm, 60 mm, 50 mm]}\n"
+    "  board: {translation: [500 mm, 50 mm, 0 mm], rpy: [180 deg, 0 deg, 30 deg]}\n"
+    "  workspace: {box: [[200 mm, -300 mm, 200 mm], [800 mm, 400 mm, 900 mm]]}\n"
+    "  lens: {focal_length: 8 mm, pixel: 3.45 um, image_size: [1920, 1200]}\n"
+    "evaluate: {require: [{within: 3 mm}]}\n";
+
+TEST(PlanCommandTest, PlansACell) {
+  const fs::path folder = TestFolder("plan_cell");
+  WriteAll(folder / "cell.yaml", kCell);
+  const std::string cell = (folder / "cell.yaml").string();
+  const CommandResult plan = RunHeba({"plan", cell, "--count", "10"});
+  ASSERT_EQ(plan.status, 0) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("as 001.png"));
+  EXPECT_THAT(plan.out, HasSubstr("after 10 captures a located target is expected to be known to"));
+  EXPECT_THAT(plan.out, HasSubstr("captures are enough for 3.00 mm"));
+  // The format of Universal Robots has no columns of quaternions.
+  const std::string poses = ReadAll(folder / "cell_plan.csv");
+  EXPECT_THAT(poses, HasSubstr("image,x,y,z,rx,ry,rz"));
+  EXPECT_EQ(Split(poses, '\n').size(), 15U) << "a head, 13 rows and the end";
+  EXPECT_EQ(Split(ReadAll(folder / "cell_plan_joints.csv"), '\n').size(), 15U);
+  const std::string page = ReadAll(folder / "cell_plan.html");
+  EXPECT_THAT(page, HasSubstr("expected image 013.png"));
+  // The same file plans the same poses.
+  ASSERT_EQ(RunHeba({"plan", cell, "--count", "10", "--out", (folder / "again.csv").string()}).status, 0);
+  EXPECT_EQ(ReadAll(folder / "again.csv"), poses);
+  const CommandResult two_step = RunHeba({"plan", cell, "--count", "10", "--procedure", "two_step"});
+  ASSERT_EQ(two_step.status, 0) << two_step.err;
+  EXPECT_THAT(two_step.out, HasSubstr("translate_x"));
+}
+
+TEST(PlanCommandTest, RefusesWhatItCannotPlan) {
+  const fs::path folder = TestFolder("plan_refused");
+  const auto refused = [&](const std::string& from, const std::string& to, int status, const std::string& message,
+                           const std::vector<std::string>& arguments = {}) {
+    std::string text = kCell;
+    const size_t place = text.find(from);
+    ASSERT_NE(place, std::string::npos) << from;
+    text.replace(place, from.size(), to);
+    WriteAll(folder / "cell.yaml", text);
+    std::vector<std::string> all = {"plan", (folder / "cell.yaml").string()};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const CommandResult plan = RunHeba(all);
+    EXPECT_EQ(plan.status, status) << plan.out;
+    EXPECT_THAT(plan.err, HasSubstr(message));
+  };
+  refused("800 mm, 400 mm, 900 mm", "210 mm, -290 mm, 210 mm", 1, "poses were found from which the camera sees");
+  refused("  lens", "  lense", 2, "unknown key 'lense'; did you mean 'lens'?");
+  refused("  hand_eye: {translation: [0 mm, 60 mm, 50 mm]}\n", "", 2, "hand_eye");
+  refused("robot: {model: ur5e}\n", "", 0, "");
+  refused("setup", "setup", 2, "--count needs a number from 1 to 500, not 0", {"--count", "0"});
+  refused("setup", "setup", 2, "--procedure: must be two_step", {"--procedure", "dance"});
+}
+
+TEST(PlanCommandTest, AddsToAFinishedRun) {
+  const fs::path folder = TestFolder("plan_run");
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  ASSERT_EQ(RunHeba({"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/manual/cell.yaml", "--set",
+                     "motion.captures=8", "--out", path("few"), "--quiet"})
+                .status,
+            0);
+  ASSERT_EQ(RunHeba({"run", path("few/config.yaml"), "--out", path("run"), "--quiet"}).status, 0);
+  const CommandResult plan = RunHeba({"plan", path("run"), "--count", "4"});
+  ASSERT_EQ(plan.status, 0) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("004.png"));
+  EXPECT_FALSE(ReadAll(folder / "run_plan.csv").empty());
+  const CommandResult wrong = RunHeba({"plan", path("run"), "--set", "plan.tilt=3 deg"});
+  EXPECT_EQ(wrong.status, 2);
+}
+
+}  // namespace
+}  // namespace heba
