@@ -1,6 +1,8 @@
 // Runs of cells whose camera creeps, or is knocked, during the captures.
 #include <cmath>
 
+#include <filesystem>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -9,6 +11,8 @@
 
 namespace heba {
 namespace {
+
+namespace fs = std::filesystem;
 
 using Json = nlohmann::json;
 

@@ -1,4 +1,6 @@
 // Arms with errors that no config names: the stated region of the camera's pose contains the true one.
+#include <filesystem>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
@@ -11,6 +13,8 @@
 
 namespace heba {
 namespace {
+
+namespace fs = std::filesystem;
 
 using Json = nlohmann::json;
 
