@@ -64,7 +64,7 @@ TEST_P(UnknownArmTest, RegionsHold) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Setups, UnknownArmTest, testing::Values("scene", "eye_to_hand"),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& test) { return test.param; });
 
 }  // namespace
 }  // namespace heba
