@@ -62,6 +62,10 @@ DEFINE_string(
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
     "if that contains joints): decides between the poses of a target with a symmetry, by its position or by its "
     "rotation, one of which may be unknown; of several targets: TARGET=NUMBERS;TARGET=NUMBERS");
+DEFINE_string(tool, "",
+              "POSE|the tool in the gripper (heba tcp finds its tip): numbers as in the run's poses file, or "
+              "'{translation: [0 mm, 0 mm, 120 mm]}'; with --grasp, the gripper's pose that brings it to the grasp");
+DEFINE_string(grasp, "", "POSE|where the tool is to come, in the target, in the same forms");
 DEFINE_string(arm, "", "NAME|the arm of a rig with several arms whose poses are corrected");
 DEFINE_string(robot, "",
               "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file; of several "

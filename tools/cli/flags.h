@@ -49,6 +49,8 @@ DECLARE_bool(any);
 DECLARE_bool(json);
 DECLARE_string(history);
 DECLARE_int32(count);
+DECLARE_string(tool);
+DECLARE_string(grasp);
 DECLARE_string(procedure);
 
 namespace heba {

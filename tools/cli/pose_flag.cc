@@ -6,6 +6,7 @@
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
 #include "tools/config/robot_section.h"
 
 namespace heba {
@@ -36,6 +37,11 @@ Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseF
   const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
   if (!pose) throw InputError("--" + name + ": " + pose.reason());
   return *pose;
+}
+
+Rigid3d PoseOrMappingOfFlag(const std::string& name, const std::string& text, const PoseFormat& format) {
+  return Trim(text).starts_with('{') ? ReadPose(ParseYaml(std::string(text), "--" + name))
+                                     : PoseOfFlag(name, text, format);
 }
 
 Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const Arm& arm, bool are_deg) {

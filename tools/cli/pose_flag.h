@@ -17,6 +17,9 @@ namespace heba {
 // Throws InputError if they are malformed.
 Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format);
 
+// Likewise, or a mapping of a pose as in a config: {translation: [...], rpy: [...]}.
+Rigid3d PoseOrMappingOfFlag(const std::string& name, const std::string& text, const PoseFormat& format);
+
 // Returns the positions of an arm's joints (rad or m) that `text`, the value of the flag --`name`, gives: numbers,
 // separated by commas, of which those of turning joints may be in degrees. Throws InputError if they are malformed.
 Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const Arm& arm, bool are_deg);

@@ -158,6 +158,15 @@ void AddPosition(const RigProblem& rig, const PixelPosition& position, const std
   (*json)["postures"] = PosturesJson(rig, position.postures);
 }
 
+// Returns the gripper with the tool at the grasp; null if none was asked for, or if no pose is chosen.
+Json GraspJson(const LocationRequest& request, const TargetLocation& location) {
+  if (!request.has_grasp || !location.chosen) return nullptr;
+  const LocatedTarget& located = location.possible[*location.chosen].located;
+  return Json{{"pose", MatrixPoseJson(located.world_from_target * request.TargetFromGripper(),
+                                      WorldName(request.result->rig), "gripper")},
+              {"grasp_sigma_mm", SigmaMm(CovarianceOfPoint(located, request.target_from_grasp.translation))}};
+}
+
 Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
   const TargetLocation target = location.targets.empty() ? TargetLocation() : location.targets.front();
   Json json{{"image", location.image},
@@ -169,6 +178,7 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
             {"poses", Json::array()},
             {"chosen", target.chosen ? Json(*target.chosen) : Json(nullptr)}};
   json.update(ReachJson(*request.result, target.reaches.empty() ? nullptr : &target.reaches.front()));
+  json["gripper"] = GraspJson(request, target);
   json["pixels"] = Json::array();
   for (size_t i = 0; i < target.possible.size(); ++i) {
     json["poses"].push_back(PossibleJson(request, target, i, "base_from_target", "sigma"));
@@ -196,6 +206,7 @@ Json TargetJson(const LocationRequest& request, const TargetLocation& location) 
             {"sigma", nullptr},
             {"poses", Json::array()},
             {"chosen", location.chosen ? Json(*location.chosen) : Json(nullptr)},
+            {"gripper", GraspJson(request, location)},
             {"reach", Json::object()}};
   for (const size_t camera : location.cameras) json["cameras"].push_back(rig.cameras[camera].name);
   for (size_t i = 0; i < location.possible.size(); ++i) {

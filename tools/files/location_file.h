@@ -12,11 +12,12 @@ namespace heba {
 //
 // A single camera has {"schema": "heba/locations/1", "heba", "name", "setup", "camera_mount", "covariance_dof",
 // "images": [...]}. `camera_mount` is null for a stationary camera, otherwise an ARM. An image has {"image", "located",
-// "reason", "points", "target_points", "rms_px", "poses", "chosen", "command", "commands", "command_reason", "pixels"}.
-// `poses` are all poses of the target that fit, each {"base_from_target": POSE, "near_deg", "near_mm", "sigma": SIGMAS,
-// "postures": POSTURES}; `chosen` is the index of the one that is meant, or null. A pixel has {"pixel": [u, v],
-// "in_base_m": [x, y, z], "sigma", "postures"}. `command` is the pose to command in the configuration of the captures,
-// `commands` those in all configurations, or null: {"configuration", "reason", "base_from_gripper": POSE, "joints":
+// "reason", "points", "target_points", "rms_px", "poses", "chosen", "command", "commands", "command_reason", "gripper",
+// "pixels"}. `gripper` is null or, with a tool or a grasp, {"pose": POSE, "grasp_sigma_mm": [x, y, z]}. `poses` are all
+// poses of the target that fit, each {"base_from_target": POSE, "near_deg", "near_mm", "sigma": SIGMAS, "postures":
+// POSTURES}; `chosen` is the index of the one that is meant, or null. A pixel has {"pixel": [u, v], "in_base_m": [x, y,
+// z], "sigma", "postures"}. `command` is the pose to command in the configuration of the captures, `commands` those in
+// all configurations, or null: {"configuration", "reason", "base_from_gripper": POSE, "joints":
 // [{"name", "value", "unit"}], "from_target_mm", "from_target_deg", "extrapolated", "sigma"}.
 //
 // Several cameras have {"schema": "heba/rig_locations/1", "heba", "name", "covariance_dof", "reason", "robots": {NAME:

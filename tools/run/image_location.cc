@@ -34,8 +34,9 @@ std::string NameOfConfiguration(const RobotSummary& robot, const Eigen::VectorXd
 }
 
 // Returns the command near these joints with which arm `robot` brings its gripper to `wanted`, a pose in its base.
-ReachCommand CommandNear(const RigResult& result, size_t robot, const LocatedTarget& located, const Rigid3d& wanted,
-                         const Eigen::VectorXd& near) {
+ReachCommand CommandNear(const LocationRequest& request, size_t robot, const LocatedTarget& located,
+                         const Rigid3d& wanted, const Eigen::VectorXd& near) {
+  const RigResult& result = *request.result;
   const RobotSummary& arm = *FindEstimatedArm(result, robot);
   ReachCommand found;
   const Outcome<Rigid3d> command = CommandFor(arm, wanted, near);
@@ -52,23 +53,26 @@ ReachCommand CommandNear(const RigResult& result, size_t robot, const LocatedTar
   found.joints = *joints;
   found.configuration = NameOfConfiguration(arm, *joints);
   found.covariance =
-      CovarianceOfReachInRig(result.rig, result.solution, robot, located, WithArmErrors(arm, *command, *joints));
+      CovarianceOfReachInRig(result.rig, result.solution, robot, located, WithArmErrors(arm, *command, *joints),
+                             request.gripper_from_tool.translation, request.target_from_grasp.translation);
   return found;
 }
 
 // Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
 // in any case if those of the captures are several.
-Reach FindReach(const RigResult& result, size_t robot, const LocatedTarget& located, bool in_each) {
+Reach FindReach(const LocationRequest& request, size_t robot, const LocatedTarget& located, bool in_each) {
+  const RigResult& result = *request.result;
   const RobotSummary& arm = *FindEstimatedArm(result, robot);
   Reach reach;
   reach.robot = robot;
   reach.captured_configuration = arm.configuration;
-  reach.wanted = Inverse(result.solution.poses.world_from_base[robot]) * located.world_from_target;
+  reach.wanted =
+      Inverse(result.solution.poses.world_from_base[robot]) * located.world_from_target * request.TargetFromGripper();
   if (!arm.configuration.empty()) {
     const Outcome<Eigen::VectorXd> joints = JointsAt(arm, reach.wanted);
     reach.command = ReachCommand();
     if (joints) {
-      reach.command = CommandNear(result, robot, located, reach.wanted, *joints);
+      reach.command = CommandNear(request, robot, located, reach.wanted, *joints);
     } else {
       reach.command->reason = joints.reason();
     }
@@ -83,7 +87,7 @@ Reach FindReach(const RigResult& result, size_t robot, const LocatedTarget& loca
     return reach;
   }
   for (const Eigen::VectorXd& posture : *postures) {
-    ReachCommand command = CommandNear(result, robot, located, reach.wanted, posture);
+    ReachCommand command = CommandNear(request, robot, located, reach.wanted, posture);
     command.configuration = NameOfConfiguration(arm, posture);
     command.is_extrapolated =
         command.reason.empty() && !arm.configuration.empty() && command.configuration != arm.configuration;
@@ -101,7 +105,7 @@ std::vector<Reach> FindReaches(const LocationRequest& request, const LocatedTarg
     if (FindEstimatedArm(*request.result, r) == nullptr) continue;
     if (is_corrected) {
       const bool in_each = !request.reaching.empty() && request.reaching[r].has_value();
-      reaches.push_back(FindReach(*request.result, r, located, in_each));
+      reaches.push_back(FindReach(request, r, located, in_each));
     } else {
       Reach& reach = reaches.emplace_back();
       reach.robot = r;
@@ -354,12 +358,18 @@ ImageLocation LocateInImages(const LocationRequest& request, const std::string& 
   }
   for (TargetLocation& target : targets) {
     for (PossiblePose& pose : target.possible) {
-      pose.postures = FindAllPostures(request, pose.located.world_from_target);
+      pose.postures = FindAllPostures(request, pose.located.world_from_target * request.TargetFromGripper());
     }
     if (target.chosen) target.reaches = FindReaches(request, target.possible[*target.chosen].located);
   }
   location.targets = std::move(targets);
   return location;
+}
+
+Eigen::Matrix3d CovarianceOfPoint(const LocatedTarget& located, const Eigen::Vector3d& point_in_target) {
+  const Eigen::Matrix<double, 3, 6> by_pose =
+      located.world_from_target.RotationMatrix() * PointByMotion(point_in_target);
+  return by_pose * located.pose_covariance.Total() * by_pose.transpose();
 }
 
 PoseSigmasBySource SigmasOf(const RigSolution& solution, const LocatedTarget& located) {

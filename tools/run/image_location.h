@@ -113,7 +113,17 @@ struct LocationRequest {
   std::vector<std::optional<Rigid3d>> near = {};  // A rough world_from_target of each target; an empty list: none.
   std::string near_form = {};  // How a user gives such a pose, for messages: "--near x,y,z,qx,qy,qz,qw".
   std::vector<std::optional<ReachingArm>> reaching = {};  // One per arm; an empty list: none.
+  // The tool that is to come to the grasp; both are the identity if nothing was said.
+  Rigid3d gripper_from_tool = {};
+  Rigid3d target_from_grasp = {};
+  bool has_grasp = false;  // Whether one of them was given.
+
+  // Returns the gripper's pose in the target with the tool at the grasp.
+  Rigid3d TargetFromGripper() const { return target_from_grasp * Inverse(gripper_from_tool); }
 };
+
+// Returns the covariance, along the axes of the world, of a point of a located target.
+Eigen::Matrix3d CovarianceOfPoint(const LocatedTarget& located, const Eigen::Vector3d& point_in_target);
 
 // The detection of one target in the image of one camera.
 struct Sighting {

@@ -182,6 +182,16 @@ std::string SigmaLines(const RigResult& result, const LocatedTarget& located) {
          Listed(RadToDeg(1) * SigmasOf(result.solution, located).total.rotation_rad) + " deg\n";
 }
 
+// Returns lines on the gripper with the tool at the grasp.
+std::string GraspText(const LocationRequest& request, const LocatedTarget& located) {
+  const RigProblem& rig = request.result->rig;
+  const Eigen::Vector3d sigmas_mm =
+      1000 * CovarianceOfPoint(located, request.target_from_grasp.translation).diagonal().cwiseSqrt();
+  return "  " + WorldName(rig) + "_from_gripper with the tool at the grasp: " +
+         PoseText(located.world_from_target * request.TargetFromGripper(), sigmas_mm.maxCoeff()) +
+         "\n  one sigma of the grasp," + AlongWorld(rig) + ": " + Listed(sigmas_mm) + " mm\n";
+}
+
 // Describes the pose of a target, or all possible poses if none is chosen. `image`: the name of that of a single
 // camera.
 std::string TargetText(const LocationRequest& request, const std::string& image, const TargetLocation& location) {
@@ -202,6 +212,7 @@ std::string TargetText(const LocationRequest& request, const std::string& image,
     text += "\n" + from_target + PoseText(chosen.located.world_from_target, largest_sigma_mm) + "\n" +
             SigmaLines(result, chosen.located);
     if (location.possible.size() > 1) text += "  chosen by --near among the " + NearnessText(*location.near) + "\n";
+    if (request.has_grasp) text += GraspText(request, chosen.located);
     for (const Reach& reach : location.reaches) text += ReachText(result.rig, reach);
     return text + PosturesText(result.rig, chosen.postures);
   }

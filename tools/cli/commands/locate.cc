@@ -189,6 +189,18 @@ void SetPixels(const FinishedRun& run, const std::vector<std::string>& images, L
   }
 }
 
+// Sets the tool and the grasp that --tool and --grasp state.
+void SetGrasp(const FinishedRun& run, LocationRequest* request) {
+  request->has_grasp = !FLAGS_tool.empty() || !FLAGS_grasp.empty();
+  if (!request->has_grasp) return;
+  if (!FLAGS_pixels.empty()) {
+    throw InputError("--tool and --grasp: a pixel has no orientation to grasp by; leave --pixels out");
+  }
+  const PoseFormat& format = FormatOfNear(run.pose_readings.front().format);
+  if (!FLAGS_tool.empty()) request->gripper_from_tool = PoseOrMappingOfFlag("tool", FLAGS_tool, format);
+  if (!FLAGS_grasp.empty()) request->target_from_grasp = PoseOrMappingOfFlag("grasp", FLAGS_grasp, format);
+}
+
 std::vector<Moment> MomentsOf(const RigProblem& rig, const std::vector<std::string>& images) {
   std::vector<Moment> moments;
   if (IsSingleCamera(rig) && !images.empty()) {
@@ -216,6 +228,7 @@ LocationRequest RequestFor(const FinishedRun& run, const std::vector<std::string
   request.reaching = ReachingArmsOfFlag(run.result.rig.robots);
   request.near_form = "--near " + Join(FormatOfNear(run.pose_readings.front().format).columns, ",");
   SetPixels(run, images, &request);
+  SetGrasp(run, &request);
   request.near = NearOfFlag(run);
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : request.pixels) cameras.push_back(pixel.camera);
