@@ -30,6 +30,24 @@ struct RegionSums {
   int num = 0;
 };
 
+// Returns the matrix that whitens the residual of one point by itself. Points whose errors are correlated, such as the
+// corners of a tag, share a whitening.
+Eigen::Matrix2d WhiteningOf(const Observations& observations, Eigen::Index point) {
+  if (observations.whitening.empty()) return Eigen::Matrix2d::Identity();
+  Eigen::Index first = 0;
+  for (const Eigen::MatrixXd& whitening : observations.whitening) {
+    const Eigen::Index size = whitening.rows() / 2;
+    if (point < first + size) {
+      const Eigen::MatrixXd covariance = InverseOfSymmetric(Eigen::MatrixXd(whitening.transpose() * whitening));
+      const Eigen::Matrix2d own = covariance.block<2, 2>(2 * (point - first), 2 * (point - first));
+      const auto root = Cholesky(own);
+      return root ? root->SolveLower(Eigen::Matrix2d(Eigen::Matrix2d::Identity())) : Eigen::Matrix2d::Identity();
+    }
+    first += size;
+  }
+  return Eigen::Matrix2d::Identity();
+}
+
 using PointsOfTargets = std::map<std::pair<size_t, int>, PointSums>;
 using RegionsOfCameras = std::map<std::pair<size_t, int>, RegionSums>;
 
@@ -50,8 +68,7 @@ void AddImage(const RigProblem& problem, const RigSolution& solution, const FitS
     Eigen::Matrix<double, 2, 3> by_point;
     by_point << jacobian.u.col(i).head<3>().transpose(), jacobian.v.col(i).head<3>().transpose();
     by_point = (by_point * rotation).eval();
-    Eigen::Matrix2d weight = Eigen::Matrix2d::Identity() / sigma_px;
-    if (!image.observations.whitening.empty()) weight = image.observations.whitening[at] / sigma_px;
+    const Eigen::Matrix2d weight = WhiteningOf(image.observations, i) / sigma_px;
     const Eigen::Matrix<double, 2, 3> weighted = weight * by_point;
     PointSums& of_point = (*points)[{image.target, shaped.ids[at]}];
     of_point.designed_m = image.observations.points_in_target.col(i);
