@@ -246,21 +246,19 @@ double TailOf(double statistic, const std::optional<Residuals>& residuals) {
   return FisherTail(clamped / 6 / (rest / dof), 6, dof);
 }
 
-// Returns the drifts that are tested: the linear ones, and a step before each capture but the first and last two.
-std::vector<Drift> Candidates(size_t num_captures) {
-  std::vector<Drift> candidates;
-  for (const DriftSide side : kSides) {
-    Drift& linear = candidates.emplace_back();
-    linear.side = side;
-    constexpr size_t kFewestAtEnd = 2;
-    for (size_t k = kFewestAtEnd; k + kFewestAtEnd <= num_captures; ++k) {
-      Drift& step = candidates.emplace_back();
-      step.side = side;
-      step.form = DriftForm::kStep;
-      step.capture = k;
-    }
+// Long sessions are tested for steps at so many places, and then at those beside the clearest.
+constexpr size_t kMostSteps = 60;
+
+// Returns the steps of a side before every `stride`-th capture from `first` on, up to `last`.
+std::vector<Drift> StepsOf(DriftSide side, size_t first, size_t last, size_t stride) {
+  std::vector<Drift> steps;
+  for (size_t k = first; k <= last; k += stride) {
+    Drift& step = steps.emplace_back();
+    step.side = side;
+    step.form = DriftForm::kStep;
+    step.capture = k;
   }
-  return candidates;
+  return steps;
 }
 
 // Returns the clearest drift, with its p-value; nothing if none is determined. Without residuals the noise is known,
@@ -275,19 +273,35 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSoluti
   std::optional<Drift> clearest;
   double statistic_of_clearest = 0;
   std::vector<std::pair<Drift, double>> tested;
-  for (Drift drift : Candidates(num_captures)) {
-    const std::optional<DriftSolution> solved =
-        Solve(EquationsOf(linearised, {drift}), solution.covariance.matrix, are_held);
-    if (!solved) continue;
-    SetChange(*solved, 0, &drift);
-    const double num_tests = (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * std::size(kSides);
-    drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, residuals));
-    tested.emplace_back(drift, solved->statistic);
-    const bool is_clearer = !clearest || drift.p_value < clearest->p_value ||
-                            (drift.p_value == clearest->p_value && solved->statistic > statistic_of_clearest);
-    if (!is_clearer) continue;
-    clearest = drift;
-    statistic_of_clearest = solved->statistic;
+  const auto test = [&](const std::vector<Drift>& candidates) {
+    for (Drift drift : candidates) {
+      const std::optional<DriftSolution> solved =
+          Solve(EquationsOf(linearised, {drift}), solution.covariance.matrix, are_held);
+      if (!solved) continue;
+      SetChange(*solved, 0, &drift);
+      const double num_tests = (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * std::size(kSides);
+      drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, residuals));
+      tested.emplace_back(drift, solved->statistic);
+      const bool is_clearer = !clearest || drift.p_value < clearest->p_value ||
+                              (drift.p_value == clearest->p_value && solved->statistic > statistic_of_clearest);
+      if (!is_clearer) continue;
+      clearest = drift;
+      statistic_of_clearest = solved->statistic;
+    }
+  };
+  // The first and the last step leave two captures on either side.
+  constexpr size_t kFewestAtEnd = 2;
+  const size_t stride = 1 + num_captures / kMostSteps;
+  for (const DriftSide side : kSides) {
+    Drift linear;
+    linear.side = side;
+    test({linear});
+    if (num_captures >= 2 * kFewestAtEnd) test(StepsOf(side, kFewestAtEnd, num_captures - kFewestAtEnd, stride));
+  }
+  if (stride > 1 && clearest && clearest->form == DriftForm::kStep) {
+    const size_t first = std::max(kFewestAtEnd, clearest->capture - std::min(clearest->capture, stride));
+    const size_t last = std::min(num_captures - kFewestAtEnd, clearest->capture + stride);
+    for (const DriftSide side : kSides) test(StepsOf(side, first, last, 1));
   }
   for (const auto& [drift, statistic] : tested) {
     if (drift.form != clearest->form || drift.capture != clearest->capture || drift.side == clearest->side) continue;
@@ -312,7 +326,15 @@ std::optional<DriftEvidence> EvidenceOf(const RigProblem& problem, double order_
 
 }  // namespace
 
-double OrderByPose(const std::vector<Rigid3d>& poses, const std::vector<size_t>& places) {
+double OrderByPose(const std::vector<Rigid3d>& all_poses, const std::vector<size_t>& all_places) {
+  // An evenly spaced sample of a long session tells as much.
+  constexpr size_t kMostPoses = 300;
+  std::vector<Rigid3d> poses;
+  std::vector<size_t> places;
+  for (size_t i = 0; i < all_poses.size(); i += 1 + all_poses.size() / kMostPoses) {
+    poses.push_back(all_poses[i]);
+    places.push_back(all_places[i]);
+  }
   const size_t n = poses.size();
   if (n < 3) return 0;
   double mean_place = 0;
