@@ -220,10 +220,16 @@ void ChooseCubicSurfaces(const ModelComparison& comparison, ErrorModelChoice* ch
     if (!found || !std::isfinite(found->log_likelihood)) continue;
     const double p = PValueAgainst(*found, choice->best);
     choice->alternatives[choice->chosen].p = std::min(choice->alternatives[choice->chosen].p.value_or(1), p);
-    choice->alternatives.push_back(
-        {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
+    // The simplest model comes first.
+    const auto place =
+        std::upper_bound(choice->alternatives.begin(), choice->alternatives.end(), DofOf(larger),
+                         [](int dof, const ProblemAlternative& other) { return dof < DofOf(other.model); });
+    const auto index = static_cast<size_t>(place - choice->alternatives.begin());
+    choice->alternatives.insert(
+        place, {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
+    if (index <= choice->chosen) ++choice->chosen;
     if (p >= kModelRejected) continue;
-    choice->chosen = choice->alternatives.size() - 1;
+    choice->chosen = index;
     choice->best = std::move(*found);
   }
 }
