@@ -227,7 +227,6 @@ void ChooseCubicSurfaces(const ModelComparison& comparison, ErrorModelChoice* ch
     const auto index = static_cast<size_t>(place - choice->alternatives.begin());
     choice->alternatives.insert(
         place, {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
-    if (index <= choice->chosen) ++choice->chosen;
     if (p >= kModelRejected) continue;
     choice->chosen = index;
     choice->best = std::move(*found);

@@ -97,7 +97,11 @@ struct PointResidual {
       const T* const s = blocks[places.shape];
       const double a = (point.x() - shape.middle_m.x()) / shape.half_size_m.x();
       const double b = (point.y() - shape.middle_m.y()) / shape.half_size_m.y();
-      actual = {s[0] * point.x(), s[1] * point.y(), s[2] * (1 - a * a) + s[3] * (1 - b * b) + point.z()};
+      const double over_a = 1 - a * a;
+      const double over_b = 1 - b * b;
+      const T height = s[2] * over_a + s[3] * over_b + s[4] * (a * b) + s[5] * (a * over_a) + s[6] * (b * over_a) +
+                       s[7] * (a * over_b) + s[8] * (b * over_b);
+      actual = {s[0] * point.x(), s[1] * point.y(), height + point.z()};
     }
     const Eigen::Matrix<T, 3, 1> in_camera = camera_from_target.rotation * actual + camera_from_target.translation;
     const Eigen::Matrix<T, 2, 1> projected = Project<T>(is_fisheye, blocks[places.camera], in_camera);

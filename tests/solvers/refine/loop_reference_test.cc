@@ -120,11 +120,13 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   const TargetShape designed = DesignedShape(ObservationsOf(32).points_in_target);
   for (int t = 0; t < kind.num_targets; ++t) {
     FreeParameters free;
-    if (kind.has_free_shape) free = {true, t == 0, true, true};
+    if (kind.has_free_shape) free = {true, t == 0, true, true, true, t == 0, true, true, t == 0};
     loops.layout.AddTarget("target_" + std::to_string(t), free);
     loops.targets.push_back(designed);
     shared.targets.push_back(designed);
-    if (kind.has_free_shape) shared.targets.back().params = {1.001, t == 0 ? 0.999 : 1.0, 5e-4, -3e-4};
+    if (kind.has_free_shape)
+      shared.targets.back().params = {1.001, t == 0 ? 0.999 : 1.0, 5e-4, -3e-4, 2e-4, t == 0 ? 1e-4 : 0.0, -1e-4,
+                                      2e-4,  t == 0 ? -2e-4 : 0.0};
   }
   loops.priors = {CorrectionPrior(kRobot)};
   random.textbook.pixel_sigma_px = kPixelPx;
