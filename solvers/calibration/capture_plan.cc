@@ -442,10 +442,11 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
   TwoStepMotionOptions motion;
   constexpr int kNumBefore = 3;  // The home pose and the translations.
   motion.num_turns = std::max(2, options.count - kNumBefore);
-  constexpr int kMostTries = 400;
+  constexpr int kMostTries = 1500;
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     // Motions that are too large for the image or the workspace are made smaller.
-    const double share = std::pow(0.25, static_cast<double>(attempt) / kMostTries);
+    constexpr double kLeastShare = 0.15;
+    const double share = std::pow(kLeastShare, static_cast<double>(attempt) / kMostTries);
     // The home pose is as far away as a pose that the cell allows.
     const int like = rng->Index(static_cast<int>(candidates.size()));
     home.distance_m = candidates[static_cast<size_t>(like)].capture.camera_from_target.translation.z();

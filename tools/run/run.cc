@@ -332,7 +332,11 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
     std::vector<Drift> drifts;
     unseen = SearchDrift(*calibrated, options, &drifts).unseen;
     std::optional<Calibrated> corrected;
-    if (!drifts.empty()) {
+    // A knock that is clear by itself leaves out the captures on one side of it.
+    const bool is_step = !drifts.empty() && drifts.front().form == DriftForm::kStep;
+    const bool is_clear_knock =
+        is_step && options.bundle.loss != LossKind::kNone && FindMotion(*calibrated, options.num_threads).has_value();
+    if (!drifts.empty() && !is_clear_knock) {
       corrected = CalibrateWithDrifts(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
                                       detections, observer);
     }

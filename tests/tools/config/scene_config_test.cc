@@ -54,7 +54,7 @@ TEST(SceneConfigTest, FillsInDefaults) {
   EXPECT_EQ(scene.image.blur_sigma_px, RenderOptions().blur_sigma_px);
   EXPECT_EQ(scene.image.noise_sigma_grey, 0);
   EXPECT_EQ(scene.image.depth, GreyDepth::k8Bit);
-  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1, 1, 0, 0));
+  EXPECT_THAT(scene.targets[0].printed.params, ElementsAre(1, 1, 0, 0, 0, 0, 0, 0, 0));
   EXPECT_FALSE(scene.two_step.has_value());
   EXPECT_EQ(scene.options.robot_noise.rotation_rad, 0);
   EXPECT_EQ(scene.options.robot_noise.translation_m, 0);
@@ -101,7 +101,7 @@ TEST(SceneConfigTest, ReadsTheImage) {
 TEST(SceneConfigTest, ReadsThePrint) {
   const TargetShape shape =
       Read("print: {scale_x: 1.01, scale_y: 0.99, bend_x: 2 mm, bend_y: -1 mm}\n").targets[0].printed;
-  EXPECT_THAT(shape.params, ElementsAre(1.01, 0.99, 2e-3, -1e-3));
+  EXPECT_THAT(shape.params, ElementsAre(1.01, 0.99, 2e-3, -1e-3, 0, 0, 0, 0, 0));
   // The bend is that of the rectangle of the points, 140 mm x 80 mm.
   EXPECT_NEAR(shape.half_size_m.x(), 0.07, 1e-12);
   EXPECT_NEAR(shape.half_size_m.y(), 0.04, 1e-12);

@@ -56,7 +56,7 @@ TEST_F(StudyConfigTest, FillsInDefaults) {
   EXPECT_EQ(labels.num_points, 40);
   EXPECT_EQ(labels.pixel_sigma_px, 0.1);
   EXPECT_EQ(labels.robot_noise.translation_m, 0);
-  EXPECT_THAT(labels.shape_params, ElementsAre(1, 1, 0, 0));
+  EXPECT_THAT(labels.shape_params, ElementsAre(1, 1, 0, 0, 0, 0, 0, 0, 0));
   EXPECT_EQ(labels.robot_model, "auto");
   const StudyCell& cell = CameraCell(study, 0);
   EXPECT_THAT(cell.captures, SizeIs(6));
@@ -108,10 +108,10 @@ TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
   EXPECT_DOUBLE_EQ(labels.outlier_points, 0.05);
   EXPECT_DOUBLE_EQ(cell.wrong_captures, 0.1);
   EXPECT_DOUBLE_EQ(labels.wrong_captures, 0.1);
-  EXPECT_THAT(cell.shape_params, ElementsAre(1.01, 1, 0, 2e-3));
-  EXPECT_THAT(labels.shape_params, ElementsAre(1.01, 1, 0, 2e-3));
+  EXPECT_THAT(cell.shape_params, ElementsAre(1.01, 1, 0, 2e-3, 0, 0, 0, 0, 0));
+  EXPECT_THAT(labels.shape_params, ElementsAre(1.01, 1, 0, 2e-3, 0, 0, 0, 0, 0));
   // The estimators know the design only.
-  EXPECT_THAT(cell.problem.targets[0].shape.params, ElementsAre(1, 1, 0, 0));
+  EXPECT_THAT(cell.problem.targets[0].shape.params, ElementsAre(1, 1, 0, 0, 0, 0, 0, 0, 0));
   EXPECT_EQ(cell.options.bundle.robot, BundleOptions::Robot::kGivenNoise);
   EXPECT_FALSE(cell.options.choose.robot_noise);
 }
@@ -344,7 +344,7 @@ TEST_F(RigStudyConfigTest, HasTheErrorsOfASingleCamera) {
   EXPECT_EQ(study.cells[1].outlier_points, 0.1);
   EXPECT_EQ(study.cells[1].wrong_captures, 0.2);
   EXPECT_EQ(study.labels[1].wrong_captures, 0.2);
-  EXPECT_THAT(study.cells[1].shape_params, ElementsAre(1.01, 1, 0, 0));
+  EXPECT_THAT(study.cells[1].shape_params, ElementsAre(1.01, 1, 0, 0, 0, 0, 0, 0, 0));
 }
 
 TEST_F(RigStudyConfigTest, RefusesWhatARigDoesNotHave) {
