@@ -34,6 +34,7 @@ constexpr RobotNoise kAnyError = {0.1, 0.2};
 struct GroupProducts {
   std::vector<size_t> captures;  // Indices in RigProblem::captures.
   Eigen::MatrixXd products;
+  Eigen::Index num_rows = 0;
 };
 
 // The normal equations of drifts h, six numbers each, beside the unknowns x.
@@ -118,7 +119,13 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
   std::optional<std::vector<LinearisedView>> views =
       LineariseEachCapture(weighted, StateOf(solution), noise, LossOf(LossKind::kNone));
   if (!views || views->empty()) return std::nullopt;
-  for (LinearisedView& view : *views) view = PoseRows(view);
+  std::vector<bool> is_misread;
+  for (LinearisedView& view : *views) {
+    // The pixels of a target that is read rightly fit some pose.
+    constexpr double kMostSquare = 9;
+    is_misread.push_back(view.residual_sum_of_squares > kMostSquare * std::max(1, view.num_residual_dof));
+    view = PoseRows(view);
+  }
   const std::vector<size_t> captures = CapturesWithPoints(weighted);
   const UnknownLayout layout = RigUnknowns(weighted);
   const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
@@ -129,9 +136,14 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
   for (const std::vector<size_t>& group : at_revisits ? Revisits(weighted) : GroupByRobotPoses(weighted)) {
     if (at_revisits && group.size() < 2) continue;
     std::vector<size_t> members;
+    std::vector<size_t> of_group;
     for (const size_t i : group) {
-      members.push_back(static_cast<size_t>(std::find(captures.begin(), captures.end(), i) - captures.begin()));
+      const auto member = static_cast<size_t>(std::find(captures.begin(), captures.end(), i) - captures.begin());
+      if (at_revisits && is_misread[member]) continue;
+      members.push_back(member);
+      of_group.push_back(i);
     }
+    if (members.size() < (at_revisits ? 2U : 1U)) continue;
     LinearisedView stack = Stack(*views, members, bodies, at_revisits);
     Eigen::VectorXd of_effects = variances;
     if (at_revisits) {
@@ -148,7 +160,7 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
     }
     if (stack.by_effects.cols() != of_effects.size()) of_effects = Eigen::VectorXd::Zero(stack.by_effects.cols());
     const RowMajorMatrix rows = WhitenedRows(stack, 1, of_effects);
-    linearised.groups.push_back({group, rows.transpose() * rows});
+    linearised.groups.push_back({of_group, rows.transpose() * rows, rows.rows()});
   }
   return linearised;
 }
@@ -221,10 +233,10 @@ Residuals ResidualsOf(const RigProblem& problem, const RigSolution& solution, co
   Residuals residuals;
   for (const GroupProducts& group : linearised.groups) {
     residuals.squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
-    residuals.dof += 6 * static_cast<double>(group.captures.size());
+    residuals.dof += static_cast<double>(group.num_rows);
   }
-  residuals.dof -= 12;
   const SharedEffects* const effects = EffectsOf(problem, 0);
+  residuals.dof -= static_cast<double>(linearised.num_unknowns - (effects == nullptr ? 0 : effects->size()));
   if (effects == nullptr) return residuals;
   // An effect takes as much of a degree of freedom as the captures reduce its variance.
   const Eigen::Index first = solution.covariance.layout.Block(ErrorsBlock(problem.robots.front())).first;
@@ -235,6 +247,11 @@ Residuals ResidualsOf(const RigProblem& problem, const RigSolution& solution, co
   return residuals;
 }
 
+// Returns the squares that a drift of this statistic leaves.
+double RestOf(double statistic, const Residuals& residuals) {
+  return std::max(1e-9 * residuals.squares, residuals.squares - std::max(0.0, statistic));
+}
+
 // Returns the probability of a statistic by chance. The noise was estimated from the residuals, which the drift is part
 // of.
 double TailOf(double statistic, const std::optional<Residuals>& residuals) {
@@ -242,8 +259,16 @@ double TailOf(double statistic, const std::optional<Residuals>& residuals) {
   if (!residuals) return ChiSquareTail(clamped, 6);
   const double dof = residuals->dof - 6;
   if (!(dof >= 1)) return 1;
-  const double rest = std::max(1e-9 * residuals->squares, residuals->squares - clamped);
-  return FisherTail(clamped / 6 / (rest / dof), 6, dof);
+  return FisherTail(clamped / 6 / (RestOf(statistic, *residuals) / dof), 6, dof);
+}
+
+// Returns how many times as likely a drift is as another one.
+double OddsOf(double statistic, double other, const std::optional<Residuals>& residuals) {
+  constexpr double kMostLog = 100;
+  const double log_odds =
+      residuals ? 0.5 * residuals->dof * std::log(RestOf(other, *residuals) / RestOf(statistic, *residuals))
+                : 0.5 * (statistic - other);
+  return std::exp(std::min(kMostLog, log_odds));
 }
 
 // Long sessions are tested for steps at so many places, and then at those beside the clearest.
@@ -303,10 +328,14 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSoluti
     const size_t last = std::min(num_captures - kFewestAtEnd, clearest->capture + stride);
     for (const DriftSide side : kSides) test(StepsOf(side, first, last, 1));
   }
+  std::optional<double> best_of_other_side;
   for (const auto& [drift, statistic] : tested) {
-    if (drift.form != clearest->form || drift.capture != clearest->capture || drift.side == clearest->side) continue;
-    constexpr double kMostLog = 100;
-    clearest->odds_of_side = std::exp(std::min(kMostLog, 0.5 * (statistic_of_clearest - statistic)));
+    if (drift.side != clearest->side && (!best_of_other_side || statistic > *best_of_other_side)) {
+      best_of_other_side = statistic;
+    }
+  }
+  if (best_of_other_side) {
+    clearest->odds_of_side = OddsOf(statistic_of_clearest, *best_of_other_side, residuals);
   }
   return clearest;
 }
@@ -316,8 +345,53 @@ bool AreAtRevisits(const std::vector<Drift>& drifts) {
   return drifts.size() == 1 && drifts.front().evidence == DriftEvidence::kRevisits;
 }
 
+// Returns the solution as that of all captures that were detected, none of which is corrected.
+RigSolution AtDetected(RigSolution solution, const RigProblem& detected) {
+  const bool is_exact = NoiseOf(solution).robots.empty();
+  solution.captures.assign(detected.captures.size(), {});
+  for (RigCaptureOutcome& outcome : solution.captures)
+    outcome.corrections.resize(is_exact ? 0 : detected.robots.size());
+  solution.effects.clear();
+  solution.effect_sigmas.clear();
+  return solution;
+}
+
+// Returns the drift that captures at one pose show. They tell that there is one and how large it is; of its side, its
+// form and its place, those that the others show are taken if they explain the captures at one pose, too.
+std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const RigSolution& solution,
+                                    const std::optional<Drift>& in_order) {
+  std::optional<Drift> found = Clearest(revisits, solution, std::nullopt);
+  if (!found || found->p_value >= kDriftByChance) return std::nullopt;
+  double squares = 0;
+  Eigen::Index num_rows = 0;
+  for (const GroupProducts& group : revisits.groups) {
+    squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
+    num_rows += group.num_rows - 6;  // The pose of the group is free.
+  }
+  // The probability of what a drift leaves of the differences.
+  const auto rest_by_chance = [&](const DriftSolution& solved) {
+    return ChiSquareTail(std::max(0.0, squares - solved.statistic), static_cast<double>(num_rows - 6));
+  };
+  constexpr double kNoise = 1e-4;
+  const std::optional<DriftSolution> own = Solve(EquationsOf(revisits, {*found}), {}, true);
+  if (num_rows <= 6 || !own || rest_by_chance(*own) < kNoise) return std::nullopt;
+  found->evidence = DriftEvidence::kRevisits;
+  found->odds_of_side = 1;
+  if (!in_order) return found;
+  const std::optional<DriftSolution> as_others = Solve(EquationsOf(revisits, {*in_order}), {}, true);
+  if (!as_others || rest_by_chance(*as_others) < kNoise) return found;
+  const double p_value = found->p_value;
+  found = in_order;
+  SetChange(*as_others, 0, &*found);
+  found->p_value = p_value;
+  found->evidence = DriftEvidence::kRevisits;
+  return found;
+}
+
 // Returns what excludes that the errors of the robot look like a drift to a test in the order of the captures.
-std::optional<DriftEvidence> EvidenceOf(const RigProblem& problem, double order_by_pose) {
+std::optional<DriftEvidence> EvidenceOf(const RigProblem& problem, const RigSolution& solution, double order_by_pose) {
+  // Without noise of the robot, its errors are in the residuals of the pixels, which they make unequal.
+  if (NoiseOf(solution).robots.empty()) return std::nullopt;
   const SharedEffects* const effects = EffectsOf(problem, 0);
   if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return DriftEvidence::kArm;
   if (order_by_pose < kOrderIsPose) return DriftEvidence::kOrder;
@@ -375,7 +449,8 @@ double OrderByPose(const std::vector<Rigid3d>& all_poses, const std::vector<size
   return best;
 }
 
-DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times) {
+DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times,
+                      const DetectedCaptures& detected) {
   DriftSearch search;
   const bool is_single =
       problem.cameras.size() == 1 && problem.targets.size() == 1 && MovingRobots(problem).size() == 1;
@@ -388,7 +463,7 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
     places.push_back(times.places[group.front()]);
   }
   const double order_by_pose = OrderByPose(poses, places);
-  const std::optional<DriftEvidence> evidence = EvidenceOf(problem, order_by_pose);
+  const std::optional<DriftEvidence> evidence = EvidenceOf(problem, solution, order_by_pose);
   const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
   if (!all) return search;
   std::optional<Drift> in_order = Clearest(*all, solution, ResidualsOf(problem, solution, *all));
@@ -398,33 +473,13 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
     search.found = in_order;
     return search;
   }
-  const std::optional<LinearisedDrift> revisits = LineariseDrift(problem, solution, setup, times, true);
-  std::optional<Drift> at_revisits;
-  if (revisits && !revisits->groups.empty()) at_revisits = Clearest(*revisits, solution, std::nullopt);
-  if (at_revisits && at_revisits->p_value < kDriftByChance) {
-    // Both sides explain captures at one pose; the others tell which.
-    Drift other = *at_revisits;
-    other.side = at_revisits->side == DriftSide::kHand ? DriftSide::kWorld : DriftSide::kHand;
-    const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-    const std::optional<DriftSolution> of_this = Solve(EquationsOf(*all, {*at_revisits}), covariance, false);
-    const std::optional<DriftSolution> of_other = Solve(EquationsOf(*all, {other}), covariance, false);
-    const std::optional<DriftSolution> other_at_revisits = Solve(EquationsOf(*revisits, {other}), covariance, true);
-    at_revisits->odds_of_side = 1;
-    if (of_this && of_other && other_at_revisits) {
-      constexpr double kMostLog = 100;
-      const double gain = of_other->statistic - of_this->statistic;
-      if (gain > 0) {
-        at_revisits->side = other.side;
-        SetChange(*other_at_revisits, 0, &*at_revisits);
-      }
-      at_revisits->odds_of_side = std::exp(std::min(kMostLog, 0.5 * std::abs(gain)));
-    }
-    at_revisits->evidence = DriftEvidence::kRevisits;
-    search.found = at_revisits;
-    return search;
-  }
+  const std::optional<LinearisedDrift> revisits =
+      LineariseDrift(detected.problem, AtDetected(solution, detected.problem), setup, detected.times, true);
+  constexpr size_t kFewestRevisits = 2;
+  const bool has_revisits = revisits && revisits->groups.size() >= kFewestRevisits;
+  if (has_revisits) search.found = FindAtRevisits(*revisits, solution, in_order);
   const bool is_exact = NoiseOf(solution).robots.empty() && EffectsOf(problem, 0) == nullptr;
-  if (!evidence && !at_revisits && !is_exact) {
+  if (!search.found && !evidence && !has_revisits && !is_exact) {
     search.unseen = Finding{Grade::kGood, FindingCode("drift_unseen"), {{"order_by_pose", order_by_pose}}};
   }
   return search;
@@ -432,11 +487,10 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
 
 std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
                                                  const CaptureTimes& times, std::vector<Drift> drifts) {
-  const bool at_revisits = AreAtRevisits(drifts);
-  const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, setup, times, at_revisits);
+  const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, setup, times, false);
   if (!linearised || linearised->groups.empty()) return std::nullopt;
   const std::optional<DriftSolution> solved =
-      Solve(EquationsOf(*linearised, drifts), solution.covariance.matrix, at_revisits);
+      Solve(EquationsOf(*linearised, drifts), solution.covariance.matrix, false);
   if (!solved) return std::nullopt;
   for (size_t d = 0; d < drifts.size(); ++d) SetChange(*solved, d, &drifts[d]);
   return drifts;
@@ -462,16 +516,20 @@ std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const Ri
   return changes;
 }
 
-Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture) {
+Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture, bool is_corrected) {
   const auto root_of_sum = [&](Eigen::Index first) {
     return std::sqrt(drift.covariance.diagonal().segment<3>(first).sum());
   };
-  Finding finding{Grade::kDoubtful, FindingCode("drift")};
+  // A drift that was estimated without a test may be none.
+  const bool is_wanted = drift.evidence == DriftEvidence::kWanted;
+  const double p_value =
+      is_wanted ? ChiSquareTail(MahalanobisSquare(drift.change, drift.covariance), 6) : drift.p_value;
+  Finding finding{p_value < kDriftByChance ? Grade::kDoubtful : Grade::kGood, FindingCode("drift")};
   finding.numbers = {{"change_mm", 1000 * drift.change.head<3>().norm()},
                      {"change_deg", RadToDeg(drift.change.tail<3>().norm())},
                      {"sigma_mm", 1000 * root_of_sum(0)},
                      {"sigma_deg", RadToDeg(root_of_sum(3))},
-                     {"p", drift.p_value},
+                     {"p", p_value},
                      {"odds_of_side", drift.odds_of_side}};
   for (Eigen::Index i = 0; i < 6; ++i) {
     constexpr std::array<const char*, 6> kNames = {"x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"};
@@ -482,8 +540,9 @@ Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& captur
                    {"side", std::string(kDriftSideNames[static_cast<size_t>(drift.side)])},
                    {"form", std::string(kDriftFormNames[static_cast<size_t>(drift.form)])},
                    {"evidence", std::string(kDriftEvidenceNames[static_cast<size_t>(drift.evidence)])}};
+  finding.names.emplace_back("use", is_corrected ? "corrected" : "not_corrected");
   if (drift.form == DriftForm::kStep) finding.names.emplace_back("capture", capture);
-  finding.is_cause = true;
+  finding.is_cause = finding.grade != Grade::kGood;
   return finding;
 }
 

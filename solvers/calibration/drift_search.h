@@ -38,19 +38,28 @@ struct DriftSearch {
   std::optional<Finding> unseen;
 };
 
+// All captures as they were detected, with those that the calibration left out: captures that a drift puts aside look
+// like outliers. Without effects of the arm, which are the same at one pose.
+struct DetectedCaptures {
+  RigProblem problem;
+  CaptureTimes times;
+};
+
 // Looks for a drift of the camera or of the target of a single camera, one target and one arm. `problem` holds the
-// points that the solution used. With the unknowns x of the solution, which has the covariance C, and the columns D =
-// s(t) A of a drift h, where A are the columns of the body's pose and s is its share of the motion, all whitened with
-// the noise of the solution,
+// points that the solution used, `detected` all of them, of which those at one pose are compared with each other. With
+// the unknowns x of the solution, which has the covariance C, and the columns D = s(t) A of a drift h, where A are the
+// columns of the body's pose and s is its share of the motion, all whitened with the noise of the solution,
 //   T = g^T S g,  g = D^T r,  S = (D^T D - D^T A_x C A_x^T D)^-1,  h = S g
 // is compared with the squares R of the residuals, which the noise was estimated from: (T / 6) / ((R - T) / (dof - 6))
-// follows F if there is none. Captures at one pose are judged by T alone, with the repeatability of robots. p-values
-// are corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than
-// eight captures.
-DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times);
+// follows F if there is none. Captures at one pose are judged by T alone, with the repeatability of robots; at least
+// two poses must have been taken again, and what the drift leaves of their differences must be noise. p-values are
+// corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than eight
+// captures.
+DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times,
+                      const DetectedCaptures& detected);
 
-// Returns drifts of the same bodies and forms as `drifts`, estimated together without a test: what is left of them at
-// the solution. Returns nothing if the captures do not determine them.
+// Returns drifts of the same bodies and forms as `drifts`, estimated together from all captures without a test: what is
+// left of them at the solution. Returns nothing if the captures do not determine them.
 std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
                                                  const CaptureTimes& times, std::vector<Drift> drifts);
 
@@ -59,8 +68,9 @@ std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, cons
 std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts);
 
-// The finding `drift`. `capture` is the name of Drift::capture.
-Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture);
+// The finding `drift`. `capture` is the name of Drift::capture; `is_corrected`: whether the result was corrected for
+// it.
+Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture, bool is_corrected);
 
 // Returns how much of the captures' order is a function of their poses: the coefficient of determination of the
 // leave-one-out kernel regression of the place on the pose, at the best width; 0 for fewer than three.

@@ -222,8 +222,8 @@ void ChooseCubicSurfaces(const ModelComparison& comparison, ErrorModelChoice* ch
     choice->alternatives[choice->chosen].p = std::min(choice->alternatives[choice->chosen].p.value_or(1), p);
     // The simplest model comes first.
     const auto place =
-        std::upper_bound(choice->alternatives.begin(), choice->alternatives.end(), DofOf(larger),
-                         [](int dof, const ProblemAlternative& other) { return dof < DofOf(other.model); });
+        std::lower_bound(choice->alternatives.begin(), choice->alternatives.end(), DofOf(larger),
+                         [](const ProblemAlternative& other, int dof) { return DofOf(other.model) < dof; });
     const auto index = static_cast<size_t>(place - choice->alternatives.begin());
     choice->alternatives.insert(
         place, {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});

@@ -142,6 +142,9 @@ void ReadRefine(MapReader& root, RunConfig* config) {
                           config->options.bundle.free_intrinsics, "camera.intrinsics");
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   config->options.drift = ReadDrift(reader, true);
+  if (!config->options.drift.wanted.empty() && !config->data.target_poses.empty()) {
+    reader.Get("drift").Fail("a drift is estimated from images or points, not from captures.target_poses");
+  }
   reader.Finish();
   root.Record("refine", reader.used());
 }

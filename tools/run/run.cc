@@ -1,6 +1,7 @@
 #include "heba/run.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "heba/base/failure_code.h"
@@ -15,6 +16,7 @@
 #include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/initial/pose_consistency.h"
+#include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/rig/rig_camera_motion.h"
 #include "tools/run/arm_assessment.h"
@@ -168,6 +170,12 @@ std::optional<std::vector<CaptureDetection>> DetectCapturesAgain(const Dataset& 
   return OutOfRig(std::move(*again));
 }
 
+// The drifts that the views are corrected for, with the poses of their bodies.
+struct KnownDrifts {
+  std::vector<Drift> drifts = {};
+  HandEye hand_eye = {};
+};
+
 // A calibration that is not assessed yet, with the data and options that it ended with.
 struct Calibrated {
   Calibration calibration;
@@ -175,13 +183,7 @@ struct Calibrated {
   CalibrationOptions options;  // The final refinement used these.
   std::optional<ArmSetup> arm;
   std::optional<Finding> of_smooth_errors;
-  std::vector<Drift> drifts;  // The views were corrected for these.
-};
-
-// The drifts that the views are corrected for, with the poses of their bodies.
-struct KnownDrifts {
-  std::vector<Drift> drifts = {};
-  HandEye hand_eye = {};
+  KnownDrifts known;  // The views were corrected for these.
 };
 
 void Correct(const Dataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
@@ -208,7 +210,7 @@ Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& 
   EndIfCancelled(observer);
   Calibrated calibrated;
   calibrated.dataset = dataset;
-  calibrated.drifts = known.drifts;
+  calibrated.known = known;
   calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
   Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
   if (!calibration) return calibration.failure();
@@ -249,26 +251,51 @@ UsedCaptures UsedBy(const Calibrated& calibrated) {
   return used;
 }
 
-// Calibrates with drifts of the bodies and forms of `drifts`, which are estimated again with the captures that they
+// Returns all captures as they were detected, with the readings that the calibration chose.
+DetectedCaptures DetectedBy(const Calibrated& calibrated, const std::vector<CaptureDetection>& detections) {
+  const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
+  std::map<size_t, View> views;
+  // The reading of a target with a symmetry is known of captures that were calibrated only.
+  if (calibrated.options.symmetries.size() == 1) {
+    for (View& view : ViewsOf(calibrated.dataset, detections)) views[view.capture] = std::move(view);
+  }
+  for (const View& view : of_captures.views) views[view.capture] = view;
+  Problem problem{calibrated.calibration.refined->camera, {}, calibrated.dataset.setup, calibrated.options.shape};
+  DetectedCaptures detected{{}, {{}, calibrated.dataset.captures.size()}};
+  for (auto& [capture, view] : views) {
+    view.effect = nullptr;
+    view.gripper_by_joints.resize(6, 0);
+    problem.views.push_back(view);
+    detected.times.places.push_back(capture);
+  }
+  BundleOptions options = calibrated.calibration.bundle;
+  options.effects = nullptr;
+  detected.problem = HandEyeProblem(problem, options);
+  return detected;
+}
+
+// Calibrates with drifts of the bodies and forms of `known`, which are estimated again with the captures that they
 // bring back. Returns nothing if the captures do not determine them.
 std::optional<Calibrated> CalibrateWithDrifts(const Dataset& dataset, const RunOptions& options,
                                               const std::set<size_t>& left_out, KnownDrifts known,
                                               std::vector<CaptureDetection>* detections, RunObserver* observer) {
+  // Captures at one pose are told by that of the robot: with the corrections they are at several.
+  const bool is_at_revisits = known.drifts.front().evidence == DriftEvidence::kRevisits;
   std::optional<Calibrated> with_drifts;
-  constexpr int kNumRounds = 2;
-  for (int round = 0; round < kNumRounds; ++round) {
+  const int num_rounds = is_at_revisits ? 1 : 2;
+  for (int round = 0; round < num_rounds; ++round) {
     EndIfCancelled(observer);
     Outcome<Calibrated> next = CalibrateCaptures(dataset, options, left_out, known, detections, observer);
     if (!next || !next->calibration.refined) return with_drifts;
+    if (is_at_revisits) return std::move(*next);
     const UsedCaptures used = UsedBy(*next);
     const std::optional<std::vector<Drift>> rest =
         EstimateDrifts(used.problem, used.solution, dataset.setup, used.times, known.drifts);
     if (!rest) return with_drifts;
     for (size_t d = 0; d < known.drifts.size(); ++d) {
-      next->drifts[d].covariance = (*rest)[d].covariance;
-      known.drifts[d] = next->drifts[d];
-      // Captures at one pose are told by that of the robot: with the corrections they are at several.
-      if (known.drifts[d].evidence != DriftEvidence::kRevisits) known.drifts[d].change += (*rest)[d].change;
+      next->known.drifts[d].covariance = (*rest)[d].covariance;
+      known.drifts[d] = next->known.drifts[d];
+      known.drifts[d].change += (*rest)[d].change;
     }
     with_drifts = std::move(*next);
   }
@@ -276,12 +303,13 @@ std::optional<Calibrated> CalibrateWithDrifts(const Dataset& dataset, const RunO
 }
 
 // Looks for a drift, or takes the drifts that are wanted.
-DriftSearch SearchDrift(const Calibrated& calibrated, const RunOptions& options, std::vector<Drift>* drifts) {
+DriftSearch SearchDrift(const Calibrated& calibrated, const RunOptions& options,
+                        const std::vector<CaptureDetection>& detections, std::vector<Drift>* drifts) {
   const UsedCaptures used = UsedBy(calibrated);
   const Setup setup = calibrated.dataset.setup;
   DriftSearch search;
   if (options.drift.is_tested) {
-    search = FindDrift(used.problem, used.solution, setup, used.times);
+    search = FindDrift(used.problem, used.solution, setup, used.times, DetectedBy(calibrated, detections));
     if (search.found) drifts->push_back(*search.found);
     return search;
   }
@@ -327,20 +355,24 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
   std::vector<UnusedView> unused;
   Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, {}, detections, observer);
   std::optional<Finding> unseen;
+  std::vector<Drift> drifts;
   if (calibrated && calibrated->calibration.refined) {
     EndIfCancelled(observer);
-    std::vector<Drift> drifts;
-    unseen = SearchDrift(*calibrated, options, &drifts).unseen;
-    std::optional<Calibrated> corrected;
+    unseen = SearchDrift(*calibrated, options, *detections, &drifts).unseen;
     // A knock that is clear by itself leaves out the captures on one side of it.
     const bool is_step = !drifts.empty() && drifts.front().form == DriftForm::kStep;
     const bool is_clear_knock =
         is_step && options.bundle.loss != LossKind::kNone && FindMotion(*calibrated, options.num_threads).has_value();
-    if (!drifts.empty() && !is_clear_knock) {
+    if (is_clear_knock) drifts.clear();
+    std::optional<Calibrated> corrected;
+    if (!drifts.empty()) {
       corrected = CalibrateWithDrifts(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
                                       detections, observer);
     }
     if (corrected) calibrated = std::move(*corrected);
+    if (!options.drift.wanted.empty() && drifts.empty()) {
+      unseen = Finding{Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}};
+    }
   }
   for (int motion = 0; motion < kMostMotions; ++motion) {
     if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
@@ -349,7 +381,7 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
     if (!found) break;
     std::set<size_t> without = left_out;
     without.insert(found->captures.begin(), found->captures.end());
-    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, {}, detections, observer);
+    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, calibrated->known, detections, observer);
     // A motion that leaves too few captures is not found out.
     if (!rest || !rest->calibration.refined) break;
     calibrated = std::move(rest);
@@ -358,8 +390,10 @@ Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOpt
     for (const size_t i : found->captures) unused.push_back({dataset.captures[i].name, i, found->reason});
   }
   if (!calibrated) return calibrated;
-  for (const Drift& drift : calibrated->drifts) {
-    motions->push_back(DescribeDrift(drift, dataset.setup, dataset.captures[drift.capture].name));
+  // A drift that the calibration was not corrected for is said, too.
+  const bool is_corrected = !calibrated->known.drifts.empty();
+  for (const Drift& drift : is_corrected ? calibrated->known.drifts : drifts) {
+    motions->push_back(DescribeDrift(drift, dataset.setup, dataset.captures[drift.capture].name, is_corrected));
   }
   if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
   std::vector<UnusedView>& all = calibrated->calibration.unused;
@@ -401,13 +435,13 @@ Outcome<RunOutput> RunOnImages(Dataset dataset, const RunOptions& options, RunOb
   timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   Advice advice = Advise(calibration, calibrated->options);
-  if (!calibrated->drifts.empty()) {
+  if (!calibrated->known.drifts.empty()) {
     Calibrated of_output = *calibrated;
     of_output.calibration = calibration;
     of_output.dataset = output.dataset;
     const UsedCaptures used = UsedBy(of_output);
     for (Eigen::VectorXd& change :
-         ChangesByDrifts(used.problem, used.solution, dataset.setup, used.times, calibrated->drifts)) {
+         ChangesByDrifts(used.problem, used.solution, dataset.setup, used.times, calibrated->known.drifts)) {
       advice.changes.push_back(std::move(change));
     }
   }

@@ -474,11 +474,16 @@ FindingText DriftText(const Finding& finding) {
     text += "; that it was not the " + std::string(body == "camera" ? "target" : "camera") +
             " or the robot's base is " + Significant(odds, 2) + " times as likely";
   }
-  return {text + "; the result is that of the last capture",
-          "tighten what carries the " + body + ", and record the captures again if it is to hold"};
+  text += Is(finding, "use", "not_corrected") ? "; the result could not be corrected for it"
+                                              : "; the result is that of the last capture";
+  if (finding.grade == Grade::kGood) return {text, ""};
+  return {text, "tighten what carries the " + body + ", and record the captures again if it is to hold"};
 }
 
-FindingText DriftUnseen(const Finding& /*finding*/) {
+FindingText DriftUnseen(const Finding& finding) {
+  if (Is(finding, "reason", "undetermined")) {
+    return {"the captures do not determine the drift that refine.drift asks for", "take more captures, or use auto"};
+  }
   return {
       "a drift of the camera or of the target cannot be told from the errors of the robot, because the order of the "
       "captures follows from their poses",

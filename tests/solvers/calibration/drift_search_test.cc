@@ -122,14 +122,16 @@ TEST(DriftSearchTest, FindsADriftAndNothingElse) {
     const TestSceneOptions options = SceneWith(setup);
     TestScene scene = MakeTestScene(seed, options);
     const Solved still = Solve(scene, options);
-    const DriftSearch of_still = FindDrift(still.problem, still.solution, setup, still.times);
+    const DriftSearch of_still =
+        FindDrift(still.problem, still.solution, setup, still.times, {still.problem, still.times});
     if (of_still.unseen) continue;  // The order follows the poses by chance.
     ++num_tried;
     num_false += of_still.found ? 1 : 0;
     const Drift drift = LinearDrift(side, 0.1, 5e-4);
     AddDrift(drift, options, 1000 + seed, &scene);
     const Solved moved = Solve(scene, options);
-    const DriftSearch search = FindDrift(moved.problem, moved.solution, setup, moved.times);
+    const DriftSearch search =
+        FindDrift(moved.problem, moved.solution, setup, moved.times, {moved.problem, moved.times});
     if (!search.found) continue;
     ++num_found;
     EXPECT_EQ(search.found->evidence, DriftEvidence::kOrder);
@@ -158,7 +160,8 @@ TEST(DriftSearchTest, FindsAStep) {
     drift.capture = 8;
     AddDrift(drift, options, 1000 + seed, &scene);
     const Solved solved = Solve(scene, options);
-    const DriftSearch search = FindDrift(solved.problem, solved.solution, Setup::kEyeToHand, solved.times);
+    const DriftSearch search =
+        FindDrift(solved.problem, solved.solution, Setup::kEyeToHand, solved.times, {solved.problem, solved.times});
     if (search.found && search.found->form == DriftForm::kStep && search.found->capture == drift.capture) ++num_right;
   }
   EXPECT_GE(num_right, 8);
@@ -199,7 +202,7 @@ TEST(DriftSearchTest, OnlyRevisitsTellADriftFromSmoothErrors) {
       }
       AddDrift(drift, options, seed, &with);
       const Solved solved = Solve(with, options);
-      return FindDrift(solved.problem, solved.solution, options.setup, solved.times);
+      return FindDrift(solved.problem, solved.solution, options.setup, solved.times, {solved.problem, solved.times});
     };
     const Drift none;
     const Drift drift = LinearDrift(DriftSide::kWorld, 0.15, 1e-3);
