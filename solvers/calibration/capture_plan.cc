@@ -42,6 +42,10 @@ Rigid3d BaseFromGripperOf(Setup setup, const Rigid3d& camera_mount_from_target_m
   return setup == Setup::kEyeInHand ? Inverse(camera_mount_from_target_mount) : camera_mount_from_target_mount;
 }
 
+Rigid3d MountAt(Setup setup, const Rigid3d& base_from_gripper) {
+  return setup == Setup::kEyeInHand ? Inverse(base_from_gripper) : base_from_gripper;
+}
+
 Rigid3d MountOf(const PlanCell& cell, const Rigid3d& camera_from_target) {
   return cell.hand_eye.camera_mount_from_camera * camera_from_target * Inverse(cell.hand_eye.target_mount_from_target);
 }
@@ -91,15 +95,20 @@ SimulatedTarget OutlineOf(const PlanCell& cell) {
 }
 
 // Returns whether the gripper, and what it carries, may stand there.
-bool IsAllowed(const PlanCell& cell, const Rigid3d& base_from_gripper, const Rigid3d& camera_from_target) {
+bool IsAllowed(const PlanCell& cell, const SimulatedTarget& outline, const Rigid3d& base_from_gripper,
+               const Rigid3d& camera_from_target) {
   const Eigen::Vector3d gripper = base_from_gripper.translation;
   if (cell.workspace && !cell.workspace->Contains(gripper)) return false;
   const bool carries_camera = cell.setup == Setup::kEyeInHand;
   const Rigid3d carried_in_gripper =
       carries_camera ? cell.hand_eye.camera_mount_from_camera : cell.hand_eye.target_mount_from_target;
-  const Eigen::Vector3d carried = base_from_gripper * carried_in_gripper.translation;
+  std::vector<Eigen::Vector3d> points = {gripper, base_from_gripper * carried_in_gripper.translation};
+  for (Eigen::Index i = 0; i < outline.points_in_target.cols() && !carries_camera; ++i) {
+    const Eigen::Vector3d point = outline.points_in_target.col(i);
+    points.emplace_back(base_from_gripper * (carried_in_gripper * point));
+  }
   for (const PlanBox& box : cell.keep_out) {
-    if (box.Contains(gripper) || box.Contains(carried)) return false;
+    if (std::any_of(points.begin(), points.end(), [&](const auto& point) { return box.Contains(point); })) return false;
   }
   if (carries_camera) return true;
   const Eigen::Vector3d camera = cell.hand_eye.camera_mount_from_camera.translation;
@@ -176,7 +185,6 @@ std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptio
   const SimulatedTarget outline = OutlineOf(cell);
   const std::array<double, 2> depths_m = DepthsOf(cell);
   std::vector<PlannedCapture> candidates;
-  if (!(depths_m[0] < depths_m[1])) return candidates;
   constexpr size_t kMostDraws = 60000;
   while (candidates.size() < static_cast<size_t>(options.num_candidates) && drawn->num_all < kMostDraws) {
     ++drawn->num_all;
@@ -184,7 +192,7 @@ std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptio
     capture.camera_from_target = DrawPose(cell, depths_m, rng);
     const Rigid3d mount = MountOf(cell, capture.camera_from_target);
     capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
-    if (!IsAllowed(cell, capture.base_from_gripper, capture.camera_from_target)) {
+    if (!IsAllowed(cell, outline, capture.base_from_gripper, capture.camera_from_target)) {
       ++drawn->num_outside;
       continue;
     }
@@ -467,7 +475,7 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
       const Rigid3d mount = MountOf(cell, pose.camera_from_target);
       capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
       capture.visible_share = VisibleShare(cell, setups, outline, mount);
-      if (!IsAllowed(cell, capture.base_from_gripper, capture.camera_from_target)) {
+      if (!IsAllowed(cell, outline, capture.base_from_gripper, capture.camera_from_target)) {
         ++drawn->num_outside;
         break;
       }
@@ -496,11 +504,18 @@ Failure WhyTooFew(const Drawn& drawn, size_t num_found, int wanted) {
            {"unreached", static_cast<double>(drawn.num_unreached)}}};
 }
 
-// Adds the first captures once more.
-void AddRevisits(int num_revisits, std::vector<PlannedCapture>* captures) {
+// Adds the first captures, or those of the earlier session, once more.
+void AddRevisits(const PlanCell& cell, int num_revisits, std::vector<PlannedCapture>* captures) {
   const size_t num_planned = captures->size();
-  for (size_t k = 0; k < std::min(num_planned, static_cast<size_t>(std::max(0, num_revisits))); ++k) {
-    PlannedCapture again = (*captures)[k];
+  const size_t num_first = cell.former_poses.empty() ? num_planned : cell.former_poses.size();
+  for (size_t k = 0; k < std::min(num_first, static_cast<size_t>(std::max(0, num_revisits))); ++k) {
+    PlannedCapture again = (*captures)[cell.former_poses.empty() ? k : num_planned - 1];
+    if (!cell.former_poses.empty()) {
+      again.base_from_gripper = cell.former_poses[k];
+      again.camera_from_target = CameraFromTarget(cell.hand_eye, MountAt(cell.setup, again.base_from_gripper));
+      again.visible_share = 1;
+      again.joints.resize(0);
+    }
     const PlannedCapture& last = captures->back();
     again.repeats = k;
     again.target_m = last.target_m;
@@ -513,6 +528,14 @@ void AddRevisits(int num_revisits, std::vector<PlannedCapture>* captures) {
 }  // namespace
 
 Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& options) {
+  const std::array<double, 2> depths_m = DepthsOf(cell);
+  if (!(depths_m[0] < depths_m[1])) {
+    PlanCell anywhere = cell;
+    anywhere.nearest_m = 0;
+    anywhere.farthest_m = std::numeric_limits<double>::infinity();
+    const std::array<double, 2> needed_m = DepthsOf(anywhere);
+    return Failure{FailureCode("no_planned_depth"), {{"from_mm", 1000 * needed_m[0]}, {"to_mm", 1000 * needed_m[1]}}};
+  }
   Rng rng(options.seed);
   Drawn drawn;
   CapturePlan plan;
@@ -545,14 +568,15 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     for (const size_t i : Choose(candidates, static_cast<size_t>(options.count), information, criterion)) {
       chosen.push_back(candidates[i]);
     }
+    if (chosen.size() < static_cast<size_t>(options.count)) return WhyTooFew(drawn, chosen.size(), options.count);
   }
   for (Candidate& one : chosen) {
     information += one.information;
     criterion.Describe(information, &one.capture);
     plan.captures.push_back(std::move(one.capture));
   }
+  if (!options.is_two_step) AddRevisits(cell, options.num_revisits, &plan.captures);
   SetJoints(cell, &plan.captures);
-  if (!options.is_two_step) AddRevisits(options.num_revisits, &plan.captures);
   std::vector<Rigid3d> poses;
   std::vector<size_t> order;
   for (size_t i = 0; i < plan.captures.size(); ++i) {

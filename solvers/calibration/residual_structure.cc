@@ -26,7 +26,8 @@ struct PointSums {
 };
 
 struct RegionSums {
-  Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right = Eigen::Vector2d::Zero();
   int num = 0;
 };
 
@@ -82,7 +83,8 @@ void AddImage(const RigProblem& problem, const RigSolution& solution, const FitS
     const int column = cell(pixel.x(), camera.width_px, kColumns);
     const int row = cell(pixel.y(), camera.height_px, kRows);
     RegionSums& of_region = (*regions)[{image.camera, row * kColumns + column}];
-    of_region.sum_px += residual;
+    of_region.normal += weight.transpose() * weight;
+    of_region.right += weight.transpose() * (weight * residual);
     ++of_region.num;
   }
 }
@@ -110,16 +112,16 @@ std::vector<RegionDeviation> DeviationsOf(const RegionsOfCameras& regions, const
   constexpr int kFewestPoints = 10;
   std::vector<RegionDeviation> deviations;
   for (const auto& [key, sums] : regions) {
-    if (sums.num < kFewestPoints) continue;
+    const auto factor = Cholesky(sums.normal);
+    if (sums.num < kFewestPoints || !factor) continue;
     const Camera& camera = solution.cameras[key.first];
     RegionDeviation& deviation = deviations.emplace_back();
     deviation.camera = key.first;
-    deviation.mean_px = sums.sum_px / sums.num;
+    deviation.mean_px = factor->Solve(sums.right);
     const double column = 0.5 + key.second % kColumns;
     const double row = 0.5 + std::floor(key.second / kColumns);
     deviation.middle_px = {column * camera.width_px / kColumns - 0.5, row * camera.height_px / kRows - 0.5};
-    const double sigma_px = solution.pixel_sigmas_px[key.first];
-    deviation.p_value = ChiSquareTail(sums.num * deviation.mean_px.squaredNorm() / (sigma_px * sigma_px), 2);
+    deviation.p_value = ChiSquareTail(deviation.mean_px.dot(sums.right), 2);
   }
   for (RegionDeviation& one : deviations) {
     one.p_value = std::min(1.0, one.p_value * static_cast<double>(deviations.size()));

@@ -72,6 +72,11 @@ TEST(PlanCommandTest, RefusesWhatItCannotPlan) {
   refused("robot: {model: ur5e}\n", "", 0, "");
   refused("setup", "setup", 2, "--count needs a number from 1 to 500, not 0", {"--count", "0"});
   refused("setup", "setup", 2, "--procedure: must be two_step", {"--procedure", "dance"});
+  refused("setup", "setup", 2, "has at least 5 poses", {"--procedure", "two_step", "--count", "4"});
+  refused("setup", "setup", 2, "would replace the cell", {"--out", (folder / "cell.yaml").string()});
+  refused("setup", "setup", 2, "would replace the poses", {"--out", (folder / "poses.html").string()});
+  refused("image_size: [1920, 1200]", "image_size: [1920, 1200], depth_of_field: [10 m, 20 m]", 1,
+          "none of which is within plan.lens.depth_of_field");
 }
 
 TEST(PlanCommandTest, AddsToAFinishedRun) {
@@ -84,8 +89,13 @@ TEST(PlanCommandTest, AddsToAFinishedRun) {
   ASSERT_EQ(RunHeba({"run", path("few/config.yaml"), "--out", path("run"), "--quiet"}).status, 0);
   const CommandResult plan = RunHeba({"plan", path("run"), "--count", "4"});
   ASSERT_EQ(plan.status, 0) << plan.err;
-  EXPECT_THAT(plan.out, HasSubstr("004.png"));
-  EXPECT_FALSE(ReadAll(folder / "run_plan.csv").empty());
+  // The images of the run are 000.png to 007.png, and its first poses are taken once more.
+  EXPECT_THAT(plan.out, HasSubstr("008.png"));
+  EXPECT_THAT(plan.out, HasSubstr("as 000.png"));
+  EXPECT_THAT(plan.out, Not(HasSubstr("as 008.png")));
+  const std::vector<std::string> rows = Split(ReadAll(folder / "run_plan.csv"), '\n');
+  const std::vector<std::string> former = Split(ReadAll(folder / "few/poses.csv"), '\n');
+  EXPECT_EQ(rows[5].substr(8, 6), former[1].substr(8, 6)) << "the first number of the first pose";
   const CommandResult wrong = RunHeba({"plan", path("run"), "--set", "plan.tilt=3 deg"});
   EXPECT_EQ(wrong.status, 2);
 }

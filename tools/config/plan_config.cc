@@ -198,7 +198,10 @@ PlanConfig ReadRun(const fs::path& path) {
   config.robot = before.data.robot;
   if (config.robot) SetPostures(*config.robot, &config.cell);
   TakeRequirements(before.options.requirements, &config);
-  config.num_before = before.data.captures.size();
+  for (const Capture& capture : before.data.captures) {
+    config.former_names.push_back(capture.name);
+    config.cell.former_poses.push_back(capture.base_from_gripper);
+  }
   if (!config.cell.workspace) config.cell.workspace = BoxAround(before.data.captures);
   return config;
 }

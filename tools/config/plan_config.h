@@ -24,7 +24,8 @@ struct PlanConfig {
   PoseReading pose_reading;
   bool joints_are_deg = false;
   std::vector<PlacedRequirement> requirements;
-  size_t num_before = 0;  // The captures of the finished run; 0 for a cell.
+  // The names of the finished run's captures, whose poses are PlanCell::former_poses; empty for a cell.
+  std::vector<std::string> former_names = {};
   // Where the plan goes if no other path is named: beside the cell, or beside the run's folder.
   std::filesystem::path output;
 };

@@ -19,9 +19,10 @@ std::string CellOf(const PlanConfig& config, const CapturePlan& plan) {
   ShownCell cell;
   ShownArm& arm = cell.arms.emplace_back();
   arm.name = "base";
+  const std::vector<std::string> images = PlannedImages(plan, config.former_names);
   for (size_t i = 0; i < plan.captures.size(); ++i) {
     arm.base_from_gripper.push_back(plan.captures[i].base_from_gripper);
-    cell.captures.push_back({PlannedImage(i), true});
+    cell.captures.push_back({images[i], true});
   }
   cell.cameras.push_back(
       {"camera", problem.cameras.front().mount, config.cell.hand_eye.camera_mount_from_camera, config.cell.camera});
@@ -49,16 +50,17 @@ std::string ImageOf(const PlanCell& cell, const PlannedCapture& capture, const s
   return svg + "</svg><figcaption>" + name + "</figcaption></figure>";
 }
 
-std::string TableOf(const CapturePlan& plan) {
+std::string TableOf(const CapturePlan& plan, const std::vector<std::string>& former_names) {
+  const std::vector<std::string> images = PlannedImages(plan, former_names);
   std::vector<std::vector<PageCell>> rows;
   for (size_t i = 0; i < plan.captures.size(); ++i) {
     const PlannedCapture& capture = plan.captures[i];
-    rows.push_back({{PlannedImage(i)},
+    rows.push_back({{images[i]},
                     {ShownAmount(1000 * capture.target_m, 3), true},
                     {ShownAmount(1000 * capture.position_m, 3), true},
                     {ShownAmount(RadToDeg(capture.orientation_rad), 2), true},
                     {Fixed(100 * capture.visible_share, 0) + " %", true},
-                    {capture.repeats ? "as " + PlannedImage(*capture.repeats) : std::string(RoleName(capture.role))}});
+                    {PlannedNote(capture, images, former_names)}});
   }
   return HtmlTable({"capture", "located target, mm", "camera, mm", "camera, deg", "seen for certain", ""}, rows);
 }
@@ -66,6 +68,7 @@ std::string TableOf(const CapturePlan& plan) {
 }  // namespace
 
 std::string PlanPage(const PlanConfig& config, const CapturePlan& plan) {
+  const std::vector<std::string> images = PlannedImages(plan, config.former_names);
   size_t num_new = 0;
   for (const PlannedCapture& capture : plan.captures) num_new += capture.repeats ? 0 : 1;
   std::string body = "<h1>" + EscapedForMarkup(config.name) + ": the poses to take</h1>\n";
@@ -81,14 +84,14 @@ std::string PlanPage(const PlanConfig& config, const CapturePlan& plan) {
   body += Heading("The images that are expected");
   body += "<div style=\"display:grid;grid-template-columns:repeat(auto-fill,minmax(170px,1fr));gap:12px\">";
   for (size_t i = 0; i < plan.captures.size(); ++i) {
-    body += ImageOf(config.cell, plan.captures[i], PlannedImage(i));
+    body += ImageOf(config.cell, plan.captures[i], images[i]);
   }
   body += "</div>\n";
   body += Heading("What is expected after each") +
           Paragraph(
               "One sigma, by the calibration alone. \"Seen for certain\" is the share of rough set-ups, as "
               "uncertain as stated, in which the camera sees the whole target.") +
-          TableOf(plan);
+          TableOf(plan, config.former_names);
   return HtmlPage(config.name, body);
 }
 

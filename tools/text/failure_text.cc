@@ -299,6 +299,10 @@ constexpr CodeWords kWords[] = {
      "drawn, {outside} lie outside of the workspace or where the robot must not be, in {unseen} the target is not seen "
      "for certain, and {unreached} are out of the arm's reach; check hand_eye and board, or make the workspace larger, "
      "the uncertainty smaller or the target smaller"},
+    {"no_planned_depth",
+     "the target fits into the image, and its points lie far enough apart, at depths from {from_mm} to {to_mm} mm, "
+     "none of "
+     "which is within plan.lens.depth_of_field; use another lens or a target of another size"},
     {"no_planned_place", "the camera sees a target at none of the positions of evaluate.require"},
     {"few_captures_of_arm", "the captures are too few to distinguish the errors of the arm from those of its poses"},
     {"no_better_than_noise",

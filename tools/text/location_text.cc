@@ -110,7 +110,9 @@ std::string ReachText(const RigProblem& rig, const Reach& reach) {
   return text + InEachConfiguration(of_arm, reach);
 }
 
-std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostures>& all) {
+// `has_grasp`: whether the postures bring a tool to a grasp, instead of the flange to the target.
+std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostures>& all, bool has_grasp = false) {
+  const std::string what = has_grasp ? "the gripper's, with the tool at the grasp" : "the target's";
   std::string text;
   for (const ReachingPostures& postures : all) {
     const std::string& robot = rig.robots[postures.robot];
@@ -120,9 +122,9 @@ std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostur
       continue;
     }
     text += std::to_string(postures.postures.size()) +
-            (postures.is_urdf ? " postures found that align the tip's frame with the target's; " +
+            (postures.is_urdf ? " postures found that align the tip's frame with " + what + "; " +
                                     Join(postures.joint_names, ", ") + " in deg or m:\n"
-                              : " postures align the flange's frame with the target's; joints in deg:\n");
+                              : " postures align the flange's frame with " + what + "; joints in deg:\n");
     for (const ReachingPostures::Posture& posture : postures.postures) {
       text += "   ";
       for (size_t i = 0; i < posture.joints.size(); ++i) {
@@ -214,7 +216,7 @@ std::string TargetText(const LocationRequest& request, const std::string& image,
     if (location.possible.size() > 1) text += "  chosen by --near among the " + NearnessText(*location.near) + "\n";
     if (request.has_grasp) text += GraspText(request, chosen.located);
     for (const Reach& reach : location.reaches) text += ReachText(result.rig, reach);
-    return text + PosturesText(result.rig, chosen.postures);
+    return text + PosturesText(result.rig, chosen.postures, request.has_grasp);
   }
   const size_t num_poses = location.possible.size();
   text += "; " + SymmetryText(num_poses) + "\n";

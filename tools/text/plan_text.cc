@@ -1,5 +1,6 @@
 #include "tools/text/plan_text.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -19,10 +20,33 @@ size_t NumNew(const CapturePlan& plan) {
 
 }  // namespace
 
-std::string PlannedImage(size_t index) {
-  const std::string number = std::to_string(index + 1);
-  constexpr size_t kDigits = 3;
-  return std::string(number.size() < kDigits ? kDigits - number.size() : 0, '0') + number + ".png";
+std::vector<std::string> PlannedImages(const CapturePlan& plan, const std::vector<std::string>& former_names) {
+  size_t last = 0;
+  for (const std::string& name : former_names) {
+    std::string digits;
+    for (const char c : name.substr(0, name.find('.'))) {
+      if (c >= '0' && c <= '9') {
+        digits += c;
+      } else {
+        digits.clear();
+      }
+    }
+    constexpr size_t kMostDigits = 9;
+    if (!digits.empty() && digits.size() <= kMostDigits) last = std::max(last, static_cast<size_t>(std::stoul(digits)));
+  }
+  std::vector<std::string> images;
+  for (size_t i = 0; i < plan.captures.size(); ++i) {
+    const std::string number = std::to_string(last + i + 1);
+    constexpr size_t kDigits = 3;
+    images.push_back(std::string(number.size() < kDigits ? kDigits - number.size() : 0, '0') + number + ".png");
+  }
+  return images;
+}
+
+std::string PlannedNote(const PlannedCapture& capture, const std::vector<std::string>& images,
+                        const std::vector<std::string>& former_names) {
+  if (!capture.repeats) return std::string(RoleName(capture.role));
+  return "as " + (former_names.empty() ? images : former_names)[*capture.repeats];
 }
 
 std::string ExpectedText(const CapturePlan& plan, size_t after) {
@@ -50,14 +74,15 @@ std::string EnoughText(const std::vector<PlacedRequirement>& requirements, const
   return text;
 }
 
-std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan) {
+std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan,
+                      const std::vector<std::string>& former_names) {
+  const std::vector<std::string> images = PlannedImages(plan, former_names);
   std::string text = PadRight("capture", 9) + PadLeft("located target, mm", 20) + PadLeft("camera, mm", 13) +
                      PadLeft("camera, deg", 13) + PadLeft("seen for certain", 18) + "\n";
   for (size_t i = 0; i < plan.captures.size(); ++i) {
     const PlannedCapture& capture = plan.captures[i];
-    std::string note(RoleName(capture.role));
-    if (capture.repeats) note = "as " + PlannedImage(*capture.repeats);
-    text += PadRight(PlannedImage(i), 9) + PadLeft(ShownAmount(1000 * capture.target_m, 3), 20) +
+    const std::string note = PlannedNote(capture, images, former_names);
+    text += PadRight(images[i], 9) + PadLeft(ShownAmount(1000 * capture.target_m, 3), 20) +
             PadLeft(ShownAmount(1000 * capture.position_m, 3), 13) +
             PadLeft(ShownAmount(RadToDeg(capture.orientation_rad), 2), 13) +
             PadLeft(Fixed(100 * capture.visible_share, 0) + " %", 18) + (note.empty() ? "" : "  " + note) + "\n";

@@ -9,11 +9,16 @@
 
 namespace heba {
 
-// Returns the table of the captures, with what is expected after each, and what follows from it.
-std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan);
+// Returns the names of the planned images, in the order of the captures: 001.png, 002.png, ..., or those that follow
+// the highest number in the names of an earlier session.
+std::vector<std::string> PlannedImages(const CapturePlan& plan, const std::vector<std::string>& former_names);
+// Returns what a capture repeats, as "as 001.png", or its purpose; empty if neither is known.
+std::string PlannedNote(const PlannedCapture& capture, const std::vector<std::string>& images,
+                        const std::vector<std::string>& former_names);
 
-// Returns the name of a planned image, in the order of the captures: "001.png".
-std::string PlannedImage(size_t index);
+// Returns the table of the captures, with what is expected after each, and what follows from it.
+std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const CapturePlan& plan,
+                      const std::vector<std::string>& former_names);
 
 // Returns what is expected of a plan in words, without a full stop; `after` is the number of captures.
 std::string ExpectedText(const CapturePlan& plan, size_t after);

@@ -63,6 +63,8 @@ struct PlanCell {
   // Where targets will be located, in the base; empty: where the camera sees the target in the planned poses. A camera
   // on the gripper sees a target at any position as there.
   std::vector<Eigen::Vector3d> places_in_base_m = {};
+  // The poses of an earlier session: its first ones are taken once more at the end, in place of the first planned ones.
+  std::vector<Rigid3d> former_poses = {};
   // Returns the joints by which the arm reaches a pose of the gripper, an empty list if it does not. Not set: every
   // pose is reached.
   std::function<std::vector<Eigen::VectorXd>(const Rigid3d& base_from_gripper)> postures = nullptr;
@@ -71,7 +73,7 @@ struct PlanCell {
 };
 
 struct PlanOptions {
-  int count = 15;
+  int count = 15;        // At least 5 with is_two_step.
   int num_revisits = 3;  // The first poses that are taken once more at the end, which shows a drift (drift_search.h).
   uint64_t seed = 1;
   // The motions of the two-step method instead of the best poses: a home pose, two translations, and turns.
@@ -82,8 +84,9 @@ struct PlanOptions {
 struct PlannedCapture {
   Rigid3d base_from_gripper;
   CaptureRole role = CaptureRole::kNone;
-  Eigen::VectorXd joints = {};         // Empty without an arm.
-  std::optional<size_t> repeats = {};  // The planned capture that this one takes once more.
+  Eigen::VectorXd joints = {};  // Empty without an arm.
+  // The planned capture that this one takes once more or, if there are any, the index in PlanCell::former_poses.
+  std::optional<size_t> repeats = {};
   Rigid3d camera_from_target;
   double visible_share = 1;  // The share of rough set-ups in which the camera sees the whole target.
   // What is expected after this capture, one sigma by the calibration alone: the error of a located target (the root

@@ -26,6 +26,7 @@ inline constexpr std::string_view kFailureCodes[] = {
     "few_touches",
     "few_planned",
     "no_planned_place",
+    "no_planned_depth",
     "one_touch_axis",
     // The intrinsics.
     "no_camera",

@@ -196,6 +196,10 @@ void SetGrasp(const FinishedRun& run, LocationRequest* request) {
   if (!FLAGS_pixels.empty()) {
     throw InputError("--tool and --grasp: a pixel has no orientation to grasp by; leave --pixels out");
   }
+  const RigProblem& rig = run.result.rig;
+  if (rig.robots.size() > 1 || rig.targets.size() > 1) {
+    throw InputError("--tool and --grasp: are those of one arm and one target; the run has several");
+  }
   const PoseFormat& format = FormatOfNear(run.pose_readings.front().format);
   if (!FLAGS_tool.empty()) request->gripper_from_tool = PoseOrMappingOfFlag("tool", FLAGS_tool, format);
   if (!FLAGS_grasp.empty()) request->target_from_grasp = PoseOrMappingOfFlag("grasp", FLAGS_grasp, format);

@@ -37,15 +37,19 @@ PlanOptions OptionsOfFlags(int num_revisits) {
     throw InputError("--procedure: must be two_step, or left out for the best poses, not " + Quoted(FLAGS_procedure));
   }
   options.is_two_step = FLAGS_procedure == "two_step";
+  constexpr int kFewestOfTwoStep = 5;
+  if (options.is_two_step && options.count < kFewestOfTwoStep) {
+    throw InputError("--count: the two-step motion has at least 5 poses: one at home, two translations and two turns");
+  }
   return options;
 }
 
 // Returns the poses in the cell's format, or, if that is of joints, the joints.
-std::string PosesText(const PlanConfig& config, const CapturePlan& plan) {
+std::string PosesText(const PlanConfig& config, const CapturePlan& plan, const std::vector<std::string>& images) {
   std::vector<PoseRow> rows;
   for (size_t i = 0; i < plan.captures.size(); ++i) {
     PoseRow& row = rows.emplace_back();
-    row.image = PlannedImage(i);
+    row.image = images[i];
     row.role = plan.captures[i].role;
     // The direction is its own inverse.
     row.pose = BaseFromGripper(config.pose_reading, plan.captures[i].base_from_gripper);
@@ -63,30 +67,34 @@ int RunCommand_plan(const std::vector<std::string>& arguments) {
   if (!format.robot.empty() && !is_of_joints) {
     throw InputError(arguments[0] + ": captures.pose_format has the joints of an arm, which robot.model must name");
   }
+  const fs::path out = FLAGS_out.empty() ? config.output : fs::path(FLAGS_out);
+  fs::path joints_file = out;
+  if (!is_of_joints) joints_file.replace_filename(out.stem().string() + "_joints.csv");
+  fs::path page = out;
+  page.replace_extension(".html");
+  std::error_code error;
+  if (page == out || fs::equivalent(out, arguments[0], error) || fs::equivalent(page, arguments[0], error)) {
+    throw InputError("--out: " + out.string() + ": would replace " +
+                     (page == out ? "the poses by their page" : "the cell") + "; name a file such as poses.csv");
+  }
   const Outcome<CapturePlan> plan = PlanCaptures(config.cell, options);
   if (!plan) {
     PrintError(arguments[0] + ": " + FailureText(plan.failure()));
     return kWorkFailed;
   }
-  const fs::path out = FLAGS_out.empty() ? config.output : fs::path(FLAGS_out);
-  if (!is_of_joints) WriteFileAtomically(out, PosesText(config, *plan));
-  std::vector<std::string> images;
+  const std::vector<std::string> images = PlannedImages(*plan, config.former_names);
   std::vector<Eigen::VectorXd> joints;
-  for (size_t i = 0; i < plan->captures.size(); ++i) {
-    images.push_back(PlannedImage(i));
-    joints.push_back(plan->captures[i].joints);
+  for (const PlannedCapture& capture : plan->captures) {
+    joints.push_back(capture.joints);
     const bool are_deg = is_of_joints ? format.angle_unit == "deg" : config.joints_are_deg;
     for (Eigen::Index j = 0; are_deg && j < joints.back().size(); ++j) {
       if (config.robot->arm.joints[static_cast<size_t>(j)].is_turning) joints.back()[j] = RadToDeg(joints.back()[j]);
     }
   }
-  fs::path joints_file = out;
-  if (!is_of_joints) joints_file.replace_filename(out.stem().string() + "_joints.csv");
+  if (!is_of_joints) WriteFileAtomically(out, PosesText(config, *plan, images));
   if (config.robot) WriteFileAtomically(joints_file, JointsFileText(config.robot->arm, images, joints));
-  fs::path page = out;
-  page.replace_extension(".html");
   WriteFileAtomically(page, PlanPage(config, *plan));
-  std::cout << ForTerminal(PlanTable(config.requirements, *plan))
+  std::cout << ForTerminal(PlanTable(config.requirements, *plan, config.former_names))
             << "poses: " << (is_of_joints ? joints_file : out).string();
   if (config.robot && !is_of_joints) std::cout << "\njoints: " << joints_file.string();
   std::cout << "\npage: " << page.string() << std::endl;
