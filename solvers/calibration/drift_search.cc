@@ -116,8 +116,24 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
                                               const CaptureTimes& times, bool at_revisits) {
   const RigProblem weighted = WeightedAs(solution, problem);
   const FitNoise noise = NoiseOf(solution);
+  const std::vector<size_t> captures = CapturesWithPoints(weighted);
+  FitState state = StateOf(solution);
   std::optional<std::vector<LinearisedView>> views =
-      LineariseEachCapture(weighted, StateOf(solution), noise, LossOf(LossKind::kNone));
+      LineariseEachCapture(weighted, state, noise, LossOf(LossKind::kNone));
+  // Captures that are far from the solution are linearised at the poses that they show.
+  constexpr int kNumSteps = 2;
+  for (int step = 0; at_revisits && step < kNumSteps && views && views->size() == captures.size(); ++step) {
+    state.corrections.assign(weighted.captures.size(), std::vector<Rigid3d>(weighted.robots.size()));
+    for (size_t v = 0; v < views->size(); ++v) {
+      const LinearisedView& view = (*views)[v];
+      if (view.offset.size() < 6) continue;
+      const Eigen::MatrixXd by_pose = view.by_effects.leftCols<6>();
+      const Tangent6 correction = SolveSymmetric(Eigen::MatrixXd(by_pose.transpose() * by_pose),
+                                                 Eigen::VectorXd(by_pose.transpose() * view.offset));
+      state.corrections[captures[v]].front() = Retract(Rigid3d(), correction);
+    }
+    views = LineariseEachCapture(weighted, state, noise, LossOf(LossKind::kNone));
+  }
   if (!views || views->empty()) return std::nullopt;
   std::vector<bool> is_misread;
   for (LinearisedView& view : *views) {
@@ -126,7 +142,6 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
     is_misread.push_back(view.residual_sum_of_squares > kMostSquare * std::max(1, view.num_residual_dof));
     view = PoseRows(view);
   }
-  const std::vector<size_t> captures = CapturesWithPoints(weighted);
   const UnknownLayout layout = RigUnknowns(weighted);
   const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
                                               layout.Block(TargetPoseBlock(weighted.targets.front())).first};
