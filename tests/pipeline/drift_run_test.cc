@@ -1,4 +1,5 @@
 // Runs of cells whose camera creeps, or is knocked, during the captures.
+#include <algorithm>
 #include <cmath>
 
 #include <filesystem>
@@ -7,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/base/text.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -69,6 +71,7 @@ TEST_F(DriftRunTest, EstimatesACreep) {
   const Json wanted =
       RunWith("creep_wanted", {"--set", std::string("creep=") + kMotion}, {"--set", "refine.drift=[world]"});
   EXPECT_EQ(FindingOf(wanted, "drift")["names"]["evidence"], "wanted");
+  EXPECT_EQ(FindingOf(wanted, "drift")["grade"], "doubtful");
   EXPECT_LT(ErrorMm(wanted), 0.2);
 }
 
@@ -83,10 +86,63 @@ TEST_F(DriftRunTest, EstimatesAKnock) {
   EXPECT_NEAR(ErrorMm(result), 0.99, 0.2);
 }
 
+// The captures follow a path, so that their order alone tells nothing; the first three poses at the end tell that the
+// camera was knocked half-way, although the calibration leaves these captures out as outliers.
+TEST_F(DriftRunTest, RevisitsShowAKnockAlongAPath) {
+  const fs::path folder = TestFolder("drift_revisits");
+  const std::string scene = std::string(HEBA_SOURCE_DIR) + "/configs/manual/cell.yaml";
+  for (const std::string kind : {"before", "after"}) {
+    std::vector<std::string> simulate = {
+        "simulate", scene, "--set", "motion.captures=20", "--out", (folder / kind).string(), "--quiet"};
+    if (kind == "after")
+      simulate.insert(simulate.end(), {"--set", std::string("moved={from: 0, by: ") + kMotion + "}"});
+    ASSERT_EQ(RunHeba(simulate).status, 0);
+  }
+  std::vector<std::string> rows = Split(ReadAll(folder / "before/poses.csv"), '\n');
+  const std::string head = rows.front();
+  rows.erase(rows.begin());
+  std::erase(rows, "");
+  std::sort(rows.begin(), rows.end(), [](const std::string& a, const std::string& b) {
+    return std::stod(Split(a, ',')[1]) < std::stod(Split(b, ',')[1]);
+  });
+  const size_t num_poses = rows.size();
+  for (size_t k = 0; k < 3; ++k) rows.push_back(rows[k]);
+  fs::create_directories(folder / "session/images");
+  std::string poses = head + "\n";
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const std::string image = rows[i].substr(0, rows[i].find(','));
+    const std::string name = std::to_string(100 + i) + ".png";
+    fs::copy_file(folder / (i < num_poses / 2 ? "before" : "after") / "images" / image,
+                  folder / "session/images" / name);
+    poses += name + rows[i].substr(rows[i].find(',')) + "\n";
+  }
+  WriteAll(folder / "session/poses.csv", poses);
+  for (const std::string name : {"config.yaml", "camera.yaml", "target.yaml", "truth.json"}) {
+    fs::copy_file(folder / "before" / name, folder / "session" / name);
+  }
+  ASSERT_EQ(
+      RunHeba({"run", (folder / "session/config.yaml").string(), "--out", (folder / "run").string(), "--quiet"}).status,
+      0);
+  const Json result = Json::parse(ReadAll(folder / "run/result.json"));
+  const Json drift = FindingOf(result, "drift");
+  ASSERT_FALSE(drift.is_null());
+  EXPECT_EQ(drift["names"]["evidence"], "revisits");
+  EXPECT_EQ(drift["names"]["form"], "step");
+  EXPECT_EQ(drift["names"]["capture"], "110.png");
+  EXPECT_EQ(drift["names"]["body"], "camera");
+  EXPECT_NEAR(drift["numbers"]["change_mm"].get<double>(), 0.99, 0.1);
+  // The truth is that before.
+  EXPECT_NEAR(ErrorMm(result), 0.99, 0.15);
+}
+
 TEST_F(DriftRunTest, FindsNoneWhereThereIsNone) {
   const Json result = RunWith("none", {});
   EXPECT_TRUE(FindingOf(result, "drift").is_null());
   EXPECT_EQ(result["verdict"]["grade"], "good");
+  // One that was asked for is estimated, but it is no reason for doubt.
+  const Json wanted = RunWith("none_wanted", {}, {"--set", "refine.drift=[hand, world]"});
+  EXPECT_EQ(FindingOf(wanted, "drift")["grade"], "good");
+  EXPECT_EQ(wanted["verdict"]["grade"], "good");
 }
 
 }  // namespace
