@@ -349,18 +349,23 @@ Eigen::MatrixXd KnownInformation(const PlanCell& cell, const UnknownLayout& layo
 class Criterion {
  public:
   Criterion(const UnknownLayout& layout, const RigProblem& problem, std::vector<PlaceByUnknowns> places)
-      : places_(std::move(places)), camera_pose_(layout.Block(CameraPoseBlock(problem.cameras.front())).first) {}
+      : places_(std::move(places)),
+        camera_pose_(layout.Block(CameraPoseBlock(problem.cameras.front())).first),
+        is_of_variances_(problem.cameras.front().free_intrinsics.empty()) {}
 
-  // Returns the mean logarithm of the determinants; infinite if the information is not positive.
+  // Returns the logarithm of the mean variance or, with free intrinsics, the mean logarithm of the determinants;
+  // infinite if the information is not positive.
   double ValueOf(const Eigen::MatrixXd& information) const {
     const auto factor = Cholesky(information);
     if (!factor) return std::numeric_limits<double>::infinity();
     double sum = 0;
     for (const PlaceByUnknowns& place : places_) {
       const Eigen::MatrixXd solved = factor->SolveLower(place.transpose());
-      sum += std::log(Eigen::Matrix3d(solved.transpose() * solved).determinant());
+      const Eigen::Matrix3d covariance = solved.transpose() * solved;
+      sum += is_of_variances_ ? covariance.trace() : std::log(covariance.determinant());
     }
-    return sum / static_cast<double>(places_.size());
+    const double mean = sum / static_cast<double>(places_.size());
+    return is_of_variances_ ? std::log(mean) : mean;
   }
   void Describe(const Eigen::MatrixXd& information, PlannedCapture* capture) const {
     const auto factor = Cholesky(information);
@@ -376,6 +381,7 @@ class Criterion {
  private:
   std::vector<PlaceByUnknowns> places_;
   Eigen::Index camera_pose_;
+  bool is_of_variances_;
 };
 
 // Returns the index of the candidate that makes the criterion least beside `information`, without those that are taken.

@@ -78,7 +78,7 @@ struct PlanOptions {
   uint64_t seed = 1;
   // The motions of the two-step method instead of the best poses: a home pose, two translations, and turns.
   bool is_two_step = false;
-  int num_candidates = 300;
+  int num_candidates = 1000;
 };
 
 struct PlannedCapture {
@@ -107,9 +107,10 @@ struct CapturePlan {
 // Returns the plan: candidates are drawn over the image, the depths, tilts and spins; those outside of the workspace,
 // out of reach, or from which the camera misses a part of the target in more than 5 % of rough set-ups are dropped;
 // from the rest, poses are chosen one after the other, and then exchanged, so that the mean over the places of the
-// logarithm of the determinant of the covariance of a located target is least (D-optimal; Fedorov, "Theory of Optimal
-// Experiments", 1972). Each capture counts with the information about the unknowns that the noise of the robot leaves
-// it. Returns a Failure that says what most candidates fail at if there are fewer than `count`.
+// variance of a located target is least (A-optimal; Fedorov, "Theory of Optimal Experiments", 1972) or, with free
+// intrinsics, that of the logarithm of the determinant of its covariance (D-optimal). Each capture counts with the
+// information about the unknowns that the noise of the robot leaves it. Returns a Failure that says what most
+// candidates fail at if there are fewer than `count`.
 Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& options);
 
 }  // namespace heba
