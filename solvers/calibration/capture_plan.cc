@@ -452,14 +452,14 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
   const SimulatedTarget outline = OutlineOf(cell);
   MotionOptions home;
   home.depth_ratio = 0.1;
-  home.spread = 0.2;
+  home.spread = 0.1;
   TwoStepMotionOptions motion;
   constexpr int kNumBefore = 3;  // The home pose and the translations.
   motion.num_turns = std::max(2, options.count - kNumBefore);
-  constexpr int kMostTries = 1500;
+  constexpr int kMostTries = 3000;
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     // Motions that are too large for the image or the workspace are made smaller.
-    constexpr double kLeastShare = 0.15;
+    constexpr double kLeastShare = 0.1;
     const double share = std::pow(kLeastShare, static_cast<double>(attempt) / kMostTries);
     // The home pose is as far away as a pose that the cell allows.
     const int like = rng->Index(static_cast<int>(candidates.size()));
