@@ -482,7 +482,7 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
   const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
   if (!all) return search;
   std::optional<Drift> in_order = Clearest(*all, solution, ResidualsOf(problem, solution, *all));
-  const double by_chance = evidence == DriftEvidence::kArm ? kDriftByChance : kDriftByChanceInOrder;
+  const double by_chance = evidence == DriftEvidence::kArm ? kDriftByChanceBesideArm : kDriftByChanceInOrder;
   if (evidence && in_order && in_order->p_value < by_chance) {
     in_order->evidence = *evidence;
     search.found = in_order;

@@ -210,29 +210,6 @@ std::optional<ErrorModelChoice> ChooseGroups(const ModelComparison& comparison,
   return choice;
 }
 
-// Makes the surface of a target cubic if the captures reject the one that was chosen.
-void ChooseCubicSurfaces(const ModelComparison& comparison, ErrorModelChoice* choice) {
-  for (size_t t = 0; t < comparison.space.shapes.size(); ++t) {
-    if (!comparison.space.shapes[t]) continue;
-    ProblemModel larger = choice->best.model;
-    larger.shapes[t].push_back(TargetShapeGroup::kCubic);
-    std::optional<FittedModel> found = FitModel(comparison, larger, {choice->best});
-    if (!found || !std::isfinite(found->log_likelihood)) continue;
-    const double p = PValueAgainst(*found, choice->best);
-    choice->alternatives[choice->chosen].p = std::min(choice->alternatives[choice->chosen].p.value_or(1), p);
-    // The simplest model comes first.
-    const auto place =
-        std::lower_bound(choice->alternatives.begin(), choice->alternatives.end(), DofOf(larger),
-                         [](const ProblemAlternative& other, int dof) { return DofOf(other.model) < dof; });
-    const auto index = static_cast<size_t>(place - choice->alternatives.begin());
-    choice->alternatives.insert(
-        place, {larger, found->log_likelihood, found->solution.robot_noise, std::nullopt, std::nullopt});
-    if (p >= kModelRejected) continue;
-    choice->chosen = index;
-    choice->best = std::move(*found);
-  }
-}
-
 // Chooses the lens of each camera under an error model, and sets those that are others than before. Returns whether
 // there are any, or the Failure if no lens of a camera can be fitted.
 Outcome<bool> ChooseLenses(const ProblemModel& model, ModelComparison* comparison,
@@ -412,7 +389,6 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
     if (!next && !errors) return Failure{FailureCode("no_error_model")};
     if (!next) break;
     errors = std::move(next);
-    ChooseCubicSurfaces(comparison, &*errors);
     model = errors->alternatives[errors->chosen].model;
     if (!chooses_lens) break;
   }
