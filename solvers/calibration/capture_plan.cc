@@ -9,6 +9,7 @@
 #include "heba/base/failure_code.h"
 #include "heba/base/rng.h"
 #include "heba/data/hand_eye.h"
+#include "heba/data/setup.h"
 #include "heba/simulation/scene.h"
 #include "solvers/calibration/drift_search.h"
 #include "solvers/refine/fit.h"
@@ -22,12 +23,12 @@ constexpr double kVisible = 0.95;
 constexpr int kNumRoughSetups = 100;
 constexpr double kMarginPx = 10;
 
-// What is drawn until there are enough candidates, and why the others were dropped.
+// Drawn counts the captures that were drawn, and those that were dropped by their cause.
 struct Drawn {
   size_t num_all = 0;
-  size_t num_outside = 0;  // Of the workspace, in a box to keep out of, or too close to the camera.
-  size_t num_unseen = 0;   // Not seen in enough rough set-ups.
-  size_t num_unreached = 0;
+  size_t num_outside = 0;    // IsAllowed is false.
+  size_t num_unseen = 0;     // Too few rough set-ups see the whole target.
+  size_t num_unreached = 0;  // The arm has no posture there.
 };
 
 struct Candidate {
@@ -37,14 +38,6 @@ struct Candidate {
 
 // The derivatives of the position of a located target by the unknowns.
 using PlaceByUnknowns = Eigen::Matrix<double, 3, Eigen::Dynamic>;
-
-Rigid3d BaseFromGripperOf(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
-  return setup == Setup::kEyeInHand ? Inverse(camera_mount_from_target_mount) : camera_mount_from_target_mount;
-}
-
-Rigid3d MountAt(Setup setup, const Rigid3d& base_from_gripper) {
-  return setup == Setup::kEyeInHand ? Inverse(base_from_gripper) : base_from_gripper;
-}
 
 Rigid3d MountOf(const PlanCell& cell, const Rigid3d& camera_from_target) {
   return cell.hand_eye.camera_mount_from_camera * camera_from_target * Inverse(cell.hand_eye.target_mount_from_target);
@@ -180,6 +173,28 @@ void SetJoints(const PlanCell& cell, std::vector<PlannedCapture>* captures) {
   }
 }
 
+// Sets the pose and the visible share of a capture from `camera_from_target`. Returns whether the cell permits it, and
+// counts it otherwise.
+bool Complete(const PlanCell& cell, const std::vector<HandEye>& setups, const SimulatedTarget& outline,
+              PlannedCapture* capture, Drawn* drawn) {
+  const Rigid3d mount = MountOf(cell, capture->camera_from_target);
+  capture->base_from_gripper = BaseFromGripper(cell.setup, mount);
+  if (!IsAllowed(cell, outline, capture->base_from_gripper, capture->camera_from_target)) {
+    ++drawn->num_outside;
+    return false;
+  }
+  capture->visible_share = VisibleShare(cell, setups, outline, mount);
+  if (capture->visible_share < kVisible) {
+    ++drawn->num_unseen;
+    return false;
+  }
+  if (!IsReached(cell, capture->base_from_gripper)) {
+    ++drawn->num_unreached;
+    return false;
+  }
+  return true;
+}
+
 std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
   const std::vector<HandEye> setups = RoughSetups(cell, rng);
   const SimulatedTarget outline = OutlineOf(cell);
@@ -190,22 +205,7 @@ std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptio
     ++drawn->num_all;
     PlannedCapture capture;
     capture.camera_from_target = DrawPose(cell, depths_m, rng);
-    const Rigid3d mount = MountOf(cell, capture.camera_from_target);
-    capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
-    if (!IsAllowed(cell, outline, capture.base_from_gripper, capture.camera_from_target)) {
-      ++drawn->num_outside;
-      continue;
-    }
-    capture.visible_share = VisibleShare(cell, setups, outline, mount);
-    if (capture.visible_share < kVisible) {
-      ++drawn->num_unseen;
-      continue;
-    }
-    if (!IsReached(cell, capture.base_from_gripper)) {
-      ++drawn->num_unreached;
-      continue;
-    }
-    candidates.push_back(std::move(capture));
+    if (Complete(cell, setups, outline, &capture, drawn)) candidates.push_back(std::move(capture));
   }
   return candidates;
 }
@@ -239,7 +239,7 @@ std::optional<LinearisedView> Linearise(const PlanCell& cell, PlanProblem plan, 
   const std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, mount, cell.points_in_target, 0, &none);
   if (!view) return std::nullopt;
   RigCapture& capture = plan.problem.captures.emplace_back();
-  capture.base_from_gripper = {BaseFromGripperOf(cell.setup, mount)};
+  capture.base_from_gripper = {BaseFromGripper(cell.setup, mount)};
   capture.images.push_back({0, 0, view->observations});
   RigCaptureOutcome& outcome = plan.solution.captures.emplace_back();
   if (plan.solution.robot_noise.front()) outcome.corrections = {Rigid3d()};
@@ -345,7 +345,7 @@ Eigen::MatrixXd KnownInformation(const PlanCell& cell, const UnknownLayout& layo
   return factor ? factor->Inverse() : Eigen::MatrixXd::Zero(layout.size(), layout.size());
 }
 
-// What a session is judged by.
+// A criterion says how well a session locates targets and the camera.
 class Criterion {
  public:
   Criterion(const UnknownLayout& layout, const RigProblem& problem, std::vector<PlaceByUnknowns> places)
@@ -478,21 +478,7 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
       PlannedCapture capture;
       capture.role = pose.role;
       capture.camera_from_target = pose.camera_from_target;
-      const Rigid3d mount = MountOf(cell, pose.camera_from_target);
-      capture.base_from_gripper = BaseFromGripperOf(cell.setup, mount);
-      capture.visible_share = VisibleShare(cell, setups, outline, mount);
-      if (!IsAllowed(cell, outline, capture.base_from_gripper, capture.camera_from_target)) {
-        ++drawn->num_outside;
-        break;
-      }
-      if (capture.visible_share < kVisible) {
-        ++drawn->num_unseen;
-        break;
-      }
-      if (!IsReached(cell, capture.base_from_gripper)) {
-        ++drawn->num_unreached;
-        break;
-      }
+      if (!Complete(cell, setups, outline, &capture, drawn)) break;
       captures.push_back(std::move(capture));
     }
     if (captures.size() == poses->size()) return captures;
@@ -518,7 +504,8 @@ void AddRevisits(const PlanCell& cell, int num_revisits, std::vector<PlannedCapt
     PlannedCapture again = (*captures)[cell.former_poses.empty() ? k : num_planned - 1];
     if (!cell.former_poses.empty()) {
       again.base_from_gripper = cell.former_poses[k];
-      again.camera_from_target = CameraFromTarget(cell.hand_eye, MountAt(cell.setup, again.base_from_gripper));
+      again.camera_from_target =
+          CameraFromTarget(cell.hand_eye, CameraMountFromTargetMount(cell.setup, again.base_from_gripper));
       again.visible_share = 1;
       again.joints.resize(0);
     }
