@@ -1,5 +1,5 @@
-// What the residuals of an estimate have in common: at a point of a target, where the print lies beside its design, or
-// in a region of an image, where the lens has a part that its model lacks.
+// Residuals have a mean in common at a point of a target where the print lies beside its design, and in a region of an
+// image where the lens has a part that its model lacks. This header finds both.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ struct RegionDeviation {
 
 struct ResidualStructure {
   std::vector<PointDeviation> points;    // In the order of the targets and of the ids.
-  std::vector<RegionDeviation> regions;  // Those with enough points.
+  std::vector<RegionDeviation> regions;  // Regions with too few points are left out.
   // `target_points` and `image_regions`, if some deviate (kDeviates).
   std::vector<Finding> findings;
 };

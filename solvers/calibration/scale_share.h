@@ -35,9 +35,9 @@ struct ScaleShare {
 // points that the solution used. The share is empty if a point cannot be projected.
 ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas);
 
-// Makes the covariance of a solution (Solution, RigSolution) the total one, and keeps the repeatable one. `changes` are
-// those of other causes (Advice), which are part of both; `of_cell` are those of causes that all sessions of a cell
-// have in common besides its scales.
+// Makes the covariance of a solution (Solution, RigSolution) the total one, and keeps the repeatable one. Other causes
+// (Advice) make `changes`, which are part of both. The causes that all sessions of a cell have in common besides its
+// scales make `of_cell`, which is part of the total one alone.
 template <class AnySolution>
 void AddShare(const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes,
               const std::vector<Eigen::VectorXd>& of_cell, AnySolution* solution) {

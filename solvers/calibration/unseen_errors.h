@@ -1,4 +1,4 @@
-// What the errors of an arm that nobody named do to an estimate that takes them for smooth errors.
+// An estimate that takes the errors of an arm that nobody named for smooth errors changes by them as computed here.
 #pragma once
 
 #include <cstddef>

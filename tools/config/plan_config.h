@@ -26,7 +26,7 @@ struct PlanConfig {
   std::vector<PlacedRequirement> requirements;
   // The names of the finished run's captures, whose poses are PlanCell::former_poses; empty for a cell.
   std::vector<std::string> former_names = {};
-  // Where the plan goes if no other path is named: beside the cell, or beside the run's folder.
+  // The plan goes there if no other path is named: beside the cell, or beside the run's folder.
   std::filesystem::path output;
 };
 

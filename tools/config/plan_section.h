@@ -19,7 +19,7 @@ struct PlanLens {
 // The section `plan`.
 struct PlanSection {
   std::optional<HandEye> hand_eye;
-  PlanCell cell;  // What the section states of it.
+  PlanCell cell;  // The section states a part of it.
   std::optional<PlanLens> lens;
   bool has_noise = false;  // Whether it states the noise of the robot.
   int num_revisits = 3;    // PlanOptions::num_revisits.

@@ -390,7 +390,7 @@ bool IsFor(const ReportSection& section, const ReportData& data) {
 }  // namespace
 
 std::string ReportPage(const ReportData& data, const ReportContext& context) {
-  // What people look at first: the verdict, the cell, and a photograph.
+  // People look at the verdict, the cell and a photograph first.
   const std::string cell = data.has_images() ? SetupPart(data) + BestPhotograph(data) : "";
   std::string body = RecordSection(data, context, cell);
   for (const ReportSection& section : kSections) {

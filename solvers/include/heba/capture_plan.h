@@ -38,7 +38,7 @@ struct PlanBox {
   }
 };
 
-// What is known about a cell, be it by a tape measure or by a finished run.
+// A PlanCell holds what is known about a cell, be it by a tape measure or by a finished run.
 struct PlanCell {
   Setup setup = Setup::kEyeToHand;
   Camera camera;
@@ -54,14 +54,14 @@ struct PlanCell {
   bool z_out = false;  // Whether the target's z axis points out of its front side.
   double pixel_noise_px = 0.2;
   RobotNoise robot_noise = {1e-3, DegToRad(0.1)};
-  std::optional<PlanBox> workspace = {};  // Where the gripper may go.
-  std::vector<PlanBox> keep_out = {};     // Where neither the gripper nor what it carries may go.
+  std::optional<PlanBox> workspace = {};  // The gripper stays in it.
+  std::vector<PlanBox> keep_out = {};     // The gripper and what it carries stay out of them.
   double clearance_m = 0.1;               // The least distance of the gripper and what it carries from a fixed camera.
   double max_tilt_rad = DegToRad(45);     // Between the target's normal and the line of sight.
   double nearest_m = 0;                   // The depth of field; 0 and infinity: that in which the target is seen well.
   double farthest_m = std::numeric_limits<double>::infinity();
-  // Where targets will be located, in the base; empty: where the camera sees the target in the planned poses. A camera
-  // on the gripper sees a target at any position as there.
+  // Targets will be located at these places, in the base; empty: where the camera sees the target in the planned
+  // poses. A camera on the gripper sees a target at any position as there.
   std::vector<Eigen::Vector3d> places_in_base_m = {};
   // The poses of an earlier session: its first ones are taken once more at the end, in place of the first planned ones.
   std::vector<Rigid3d> former_poses = {};
@@ -89,9 +89,9 @@ struct PlannedCapture {
   std::optional<size_t> repeats = {};
   Rigid3d camera_from_target;
   double visible_share = 1;  // The share of rough set-ups in which the camera sees the whole target.
-  // What is expected after this capture, one sigma by the calibration alone: the error of a located target (the root
-  // of the sum of its three variances, root mean square over the places), and that of the camera's pose likewise. A
-  // repeated pose is taken to add nothing.
+  // The errors below are expected after this capture, one sigma by the calibration alone: that of a located target
+  // (the root of the sum of its three variances, root mean square over the places), and that of the camera's pose
+  // likewise. A repeated pose is taken to add nothing.
   double target_m = 0;
   double position_m = 0;
   double orientation_rad = 0;

@@ -20,10 +20,10 @@ inline constexpr std::array<std::string_view, 2> kDriftSideNames = {"hand", "wor
 enum class DriftForm { kLinear, kStep };
 inline constexpr std::array<std::string_view, 2> kDriftFormNames = {"linear", "step"};
 
-// What excludes that the errors of the robot, which follow its path, look like a drift.
+// The errors of the robot follow its path and can look like a drift. The evidence says what excludes it.
 enum class DriftEvidence {
-  kArm,       // They are estimated.
-  kRevisits,  // They are the same where one pose was taken several times.
+  kArm,       // The errors of the arm are estimated.
+  kRevisits,  // The robot errs alike where one pose was taken several times.
   kOrder,     // The order of the captures is not a function of the pose.
   kWanted,    // Nothing: the drift is estimated because it was asked for.
 };

@@ -20,7 +20,7 @@ namespace heba {
 // completes the surface of the third order. What is constant or linear in a and b is a motion of the target.
 struct TargetShape {
   static constexpr int kNumParams = 9;
-  // As kTargetShapeParamNames: the scales, then heights in m.
+  // Their order is that of kTargetShapeParamNames: the scales, then heights in m.
   std::array<double, kNumParams> params = {1, 1, 0, 0, 0, 0, 0, 0, 0};
   // Centre and half size of the rectangle that contains the designed points.
   Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
