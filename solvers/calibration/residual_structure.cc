@@ -129,47 +129,51 @@ std::vector<RegionDeviation> DeviationsOf(const RegionsOfCameras& regions, const
   return deviations;
 }
 
+template <class Deviation>
+struct DeviationCounts {
+  int num_all = 0;
+  int num_deviating = 0;
+  const Deviation* largest = nullptr;  // The largest one that deviates; null if none does.
+};
+
+// Counts the deviations of one target or camera, whose index is the member `owner`.
+template <class Deviation, class Mean>
+DeviationCounts<Deviation> CountDeviations(const std::vector<Deviation>& all, size_t Deviation::*owner, size_t index,
+                                           Mean Deviation::*mean) {
+  DeviationCounts<Deviation> counts;
+  for (const Deviation& one : all) {
+    if (one.*owner != index) continue;
+    ++counts.num_all;
+    if (one.p_value >= kDeviates) continue;
+    ++counts.num_deviating;
+    if (counts.largest == nullptr || (one.*mean).norm() > (counts.largest->*mean).norm()) counts.largest = &one;
+  }
+  return counts;
+}
+
 Finding DescribePoints(const RigProblem& problem, size_t target, const std::vector<PointDeviation>& points) {
   Finding finding{Grade::kGood, FindingCode("target_points")};
-  int num_deviating = 0;
-  int num_all = 0;
-  const PointDeviation* largest = nullptr;
-  for (const PointDeviation& one : points) {
-    if (one.target != target) continue;
-    ++num_all;
-    if (one.p_value >= kDeviates) continue;
-    ++num_deviating;
-    if (largest == nullptr || one.deviation_m.norm() > largest->deviation_m.norm()) largest = &one;
-  }
-  if (largest == nullptr) return {};
-  finding.numbers = {{"deviating", num_deviating},
-                     {"points", num_all},
-                     {"largest_mm", 1000 * largest->deviation_m.norm()},
-                     {"largest_id", largest->id},
-                     {"p", largest->p_value}};
+  const auto counts = CountDeviations(points, &PointDeviation::target, target, &PointDeviation::deviation_m);
+  if (counts.largest == nullptr) return {};
+  finding.numbers = {{"deviating", counts.num_deviating},
+                     {"points", counts.num_all},
+                     {"largest_mm", 1000 * counts.largest->deviation_m.norm()},
+                     {"largest_id", counts.largest->id},
+                     {"p", counts.largest->p_value}};
   if (!problem.targets[target].name.empty()) finding.names = {{"of_target", problem.targets[target].name}};
   return finding;
 }
 
 Finding DescribeRegions(const RigProblem& problem, size_t camera, const std::vector<RegionDeviation>& regions) {
   Finding finding{Grade::kGood, FindingCode("image_regions")};
-  int num_deviating = 0;
-  int num_all = 0;
-  const RegionDeviation* largest = nullptr;
-  for (const RegionDeviation& one : regions) {
-    if (one.camera != camera) continue;
-    ++num_all;
-    if (one.p_value >= kDeviates) continue;
-    ++num_deviating;
-    if (largest == nullptr || one.mean_px.norm() > largest->mean_px.norm()) largest = &one;
-  }
-  if (largest == nullptr) return {};
-  finding.numbers = {{"deviating", num_deviating},
-                     {"regions", num_all},
-                     {"largest_px", largest->mean_px.norm()},
-                     {"at_u_px", largest->middle_px.x()},
-                     {"at_v_px", largest->middle_px.y()},
-                     {"p", largest->p_value}};
+  const auto counts = CountDeviations(regions, &RegionDeviation::camera, camera, &RegionDeviation::mean_px);
+  if (counts.largest == nullptr) return {};
+  finding.numbers = {{"deviating", counts.num_deviating},
+                     {"regions", counts.num_all},
+                     {"largest_px", counts.largest->mean_px.norm()},
+                     {"at_u_px", counts.largest->middle_px.x()},
+                     {"at_v_px", counts.largest->middle_px.y()},
+                     {"p", counts.largest->p_value}};
   if (!problem.cameras[camera].name.empty()) finding.names = {{"of_camera", problem.cameras[camera].name}};
   return finding;
 }

@@ -11,6 +11,7 @@
 #include "heba/base/rng.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/capture_plan.h"
+#include "heba/data/setup.h"
 #include "heba/simulation/scene.h"
 #include "tests/support/scenes.h"
 
@@ -40,10 +41,6 @@ PlanCell CellOf(Side setup) {
   return cell;
 }
 
-Rigid3d MountAt(Side setup, const Rigid3d& base_from_gripper) {
-  return setup == Side::kEyeInHand ? Inverse(base_from_gripper) : base_from_gripper;
-}
-
 HandEye WrongBy30MmAnd5Deg(const HandEye& truth, Rng* rng) {
   const auto wrong = [&](const Rigid3d& pose) {
     Tangent6 error;
@@ -67,12 +64,12 @@ Session TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, co
   const SimulatedTarget target{truth.points_in_target, truth.z_out};
   Session session;
   for (const Rigid3d& pose : poses) {
-    const Rigid3d mount = MountAt(truth.setup, pose);
+    const Rigid3d mount = CameraMountFromTargetMount(truth.setup, pose);
     if (!IsVisible(truth.camera, CameraFromTarget(truth.hand_eye, mount), target, 1)) continue;
     session.seen += 1.0 / static_cast<double>(poses.size());
     std::optional<View> view =
         SimulateView("", truth.camera, truth.hand_eye, mount, truth.points_in_target, truth.pixel_noise_px, rng);
-    view->camera_mount_from_target_mount = MountAt(
+    view->camera_mount_from_target_mount = CameraMountFromTargetMount(
         truth.setup, WithRobotNoise(pose, truth.robot_noise.rotation_rad, truth.robot_noise.translation_m, rng));
     problem.views.push_back(std::move(*view));
   }

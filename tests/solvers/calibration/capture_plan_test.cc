@@ -10,6 +10,7 @@
 #include "heba/base/median.h"
 #include "heba/base/rng.h"
 #include "heba/bundle_adjustment.h"
+#include "heba/data/setup.h"
 #include "heba/simulation/scene.h"
 #include "tests/support/scenes.h"
 
@@ -62,8 +63,7 @@ TEST(CapturePlanTest, StaysInTheWorkspaceAndSeesTheTarget) {
       }
       EXPECT_FALSE(capture.repeats);
       // A set-up that is off by 30 mm and 5 deg in random directions sees it, too.
-      const Rigid3d mount =
-          setup == heba::Setup::kEyeInHand ? Inverse(capture.base_from_gripper) : capture.base_from_gripper;
+      const Rigid3d mount = CameraMountFromTargetMount(setup, capture.base_from_gripper);
       for (int draw = 0; draw < 20; ++draw) {
         const auto off = [&](const Rigid3d& pose) {
           Tangent6 error;
