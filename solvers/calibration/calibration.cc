@@ -154,6 +154,8 @@ JudgedRig JudgeFirst(const SearchedModel& model, bool may_have_shape) {
   options.robot = BundleOptions::Robot::kExact;
   options.loss = LossKind::kTruncated;
   std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
+  shapes.push_back(shapes.back());
+  SetGroup(TargetShapeGroup::kTwist, true, &shapes.back());
   std::reverse(shapes.begin(), shapes.end());  // The largest combination that is determined.
   for (const std::vector<TargetShapeGroup>& shape : shapes) {
     if (!may_have_shape || shape.empty()) break;
@@ -453,9 +455,10 @@ std::vector<TargetShapeGroup> IgnoredShape(const Advice& of_model) {
   for (const Finding& finding : of_model.findings) {
     if (finding.code != "target_shape_ignored") continue;
     for (const Finding& part : finding.parts) {
-      groups.push_back(part.code == "shape_scale"  ? TargetShapeGroup::kScale
-                       : part.code == "shape_bend" ? TargetShapeGroup::kBend
-                                                   : TargetShapeGroup::kCubic);
+      groups.push_back(part.code == "shape_scale"   ? TargetShapeGroup::kScale
+                       : part.code == "shape_bend"  ? TargetShapeGroup::kBend
+                       : part.code == "shape_twist" ? TargetShapeGroup::kTwist
+                                                    : TargetShapeGroup::kCubic);
     }
   }
   return groups;

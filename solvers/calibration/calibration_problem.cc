@@ -109,6 +109,7 @@ ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& 
   ModelSpace space;
   space.robot_noise = options.choose.robot_noise;
   space.shapes = {options.choose.target_shape};
+  space.twists = space.shapes;
   space.lenses = {options.choose.lenses};
   if (options.choose.effects.empty()) return space;
   RigArmErrors& arm = space.arms.emplace_back();

@@ -59,7 +59,7 @@ Outcome<Solution> Refine(const std::vector<View>& posed, const Camera& camera, c
   std::vector<Rigid3d> camera_from_target;
   for (const View& view : posed) camera_from_target.push_back(view.camera_mount_from_target_mount);
   bundle.robot_noise = {kShareOfDistance * WorkingDistance(camera_from_target), kShareOfDistance, 0};
-  if (is_bent) bundle.free_shape = {TargetShapeGroup::kBend};
+  if (is_bent) bundle.free_shape = {TargetShapeGroup::kBend, TargetShapeGroup::kTwist};
   return RefineHandEye({camera, posed, Setup::kEyeToHand, shape}, HandEye(), bundle);
 }
 
@@ -116,8 +116,8 @@ Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, co
   constexpr double kBendRejected = 1e-3;
   const double gain =
       SumOf(LogLikelihoods(other, bent->pixel_sigma_px)) - SumOf(LogLikelihoods(fitted, bent->pixel_sigma_px));
-  if (FisherTail(std::max(0.0, gain), NumParamsOf(TargetShapeGroup::kBend), bent->covariance_dof) < kBendRejected)
-    return other;
+  constexpr int kNumParams = NumParamsOf(TargetShapeGroup::kBend) + NumParamsOf(TargetShapeGroup::kTwist);
+  if (FisherTail(std::max(0.0, gain), kNumParams, bent->covariance_dof) < kBendRejected) return other;
   return fitted;
 }
 

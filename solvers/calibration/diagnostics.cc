@@ -27,7 +27,8 @@ bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group
   return std::find(shape.begin(), shape.end(), group) != shape.end();
 }
 
-// Returns a part for each group of a shape's parameters: `shape_scale`, `shape_bend`, `shape_cubic`.
+// Returns a part for each group of a shape's parameters: `shape_scale`, `shape_bend`,
+// `shape_twist`, `shape_cubic`.
 std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
   std::vector<Finding> parts;
   if (HasGroup(groups, TargetShapeGroup::kScale)) {
@@ -37,9 +38,10 @@ std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<Targ
   if (HasGroup(groups, TargetShapeGroup::kBend)) {
     parts.push_back({Grade::kGood,
                      FindingCode("shape_bend"),
-                     {{"bend_x_mm", 1000 * shape.params[2]},
-                      {"bend_y_mm", 1000 * shape.params[3]},
-                      {"twist_mm", 1000 * shape.params[4]}}});
+                     {{"bend_x_mm", 1000 * shape.params[2]}, {"bend_y_mm", 1000 * shape.params[3]}}});
+  }
+  if (HasGroup(groups, TargetShapeGroup::kTwist)) {
+    parts.push_back({Grade::kGood, FindingCode("shape_twist"), {{"twist_mm", 1000 * shape.params[4]}}});
   }
   if (HasGroup(groups, TargetShapeGroup::kCubic)) {
     double largest_m = 0;

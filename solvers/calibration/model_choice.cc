@@ -415,6 +415,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
   ModelSpace space;
   space.robot_noise = choose.robot_noise;
   space.shapes = {choose.target_shape};
+  space.twists = space.shapes;
   space.lenses = {choose.lenses};
   BundleOptions with_fixed = options;
   if (!choose.effects.empty()) {

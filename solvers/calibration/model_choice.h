@@ -58,10 +58,10 @@ struct ProblemChoice {
   std::vector<std::vector<CameraAlternative>> lenses;
 };
 
-// Fits the combinations of {exact arms, noise of the arms}, the errors of each arm and {as designed, scale, bend, scale
-// and bend} of each target that are to be chosen from and that the captures determine. Chooses the one with the fewest
-// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely. Beside the largest
-// model, those with more parameters than the chosen one are not fitted. If there are many
+// Fits the combinations of {exact arms, noise of the arms}, the errors of each arm, {as designed, scale, bend, scale
+// and bend} and {flat, twisted} of each target that are to be chosen from and that the captures determine. Chooses the
+// one with the fewest parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely.
+// Beside the largest model, those with more parameters than the chosen one are not fitted. If there are many
 // combinations (kMostCombinations), the parts are chosen one after the other, as many at a time as have fewer, each
 // beside the largest model of those that come after it.
 //

@@ -81,7 +81,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, s
   const RigSolution& solution = model.judged.solution;
   RigProblem fixed = StartingFrom(WithFixedWeights(UsedPoints(model.problem, model.judged), solution), solution);
   for (size_t t = 0; t < parts.shapes.size(); ++t) {
-    if (parts.shapes[t]) fixed.targets[t].free_shape = TargetShapeCombinations().back();
+    if (parts.shapes[t]) SetShape(TargetShapeCombinations().back(), &fixed.targets[t]);
   }
   const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<RigSolution>> {
     RigProblem with_errors = fixed;
@@ -206,6 +206,9 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
   return std::nullopt;
 }
 
+// Returns the choice that keeps the judgement of the images.
+JudgedRig KeepImages(const RigProblem& /*problem*/, JudgedRig at, const RigOptions& /*options*/) { return at; }
+
 // Returns why an arm's errors explain nothing: the noise of its poses stays. A better likelihood alone can be that of
 // another arm, or of joints that belong to other poses. Empty if they explain something.
 Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::optional<RobotNoise>& after) {
@@ -266,11 +269,21 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   with_errors.judged.left_out.clear();
   with_errors.is_fitted = false;
   if (space.parts.robot_noise) with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
+  // A twist that was chosen without the errors may be one of them. It is chosen beside them, after the images have been
+  // judged.
+  parts.twists.clear();
+  for (size_t t = 0; t < space.parts.shapes.size(); ++t) {
+    if (!space.parts.shapes[t]) continue;
+    std::vector<TargetShapeGroup> shape = with_errors.problem.targets[t].free_shape;
+    SetGroup(TargetShapeGroup::kTwist, false, &shape);
+    SetShape(shape, &with_errors.problem.targets[t]);
+  }
   if (Readjust(judge, &with_errors)) {
     with_errors.problem = WithoutNoisyJoints(std::move(with_errors.problem));
     if (const std::optional<Failure> failure = Readjust(judge, &with_errors)) return decline_all(*failure);
   }
   if (const std::optional<Failure> failure = ChooseParts(parts, judge, &with_errors)) return decline_all(*failure);
+  ChooseTwists(space.parts.twists, &with_errors);
   for (RigArmChoice& choice : choices) {
     if (parts.arms[choice.robot].models.empty()) continue;
     choice.model = with_errors.model.effects[choice.robot];
@@ -358,11 +371,39 @@ std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, 
   SearchedModel chosen = *model;
   if (const std::optional<Failure> failure = ChooseOnce(space, judge, &chosen)) return failure;
   SearchedModel again = chosen;
-  const Judge keep = [](const RigProblem&, JudgedRig at, const RigOptions&) { return at; };
   const bool has_other_images = chosen.judged.left_out != model->judged.left_out;
-  if (has_other_images && !ChooseOnce(space, keep, &again)) chosen = std::move(again);
+  if (has_other_images && !ChooseOnce(space, KeepImages, &again)) chosen = std::move(again);
   *model = std::move(chosen);
   return std::nullopt;
+}
+
+namespace {
+
+// Returns the product of all sigmas of the arms' poses.
+double NoiseVolume(const SearchedModel& model) {
+  double volume = 1;
+  for (size_t r = 0; r < model.problem.robots.size(); ++r) {
+    const std::optional<RobotNoise> noise = NoiseOfPoses(model.problem, model.judged.solution, r);
+    if (noise) volume *= noise->translation_m * noise->rotation_rad;
+  }
+  return volume;
+}
+
+}  // namespace
+
+void ChooseTwists(const std::vector<bool>& twists, SearchedModel* model) {
+  if (std::find(twists.begin(), twists.end(), true) == twists.end()) return;
+  ModelSpace space;
+  space.twists = twists;
+  SearchedModel chosen = *model;
+  if (ChooseOnce(space, KeepImages, &chosen)) return;
+  if (NoiseVolume(chosen) > NoiseVolume(*model)) return;
+  // The choice is one among models with the same errors of arms.
+  chosen.model.effects = model->model.effects;
+  for (ProblemAlternative& one : chosen.alternatives) one.model.effects = model->model.effects;
+  chosen.alternatives.insert(chosen.alternatives.begin(), model->alternatives.begin(), model->alternatives.end());
+  chosen.lenses = model->lenses;
+  *model = std::move(chosen);
 }
 
 FoundErrors AddErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {

@@ -27,6 +27,13 @@ struct SearchedModel {
 // Returns the Failure if no model can be fitted, which changes nothing.
 std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model);
 
+// Chooses the twists of these targets (ModelSpace::twists) with all else as it is: the images are not judged again. A
+// twist resembles errors of an arm, and images that show either must not be left out for the other. It also resembles
+// what a lens leaves over, which the likelihood takes for a shape because many points of each image share it; the true
+// shape brings images and arms together, so that a twist by which the noise of the arms' poses grows is not taken.
+// Changes nothing if no such model can be fitted.
+void ChooseTwists(const std::vector<bool>& twists, SearchedModel* model);
+
 // The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
   ModelSpace parts;                // The parts that are chosen again with them; it names no errors of arms.

@@ -54,8 +54,23 @@ std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
   return combinations;
 }
 
+void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup>* shape) {
+  const auto place = std::lower_bound(shape->begin(), shape->end(), group);
+  const bool was_free = place != shape->end() && *place == group;
+  if (is_free && !was_free) shape->insert(place, group);
+  if (!is_free && was_free) shape->erase(place);
+}
+
+void SetShape(const std::vector<TargetShapeGroup>& free_shape, RigTarget* target) {
+  target->free_shape = free_shape;
+  const auto free = FreeShapeOf(free_shape);
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (!free[i]) target->shape.params[i] = TargetShape().params[i];
+  }
+}
+
 std::string NameOf(const ErrorModel& model) {
-  constexpr std::string_view kWords[] = {"scaled", "bent", "warped"};
+  constexpr std::string_view kWords[] = {"scaled", "bent", "twisted", "warped"};
   static_assert(std::size(kWords) == kTargetShapeGroupNames.size());
   std::string target = "target ";
   for (size_t i = 0; i < model.shape.size(); ++i) {
@@ -130,6 +145,14 @@ std::vector<PartOptions> PartsOf(const RigProblem& problem, const ModelSpace& sp
     PartOptions& part = parts.emplace_back();
     for (const Shape& shape : TargetShapeCombinations()) {
       part.emplace_back([t, shape](ProblemModel* model) { model->shapes[t] = shape; });
+    }
+  }
+  for (size_t t = 0; t < space.twists.size(); ++t) {
+    if (!space.twists[t]) continue;
+    PartOptions& twist = parts.emplace_back();
+    for (const bool is_free : {false, true}) {
+      twist.emplace_back(
+          [t, is_free](ProblemModel* model) { SetGroup(TargetShapeGroup::kTwist, is_free, &model->shapes[t]); });
     }
   }
   return parts;
@@ -219,13 +242,7 @@ void SetEffects(size_t robot, const Effects& model, const std::vector<std::share
 
 RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
-    RigTarget& target = problem.targets[t];
-    target.free_shape = model.shapes[t];
-    // The parts of the shape that are held are as designed.
-    const auto free = FreeShapeOf(target.free_shape);
-    for (size_t i = 0; i < free.size(); ++i) {
-      if (!free[i]) target.shape.params[i] = TargetShape().params[i];
-    }
+    SetShape(model.shapes[t], &problem.targets[t]);
   }
   for (size_t r = 0; r < space.arms.size(); ++r) {
     if (space.arms[r].models.empty()) continue;

@@ -22,13 +22,20 @@ int DofOf(const ErrorModel& model);
 // Returns the number of variances of a model, and of the figures of its effects that were fitted.
 int NumVariances(const ErrorModel& model);
 
-// Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
+// Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order. The
+// twist is chosen apart from them (ModelSpace::twists).
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
+// Sets whether a group is among the unknown ones of a shape, which are ordered as TargetShapeGroup.
+void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup>* shape);
+
+// Sets the unknown parts of a target's shape; the others become as designed.
+void SetShape(const std::vector<TargetShapeGroup>& free_shape, RigTarget* target);
 
 // The parts of a problem that are to be chosen; the others are as the problem has them.
 struct ModelSpace {
   bool robot_noise = false;  // Whether the arms may be exact; otherwise they are as the options of the adjustment say.
-  std::vector<bool> shapes;  // One per target: whether the unknown parts of its shape are chosen.
+  std::vector<bool> shapes;  // One per target: whether the unknown parts of its shape but the twist are chosen.
+  std::vector<bool> twists;  // One per target: whether its twist is chosen.
   // One per arm: the errors among which is chosen, none first, with their effects on the captures, of which there is
   // one choice (RigArmErrors::effects_of_captures). An arm without models keeps the effects of the problem.
   std::vector<RigArmErrors> arms;

@@ -55,12 +55,13 @@ bool IsMoved(const RigProblem& problem, size_t camera) {
   return CountImages(problem, is_moved) > 0;
 }
 
-// Frees the shapes of the targets that arms move against cameras.
-void FreeShapes(RigProblem* problem) {
+// Frees the shapes of the targets that arms move against cameras, and the twist unless errors of arms are searched for.
+void FreeShapes(bool knows_arms, RigProblem* problem) {
   for (size_t t = 0; t < problem->targets.size(); ++t) {
     problem->targets[t].free_shape.clear();
     if (NumMovedImages(*problem, t) == 0) continue;
-    problem->targets[t].free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+    problem->targets[t].free_shape = TargetShapeCombinations().back();
+    SetGroup(TargetShapeGroup::kTwist, !knows_arms, &problem->targets[t].free_shape);
   }
 }
 
@@ -68,6 +69,7 @@ void FreeShapes(RigProblem* problem) {
 ModelSpace MovedShapes(const RigProblem& problem) {
   ModelSpace space;
   for (size_t t = 0; t < problem.targets.size(); ++t) space.shapes.push_back(NumMovedImages(problem, t) > 0);
+  space.twists = space.shapes;
   return space;
 }
 
@@ -195,12 +197,6 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   ImageSet left_out;
   if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
 
-  // A target that differs from its design must not make images outliers.
-  if (options.choose_target_shape) FreeShapes(&rig);
-  Outcome<JudgedRig> judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
-  while (!judged && options.choose_target_shape && HoldShape(&rig)) {
-    judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
-  }
   ErrorSpace space;
   space.arms = options.arms;
   space.smooth = options.smooth;
@@ -208,6 +204,12 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   // The errors of an arm that is known make what looks like a motion of a camera without them.
   const bool knows_arms =
       std::any_of(space.arms.begin(), space.arms.end(), [](const RigArmErrors& arm) { return !arm.models.empty(); });
+  // A target that differs from its design must not make images outliers.
+  if (options.choose_target_shape) FreeShapes(knows_arms, &rig);
+  Outcome<JudgedRig> judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  while (!judged && options.choose_target_shape && HoldShape(&rig)) {
+    judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  }
   const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
   SearchedModel model;
   FoundErrors found;
@@ -231,7 +233,13 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
   std::optional<Failure> failure;
-  if (options.choose_target_shape) failure = ChooseParts(MovedShapes(model.problem), LeaveOutOutliers, &model);
+  if (options.choose_target_shape) {
+    ModelSpace shapes = MovedShapes(model.problem);
+    const std::vector<bool> twists = shapes.twists;
+    if (knows_arms) shapes.twists.clear();
+    failure = ChooseParts(shapes, LeaveOutOutliers, &model);
+    if (knows_arms && !failure) ChooseTwists(twists, &model);
+  }
   rig = std::move(model.problem);
   if (failure) {
     calibration.refined = *failure;

@@ -219,7 +219,12 @@ DriftOptions ReadDrift(MapReader& refine, bool has_sides) {
 
 FreeShape ReadFreeShape(MapReader& refine) {
   FreeShape shape;
-  const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
+  // The bend of a config is the complete quadratic surface.
+  using Group = TargetShapeGroup;
+  const std::vector<std::pair<std::string, std::vector<Group>>> named = {
+      {"scale", {Group::kScale}}, {"bend", {Group::kBend, Group::kTwist}}, {"cubic", {Group::kCubic}}};
+  std::vector<std::string> names;
+  for (const auto& [name, groups] : named) names.push_back(name);
   const std::optional<ConfigValue> free = refine.Find("target_shape");
   if (!free || free->IsText()) {
     const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
@@ -231,9 +236,14 @@ FreeShape ReadFreeShape(MapReader& refine) {
   for (const ConfigValue& item : free->AsList()) {
     const std::string name = item.AsChoice(names);
     const auto index = std::find(names.begin(), names.end(), name) - names.begin();
-    shape.groups.push_back(static_cast<TargetShapeGroup>(index));
+    for (const Group group : named[static_cast<size_t>(index)].second) {
+      const bool is_new = std::find(shape.groups.begin(), shape.groups.end(), group) == shape.groups.end();
+      if (!is_new) item.Fail("is listed twice");
+      shape.groups.push_back(group);
+    }
     groups.push_back(name);
   }
+  std::sort(shape.groups.begin(), shape.groups.end());
   refine.Record("target_shape", groups);
   return shape;
 }

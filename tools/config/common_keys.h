@@ -66,7 +66,7 @@ std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKe
 // The key `target_shape` of `refine`.
 struct FreeShape {
   bool is_chosen = false;                // Whether the free parts are chosen from the captures.
-  std::vector<TargetShapeGroup> groups;  // The unknown parts, if they are not chosen.
+  std::vector<TargetShapeGroup> groups;  // The unknown parts if they are not chosen, ordered as TargetShapeGroup.
 };
 FreeShape ReadFreeShape(MapReader& refine);
 // The keys of TargetShape::params where a true shape is stated.

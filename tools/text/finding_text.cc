@@ -54,7 +54,7 @@ std::string RobotNoiseText(const Finding& finding) {
 // Describes the shape that the parts state: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
 std::string ShapeText(const Finding& finding) {
   std::vector<std::string> texts;
-  for (const std::string_view code : {"shape_scale", "shape_bend", "shape_cubic"}) {
+  for (const std::string_view code : {"shape_scale", "shape_bend", "shape_twist", "shape_cubic"}) {
     if (const Finding* part = PartOf(finding, code)) texts.push_back(FindingWords(*part).text);
   }
   return Join(texts, ", ");
@@ -327,9 +327,12 @@ FindingText ShapeScale(const Finding& finding) {
 
 FindingText ShapeBend(const Finding& finding) {
   return {"its centre is " + Fixed(Number(finding, "bend_x_mm"), 2) + " mm (along x) and " +
-              Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges, its corners " +
-              Fixed(finding.Number("twist_mm").value_or(0), 2) + " mm (saddle) from its plane",
+              Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges",
           ""};
+}
+
+FindingText ShapeTwist(const Finding& finding) {
+  return {"its corners are " + Fixed(Number(finding, "twist_mm"), 2) + " mm (saddle) from its plane", ""};
 }
 
 FindingText ShapeCubic(const Finding& finding) {
@@ -626,6 +629,7 @@ constexpr CodeWords kWords[] = {
     {"model", &Model},
     {"shape_scale", &ShapeScale},
     {"shape_bend", &ShapeBend},
+    {"shape_twist", &ShapeTwist},
     {"shape_cubic", &ShapeCubic},
     {"rejected_model", &RejectedModel},
     {"no_better_model", &NoBetterModel},

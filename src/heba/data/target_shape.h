@@ -14,10 +14,10 @@ namespace heba {
 // A point designed at (x, y, z) in the target's frame lies at
 //   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2) + twist a b
 //                            + (cubic_xxx a + cubic_xxy b) (1 - a^2) + (cubic_xyy a + cubic_yyy b) (1 - b^2))
-// The numbers a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is the
-// complete quadratic surface: two parabolas with the given heights in the middle, as in mrcal's model of a warped board
-// (Kogan, mrcal, "calibration object deformation"), and a saddle with the given height at the corners. The cubic part
-// completes the surface of the third order. What is constant or linear in a and b is a motion of the target.
+// The numbers a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is
+// two parabolas with the given heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration
+// object deformation"); the twist, a saddle with the given height at the corners, completes the quadratic surface, and
+// the cubic part that of the third order. What is constant or linear in a and b is a motion of the target.
 struct TargetShape {
   static constexpr int kNumParams = 9;
   // Their order is that of kTargetShapeParamNames: the scales, then heights in m.
@@ -28,13 +28,16 @@ struct TargetShape {
 };
 
 // The groups that a refinement can free, and the parameters of each, in the order of TargetShape::params.
-enum class TargetShapeGroup { kScale, kBend, kCubic };
-inline constexpr std::array<std::string_view, 3> kTargetShapeGroupNames = {"scale", "bend", "cubic"};
+enum class TargetShapeGroup { kScale, kBend, kTwist, kCubic };
+inline constexpr std::array<std::string_view, 4> kTargetShapeGroupNames = {"scale", "bend", "twist", "cubic"};
 inline constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeParamNames = {
     "scale_x",     "scale_y",     "bend_x_m",    "bend_y_m",   "twist_m",
     "cubic_xxx_m", "cubic_xxy_m", "cubic_xyy_m", "cubic_yyy_m"};
 constexpr TargetShapeGroup ShapeGroupOf(int param) {
-  return param < 2 ? TargetShapeGroup::kScale : param < 5 ? TargetShapeGroup::kBend : TargetShapeGroup::kCubic;
+  return param < 2   ? TargetShapeGroup::kScale
+         : param < 4 ? TargetShapeGroup::kBend
+         : param < 5 ? TargetShapeGroup::kTwist
+                     : TargetShapeGroup::kCubic;
 }
 constexpr int NumParamsOf(TargetShapeGroup group) {
   int num = 0;

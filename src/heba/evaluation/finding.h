@@ -62,6 +62,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "suggested_captures",
     "shape_scale",
     "shape_bend",
+    "shape_twist",
     "shape_cubic",
     "rejected_model",
     "no_better_model",

@@ -72,6 +72,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(TrueModel{"exact", 0, 0, kDesigned, {Robot::kExact, {}}},
                     TrueModel{"noisy", 1e-4, 3e-4, kDesigned, {Robot::kEstimatedNoise, {}}},
                     TrueModel{"bent", 0, 0, {1, 1, 2e-3, 1e-3}, {Robot::kExact, {Group::kBend}}},
+                    TrueModel{"twisted", 0, 0, {1, 1, 0, 0, 1e-3}, {Robot::kExact, {Group::kTwist}}},
                     TrueModel{"stretched", 0, 0, {1.002, 1.001, 0, 0}, {Robot::kExact, {Group::kScale}}},
                     TrueModel{"noisy_bent", 1e-4, 3e-4, {1, 1, 2e-3, 1e-3}, {Robot::kEstimatedNoise, {Group::kBend}}},
                     TrueModel{"noisy_bent_stretched",
@@ -110,7 +111,7 @@ TEST(ModelChoiceTest, ReportsTheModelsThatWereComparedAndTheLargestFitsBest) {
       ChooseModel({scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)}, scene.hand_eye,
                   options, {true, true});
   ASSERT_TRUE(choice.ok()) << choice.reason();
-  ASSERT_EQ(choice->alternatives.size(), 5U);
+  ASSERT_EQ(choice->alternatives.size(), 6U);
   EXPECT_FALSE(choice->alternatives.back().p.has_value());
   for (const ModelAlternative& smaller : choice->alternatives) {
     EXPECT_GE(choice->alternatives.back().log_likelihood, smaller.log_likelihood - 0.01) << NameOf(smaller.model);

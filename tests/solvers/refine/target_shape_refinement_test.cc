@@ -31,7 +31,7 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
   TargetShape made = DesignedShape(scene_options.points);
   made.params = kMade;
   BundleOptions options;
-  options.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+  options.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend, TargetShapeGroup::kTwist};
   constexpr int kNumSeeds = 60;
   double error_m2 = 0;
   double designed_error_m2 = 0;

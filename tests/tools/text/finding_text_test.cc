@@ -97,9 +97,11 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
        "measure the target and correct its dimensions in the config; if they are right, check the units of the robot's "
        "poses and its own calibration"},
       {FindingOf("target_shape_ignored", {}, {{"focal_length", "held"}},
-                 {FindingOf("shape_bend", {{"bend_x_mm", 0.5}, {"bend_y_mm", 0}, {"twist_mm", 0.2}})}),
+                 {FindingOf("shape_bend", {{"bend_x_mm", 0.5}, {"bend_y_mm", 0}}),
+                  FindingOf("shape_twist", {{"twist_mm", 0.2}})}),
        "the captures indicate that the target differs from its design: its centre is 0.50 mm (along x) and 0.00 mm "
-       "(along y) above its edges, its corners 0.20 mm (saddle) from its plane; the stated sigmas include what such a "
+       "(along y) above its edges, its corners are 0.20 mm (saddle) from its plane; the stated sigmas include what "
+       "such a "
        "shape would change",
        "measure the target, or use refine.target_shape: auto"},
       {FindingOf("few_captures_prior", {{"fewer_than", 8},
