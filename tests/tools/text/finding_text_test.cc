@@ -101,8 +101,7 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
                   FindingOf("shape_twist", {{"twist_mm", 0.2}})}),
        "the captures indicate that the target differs from its design: its centre is 0.50 mm (along x) and 0.00 mm "
        "(along y) above its edges, its corners are 0.20 mm (saddle) from its plane; the stated sigmas include what "
-       "such a "
-       "shape would change",
+       "such a shape would change",
        "measure the target, or use refine.target_shape: auto"},
       {FindingOf("few_captures_prior", {{"fewer_than", 8},
                                         {"least_robot_mm", 0.05},
