@@ -15,7 +15,6 @@
 #include "heba/data/hand_eye.h"
 #include "heba/detection.h"
 #include "heba/io/result_file.h"
-#include "heba/rig_run.h"
 #include "heba/run.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
@@ -80,13 +79,13 @@ CaptureDetection DetectionOf(const CapturePoints& points, const std::pair<int, i
 }
 
 // Returns the cameras, which one arm moves against the target, and their points. The target is not set.
-RigDataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const std::vector<Rigid3d>& poses) {
-  RigDataset data;
+Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const std::vector<Rigid3d>& poses) {
+  Dataset data;
   data.name = "arrays";
   data.rig = HandEyeProblem(setup, Camera(), TargetShape());
   data.rig.robots = {kOnlyArm};
   data.rig.targets[0].name = "target";
-  const RigCamera unnamed = data.rig.cameras[0];
+  const ProblemCamera unnamed = data.rig.cameras[0];
   data.rig.cameras.clear();
   for (size_t i = 0; i < poses.size(); ++i) {
     data.captures.push_back(
@@ -94,7 +93,7 @@ RigDataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, cons
   }
   for (size_t c = 0; c < cameras.size(); ++c) {
     const auto& [name, captures, size, given] = cameras[c];
-    RigCamera& camera = data.rig.cameras.emplace_back(unnamed);
+    ProblemCamera& camera = data.rig.cameras.emplace_back(unnamed);
     camera.name = name;
     camera.camera = {given ? given->first : "", size.first, size.second,
                      given ? given->second : std::vector<double>()};
@@ -123,29 +122,29 @@ Options WithFolds(int num_folds, int num_threads) {
 }
 
 // Returns the text of result.json, with the findings in words. Throws InputError if the calibration failed.
-template <class Output, class Result>
-std::string ResultText(Outcome<Output> output, std::string (*to_json)(const Result&)) {
+template <class Output>
+std::string ResultText(Outcome<Output> output) {
   if (!output) throw InputError(FailureText(output.failure(), ConfigKeys::kOmitted));
   Describe(&output->result, ConfigKeys::kOmitted);
-  return to_json(output->result);
+  return ResultToJson(output->result);
 }
 
 // Return the text of result.json.
-std::string ResultOfOne(Setup setup, const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
-  Dataset one;
+std::string ResultOfOne(Setup setup, const Dataset& data, int num_folds, int num_threads, RunObserver* observer) {
+  PairDataset one;
   one.name = data.name;
   one.setup = setup;
   one.target = data.targets[0];
   if (data.has_camera[0]) one.camera = data.rig.cameras[0].camera;
-  for (const RigRecording& capture : data.captures) {
+  for (const Recording& capture : data.captures) {
     one.captures.push_back({capture.name, {}, CaptureRole::kNone, capture.base_from_gripper[0]});
   }
-  one.given_detections = OutOfRig(data.given_detections);
-  return ResultText(Run(one, WithFolds<RunOptions>(num_folds, num_threads), observer), &ResultToJson);
+  one.given_detections = AsCaptureDetections(data.given_detections);
+  return ResultText(Run(one, WithFolds<PairRunOptions>(num_folds, num_threads), observer));
 }
 
-std::string ResultOfSeveral(const RigDataset& data, int num_folds, int num_threads, RunObserver* observer) {
-  return ResultText(RunRig(data, WithFolds<RigRunOptions>(num_folds, num_threads), observer), &RigResultToJson);
+std::string ResultOfSeveral(const Dataset& data, int num_folds, int num_threads, RunObserver* observer) {
+  return ResultText(Run(data, WithFolds<RunOptions>(num_folds, num_threads), observer));
 }
 
 // Calibrates from detected points and returns the text of result.json. A camera without a name is calibrated by itself,
@@ -153,7 +152,7 @@ std::string ResultOfSeveral(const RigDataset& data, int num_folds, int num_threa
 std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
                             const std::vector<CameraPoints>& cameras, const DoubleArray& base_from_grippers,
                             int num_folds, int num_threads, const pybind11::object& progress) {
-  RigDataset data = DatasetOf(*FindSetup(setup), cameras, PosesFrom(base_from_grippers));
+  Dataset data = DatasetOf(*FindSetup(setup), cameras, PosesFrom(base_from_grippers));
   PythonObserver observer(progress);
   std::string text;
   std::optional<std::string> fault;

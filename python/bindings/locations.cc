@@ -58,7 +58,7 @@ std::vector<GivenArmPose> PosesOf(const std::vector<std::pair<std::string, Rigid
 
 // Returns the poses of the arms for images of these cameras. Throws InputError if one cannot be corrected by the
 // estimated errors of the arm.
-std::vector<ArmPose> CorrectedPoses(const RigResult& result, const std::vector<size_t>& cameras,
+std::vector<ArmPose> CorrectedPoses(const RunResult& result, const std::vector<size_t>& cameras,
                                     const std::vector<GivenArmPose>& given) {
   std::vector<ArmPose> arms = PosesForCameras(result, cameras, given, "pose", "joints");
   for (size_t r = 0; r < arms.size(); ++r) {
@@ -83,9 +83,9 @@ ImageLocation LocateWith(const FinishedRun& run, const std::vector<CameraImage>&
                          const std::vector<cv::Mat>& pixels,
                          const std::vector<std::pair<std::string, Rigid3d>>& poses,
                          const std::vector<ArmJoints>& joints, LocationRequest* request) {
-  const RigProblem& problem = run.result.rig;
+  const Problem& problem = run.result.rig;
   std::vector<std::string> names;
-  for (const RigCamera& camera : problem.cameras) names.push_back(camera.name);
+  for (const ProblemCamera& camera : problem.cameras) names.push_back(camera.name);
   std::vector<size_t> cameras;
   for (const CameraImage& image : images) cameras.push_back(IndexOf("image", std::get<0>(image), names));
   request->result = &run.result;
@@ -152,7 +152,7 @@ void BindLocations(pybind11::module_& module) {
       "is_rig_run",
       [](const std::filesystem::path& folder) {
         const pybind11::gil_scoped_release release;
-        return IsRigResult(RunFolderOf(folder) / "result.json");
+        return IsLongResult(RunFolderOf(folder) / "result.json");
       },
       arg("folder"));
   module.def("locate", &Locate, arg("folder"), arg("images"), arg("base_from_gripper"), arg("joints"));

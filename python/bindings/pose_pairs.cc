@@ -6,7 +6,7 @@
 #include <pybind11/stl.h>
 
 #include "heba/base/error.h"
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "heba/closed_form.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
@@ -22,7 +22,7 @@ Outcome<HandEye> BestHandEye(Setup setup, const std::vector<PosePair>& pairs) {
   options.setup = setup;
   Outcome<HandEye> best;
   for (const bool has_robot_noise : {true, false}) {
-    Calibration calibration;
+    PairCalibration calibration;
     calibration.pairs = pairs;
     options.has_robot_noise = has_robot_noise;
     CalibratePoses(options, &calibration);

@@ -6,7 +6,7 @@
 
 #include <pybind11/pybind11.h>
 
-#include "heba/run.h"
+#include "heba/pair_run.h"
 
 namespace heba {
 

@@ -14,7 +14,7 @@
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/doctor/doctor.h"
-#include "tools/doctor/rig_doctor.h"
+#include "tools/doctor/cell_doctor.h"
 #include "tools/pipeline/any_run.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"

@@ -19,12 +19,12 @@ namespace {
 bool IsLeftOut(const ImageSet& left_out, size_t capture) { return left_out.contains({capture, 0}); }
 
 // Tests the captures one by one, until nothing changes.
-JudgedRig SettleEach(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+JudgedProblem SettleEach(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options) {
   constexpr int kMaxRounds = 6;
   // The captures that the others do not contradict at an estimate without them are not tested again.
   std::set<size_t> returned;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const RigProblem used = Without(problem, at.left_out);
+    const Problem used = Without(problem, at.left_out);
     ImageSet wrong = WrongOf(FindOutlierCaptures(used, at.solution));
     for (const size_t i : returned) wrong.erase({i, 0});
     // So many are not wrong by themselves: the model is incomplete.
@@ -41,8 +41,8 @@ JudgedRig SettleEach(const RigProblem& problem, JudgedRig at, const RigOptions& 
       returned.insert(left_out[k]);
     }
     if (next == at.left_out) break;
-    Outcome<RigSolution> solution =
-        RefineRig(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
+    Outcome<Solution> solution =
+        RefineProblem(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
     if (!solution) break;
     at.solution = std::move(*solution);
     at.left_out = std::move(next);
@@ -52,8 +52,8 @@ JudgedRig SettleEach(const RigProblem& problem, JudgedRig at, const RigOptions& 
 
 }  // namespace
 
-CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOptions& options) {
-  const Solution& solution = *calibration.refined;
+CalibrationProblem AsProblem(const PairCalibration& calibration, const PairCalibrationOptions& options) {
+  const PairSolution& solution = *calibration.refined;
   // The views, and the outcomes of those that are used. A start of the refinement may be a solution of other views.
   const bool has_outcomes = solution.views.size() == calibration.views.size();
   std::vector<std::pair<const View*, const ViewOutcome*>> views;
@@ -63,8 +63,8 @@ CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOp
   for (const View& view : calibration.left_out) views.emplace_back(&view, nullptr);
   BundleOptions bundle = calibration.bundle;
   bundle.effects = solution.shared_effects;  // The effects that were estimated.
-  Problem problem{calibration.camera, {}, options.setup, options.shape};
-  Solution of_all = solution;
+  PairProblem problem{calibration.camera, {}, options.setup, options.shape};
+  PairSolution of_all = solution;
   of_all.views.clear();
   CalibrationProblem result;
   SearchedModel& model = result.model;
@@ -93,7 +93,7 @@ CalibrationProblem InOrder(CalibrationProblem problem) {
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return problem.views[a].capture < problem.views[b].capture; });
   CalibrationProblem ordered = problem;
-  JudgedRig& judged = ordered.model.judged;
+  JudgedProblem& judged = ordered.model.judged;
   judged.left_out.clear();
   for (size_t k = 0; k < order.size(); ++k) {
     const size_t i = order[k];
@@ -105,14 +105,14 @@ CalibrationProblem InOrder(CalibrationProblem problem) {
   return ordered;
 }
 
-ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& problem) {
+ModelSpace SpaceOf(const PairCalibrationOptions& options, const CalibrationProblem& problem) {
   ModelSpace space;
   space.robot_noise = options.choose.robot_noise;
   space.shapes = {options.choose.target_shape};
   space.twists = space.shapes;
   space.lenses = {options.choose.lenses};
   if (options.choose.effects.empty()) return space;
-  RigArmErrors& arm = space.arms.emplace_back();
+  ArmErrorModels& arm = space.arms.emplace_back();
   arm.models = options.choose.effects;
   std::vector<std::shared_ptr<const PoseEffect>>& effects = arm.effects_of_captures.emplace_back();
   for (const View& view : problem.views) effects.push_back(view.effect);
@@ -120,10 +120,10 @@ ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& 
 }
 
 void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
-               Calibration* calibration) {
+               PairCalibration* calibration) {
   const SearchedModel& model = problem.model;
-  const RigCamera& camera = model.problem.cameras[0];
-  const RigTarget& target = model.problem.targets[0];
+  const ProblemCamera& camera = model.problem.cameras[0];
+  const ProblemTarget& target = model.problem.targets[0];
   calibration->camera = camera.camera;
   BundleOptions& bundle = calibration->bundle;
   bundle.robot = model.options.robot;
@@ -139,7 +139,7 @@ void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const Sh
   if (!model.lenses.empty() && !model.lenses[0].empty()) calibration->camera_alternatives = model.lenses[0];
   calibration->num_kept_against_test = model.judged.num_kept_against_test;
 
-  Solution solution = HandEyeSolution(model.judged.solution, bundle);
+  PairSolution solution = HandEyeSolution(model.judged.solution, bundle);
   const std::vector<ViewOutcome> outcomes = std::move(solution.views);
   solution.views.clear();
   const std::vector<PosePair> pairs_before = std::move(calibration->pairs);
@@ -173,7 +173,7 @@ std::vector<size_t> CapturesOf(const ImageSet& images) {
   return captures;
 }
 
-JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options) {
+JudgedProblem SettleCaptures(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options) {
   if (options.loss == LossKind::kNone) return at;
   return JudgeWithClusters(SettleEach, problem, std::move(at), options);
 }

@@ -1,7 +1,7 @@
 // A calibration as a problem with one camera, one target and one arm.
 #pragma once
 
-#include "heba/calibration_types.h"
+#include "heba/pair_calibration_types.h"
 #include "solvers/calibration/model_search.h"
 
 namespace heba {
@@ -15,24 +15,24 @@ struct CalibrationProblem {
 
 // Returns the problem of a calibration whose refinement succeeded; `options` are those of the calibration. Camera,
 // target and arm have no name.
-CalibrationProblem AsProblem(const Calibration& calibration, const CalibrationOptions& options);
+CalibrationProblem AsProblem(const PairCalibration& calibration, const PairCalibrationOptions& options);
 
 // Returns the problem with its captures in the order of View::capture.
 CalibrationProblem InOrder(CalibrationProblem problem);
 
 // Returns what is chosen of a calibration.
-ModelSpace SpaceOf(const CalibrationOptions& options, const CalibrationProblem& problem);
+ModelSpace SpaceOf(const PairCalibrationOptions& options, const CalibrationProblem& problem);
 
 // Sets the parts of a calibration that follow from a model of its problem: the lens, the error model, the captures that
 // are left out, and the refined solution. `effects` are those that the model has without a choice.
 void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
-               Calibration* calibration);
+               PairCalibration* calibration);
 
 // Returns the captures of images that are left out.
 std::vector<size_t> CapturesOf(const ImageSet& images);
 
 // Tests all captures under the model (Judge; FindOutlierCaptures and TestLeftOutCaptures), takes back those that it
 // explains and leaves out those that contradict it.
-JudgedRig SettleCaptures(const RigProblem& problem, JudgedRig at, const RigOptions& options);
+JudgedProblem SettleCaptures(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options);
 
 }  // namespace heba

@@ -26,7 +26,7 @@ constexpr const char* kPolynomials[] = {"pinhole", "brown4", "brown5", "rational
 
 // A model of the lens, refined with the poses of the views.
 struct Fitted {
-  Solution solution;
+  PairSolution solution;
   bool is_bent = false;
   std::vector<View> views;  // The list has the views that were used, with their first poses as mounts.
 };
@@ -48,8 +48,8 @@ std::vector<View> WithPosesSeen(const std::vector<View>& views, const Camera& ca
 
 // Refines camera, poses and shape. The poses are those of a robot about which next to nothing is known, so that each
 // view keeps a pose of its own.
-Outcome<Solution> Refine(const std::vector<View>& posed, const Camera& camera, const TargetShape& shape, bool is_bent,
-                         const CameraCalibrationOptions& options) {
+Outcome<PairSolution> Refine(const std::vector<View>& posed, const Camera& camera, const TargetShape& shape,
+                             bool is_bent, const CameraCalibrationOptions& options) {
   BundleOptions bundle;
   bundle.loss = options.loss;
   bundle.num_threads = options.num_threads;
@@ -64,7 +64,7 @@ Outcome<Solution> Refine(const std::vector<View>& posed, const Camera& camera, c
 }
 
 // Returns camera_from_target of a view of a solution.
-Rigid3d PoseOf(const View& view, const Solution& solution, size_t index) {
+Rigid3d PoseOf(const View& view, const PairSolution& solution, size_t index) {
   const Rigid3d correction = solution.views[index].correction.value_or(Rigid3d());
   return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount * correction);
 }
@@ -104,11 +104,11 @@ Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, co
   if (!start) return start.failure();
   Fitted fitted;
   fitted.views = WithPosesSeen(views, *start);
-  Outcome<Solution> flat = Refine(fitted.views, *start, options.shape, false, options);
+  Outcome<PairSolution> flat = Refine(fitted.views, *start, options.shape, false, options);
   if (!flat) return flat.failure();
   fitted.solution = std::move(*flat);
   if (!options.choose_bend) return fitted;
-  const Outcome<Solution> bent = Refine(fitted.views, fitted.solution.camera, options.shape, true, options);
+  const Outcome<PairSolution> bent = Refine(fitted.views, fitted.solution.camera, options.shape, true, options);
   if (!bent) return fitted;
   Fitted other = fitted;
   other.solution = *bent;
@@ -153,7 +153,7 @@ std::optional<double> HoldOutPx(const Fitted& fitted, const CameraCalibrationOpt
         used.push_back(fitted.views[v]);
       }
     }
-    const Outcome<Solution> solution =
+    const Outcome<PairSolution> solution =
         Refine(used, fitted.solution.camera, fitted.solution.shape, fitted.is_bent, options);
     if (!solution) return std::nullopt;
     for (const size_t v : held_out) {
@@ -211,7 +211,7 @@ std::optional<size_t> Choose(const std::vector<std::string>& models, const std::
 }
 
 // Returns the covariance of the parameters of the camera, which were all free.
-Eigen::MatrixXd CovarianceOf(const Solution& solution) {
+Eigen::MatrixXd CovarianceOf(const PairSolution& solution) {
   const UnknownBlock block = solution.covariance.layout.Block(kCameraBlock);
   return solution.covariance.matrix.block(block.first, block.first, block.size, block.size);
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/calibration_types.h"
+#include "heba/pair_calibration_types.h"
 
 namespace heba {
 

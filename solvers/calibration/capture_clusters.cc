@@ -9,7 +9,7 @@ namespace heba {
 namespace {
 
 // Returns whether the noise of no arm rises by more than `most`.
-bool HasNoiseOfSameSize(const RigSolution& solution, const RigSolution& before, double most) {
+bool HasNoiseOfSameSize(const Solution& solution, const Solution& before, double most) {
   for (size_t r = 0; r < solution.robot_noise.size(); ++r) {
     const std::optional<RobotNoise>& noise = solution.robot_noise[r];
     const std::optional<RobotNoise>& noise_before = before.robot_noise[r];
@@ -22,7 +22,7 @@ bool HasNoiseOfSameSize(const RigSolution& solution, const RigSolution& before, 
   return true;
 }
 
-bool Explains(const JudgedRig& more, const JudgedRig& fewer) {
+bool Explains(const JudgedProblem& more, const JudgedProblem& fewer) {
   constexpr double kMostRise = 2;
   return more.left_out.size() < fewer.left_out.size() && more.num_kept_against_test <= fewer.num_kept_against_test &&
          HasNoiseOfSameSize(more.solution, fewer.solution, kMostRise);
@@ -30,12 +30,13 @@ bool Explains(const JudgedRig& more, const JudgedRig& fewer) {
 
 }  // namespace
 
-JudgedRig JudgeWithClusters(const Judge& judge, const RigProblem& problem, JudgedRig at, const RigOptions& options) {
-  JudgedRig judged = judge(problem, std::move(at), options);
+JudgedProblem JudgeWithClusters(const Judge& judge, const Problem& problem, JudgedProblem at,
+                                const AdjustmentOptions& options) {
+  JudgedProblem judged = judge(problem, std::move(at), options);
   if (judged.left_out.size() < 2) return judged;
-  Outcome<RigSolution> of_all = RefineRig(StartingFrom(problem, judged.solution), judged.solution.poses, options);
+  Outcome<Solution> of_all = RefineProblem(StartingFrom(problem, judged.solution), judged.solution.poses, options);
   if (!of_all) return judged;
-  JudgedRig from_all = judge(problem, {std::move(*of_all), {}}, options);
+  JudgedProblem from_all = judge(problem, {std::move(*of_all), {}}, options);
   return Explains(from_all, judged) ? from_all : judged;
 }
 

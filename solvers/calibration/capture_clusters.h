@@ -10,6 +10,7 @@ namespace heba {
 // itself. If two or more images are left out, the problem is adjusted with all of them, the effects of the arms
 // included, and judged from there. That selection is taken if it leaves out fewer images and explains the others: the
 // noise of no arm rises by more than a factor of two.
-JudgedRig JudgeWithClusters(const Judge& judge, const RigProblem& problem, JudgedRig at, const RigOptions& options);
+JudgedProblem JudgeWithClusters(const Judge& judge, const Problem& problem, JudgedProblem at,
+                                const AdjustmentOptions& options);
 
 }  // namespace heba

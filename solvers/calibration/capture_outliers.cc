@@ -153,13 +153,13 @@ struct JudgedViews {
 };
 
 // The captures with the errors of the robot that the solution has found, which count as known.
-JudgedViews ViewsToJudge(const RigProblem& problem, const RigSolution& solution) {
+JudgedViews ViewsToJudge(const Problem& problem, const Solution& solution) {
   JudgedViews judged;
   judged.pixel_sigma_px = solution.pixel_sigmas_px[0];
-  RigProblem visible = WithoutNoisyJoints(problem);
+  Problem visible = WithoutNoisyJoints(problem);
   visible.effects.clear();
   for (const size_t i : CapturesWithPoints(problem)) {
-    RigCapture& capture = visible.captures[i];
+    ProblemCapture& capture = visible.captures[i];
     CHECK_EQ(capture.images.size(), 1U);
     capture.base_from_gripper = WithErrors(capture, solution.effects);
     capture.effects.clear();
@@ -251,14 +251,14 @@ ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts) {
   return wrong;
 }
 
-RigProblem WithoutNoisyJoints(RigProblem problem) {
-  for (RigCapture& capture : problem.captures) {
+Problem WithoutNoisyJoints(Problem problem) {
+  for (ProblemCapture& capture : problem.captures) {
     for (ArmPosture& posture : capture.postures) posture.gripper_by_joints.resize(6, 0);
   }
   return problem;
 }
 
-std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const RigSolution& solution) {
+std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution) {
   const std::vector<CaptureVerdict> all_pass(problem.captures.size());
   std::vector<CaptureVerdict> verdicts = all_pass;
   const JudgedViews judged = ViewsToJudge(problem, solution);
@@ -290,9 +290,9 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const
   return verdicts;
 }
 
-std::vector<CaptureVerdict> TestLeftOutCaptures(const RigProblem& problem, const RigSolution& solution,
+std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem, const Solution& solution,
                                                 const std::vector<size_t>& left_out) {
-  RigSolution at = solution;
+  Solution at = solution;
   for (const size_t i : left_out) at.captures[i].rejected_ids = {{}};
   const JudgedViews judged = ViewsToJudge(problem, at);
   std::vector<CaptureVerdict> of_all(problem.captures.size());

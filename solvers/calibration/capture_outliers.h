@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "solvers/refine/judged_problem.h"
 
 namespace heba {
@@ -29,10 +29,10 @@ ImageSet WrongOf(const std::vector<CaptureVerdict>& verdicts);
 
 // Returns the problem without noisy joints. Captures are judged by a white noise of the robot, which contains that of
 // the joints.
-RigProblem WithoutNoisyJoints(RigProblem problem);
+Problem WithoutNoisyJoints(Problem problem);
 
 // Returns one verdict per capture of a problem with one camera, one target and one arm, whose captures have one image
-// each, at an estimate that is not biased by the wrong captures (RefineRig with the loss `truncated`). A capture
+// each, at an estimate that is not biased by the wrong captures (RefineProblem with the loss `truncated`). A capture
 // without points passes. The errors of the arm that the solution has found count as known.
 //
 // The robot noise is estimated from the captures themselves: first from the half of them that agree best, whose
@@ -42,12 +42,12 @@ RigProblem WithoutNoisyJoints(RigProblem problem);
 // number of captures. Captures at one robot pose share its error and do not confirm one another. A capture with a point
 // that cannot be projected at the estimate is wrong, with p-value 0. With fewer than six captures, or fewer than six
 // degrees of freedom, it cannot be decided which one is wrong: all pass.
-std::vector<CaptureVerdict> FindOutlierCaptures(const RigProblem& problem, const RigSolution& solution);
+std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution);
 
 // Applies the same test to the captures `left_out`, with the noise and the estimate of the others at their solution, to
 // find whether a capture that was left out is still wrong. Smooth errors at its pose count as unknown. Returns one
 // verdict per element of `left_out`.
-std::vector<CaptureVerdict> TestLeftOutCaptures(const RigProblem& problem, const RigSolution& solution,
+std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem, const Solution& solution,
                                                 const std::vector<size_t>& left_out);
 
 }  // namespace heba

@@ -212,15 +212,15 @@ std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptio
 
 // The cell as a problem, whose unknowns are the two poses and the free intrinsics.
 struct PlanProblem {
-  RigProblem problem;
-  RigSolution solution;
+  Problem problem;
+  Solution solution;
 };
 
 PlanProblem ProblemOf(const PlanCell& cell, bool is_exact) {
   PlanProblem plan;
   plan.problem = HandEyeProblem(cell.setup, cell.camera, DesignedShape(cell.points_in_target));
   plan.problem.cameras.front().free_intrinsics = cell.free_intrinsics;
-  RigSolution& solution = plan.solution;
+  Solution& solution = plan.solution;
   solution.poses = HandEyePosesOf(cell.hand_eye);
   solution.cameras = {cell.camera};
   solution.shapes = {plan.problem.targets.front().shape};
@@ -238,10 +238,10 @@ std::optional<LinearisedView> Linearise(const PlanCell& cell, PlanProblem plan, 
   const Rigid3d mount = MountOf(cell, camera_from_target);
   const std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, mount, cell.points_in_target, 0, &none);
   if (!view) return std::nullopt;
-  RigCapture& capture = plan.problem.captures.emplace_back();
+  ProblemCapture& capture = plan.problem.captures.emplace_back();
   capture.base_from_gripper = {BaseFromGripper(cell.setup, mount)};
   capture.images.push_back({0, 0, view->observations});
-  RigCaptureOutcome& outcome = plan.solution.captures.emplace_back();
+  CaptureOutcome& outcome = plan.solution.captures.emplace_back();
   if (plan.solution.robot_noise.front()) outcome.corrections = {Rigid3d()};
   std::optional<std::vector<LinearisedView>> views =
       LineariseEachCapture(plan.problem, StateOf(plan.solution), NoiseOf(plan.solution), LossOf(LossKind::kNone));
@@ -348,7 +348,7 @@ Eigen::MatrixXd KnownInformation(const PlanCell& cell, const UnknownLayout& layo
 // A criterion says how well a session locates targets and the camera.
 class Criterion {
  public:
-  Criterion(const UnknownLayout& layout, const RigProblem& problem, std::vector<PlaceByUnknowns> places)
+  Criterion(const UnknownLayout& layout, const Problem& problem, std::vector<PlaceByUnknowns> places)
       : places_(std::move(places)),
         camera_pose_(layout.Block(CameraPoseBlock(problem.cameras.front())).first),
         is_of_variances_(problem.cameras.front().free_intrinsics.empty()) {}
@@ -538,7 +538,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     return WhyTooFew(drawn, candidates.size(), options.count);
   }
   const PlanProblem exact = ProblemOf(cell, true);
-  const UnknownLayout layout = RigUnknowns(exact.problem);
+  const UnknownLayout layout = UnknownsOf(exact.problem);
   std::vector<PlaceByUnknowns> places;
   for (const Rigid3d& pose : PosesToLocate(cell, candidates)) {
     std::optional<PlaceByUnknowns> place = LinearisePlace(cell, exact, layout, pose);

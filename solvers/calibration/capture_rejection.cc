@@ -34,7 +34,7 @@ struct Mixture {
 };
 
 // Returns the correction of the robot's pose that the image of a capture shows; nothing if it shows none.
-std::optional<Rigid3d> ShownCorrection(const RigProblem& problem, const RigSolution& at, const RigCapture& capture) {
+std::optional<Rigid3d> ShownCorrection(const Problem& problem, const Solution& at, const ProblemCapture& capture) {
   const std::vector<Rigid3d> base_from_gripper = WithErrors(capture, at.effects);
   const std::vector<TargetPose> poses =
       EstimateTargetPose(at.cameras[0], ApplyShape(capture.images[0].observations, at.shapes[0]));
@@ -46,7 +46,7 @@ std::optional<Rigid3d> ShownCorrection(const RigProblem& problem, const RigSolut
 
 // Evaluates the mixture at the solution of the members. The noise of the wrong captures is the RMS of their
 // corrections, computed from the poses that their images show.
-Mixture MixtureOf(const RigProblem& problem, const RigSolution& at, const ImageSet& wrong) {
+Mixture MixtureOf(const Problem& problem, const Solution& at, const ImageSet& wrong) {
   const RobotNoise robot = AtLeast(*at.robot_noise[0], kExact);
   FitState state = StateOf(at);
   double sum_m2 = 0;
@@ -90,18 +90,18 @@ Mixture MixtureOf(const RigProblem& problem, const RigSolution& at, const ImageS
 }
 
 // Returns whether one noise for all captures explains them better than wrong poses with a more accurate robot.
-bool IsNoiseOfAll(const RigProblem& problem, const JudgedRig& judged, const RigOptions& options_in) {
-  RigOptions options = options_in;
+bool IsNoiseOfAll(const Problem& problem, const JudgedProblem& judged, const AdjustmentOptions& options_in) {
+  AdjustmentOptions options = options_in;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
-  const RigProblem start = StartingFrom(problem, judged.solution);
-  const Outcome<RigSolution> of_all = RefineRig(start, judged.solution.poses, options);
+  const Problem start = StartingFrom(problem, judged.solution);
+  const Outcome<Solution> of_all = RefineProblem(start, judged.solution.poses, options);
   if (!of_all) return false;
   // Both fits use the same points with the same weights.
-  const RigProblem kept = WithoutRejected(start, *of_all);
+  const Problem kept = WithoutRejected(start, *of_all);
   options.loss = LossKind::kNone;
-  const Outcome<RigSolution> of_members = RefineRig(Without(kept, judged.left_out), judged.solution.poses, options);
+  const Outcome<Solution> of_members = RefineProblem(Without(kept, judged.left_out), judged.solution.poses, options);
   if (!of_members) return true;
-  RigSolution in_common_weights = *of_members;
+  Solution in_common_weights = *of_members;
   in_common_weights.unmodelled_sigma_px = of_all->unmodelled_sigma_px;
   const Mixture one_noise = MixtureOf(kept, *of_all, {});
   const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.left_out);
@@ -110,21 +110,21 @@ bool IsNoiseOfAll(const RigProblem& problem, const JudgedRig& judged, const RigO
 
 }  // namespace
 
-JudgedRig JudgeCaptures(const RigProblem& problem_in, const RigSolution& solution, const RigOptions& options) {
-  const RigProblem problem = WithoutNoisyJoints(problem_in);
-  JudgedRig judged{solution, {}};
+JudgedProblem JudgeCaptures(const Problem& problem_in, const Solution& solution, const AdjustmentOptions& options) {
+  const Problem problem = WithoutNoisyJoints(problem_in);
+  JudgedProblem judged{solution, {}};
   // Each capture has the outcome of the last solution that used it.
-  std::vector<RigCaptureOutcome> outcomes = solution.captures;
+  std::vector<CaptureOutcome> outcomes = solution.captures;
   ImageSet without;  // The captures that the solution did not use.
   constexpr int kMaxRounds = 8;
   for (int round = 0; round < kMaxRounds; ++round) {
-    RigSolution at = judged.solution;
+    Solution at = judged.solution;
     at.captures = outcomes;
     judged.left_out = WrongOf(FindOutlierCaptures(problem, at));
     if (judged.left_out == without) break;
     without = judged.left_out;
-    const Outcome<RigSolution> refined =
-        RefineRig(StartingFrom(Without(problem, without), judged.solution), judged.solution.poses, options);
+    const Outcome<Solution> refined =
+        RefineProblem(StartingFrom(Without(problem, without), judged.solution), judged.solution.poses, options);
     if (!refined) break;
     judged.solution = *refined;
     for (size_t i = 0; i < outcomes.size(); ++i) {
@@ -136,8 +136,8 @@ JudgedRig JudgeCaptures(const RigProblem& problem_in, const RigSolution& solutio
   const bool is_doubtful = static_cast<double>(num_wrong) > kMostWrong * static_cast<double>(num_all);
   if (is_doubtful && IsNoiseOfAll(problem, judged, options)) {
     // Starts from the solution of the better captures; with all of them the first solution may be far off.
-    const Outcome<RigSolution> refined =
-        RefineRig(StartingFrom(problem, judged.solution), judged.solution.poses, options);
+    const Outcome<Solution> refined =
+        RefineProblem(StartingFrom(problem, judged.solution), judged.solution.poses, options);
     return {refined ? *refined : solution, {}, static_cast<int>(num_wrong)};
   }
   if (2 * num_wrong > num_all) return {solution, {}, static_cast<int>(num_wrong)};

@@ -1,9 +1,9 @@
 // Rejects captures that contradict the others, unless the model rather than the captures is wrong.
 #pragma once
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
-#include "heba/rig_adjustment.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "heba/refinement.h"
 #include "solvers/refine/judged_problem.h"
 
 namespace heba {
@@ -20,6 +20,6 @@ inline constexpr double kDistinct = 5;
 // that would be rejected. They are rejected only if two noises are more likely by more than the cost of choosing the
 // captures, and differ by a factor of kDistinct, because the tail of one population is not another population. If most
 // captures would be rejected, all are kept: none of several calibrations can be shown to be the right one.
-JudgedRig JudgeCaptures(const RigProblem& problem, const RigSolution& solution, const RigOptions& options);
+JudgedProblem JudgeCaptures(const Problem& problem, const Solution& solution, const AdjustmentOptions& options);
 
 }  // namespace heba

@@ -8,7 +8,7 @@
 namespace heba {
 namespace {
 
-MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const Calibration& calibration) {
+MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const PairCalibration& calibration) {
   MethodResult result;
   result.method = method.name;
   result.hand_eye = std::move(hand_eye);
@@ -22,7 +22,7 @@ MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, co
 
 }  // namespace
 
-std::vector<MethodResult> RunMethods(const Calibration& calibration,
+std::vector<MethodResult> RunMethods(const PairCalibration& calibration,
                                      const std::vector<std::optional<Outcome<HandEye>>>& known) {
   std::vector<MethodResult> results;
   const HandEyeInput input(calibration.pairs);

@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration_types.h"
+#include "heba/pair_calibration_types.h"
 
 namespace heba {
 
 // Runs every closed form on the pairs of a calibration, because each may be needed as a seed. The reprojection RMS is
 // that of its views. `known`: results that are already available.
-std::vector<MethodResult> RunMethods(const Calibration& calibration,
+std::vector<MethodResult> RunMethods(const PairCalibration& calibration,
                                      const std::vector<std::optional<Outcome<HandEye>>>& known = {});
 
 // Returns the result of a method; null if it is not among them.

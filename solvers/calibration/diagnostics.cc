@@ -15,7 +15,7 @@
 namespace heba {
 namespace {
 
-double DistanceOf(const Problem& problem, const Solution& solution) {
+double DistanceOf(const PairProblem& problem, const PairSolution& solution) {
   std::vector<Rigid3d> camera_from_target;
   for (const View& view : problem.views) {
     camera_from_target.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
@@ -77,7 +77,7 @@ void AddLargestMove(const Camera& given, const Camera& camera, const Covariance&
 }
 
 // Returns the change from one solution to another, in the layout of the first one's covariance.
-Eigen::VectorXd ChangeBetween(const Solution& from, const Solution& to) {
+Eigen::VectorXd ChangeBetween(const PairSolution& from, const PairSolution& to) {
   UnknownChange change(from.covariance.layout);
   change.SetPose(kHandEyeBlock, from.hand_eye.camera_mount_from_camera, to.hand_eye.camera_mount_from_camera);
   change.SetPose(kBoardBlock, from.hand_eye.target_mount_from_target, to.hand_eye.target_mount_from_target);
@@ -89,7 +89,7 @@ Eigen::VectorXd ChangeBetween(const Solution& from, const Solution& to) {
 }  // namespace
 
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
-                      const Solution& solution) {
+                      const PairSolution& solution) {
   Finding finding{Grade::kGood, FindingCode("model"), {}, {{"model", NameOf(chosen)}}};
   if (solution.robot_noise && chosen.robot != BundleOptions::Robot::kExact) {
     finding.numbers = {{"robot_mm", 1000 * solution.robot_noise->translation_m},
@@ -124,13 +124,13 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   return finding;
 }
 
-Advice DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+Advice DiagnoseModel(const PairProblem& problem, const PairSolution& solution, const BundleOptions& options,
                      const AutoModel& chosen) {
   const bool asks_robot = !chosen.robot_noise && options.robot == BundleOptions::Robot::kExact;
   const bool asks_shape = !chosen.target_shape && options.free_shape.empty();
   constexpr size_t kMinCaptures = 6;
   if ((!asks_robot && !asks_shape) || problem.views.size() < kMinCaptures) return {};
-  Problem at = problem;
+  PairProblem at = problem;
   at.camera = solution.camera;
   BundleOptions kept = options;
   kept.loss = OfInliers(options.loss);
@@ -196,19 +196,19 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
   return finding;
 }
 
-Advice DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution, const BundleOptions& options_in,
+Advice DiagnoseHeldIntrinsics(const PairProblem& problem, const PairSolution& solution, const BundleOptions& options_in,
                               const AutoModel& choose) {
   if (!options_in.free_intrinsics.empty()) return {};
   BundleOptions options = options_in;
   options.free_intrinsics = BundleOptions().free_intrinsics;
   options.loss = OfInliers(options.loss);
-  Problem at = problem;
+  PairProblem at = problem;
   at.camera = solution.camera;
   at.shape = solution.shape;
   // The best error model may be another one with free intrinsics.
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
   if (!choice) return {};
-  const Solution& freed = choice->solution;
+  const PairSolution& freed = choice->solution;
   std::optional<Finding> finding = JudgeHeldIntrinsics(
       solution.camera, freed.camera, freed.covariance, kCameraBlock, freed.covariance_dof,
       {solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera,
@@ -253,7 +253,7 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   return finding;
 }
 
-Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options) {
+Finding DescribeCameraUse(const Camera& given, const PairSolution& solution, const BundleOptions& options) {
   Finding finding{Grade::kGood, FindingCode("camera")};
   if (options.free_intrinsics.empty()) {
     finding.names = {{"use", "held"}};

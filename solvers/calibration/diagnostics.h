@@ -4,10 +4,10 @@
 #include <optional>
 #include <vector>
 
-#include "heba/calibration_types.h"
 #include "heba/data/free_parameters.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/evaluation/finding.h"
+#include "heba/pair_calibration_types.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/uncertainty/information.h"
 
@@ -16,13 +16,13 @@ namespace heba {
 // Returns the finding `model`: the error model that was chosen, and the alternative that it was preferred to, with
 // figures.
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
-                      const Solution& solution);
+                      const PairSolution& solution);
 
 // Returns findings about the parts of the model that the options hold, from ChooseModel at the solution with all parts
 // free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel noise
 // explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to matter. If
 // there are any, the advice has the change to the solution of the model that was chosen.
-Advice DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+Advice DiagnoseModel(const PairProblem& problem, const PairSolution& solution, const BundleOptions& options,
                      const AutoModel& chosen);
 
 // Returns the finding `target_scale` if the scale of a target, which is free, differs from its design by more than
@@ -35,7 +35,7 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
 // F-test of the changes in a refinement that frees them, and the change of the estimate. The advice is empty if they
 // agree, or if they cannot be freed.
-Advice DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution, const BundleOptions& options,
+Advice DiagnoseHeldIntrinsics(const PairProblem& problem, const PairSolution& solution, const BundleOptions& options,
                               const AutoModel& choose);
 // The poses of a camera and of a target, with held and with free intrinsics of the camera.
 struct FreedPoses {
@@ -51,6 +51,6 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
 
 // Returns the finding `camera`: how a given camera was used (held, as initial guess, as prior), and by how many sigmas
 // the refinement changed it.
-Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options);
+Finding DescribeCameraUse(const Camera& given, const PairSolution& solution, const BundleOptions& options);
 
 }  // namespace heba

@@ -32,7 +32,7 @@ constexpr RobotNoise kAnyError = {0.1, 0.2};
 // The captures that share an error of the robot: the products of their whitened rows. The columns are the unknowns,
 // those of the poses of camera and target once more for each capture, and the offset.
 struct GroupProducts {
-  std::vector<size_t> captures;  // Indices in RigProblem::captures.
+  std::vector<size_t> captures;  // Indices in Problem::captures.
   Eigen::MatrixXd products;
   Eigen::Index num_rows = 0;
 };
@@ -93,7 +93,7 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
 }
 
 // Returns the groups of captures at nearly one pose.
-CaptureGroups Revisits(const RigProblem& problem) {
+CaptureGroups Revisits(const Problem& problem) {
   CaptureGroups groups;
   for (const size_t i : CapturesWithPoints(problem)) {
     const Rigid3d& pose = problem.captures[i].base_from_gripper.front();
@@ -112,9 +112,9 @@ CaptureGroups Revisits(const RigProblem& problem) {
 
 // Linearises the captures; `at_revisits`: only what those at one pose say against each other. Returns nothing if a
 // point cannot be projected.
-std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const RigSolution& solution, Setup setup,
+std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solution& solution, Setup setup,
                                               const CaptureTimes& times, bool at_revisits) {
-  const RigProblem weighted = WeightedAs(solution, problem);
+  const Problem weighted = WeightedAs(solution, problem);
   const FitNoise noise = NoiseOf(solution);
   const std::vector<size_t> captures = CapturesWithPoints(weighted);
   FitState state = StateOf(solution);
@@ -142,7 +142,7 @@ std::optional<LinearisedDrift> LineariseDrift(const RigProblem& problem, const R
     is_misread.push_back(view.residual_sum_of_squares > kMostSquare * std::max(1, view.num_residual_dof));
     view = PoseRows(view);
   }
-  const UnknownLayout layout = RigUnknowns(weighted);
+  const UnknownLayout layout = UnknownsOf(weighted);
   const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
                                               layout.Block(TargetPoseBlock(weighted.targets.front())).first};
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(weighted, MovingRobots(weighted));
@@ -244,7 +244,7 @@ struct Residuals {
   double dof = 0;
 };
 
-Residuals ResidualsOf(const RigProblem& problem, const RigSolution& solution, const LinearisedDrift& linearised) {
+Residuals ResidualsOf(const Problem& problem, const Solution& solution, const LinearisedDrift& linearised) {
   Residuals residuals;
   for (const GroupProducts& group : linearised.groups) {
     residuals.squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
@@ -303,7 +303,7 @@ std::vector<Drift> StepsOf(DriftSide side, size_t first, size_t last, size_t str
 
 // Returns the clearest drift, with its p-value; nothing if none is determined. Without residuals the noise is known,
 // and the unknowns are held.
-std::optional<Drift> Clearest(const LinearisedDrift& linearised, const RigSolution& solution,
+std::optional<Drift> Clearest(const LinearisedDrift& linearised, const Solution& solution,
                               const std::optional<Residuals>& residuals) {
   const bool are_held = !residuals;
   // The largest of the statistics of all steps is distributed like that of so many independent ones at the most.
@@ -361,11 +361,10 @@ bool AreAtRevisits(const std::vector<Drift>& drifts) {
 }
 
 // Returns the solution as that of all captures that were detected, none of which is corrected.
-RigSolution AtDetected(RigSolution solution, const RigProblem& detected) {
+Solution AtDetected(Solution solution, const Problem& detected) {
   const bool is_exact = NoiseOf(solution).robots.empty();
   solution.captures.assign(detected.captures.size(), {});
-  for (RigCaptureOutcome& outcome : solution.captures)
-    outcome.corrections.resize(is_exact ? 0 : detected.robots.size());
+  for (CaptureOutcome& outcome : solution.captures) outcome.corrections.resize(is_exact ? 0 : detected.robots.size());
   solution.effects.clear();
   solution.effect_sigmas.clear();
   return solution;
@@ -373,7 +372,7 @@ RigSolution AtDetected(RigSolution solution, const RigProblem& detected) {
 
 // Returns the drift that captures at one pose show. They tell that there is one and how large it is; of its side, its
 // form and its place, those that the others show are taken if they explain the captures at one pose, too.
-std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const RigSolution& solution,
+std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const Solution& solution,
                                     const std::optional<Drift>& in_order) {
   std::optional<Drift> found = Clearest(revisits, solution, std::nullopt);
   if (!found || found->p_value >= kDriftByChance) return std::nullopt;
@@ -404,7 +403,7 @@ std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const RigSo
 }
 
 // Returns what excludes that the errors of the robot look like a drift to a test in the order of the captures.
-std::optional<DriftEvidence> EvidenceOf(const RigProblem& problem, const RigSolution& solution, double order_by_pose) {
+std::optional<DriftEvidence> EvidenceOf(const Problem& problem, const Solution& solution, double order_by_pose) {
   // Without noise of the robot, its errors are in the residuals of the pixels, which they make unequal.
   if (NoiseOf(solution).robots.empty()) return std::nullopt;
   const SharedEffects* const effects = EffectsOf(problem, 0);
@@ -464,7 +463,7 @@ double OrderByPose(const std::vector<Rigid3d>& all_poses, const std::vector<size
   return best;
 }
 
-DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times,
+DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup setup, const CaptureTimes& times,
                       const DetectedCaptures& detected) {
   DriftSearch search;
   const bool is_single =
@@ -500,7 +499,7 @@ DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Se
   return search;
 }
 
-std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution, Setup setup,
                                                  const CaptureTimes& times, std::vector<Drift> drifts) {
   const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, setup, times, false);
   if (!linearised || linearised->groups.empty()) return std::nullopt;
@@ -511,7 +510,7 @@ std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, cons
   return drifts;
 }
 
-std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution, Setup setup,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts) {
   const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
   if (drifts.empty() || !all) return {};

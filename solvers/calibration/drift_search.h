@@ -12,9 +12,9 @@
 #include <Eigen/Core>
 
 #include "heba/data/drift.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
 #include "heba/data/setup.h"
+#include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 
 namespace heba {
@@ -45,7 +45,7 @@ struct DriftSearch {
 // All captures as they were detected, with those that the calibration left out: captures that a drift puts aside look
 // like outliers. Without effects of the arm, which are the same at one pose.
 struct DetectedCaptures {
-  RigProblem problem;
+  Problem problem;
   CaptureTimes times;
 };
 
@@ -59,17 +59,17 @@ struct DetectedCaptures {
 // two poses must have been taken again, and what the drift leaves of their differences must be noise. p-values are
 // corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than eight
 // captures.
-DriftSearch FindDrift(const RigProblem& problem, const RigSolution& solution, Setup setup, const CaptureTimes& times,
+DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup setup, const CaptureTimes& times,
                       const DetectedCaptures& detected);
 
 // Returns drifts of the same bodies and forms as `drifts`, estimated together from all captures without a test: what is
 // left of them at the solution. Returns nothing if the captures do not determine them.
-std::optional<std::vector<Drift>> EstimateDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution, Setup setup,
                                                  const CaptureTimes& times, std::vector<Drift> drifts);
 
 // Returns the changes of an estimate by the uncertainty of drifts that it was corrected for, as the columns that
 // AddChanges takes: C A_x^T D S^(1/2).
-std::vector<Eigen::VectorXd> ChangesByDrifts(const RigProblem& problem, const RigSolution& solution, Setup setup,
+std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution, Setup setup,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts);
 
 // The finding `drift`. `capture` is the name of Drift::capture; `is_corrected`: whether the result was corrected for

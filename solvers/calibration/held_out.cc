@@ -50,12 +50,11 @@ void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations
   errors->distance_m_of_capture.emplace_back(capture, distance_m);
 }
 
-HeldOutErrors ErrorsOfUnused(const RigProblem& problem, const RigSolution& solution, const ImageSet& images,
-                             size_t camera) {
+HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, const ImageSet& images, size_t camera) {
   HeldOutErrors errors;
   for (const auto& [i, k] : images) {
-    const RigCapture& capture = problem.captures[i];
-    const RigImage& image = capture.images[k];
+    const ProblemCapture& capture = problem.captures[i];
+    const ProblemImage& image = capture.images[k];
     if (image.camera != camera || image.observations.size() == 0) continue;
     const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
     AddImage(solution.cameras[camera],
@@ -75,8 +74,8 @@ std::optional<double> WhitenedSquares::Mean() const {
   return squares / number;
 }
 
-WhitenedSquares SquaresOf(const RigProblem& held_out, const RigSolution& solution, bool has_covariance) {
-  const RigProblem weighted = WeightedAs(solution, held_out);
+WhitenedSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance) {
+  const Problem weighted = WeightedAs(solution, held_out);
   FitState state = StateOf(solution);
   state.corrections.clear();
   const std::vector<size_t> moving = MovingRobots(weighted);

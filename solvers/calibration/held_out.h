@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/refine/judged_problem.h"
@@ -36,8 +36,7 @@ void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations
               const std::vector<TargetPose>& poses, size_t capture, HeldOutErrors* errors);
 
 // Returns the errors of the images of one camera that a solution of the problem did not use.
-HeldOutErrors ErrorsOfUnused(const RigProblem& problem, const RigSolution& solution, const ImageSet& images,
-                             size_t camera);
+HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, const ImageSet& images, size_t camera);
 
 // The squared residuals of held-out images in units of their noise, and their number.
 struct WhitenedSquares {
@@ -50,6 +49,6 @@ struct WhitenedSquares {
 };
 // Returns those of the images with points, whitened by the noise of the solution: that of pixels, images and arms and,
 // if `has_covariance`, the covariance of the estimate. They are zero if a point cannot be projected.
-WhitenedSquares SquaresOf(const RigProblem& held_out, const RigSolution& solution, bool has_covariance);
+WhitenedSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance);
 
 }  // namespace heba

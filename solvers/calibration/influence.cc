@@ -21,10 +21,10 @@ double PValueOfMove(const Tangent6& move, const Matrix6& covariance_without, con
 
 }  // namespace
 
-std::vector<std::optional<CaptureMove>> MoveWithoutEachCapture(const RigProblem& problem, const RigSolution& solution,
+std::vector<std::optional<CaptureMove>> MoveWithoutEachCapture(const Problem& problem, const Solution& solution,
                                                                size_t camera, const Loss& loss) {
   std::vector<std::optional<CaptureMove>> moves(problem.captures.size());
-  const RigProblem weighted = WeightedAs(solution, problem);
+  const Problem weighted = WeightedAs(solution, problem);
   const std::vector<size_t> captures = CapturesWithPoints(weighted);
   const std::optional<std::vector<LinearisedView>> views =
       LineariseEachCapture(weighted, StateOf(solution), NoiseOf(solution), loss);

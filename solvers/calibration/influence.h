@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {
@@ -19,7 +19,7 @@ namespace heba {
 // informative capture has a large covariance of its move), with the degrees of freedom of the solution's noise.
 // Returns nothing for a capture without points or without which the unknowns would not be observable, and for every
 // capture if a point cannot be projected.
-std::vector<std::optional<CaptureMove>> MoveWithoutEachCapture(const RigProblem& problem, const RigSolution& solution,
+std::vector<std::optional<CaptureMove>> MoveWithoutEachCapture(const Problem& problem, const Solution& solution,
                                                                size_t camera, const Loss& loss);
 
 }  // namespace heba

@@ -18,7 +18,7 @@ namespace {
 using Robot = BundleOptions::Robot;
 
 // Returns the options with all noise held at that of a solution, and the problem with that of the arms' effects.
-RigOptions WithNoiseOf(const RigSolution& solution, RigOptions options, RigProblem* problem) {
+AdjustmentOptions WithNoiseOf(const Solution& solution, AdjustmentOptions options, Problem* problem) {
   // Every camera has the noise of the first one, which differs from the others' by a constant factor.
   options.pixel_noise_px = solution.pixel_sigmas_px.front();
   for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
@@ -38,7 +38,7 @@ RigOptions WithNoiseOf(const RigSolution& solution, RigOptions options, RigProbl
 
 // A lens that was fitted with the noise of the largest one.
 struct FittedLens {
-  RigSolution solution;
+  Solution solution;
   std::vector<double> costs;  // GroupCosts.
   size_t alternative = 0;     // Index in LensChoice::alternatives.
 };
@@ -51,19 +51,19 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
   for (const Camera& lens : lenses) {
     choice.alternatives.push_back({lens.model, 0, static_cast<int>(lens.params.size()), std::nullopt});
   }
-  RigProblem problem = WithModel(comparison.problem, model, comparison.space);
-  RigPoses from = comparison.start;
-  RigOptions options = comparison.options;
+  Problem problem = WithModel(comparison.problem, model, comparison.space);
+  CellPoses from = comparison.start;
+  AdjustmentOptions options = comparison.options;
   options.robot = model.robot;
   std::vector<FittedLens> fitted;  // The largest first.
   Failure last;
   double dof = std::numeric_limits<double>::infinity();
   for (size_t i = lenses.size(); i-- > 0;) {
-    RigProblem with_lens = problem;
+    Problem with_lens = problem;
     Camera& of_camera = with_lens.cameras[camera].camera;
     if (of_camera.model != lenses[i].model) of_camera = lenses[i];
     if (fitted.empty()) {
-      const Outcome<RigSolution> own = RefineRig(with_lens, from, options);
+      const Outcome<Solution> own = RefineProblem(with_lens, from, options);
       if (!own) {
         choice.alternatives[i].reason = last = own.failure();
         continue;
@@ -73,7 +73,7 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
       from = own->poses;
       with_lens = StartingFrom(problem, *own);
     }
-    const Outcome<RigSolution> solution = RefineRig(with_lens, from, options);
+    const Outcome<Solution> solution = RefineProblem(with_lens, from, options);
     if (solution) {
       fitted.push_back({*solution,
                         GroupCosts(problem, GroupByRobotPoses(problem), StateOf(*solution), NoiseOf(*solution),
@@ -109,8 +109,8 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
   return choice;
 }
 
-std::vector<RigProblem> WithLenses(const RigProblem& problem, const ModelSpace& space) {
-  std::vector<RigProblem> with_lenses = {problem};
+std::vector<Problem> WithLenses(const Problem& problem, const ModelSpace& space) {
+  std::vector<Problem> with_lenses = {problem};
   for (size_t c = 0; c < space.lenses.size(); ++c) {
     const std::vector<Camera>& lenses = space.lenses[c];
     for (auto lens = lenses.rbegin(); lenses.size() > 1 && lens != lenses.rend(); ++lens) {

@@ -4,22 +4,22 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/calibration_types.h"
-#include "heba/rig_adjustment.h"
+#include "heba/pair_calibration_types.h"
+#include "heba/refinement.h"
 #include "solvers/calibration/problem_model.h"
 
 namespace heba {
 
 // The problem in which models are compared: its points have fixed weights.
 struct ModelComparison {
-  RigProblem problem;
-  RigPoses start;
-  RigOptions options;
+  Problem problem;
+  CellPoses start;
+  AdjustmentOptions options;
   const ModelSpace& space;
 };
 
 struct LensChoice {
-  RigSolution solution;  // That of the chosen lens.
+  Solution solution;  // That of the chosen lens.
   std::vector<CameraAlternative> alternatives;
 };
 
@@ -29,6 +29,6 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
 
 // Returns the problems with the lenses that are tried until one can be fitted: as given, and with the other lenses of
 // each camera, the largest first.
-std::vector<RigProblem> WithLenses(const RigProblem& problem, const ModelSpace& space);
+std::vector<Problem> WithLenses(const Problem& problem, const ModelSpace& space);
 
 }  // namespace heba

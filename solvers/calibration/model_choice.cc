@@ -24,14 +24,14 @@ using Effects = std::shared_ptr<const SharedEffects>;
 
 struct FittedModel {
   ProblemModel model;
-  RigOptions options;
-  RigSolution solution;
+  AdjustmentOptions options;
+  Solution solution;
   double log_likelihood = 0;
 };
 
-std::optional<FittedModel> Fit(const RigProblem& problem, const RigPoses& start, const ProblemModel& model,
-                               const RigOptions& options) {
-  const Outcome<RigSolution> solution = RefineRig(problem, start, options);
+std::optional<FittedModel> Fit(const Problem& problem, const CellPoses& start, const ProblemModel& model,
+                               const AdjustmentOptions& options) {
+  const Outcome<Solution> solution = RefineProblem(problem, start, options);
   if (!solution) return std::nullopt;
   return FittedModel{model, options, *solution, LogLikelihoodOf(problem, *solution, options)};
 }
@@ -39,7 +39,7 @@ std::optional<FittedModel> Fit(const RigProblem& problem, const RigPoses& start,
 // Fits a model to its own optimum, which is at least as good as that of any model that it contains.
 std::optional<FittedModel> FitModel(const ModelComparison& comparison, const ProblemModel& model,
                                     const std::vector<FittedModel>& fitted) {
-  RigOptions options = comparison.options;
+  AdjustmentOptions options = comparison.options;
   options.robot = model.robot;
   const FittedModel* best_within = nullptr;
   const FittedModel* nearest = nullptr;
@@ -50,7 +50,7 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
     if (nearest == nullptr || has_same_shape) nearest = &other;
   }
   // Models of other shapes have nearly the same noise. A start at zero would stay there.
-  const auto start_from_noise = [](const RigSolution& solution, RigOptions* of_fit) {
+  const auto start_from_noise = [](const Solution& solution, AdjustmentOptions* of_fit) {
     constexpr double kLeast = 1e-5;
     for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
       if (!noise) continue;
@@ -60,8 +60,8 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
     }
   };
   if (nearest != nullptr && nearest->model.effects == model.effects) start_from_noise(nearest->solution, &options);
-  const RigProblem with_model = WithModel(comparison.problem, model, comparison.space);
-  const auto fit_from = [&](const FittedModel& from, const RigOptions& of_fit) {
+  const Problem with_model = WithModel(comparison.problem, model, comparison.space);
+  const auto fit_from = [&](const FittedModel& from, const AdjustmentOptions& of_fit) {
     return Fit(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);
   };
   std::optional<FittedModel> found =
@@ -71,7 +71,7 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
     return found;
   }
   // Starts again from the smaller model with nearly no robot noise, because that model explains the data without it.
-  RigOptions again = options;
+  AdjustmentOptions again = options;
   again.robot_noise_start = {1e-6, 1e-6};
   for (const std::optional<RobotNoise>& noise : best_within->solution.robot_noise) {
     if (!noise) continue;
@@ -233,7 +233,7 @@ Outcome<bool> ChooseLenses(const ProblemModel& model, ModelComparison* compariso
 // A model, and its solution.
 struct LargestFit {
   ProblemModel model;
-  RigSolution solution;
+  Solution solution;
 };
 
 // Returns the models that are fitted until one can be: the largest first, those with smaller parts of the later groups
@@ -249,15 +249,15 @@ std::vector<ProblemModel> ToTry(const std::vector<std::vector<PartOptions>>& gro
 }
 
 // Fits models to the problems with the lenses that are tried, until one can be. Returns the first Failure if none can.
-Outcome<LargestFit> FitLargest(const std::vector<RigProblem>& with_lenses, const RigPoses& start,
-                               const RigOptions& options_in, const std::vector<ProblemModel>& to_try,
+Outcome<LargestFit> FitLargest(const std::vector<Problem>& with_lenses, const CellPoses& start,
+                               const AdjustmentOptions& options_in, const std::vector<ProblemModel>& to_try,
                                const ModelSpace& space) {
   Failure first;
-  RigOptions options = options_in;
-  for (const RigProblem& with_lens : with_lenses) {
+  AdjustmentOptions options = options_in;
+  for (const Problem& with_lens : with_lenses) {
     for (const ProblemModel& model : to_try) {
       options.robot = model.robot;
-      Outcome<RigSolution> solution = RefineRig(WithModel(with_lens, model, space), start, options);
+      Outcome<Solution> solution = RefineProblem(WithModel(with_lens, model, space), start, options);
       if (solution) return LargestFit{model, std::move(*solution)};
       if (first.empty()) first = solution.failure();
     }
@@ -266,7 +266,7 @@ Outcome<LargestFit> FitLargest(const std::vector<RigProblem>& with_lenses, const
 }
 
 // Adds the points that were left out before a fit to those that it rejected.
-void AddRejected(const RigSolution& before, RigSolution* solution) {
+void AddRejected(const Solution& before, Solution* solution) {
   for (size_t i = 0; i < solution->captures.size(); ++i) {
     for (size_t k = 0; k < solution->captures[i].rejected_ids.size(); ++k) {
       std::vector<int>& ids = solution->captures[i].rejected_ids[k];
@@ -309,7 +309,7 @@ double PValueOfRatio(double smaller_log_likelihood, double larger_log_likelihood
 }
 
 std::vector<std::optional<EffectsFit>> FitEffects(
-    const Problem& problem_in, const Solution& start, const BundleOptions& options_in,
+    const PairProblem& problem_in, const PairSolution& start, const BundleOptions& options_in,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
     const std::vector<std::vector<Matrix6X>>& joints_of_captures) {
   CHECK(joints_of_captures.empty() || joints_of_captures.size() == effects_of_captures.size());
@@ -317,19 +317,19 @@ std::vector<std::optional<EffectsFit>> FitEffects(
   options.robot = Robot::kEstimatedNoise;
   options.loss = OfInliers(options_in.loss);
   options.effects_avoid_zero = false;
-  Problem problem = WithoutRejected(problem_in, start);
+  PairProblem problem = WithoutRejected(problem_in, start);
   problem.camera = start.camera;
   problem.shape = start.shape;
-  const RigSolution whole_start = ProblemSolution(start);
+  const Solution whole_start = ProblemSolution(start);
   std::vector<std::optional<EffectsFit>> fits;
   for (size_t k = 0; k < effects_of_captures.size(); ++k) {
     for (View& view : problem.views) {
       view.effect = effects_of_captures[k][view.capture];
       if (!joints_of_captures.empty()) view.gripper_by_joints = joints_of_captures[k][view.capture];
     }
-    const RigProblem whole = WithFixedWeights(HandEyeProblem(problem, options), whole_start);
-    const RigOptions of_whole = AdjustmentOptionsOf(options);
-    const Outcome<RigSolution> solution = RefineRig(whole, whole_start.poses, of_whole);
+    const Problem whole = WithFixedWeights(HandEyeProblem(problem, options), whole_start);
+    const AdjustmentOptions of_whole = AdjustmentOptionsOf(options);
+    const Outcome<Solution> solution = RefineProblem(whole, whole_start.poses, of_whole);
     std::optional<EffectsFit>& fit = fits.emplace_back();
     if (!solution) continue;
     const double log_likelihood = LogLikelihoodOf(whole, *solution, of_whole);
@@ -347,9 +347,9 @@ ModelAlternative AlternativeOf(const ProblemAlternative& one, size_t robot,
   return {model, one.log_likelihood, one.robot_noise[robot], DofOf(model), one.p, one.odds};
 }
 
-Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options_in,
-                                   const ModelSpace& space, const RigSolution* at_largest) {
-  RigOptions options = options_in;
+Outcome<ProblemChoice> ChooseModel(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options_in,
+                                   const ModelSpace& space, const Solution* at_largest) {
+  AdjustmentOptions options = options_in;
   const bool has_few_poses = GroupByRobotPoses(problem).size() < kMinPosesForVariances;
   if (space.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
   const std::vector<PartOptions> parts = PartsOf(problem, space, options, has_few_poses);
@@ -364,7 +364,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
                : FitLargest(WithLenses(problem, space), start, options, ToTry(groups, largest_of_all), space);
   if (!largest) return largest.failure();
   if (parts.empty() && !chooses_lens) {
-    RigProblem with_model = WithModel(problem, largest->model, space);
+    Problem with_model = WithModel(problem, largest->model, space);
     options.robot = largest->model.robot;
     return ProblemChoice{std::move(with_model), options, largest->model, largest->solution, {}, 0, {}};
   }
@@ -410,7 +410,7 @@ Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& st
   return choice;
 }
 
-Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
+Outcome<ModelChoice> ChooseModel(const PairProblem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose) {
   ModelSpace space;
   space.robot_noise = choose.robot_noise;
@@ -420,7 +420,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
   BundleOptions with_fixed = options;
   if (!choose.effects.empty()) {
     with_fixed.effects = nullptr;
-    RigArmErrors& arm = space.arms.emplace_back();
+    ArmErrorModels& arm = space.arms.emplace_back();
     arm.models = choose.effects;
     std::vector<std::shared_ptr<const PoseEffect>>& effects = arm.effects_of_captures.emplace_back();
     for (const View& view : problem.views) effects.push_back(view.effect);

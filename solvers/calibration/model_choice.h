@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration_types.h"
+#include "heba/pair_calibration_types.h"
 #include "solvers/calibration/choice_levels.h"
 #include "solvers/calibration/problem_model.h"
 
@@ -20,7 +20,7 @@ struct ModelDifference {
   int num_variances = 0;  // Variances, and figures of a model of effects that were fitted.
 };
 // Returns the probability of a likelihood ratio at least as large if the smaller of two nested models is right.
-// `covariance_dof` is Solution::covariance_dof of the larger one.
+// `covariance_dof` is PairSolution::covariance_dof of the larger one.
 double PValueOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
                      double covariance_dof);
 
@@ -48,10 +48,10 @@ ModelAlternative AlternativeOf(const ProblemAlternative& one, size_t robot,
                                const std::shared_ptr<const SharedEffects>& effects);
 
 struct ProblemChoice {
-  RigProblem problem;  // The given problem with the chosen model and lenses.
-  RigOptions options;  // The given options with the chosen noise of the arms.
+  Problem problem;            // The given problem with the chosen model and lenses.
+  AdjustmentOptions options;  // The given options with the chosen noise of the arms.
   ProblemModel model;
-  RigSolution solution;                          // The solution of the chosen model.
+  Solution solution;                             // The solution of the chosen model.
   std::vector<ProblemAlternative> alternatives;  // The simplest first; empty if there was only one.
   size_t chosen = 0;                             // Index of the chosen alternative.
   // One list per camera: the camera models that were compared; empty if none were.
@@ -78,21 +78,21 @@ struct ProblemChoice {
 //
 // If exact arms are among the models and there are fewer poses of the arms than kMinPosesForVariances, every model has
 // noise of the arms, with IndustrialArmPrior as its prior, and none has systematic errors. If there is only one model,
-// it is fitted as RefineRig does, and `alternatives` is empty. Returns a Failure if no model could be fitted.
+// it is fitted as RefineProblem does, and `alternatives` is empty. Returns a Failure if no model could be fitted.
 //
 // `at_largest` may be a solution of the problem as it is; if that has the largest model, it is not fitted again.
-Outcome<ProblemChoice> ChooseModel(const RigProblem& problem, const RigPoses& start, const RigOptions& options,
-                                   const ModelSpace& space, const RigSolution* at_largest = nullptr);
+Outcome<ProblemChoice> ChooseModel(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options,
+                                   const ModelSpace& space, const Solution* at_largest = nullptr);
 
 struct ModelChoice {
   BundleOptions options;                       // The given options with the chosen model.
-  Solution solution;                           // The solution of the chosen model.
+  PairSolution solution;                       // The solution of the chosen model.
   std::vector<ModelAlternative> alternatives;  // The simplest first.
   size_t chosen = 0;                           // Index of the chosen alternative.
   std::vector<CameraAlternative> lenses = {};  // The camera models that were compared; empty if none were.
 };
 // Likewise for one camera, one target and one arm.
-Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
+Outcome<ModelChoice> ChooseModel(const PairProblem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
 
 // How well one of several possible effects of the captures explains them.
@@ -108,7 +108,7 @@ struct EffectsFit {
 // `joints_of_captures`, if it is given, holds View::gripper_by_joints in the same order: the noise of the joints is
 // then part of each model.
 std::vector<std::optional<EffectsFit>> FitEffects(
-    const Problem& problem, const Solution& start, const BundleOptions& options,
+    const PairProblem& problem, const PairSolution& start, const BundleOptions& options,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
     const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
 

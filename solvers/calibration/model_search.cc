@@ -23,16 +23,16 @@ namespace {
 
 // Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
 void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-               const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem) {
+               const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem) {
   SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
-  for (RigTarget& target : problem->targets) {
+  for (ProblemTarget& target : problem->targets) {
     if (!target.scale_sigma) target.scale_sigma = AsMeasured(target.known_scale_sigma);
   }
 }
 
 // Adds what makes the noise of an arm's joints part of that of its poses, if it is known.
-void SetJoints(const RigArmErrors& arm, size_t robot, const std::vector<size_t>& branches, RigProblem* problem) {
+void SetJoints(const ArmErrorModels& arm, size_t robot, const std::vector<size_t>& branches, Problem* problem) {
   if (arm.joints_of_captures.empty()) return;
   for (size_t i = 0; i < problem->captures.size(); ++i) {
     std::vector<ArmPosture>& postures = problem->captures[i].postures;
@@ -42,7 +42,8 @@ void SetJoints(const RigArmErrors& arm, size_t robot, const std::vector<size_t>&
 }
 
 // Returns the effects of the captures in these configurations.
-std::vector<std::shared_ptr<const PoseEffect>> EffectsIn(const RigArmErrors& arm, const std::vector<size_t>& branches) {
+std::vector<std::shared_ptr<const PoseEffect>> EffectsIn(const ArmErrorModels& arm,
+                                                         const std::vector<size_t>& branches) {
   std::vector<std::shared_ptr<const PoseEffect>> effects;
   for (size_t i = 0; i < branches.size(); ++i) effects.push_back(arm.effects_of_captures[branches[i]][i]);
   return effects;
@@ -50,8 +51,8 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsIn(const RigArmErrors& arm
 
 // Returns a configuration for each capture, of which one set of errors explains all captures best (ChoosePostures).
 // `fixed` is the problem at `solution`. Nothing if a point cannot be projected.
-std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, size_t robot, const RigProblem& fixed,
-                                                      const RigSolution& solution) {
+std::optional<std::vector<size_t>> BranchesOfCaptures(const ArmErrorModels& arm, size_t robot, const Problem& fixed,
+                                                      const Solution& solution) {
   const std::vector<size_t> moving = MovingRobots(fixed);
   const auto place = std::find(moving.begin(), moving.end(), robot);
   std::optional<std::vector<LinearisedView>> views =
@@ -72,37 +73,37 @@ std::optional<std::vector<size_t>> BranchesOfCaptures(const RigArmErrors& arm, s
 }
 
 // Returns the configurations of an arm's captures that explain them best (MostProbableBranches).
-std::optional<std::vector<size_t>> MostLikelyBranches(const RigArmErrors& arm, size_t robot, const ModelSpace& parts,
+std::optional<std::vector<size_t>> MostLikelyBranches(const ArmErrorModels& arm, size_t robot, const ModelSpace& parts,
                                                       const SearchedModel& model) {
-  RigOptions options = model.options;
+  AdjustmentOptions options = model.options;
   options.loss = OfInliers(options.loss);
   options.robot = BundleOptions::Robot::kEstimatedNoise;
   options.effects_avoid_zero = false;
-  const RigSolution& solution = model.judged.solution;
-  RigProblem fixed = StartingFrom(WithFixedWeights(UsedPoints(model.problem, model.judged), solution), solution);
+  const Solution& solution = model.judged.solution;
+  Problem fixed = StartingFrom(WithFixedWeights(UsedPoints(model.problem, model.judged), solution), solution);
   for (size_t t = 0; t < parts.shapes.size(); ++t) {
     if (parts.shapes[t]) SetShape(TargetShapeCombinations().back(), &fixed.targets[t]);
   }
-  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<RigSolution>> {
-    RigProblem with_errors = fixed;
+  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
+    Problem with_errors = fixed;
     SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
-    const RigProblem without_joints = with_errors;
+    const Problem without_joints = with_errors;
     SetJoints(arm, robot, branches, &with_errors);
-    Outcome<RigSolution> refined = RefineRig(with_errors, solution.poses, options);
+    Outcome<Solution> refined = RefineProblem(with_errors, solution.poses, options);
     if (!refined && !arm.joints_of_captures.empty()) {
       with_errors = without_joints;
-      refined = RefineRig(with_errors, solution.poses, options);
+      refined = RefineProblem(with_errors, solution.poses, options);
     }
     if (!refined) return std::nullopt;
     const double log_likelihood = LogLikelihoodOf(with_errors, *refined, options);
     // The corrections of the poses contain the errors, of which `fixed` knows none.
-    FittedPostures<RigSolution> fitted{WithEffectsOf(fixed, std::move(*refined)), log_likelihood};
+    FittedPostures<Solution> fitted{WithEffectsOf(fixed, std::move(*refined)), log_likelihood};
     fitted.solution.effects.clear();
     fitted.solution.effect_sigmas.clear();
     return fitted;
   };
-  const auto choose = [&](const RigSolution& at) { return BranchesOfCaptures(arm, robot, fixed, at); };
+  const auto choose = [&](const Solution& at) { return BranchesOfCaptures(arm, robot, fixed, at); };
   return MostProbableBranches(arm, model.problem.captures.size(), std::optional(solution), fit, choose);
 }
 
@@ -141,7 +142,7 @@ Failure WhyNotEstimable(const SearchedModel& model, const ModelSpace& parts, siz
   if (model.options.robot != BundleOptions::Robot::kEstimatedNoise && !parts.robot_noise) {
     return FailureCode("held_arm_noise");
   }
-  const RigProblem used = UsedPoints(model.problem, model.judged);
+  const Problem used = UsedPoints(model.problem, model.judged);
   const std::vector<size_t> moving = MovingRobots(used);
   if (std::find(moving.begin(), moving.end(), robot) == moving.end()) {
     return FailureCode("idle_arm");
@@ -155,9 +156,9 @@ Failure WhyNotEstimable(const SearchedModel& model, const ModelSpace& parts, siz
 // Adjusts a model as it is, from its adjustment, and judges the images. Returns the Failure if that fails, which
 // changes nothing.
 std::optional<Failure> Readjust(const Judge& judge, SearchedModel* model) {
-  JudgedRig& judged = model->judged;
-  Outcome<RigSolution> solution = RefineRig(StartingFrom(Without(model->problem, judged.left_out), judged.solution),
-                                            judged.solution.poses, model->options);
+  JudgedProblem& judged = model->judged;
+  Outcome<Solution> solution = RefineProblem(StartingFrom(Without(model->problem, judged.left_out), judged.solution),
+                                             judged.solution.poses, model->options);
   if (!solution) return solution.failure();
   judged.solution = std::move(*solution);
   judged = judge(model->problem, std::move(judged), model->options);
@@ -173,8 +174,8 @@ const Camera& GuessOf(const Camera& chosen, const Camera& now, const std::vector
 }
 
 std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
-  const RigSolution& solution = model->judged.solution;
-  RigProblem used = Without(model->problem, model->judged.left_out);
+  const Solution& solution = model->judged.solution;
+  Problem used = Without(model->problem, model->judged.left_out);
   for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = solution.cameras[c];
   const Outcome<ProblemChoice> choice =
       ChooseModel(used, solution.poses, model->options, space, model->is_fitted ? &solution : nullptr);
@@ -207,7 +208,9 @@ std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, S
 }
 
 // Returns the choice that keeps the judgement of the images.
-JudgedRig KeepImages(const RigProblem& /*problem*/, JudgedRig at, const RigOptions& /*options*/) { return at; }
+JudgedProblem KeepImages(const Problem& /*problem*/, JudgedProblem at, const AdjustmentOptions& /*options*/) {
+  return at;
+}
 
 // Returns why an arm's errors explain nothing: the noise of its poses stays. A better likelihood alone can be that of
 // another arm, or of joints that belong to other poses. Empty if they explain something.
@@ -225,18 +228,18 @@ Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::
 }
 
 // Adds the errors of the arms, as AddErrors.
-std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
+std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
   SearchedModel with_errors = *model;
   ModelSpace parts = space.parts;
   parts.arms.resize(space.arms.size());
-  std::vector<RigArmChoice> choices;
+  std::vector<ArmErrorChoice> choices;
   bool has_any = false;
   bool is_any_chosen = false;
   for (size_t r = 0; r < space.arms.size(); ++r) {
-    const RigArmErrors& arm = space.arms[r];
+    const ArmErrorModels& arm = space.arms[r];
     const bool has_models = !arm.models.empty();
     if (!has_models && arm.joints_of_captures.empty()) continue;
-    RigArmChoice& choice = choices.emplace_back();
+    ArmErrorChoice& choice = choices.emplace_back();
     choice.robot = r;
     choice.noise_before = model->judged.solution.robot_noise[r];
     if (has_models) choice.reason = WhyNotEstimable(*model, space.parts, r);
@@ -258,7 +261,7 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   }
   if (!has_any) return choices;
   const auto decline_all = [&](const Failure& failure) {
-    for (RigArmChoice& choice : choices) {
+    for (ArmErrorChoice& choice : choices) {
       choice.model = nullptr;
       if (choice.reason.empty()) choice.reason = {FailureCode("arm_refinement_failed"), {}, {}, {failure}};
     }
@@ -284,13 +287,13 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
   }
   if (const std::optional<Failure> failure = ChooseParts(parts, judge, &with_errors)) return decline_all(*failure);
   ChooseTwists(space.parts.twists, &with_errors);
-  for (RigArmChoice& choice : choices) {
+  for (ArmErrorChoice& choice : choices) {
     if (parts.arms[choice.robot].models.empty()) continue;
     choice.model = with_errors.model.effects[choice.robot];
     choice.alternatives = AlternativesOf(with_errors, choice.robot);
     if (choice.model == nullptr) choice.reason = WhyNone(with_errors, choice.alternatives, choice.robot);
   }
-  for (const RigArmChoice& choice : choices) {
+  for (const ArmErrorChoice& choice : choices) {
     if (choice.model == nullptr || !space.arms[choice.robot].is_chosen) continue;
     const Failure reason = WhyNothingExplained(
         choice.noise_before, NoiseOfPoses(with_errors.problem, with_errors.judged.solution, choice.robot));
@@ -298,26 +301,26 @@ std::vector<RigArmChoice> AddArmErrors(const ErrorSpace& space, const Judge& jud
     // The others are judged without this arm.
     ErrorSpace without = space;
     without.arms[choice.robot] = {};
-    std::vector<RigArmChoice> of_others = AddArmErrors(without, judge, model);
-    RigArmChoice declined = choice;
+    std::vector<ArmErrorChoice> of_others = AddArmErrors(without, judge, model);
+    ArmErrorChoice declined = choice;
     declined.model = nullptr;
     declined.reason = reason;
     of_others.push_back(std::move(declined));
     return of_others;
   }
-  const bool is_declined = is_any_chosen && std::all_of(choices.begin(), choices.end(), [](const RigArmChoice& choice) {
-                             return choice.model == nullptr;
-                           });
+  const bool is_declined =
+      is_any_chosen &&
+      std::all_of(choices.begin(), choices.end(), [](const ArmErrorChoice& choice) { return choice.model == nullptr; });
   if (!is_declined) *model = std::move(with_errors);
   return choices;
 }
 
 // Adds the smooth errors, as AddErrors.
-std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
+std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
   const bool is_free = model->options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
-  std::vector<RigSmoothErrors> added;
+  std::vector<AddedSmoothErrors> added;
   if (space.smooth == SmoothPoseErrors::kNone || !is_free || model->options.robot_noise_prior) return added;
-  const RigSolution& solution = model->judged.solution;
+  const Solution& solution = model->judged.solution;
   SearchedModel with_errors = *model;
   for (SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(UsedPoints(model->problem, model->judged), solution)) {
     const double p_value = PValueWithout(arm.found);
@@ -327,7 +330,7 @@ std::vector<RigSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judg
     added.push_back({arm.robot, errors, solution.robot_noise[arm.robot].value_or(RobotNoise{}), p_value,
                      arm.found.log_likelihood_gain, arm.found.odds_without});
     std::vector<std::shared_ptr<const PoseEffect>> effects;
-    for (const RigCapture& capture : model->problem.captures) {
+    for (const ProblemCapture& capture : model->problem.captures) {
       effects.push_back(errors->EffectAt(capture.base_from_gripper[arm.robot]));
     }
     SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, &with_errors.problem);
@@ -357,11 +360,11 @@ RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& 
           std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
 }
 
-std::optional<RobotNoise> NoiseOfPoses(const RigProblem& problem, const RigSolution& solution, size_t robot) {
+std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot) {
   const std::optional<RobotNoise>& noise = solution.robot_noise[robot];
   if (!noise) return std::nullopt;
   std::vector<Matrix6X> by_joints;
-  for (const RigCapture& capture : problem.captures) {
+  for (const ProblemCapture& capture : problem.captures) {
     if (!capture.postures.empty()) by_joints.push_back(capture.postures[robot].gripper_by_joints);
   }
   return WithJointNoise(*noise, by_joints);

@@ -14,9 +14,9 @@ namespace heba {
 
 // A problem with the parts of its model that were chosen so far, and its adjustment.
 struct SearchedModel {
-  RigProblem problem;  // Its cameras have their initial intrinsics.
-  RigOptions options;
-  JudgedRig judged;
+  Problem problem;  // Its cameras have their initial intrinsics.
+  AdjustmentOptions options;
+  JudgedProblem judged;
   bool is_fitted = true;  // Whether the adjustment is that of the problem with these options; otherwise it is a start.
   ProblemModel model = {};                                  // The last choice; empty before the first.
   std::vector<ProblemAlternative> alternatives = {};        // The models that were compared in it.
@@ -36,8 +36,8 @@ void ChooseTwists(const std::vector<bool>& twists, SearchedModel* model);
 
 // The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
-  ModelSpace parts;                // The parts that are chosen again with them; it names no errors of arms.
-  std::vector<RigArmErrors> arms;  // One for each arm, or an empty list.
+  ModelSpace parts;                  // The parts that are chosen again with them; it names no errors of arms.
+  std::vector<ArmErrorModels> arms;  // One for each arm, or an empty list.
   SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
   // Whether smooth errors are left out unless the captures reject the model without them (kRandomErrorsRejected);
   // otherwise they are part of the model unless the captures speak against them (AreLikely).
@@ -45,15 +45,15 @@ struct ErrorSpace {
 };
 
 struct FoundErrors {
-  std::vector<RigArmChoice> arms;  // One entry for each arm that has models to choose from.
-  std::vector<RigSmoothErrors> smooth;
+  std::vector<ArmErrorChoice> arms;  // One entry for each arm that has models to choose from.
+  std::vector<AddedSmoothErrors> smooth;
 };
 
 // Returns the noise of an arm's poses, that of its joints included (WithJointNoise); nothing if the arm has none.
-std::optional<RobotNoise> NoiseOfPoses(const RigProblem& problem, const RigSolution& solution, size_t robot);
+std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot);
 
 // Makes the errors of the arms part of a model if the captures require them or if they are wanted without a choice
-// (RigArmErrors), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
+// (ArmErrorModels), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
 // stays as it is if there are none.
 //
 // The configuration of an arm is that of the largest restricted likelihood with the largest model. The models of all

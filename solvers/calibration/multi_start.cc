@@ -23,10 +23,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 size_t StrideFor(size_t count, size_t most) { return std::max<size_t>(1, (count + most - 1) / most); }
 
 // Returns a part of the problem that is large enough to tell initial guesses apart and cheap to refine.
-Problem PartOf(const Problem& problem) {
+PairProblem PartOf(const PairProblem& problem) {
   constexpr size_t kMaxViews = 24;
   constexpr size_t kMaxPoints = 24;
-  Problem part{problem.camera, {}, problem.setup, problem.shape};
+  PairProblem part{problem.camera, {}, problem.setup, problem.shape};
   for (size_t i = 0; i < problem.views.size(); i += StrideFor(problem.views.size(), kMaxViews)) {
     View view = problem.views[i];
     const size_t n = view.observations.ids.size();
@@ -43,7 +43,7 @@ Problem PartOf(const Problem& problem) {
 
 // Returns, for each pair, the sigma of one coordinate under the capture's own pose; infinite if there are no degrees
 // of freedom left.
-std::vector<double> OwnPoseSigmasPx(const Problem& problem, const std::vector<PosePair>& pairs) {
+std::vector<double> OwnPoseSigmasPx(const PairProblem& problem, const std::vector<PosePair>& pairs) {
   std::vector<double> sigmas;
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Observations& observations = problem.views[i].observations;
@@ -56,7 +56,7 @@ std::vector<double> OwnPoseSigmasPx(const Problem& problem, const std::vector<Po
 
 // Returns the pixel sigma of the captures whose points agree best with one another: the 10 % quantile of `sigmas`,
 // corrected by the chi-square quantile for the selection of small values. All captures have about as many points.
-double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
+double SigmaOfBestPx(std::vector<double> sigmas, const PairProblem& problem) {
   if (sigmas.empty()) return 0;
   constexpr double kShare = 0.1;
   const double dof = std::max(1, 2 * problem.views.front().observations.size() - 6);
@@ -67,7 +67,7 @@ double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
 
 // Returns Cauchy's cost of all points at a common scale. The residual of a point without an image counts as the image
 // width.
-double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_px) {
+double RobustCost(const PairProblem& problem, const HandEye& hand_eye, double sigma_px) {
   const Loss& cauchy = LossOf(LossKind::kCauchy);
   double cost = 0;
   for (const View& view : problem.views) {
@@ -83,7 +83,7 @@ double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_
 
 // Returns the best closed-form estimates of random subsets of four captures; some of many subsets contain no outlier.
 // Every other subset is drawn from the half of the captures whose points agree best with one another.
-std::vector<InitialGuess> RandomSubsetStarts(const Problem& part, const std::vector<PosePair>& pairs,
+std::vector<InitialGuess> RandomSubsetStarts(const PairProblem& part, const std::vector<PosePair>& pairs,
                                              const std::vector<double>& own_sigmas_px) {
   constexpr size_t kHandful = 4;
   constexpr int kNumHandfuls = 120;
@@ -129,7 +129,7 @@ std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, cons
   return seeds;
 }
 
-double RejectedRatio(const Problem& problem, const Solution& solution) {
+double RejectedRatio(const PairProblem& problem, const PairSolution& solution) {
   size_t num_rejected = 0;
   size_t num_points = 0;
   for (const ViewOutcome& view : solution.views) num_rejected += view.rejected_ids.size();
@@ -139,8 +139,8 @@ double RejectedRatio(const Problem& problem, const Solution& solution) {
 
 // Rates how doubtful the residuals of a solution are; doubt begins at 1. Residuals that exceed those under the
 // captures' own poses may be due to robot noise, but only up to an error that no robot has.
-double FitQualityRatio(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
-                       double own_sigma_px) {
+double FitQualityRatio(const PairProblem& problem, const std::vector<PosePair>& pairs,
+                       const Outcome<PairSolution>& solution, double own_sigma_px) {
   if (!solution) return kInfinity;
   constexpr double kRejectedRatio = 0.2;
   constexpr double kSigmaRatio = 3;
@@ -172,7 +172,7 @@ double RobustScalePx(const Camera& camera, const std::vector<View>& views, const
   return SigmaFromMedian(std::move(squares));
 }
 
-MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::vector<PosePair>& pairs,
+MultiStartSolution RefineFromMultipleStarts(const PairProblem& problem, const std::vector<PosePair>& pairs,
                                             const std::vector<InitialGuess>& seeds, const BundleOptions& options) {
   CHECK(!seeds.empty());
   CHECK_LE(pairs.size(), problem.views.size());
@@ -182,7 +182,7 @@ MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::v
   const double doubt = FitQualityRatio(problem, pairs, best.solution, own_sigma_px);
   if (doubt < 1) return best;
 
-  const Problem part = PartOf(problem);
+  const PairProblem part = PartOf(problem);
   std::vector<InitialGuess> others(seeds.begin() + 1, seeds.end());
   for (InitialGuess& seed : RandomSubsetStarts(part, pairs, own_sigmas_px)) others.push_back(std::move(seed));
   // Unmodelled robot noise raises the same doubt, so all rotations are tried only if the fit is far off.
@@ -198,7 +198,7 @@ MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::v
   HandEye promising_start;
   double least_cost = kInfinity;
   for (const InitialGuess& seed : others) {
-    const Outcome<Solution> trial = RefineHandEye(part, seed.hand_eye, trial_options);
+    const Outcome<PairSolution> trial = RefineHandEye(part, seed.hand_eye, trial_options);
     if (!trial) continue;
     const double cost = RobustCost(part, trial->hand_eye, scale_px);
     if (cost >= least_cost) continue;
@@ -210,7 +210,7 @@ MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::v
   MultiStartSolution other{RefineHandEye(problem, promising_start, options), promising->name};
   if (!other.solution) return best;
   constexpr double kBetter = 0.97;
-  const auto cost_of = [&](const Solution& solution) {
+  const auto cost_of = [&](const PairSolution& solution) {
     return RobustCost({solution.camera, ApplyShape(problem.views, solution.shape)}, solution.hand_eye, scale_px);
   };
   if (!best.solution || cost_of(*other.solution) < kBetter * cost_of(*best.solution)) {

@@ -23,7 +23,7 @@ struct InitialGuess {
 double RobustScalePx(const Camera& camera, const std::vector<View>& views, const HandEye& hand_eye);
 
 struct MultiStartSolution {
-  Outcome<Solution> solution = {};
+  Outcome<PairSolution> solution = {};
   std::string seed;  // Name of the initial guess that led to it.
 };
 
@@ -35,7 +35,7 @@ struct MultiStartSolution {
 // captures, some of which contain no outlier, and, if the limits above are exceeded tenfold, the 24 rotations of a
 // cube. Each guess is refined on a part of the captures with fixed intrinsics. The best one is refined on all
 // captures, and returned if its robust cost is lower than that of the first solution. The result is deterministic.
-MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::vector<PosePair>& pairs,
+MultiStartSolution RefineFromMultipleStarts(const PairProblem& problem, const std::vector<PosePair>& pairs,
                                             const std::vector<InitialGuess>& seeds, const BundleOptions& options);
 
 }  // namespace heba

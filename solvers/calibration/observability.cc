@@ -42,15 +42,15 @@ Aspect AspectOf(const Rigid3d& camera_from_target, const Points3& points) {
 }
 
 // The poses of the arms as they are in a capture.
-std::vector<Rigid3d> PosesAt(const RigProblem& used, const RigSolution& solution, size_t capture) {
+std::vector<Rigid3d> PosesAt(const Problem& used, const Solution& solution, size_t capture) {
   return Corrected(WithErrors(used.captures[capture], solution.effects), solution.captures[capture].corrections);
 }
 
-Sights SightsOf(const RigProblem& used, const RigSolution& solution) {
+Sights SightsOf(const Problem& used, const Solution& solution) {
   Sights sights;
   for (size_t i = 0; i < used.captures.size(); ++i) {
     const std::vector<Rigid3d> base_from_gripper = PosesAt(used, solution, i);
-    for (const RigImage& image : used.captures[i].images) {
+    for (const ProblemImage& image : used.captures[i].images) {
       if (image.observations.size() == 0) continue;
       const Aspect aspect =
           AspectOf(CameraFromTarget(used, solution.poses, image.camera, image.target, base_from_gripper),
@@ -69,10 +69,10 @@ Sights SightsOf(const RigProblem& used, const RigSolution& solution) {
 }
 
 // Returns all points of each target that any image has.
-std::vector<Observations> PointsOfTargets(const RigProblem& used) {
+std::vector<Observations> PointsOfTargets(const Problem& used) {
   std::vector<std::map<int, std::pair<Eigen::Vector3d, double>>> points(used.targets.size());
-  for (const RigCapture& capture : used.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : used.captures) {
+    for (const ProblemImage& image : capture.images) {
       const Observations& seen = image.observations;
       for (int p = 0; p < seen.size(); ++p) {
         points[image.target].try_emplace(seen.ids[static_cast<size_t>(p)], seen.points_in_target.col(p),
@@ -101,12 +101,12 @@ std::vector<Observations> PointsOfTargets(const RigProblem& used) {
 // Makes captures at poses of the arms: the images of all cameras.
 class Imagination {
  public:
-  Imagination(const RigProblem& used, const RigSolution& solution, const Sights& sights)
+  Imagination(const Problem& used, const Solution& solution, const Sights& sights)
       : used_(used), solution_(solution), sights_(sights), points_(PointsOfTargets(used)) {}
 
   // `like` is a capture with similar poses, whose shared effects hold, but for smooth errors, which are others.
-  RigCapture At(const std::vector<Rigid3d>& base_from_gripper, size_t like) const {
-    RigCapture capture{"", base_from_gripper, {}, used_.captures[like].effects, used_.captures[like].postures};
+  ProblemCapture At(const std::vector<Rigid3d>& base_from_gripper, size_t like) const {
+    ProblemCapture capture{"", base_from_gripper, {}, used_.captures[like].effects, used_.captures[like].postures};
     for (size_t r = 0; r < capture.effects.size(); ++r) {
       const SharedEffects* const effects = EffectsOf(used_, r);
       if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) capture.effects[r] = nullptr;
@@ -146,16 +146,16 @@ class Imagination {
     return designed;
   }
 
-  const RigProblem& used_;
-  const RigSolution& solution_;
+  const Problem& used_;
+  const Solution& solution_;
   const Sights& sights_;
   std::vector<Observations> points_;
 };
 
 // Returns the rows of a capture in units of their noise, that of the arms included.
-std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSolution& solution,
-                                            const RigCapture& capture, const std::vector<size_t>& moving) {
-  const RigProblem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
+std::optional<Eigen::MatrixXd> WhitenedRows(const Problem& used, const Solution& solution,
+                                            const ProblemCapture& capture, const std::vector<size_t>& moving) {
+  const Problem one{used.robots, used.cameras, used.targets, {capture}, used.effects};
   FitState state = StateOf(solution);
   state.corrections.clear();
   FitNoise noise = NoiseOf(solution);
@@ -172,23 +172,23 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const RigProblem& used, const RigSol
 }
 
 bool SeesAnything(const CandidateCaptures& candidate) {
-  return std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const RigCapture& capture) {
-    return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+  return std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const ProblemCapture& capture) {
+    return std::any_of(capture.images.begin(), capture.images.end(), [&](const ProblemImage& image) {
       return image.camera == candidate.camera && image.target == candidate.target;
     });
   });
 }
 
 // Returns what each camera sees in both captures: "left sees plate and wall, right sees plate".
-std::string SightText(const RigProblem& problem, const CandidateCaptures& candidate) {
+std::string SightText(const Problem& problem, const CandidateCaptures& candidate) {
   std::vector<std::string> texts;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     std::vector<std::string> targets;
     for (size_t t = 0; t < problem.targets.size(); ++t) {
       const bool is_seen =
-          std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const RigCapture& capture) {
+          std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const ProblemCapture& capture) {
             return std::any_of(capture.images.begin(), capture.images.end(),
-                               [&](const RigImage& image) { return image.camera == c && image.target == t; });
+                               [&](const ProblemImage& image) { return image.camera == c && image.target == t; });
           });
       if (is_seen) targets.push_back(problem.targets[t].name);
     }
@@ -198,7 +198,7 @@ std::string SightText(const RigProblem& problem, const CandidateCaptures& candid
 }
 
 // Returns the suggestion of a candidate for a camera. `before` and `after` have the worst direction of each camera.
-Finding Suggest(const RigProblem& problem, const CandidateCaptures& candidate, size_t camera,
+Finding Suggest(const Problem& problem, const CandidateCaptures& candidate, size_t camera,
                 const std::vector<WeakDirection>& before, const std::vector<double>& after) {
   const bool moves_target = problem.targets[candidate.target].mount == Mount{candidate.robot, Mount::Part::kGripper};
   Finding suggested = SuggestionOf(candidate.motion, moves_target, before[camera], after[camera]);
@@ -225,8 +225,8 @@ Finding Suggest(const RigProblem& problem, const CandidateCaptures& candidate, s
 
 }  // namespace
 
-std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const RigSolution& solution, size_t camera) {
-  const RigCamera& of_rig = problem.cameras[camera];
+std::vector<WeakDirection> DirectionsOfCamera(const Problem& problem, const Solution& solution, size_t camera) {
+  const ProblemCamera& of_rig = problem.cameras[camera];
   const UnknownLayout& layout = solution.covariance.layout;
   const double distance_m = WorkingDistance(TargetPosesOf(problem, solution.poses, solution.effects, camera));
   std::vector<WeakDirection> directions;
@@ -236,7 +236,7 @@ std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const R
   add(WorstDirections(solution.covariance.matrix, layout.Block(CameraPoseBlock(of_rig)).first,
                       solution.poses.mount_from_camera[camera], MountText(problem, of_rig), "camera", distance_m));
   for (size_t t = 0; t < problem.targets.size() && problem.cameras.size() == 1; ++t) {
-    const RigTarget& target = problem.targets[t];
+    const ProblemTarget& target = problem.targets[t];
     add(WorstDirections(solution.covariance.matrix, layout.Block(TargetPoseBlock(target)).first,
                         solution.poses.mount_from_target[t], MountText(problem, target),
                         target.name.empty() ? "target" : "target " + target.name, distance_m));
@@ -246,7 +246,7 @@ std::vector<WeakDirection> DirectionsOfCamera(const RigProblem& problem, const R
   return directions;
 }
 
-std::vector<CandidateCaptures> FindCandidates(const RigProblem& used, const RigSolution& solution) {
+std::vector<CandidateCaptures> FindCandidates(const Problem& used, const Solution& solution) {
   constexpr size_t kStarts = 4;
   const Sights sights = SightsOf(used, solution);
   const Imagination imagination(used, solution, sights);
@@ -275,13 +275,13 @@ std::vector<CandidateCaptures> FindCandidates(const RigProblem& used, const RigS
   return candidates;
 }
 
-std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigSolution& solution,
+std::optional<std::vector<double>> SigmasWith(const Problem& used, const Solution& solution,
                                               const CandidateCaptures& candidate,
                                               const std::vector<WeakDirection>& directions) {
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
   const std::vector<size_t> moving = MovingRobots(used);
   Eigen::MatrixXd rows(0, covariance.cols());
-  for (const RigCapture& capture : candidate.captures) {
+  for (const ProblemCapture& capture : candidate.captures) {
     const std::optional<Eigen::MatrixXd> more = WhitenedRows(used, solution, capture, moving);
     if (!more) return std::nullopt;
     const Eigen::Index known = rows.rows();
@@ -304,7 +304,7 @@ std::optional<std::vector<double>> SigmasWith(const RigProblem& used, const RigS
   return sigmas;
 }
 
-std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolution& solution) {
+std::vector<Finding> DiagnoseDirections(const Problem& used, const Solution& solution) {
   std::vector<std::vector<WeakDirection>> directions;
   std::vector<WeakDirection> worst;
   for (size_t c = 0; c < used.cameras.size(); ++c) {
@@ -334,10 +334,10 @@ std::vector<Finding> DiagnoseDirections(const RigProblem& used, const RigSolutio
   return findings;
 }
 
-std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
+std::optional<Finding> DiagnoseWeakDirections(const PairProblem& problem, const PairSolution& solution,
                                               const BundleOptions& options) {
-  const RigSolution of_rig = ProblemSolution(solution);
-  const RigProblem used = WithoutRejected(HandEyeProblem(problem, options), of_rig);
+  const Solution of_rig = ProblemSolution(solution);
+  const Problem used = WithoutRejected(HandEyeProblem(problem, options), of_rig);
   if (!DirectionsOfCamera(used, of_rig, 0).front().IsWeak()) return std::nullopt;
   return std::move(DiagnoseDirections(used, of_rig).front());
 }

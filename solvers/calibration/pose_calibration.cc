@@ -7,7 +7,7 @@
 #include "heba/base/error.h"
 #include "heba/base/even_indices.h"
 #include "heba/base/failure_code.h"
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/calibration/posture_choice.h"
@@ -21,7 +21,7 @@ namespace {
 // A model of the robot's errors, fitted to the pairs.
 struct FittedChain {
   ErrorModel model;
-  Solution solution;
+  PairSolution solution;
   double log_likelihood = 0;
 };
 
@@ -52,15 +52,15 @@ Failure WhyNoStart(const std::vector<MethodResult>& results, const std::string& 
 }
 
 // Refines with the noise of the robot and the simplest systematic errors that the pairs do not reject.
-Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, const HandEye& start,
-                                         Calibration* calibration) {
+Outcome<PairSolution> RefineWithChosenErrors(const PoseCalibrationOptions& options, const HandEye& start,
+                                             PairCalibration* calibration) {
   std::vector<std::shared_ptr<const SharedEffects>> candidates = {nullptr};
   candidates.insert(candidates.end(), options.effects.begin(), options.effects.end());
   if (options.must_have_effects) candidates = {options.effects.back()};
   std::vector<FittedChain> fitted;
   Failure last;
   for (const std::shared_ptr<const SharedEffects>& effects : candidates) {
-    const Outcome<Solution> solution = RefineChainWithNoise(options.setup, calibration->pairs, start, effects);
+    const Outcome<PairSolution> solution = RefineChainWithNoise(options.setup, calibration->pairs, start, effects);
     if (!solution) {
       last = solution.failure();
       continue;
@@ -94,7 +94,7 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
 
 }  // namespace
 
-void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration) {
+void CalibratePoses(const PoseCalibrationOptions& options, PairCalibration* calibration) {
   CHECK(options.has_robot_noise || options.effects.empty());
   const std::vector<MethodResult> results = RunMethods(*calibration);
   calibration->methods = Reported(results, options.methods);
@@ -111,23 +111,23 @@ void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibrat
 }
 
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
-                                                             const HandEye& start, const RigArmErrors& arm) {
-  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
+                                                             const HandEye& start, const ArmErrorModels& arm) {
+  const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<PairSolution>> {
     std::vector<PosePair> with_errors = pairs;
     for (size_t i = 0; i < pairs.size(); ++i) with_errors[i].effect = arm.effects_of_captures[branches[i]][i];
-    Outcome<Solution> solution = RefineChainWithNoise(setup, with_errors, start, ErrorsOfBranches(arm));
+    Outcome<PairSolution> solution = RefineChainWithNoise(setup, with_errors, start, ErrorsOfBranches(arm));
     if (!solution) return std::nullopt;
     const double log_likelihood = ChainLogLikelihoodOf(setup, with_errors, *solution);
-    return FittedPostures<Solution>{std::move(*solution), log_likelihood};
+    return FittedPostures<PairSolution>{std::move(*solution), log_likelihood};
   };
   PosturesOfCaptures postures = PosturesByErrors(arm, EvenIndices(pairs.size(), pairs.size()));
-  const auto choose = [&](const Solution& at) -> std::optional<std::vector<size_t>> {
+  const auto choose = [&](const PairSolution& at) -> std::optional<std::vector<size_t>> {
     postures.views = LinearisePairs(setup, pairs, at);
     postures.variances = CorrectionVariances(*at.robot_noise);
     return ChoosePostures(postures);
   };
-  std::optional<Solution> at;
-  if (Outcome<Solution> without = RefineChainWithNoise(setup, pairs, start, nullptr)) at = std::move(*without);
+  std::optional<PairSolution> at;
+  if (Outcome<PairSolution> without = RefineChainWithNoise(setup, pairs, start, nullptr)) at = std::move(*without);
   return MostProbableBranches(arm, pairs.size(), std::move(at), fit, choose);
 }
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "heba/base/failure_code.h"
-#include "heba/cross_validation.h"
+#include "heba/pair_cross_validation.h"
 #include "solvers/residuals/repeated_poses.h"
 
 namespace heba {
@@ -43,7 +43,8 @@ HoldOut HoldOutOf(const std::string& method, HeldOutPoses errors) {
 
 }  // namespace
 
-std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalibrationOptions& options, int num_folds) {
+std::vector<HoldOut> CrossValidatePoses(const PairCalibration& full, const PoseCalibrationOptions& options,
+                                        int num_folds) {
   PoseCalibrationOptions fold_options = options;
   fold_options.effects.clear();
   if (full.bundle.effects != nullptr) fold_options.effects = {full.bundle.effects};
@@ -56,7 +57,7 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
   }
   std::map<std::string, HeldOutPoses> errors;
   for (int fold = 0; fold < num_folds; ++fold) {
-    Calibration part;
+    PairCalibration part;
     std::vector<size_t> held_out;
     for (size_t i = 0; i < full.pairs.size(); ++i) {
       if (fold_of[i] == fold) {
@@ -67,7 +68,8 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
     }
     CalibratePoses(fold_options, &part);
     // Predicts the poses that were held out, with the errors of the robot that `solution` has found.
-    const auto predict = [&](const std::string& method, const Outcome<HandEye>& hand_eye, const Solution& solution) {
+    const auto predict = [&](const std::string& method, const Outcome<HandEye>& hand_eye,
+                             const PairSolution& solution) {
       HeldOutPoses& of_method = errors[method];
       if (!hand_eye) of_method.Fail(fold, hand_eye.failure());
       for (size_t k = 0; hand_eye && k < held_out.size(); ++k) {
@@ -77,11 +79,11 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
         of_method.Add(CameraFromTarget(*hand_eye, mount), pair.camera_from_target, held_out[k]);
       }
     };
-    for (const MethodResult& method : part.methods) predict(method.method, method.hand_eye, Solution());
+    for (const MethodResult& method : part.methods) predict(method.method, method.hand_eye, PairSolution());
     if (part.chain) {
       predict(kChainMethod, part.chain->hand_eye, *part.chain);
     } else {
-      predict(kChainMethod, part.chain.failure(), Solution());
+      predict(kChainMethod, part.chain.failure(), PairSolution());
     }
   }
   std::vector<HoldOut> results;

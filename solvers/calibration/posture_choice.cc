@@ -261,11 +261,11 @@ double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures&
          std::log(num_others) * num_changes - (num_changes > 0 ? kDecided : 0);
 }
 
-const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm) {
+const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const ArmErrorModels& arm) {
   return arm.of_branches != nullptr ? arm.of_branches : arm.models.back();
 }
 
-PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<size_t>& captures) {
+PosturesOfCaptures PosturesByErrors(const ArmErrorModels& arm, const std::vector<size_t>& captures) {
   const SharedEffects& errors = *ErrorsOfBranches(arm);
   PosturesOfCaptures postures;
   postures.error_variances.resize(errors.size());
@@ -293,7 +293,7 @@ PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<s
   return postures;
 }
 
-std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+std::vector<size_t> BranchesOfAll(const ArmErrorModels& arm, const std::vector<size_t>& captures,
                                   const std::vector<size_t>& branches) {
   CHECK_EQ(captures.size(), branches.size());
   std::vector<size_t> of_all(arm.effects_of_captures.front().size(), branches.front());

@@ -45,15 +45,15 @@ std::vector<size_t> ChoosePostures(const PosturesOfCaptures& captures);
 double LogPriorOf(const std::vector<size_t>& postures, const PosturesOfCaptures& captures);
 
 // Returns the errors by which the configurations of an arm are told from each other.
-const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const RigArmErrors& arm);
+const std::shared_ptr<const SharedEffects>& ErrorsOfBranches(const ArmErrorModels& arm);
 
 // Returns the postures of these captures, one per configuration of the arm, at errors of zero: the fields by_errors,
 // joints and error_variances. The others, which depend on an estimate, are left to the caller.
-PosturesOfCaptures PosturesByErrors(const RigArmErrors& arm, const std::vector<size_t>& captures);
+PosturesOfCaptures PosturesByErrors(const ArmErrorModels& arm, const std::vector<size_t>& captures);
 
 // Returns the configurations of all captures from those of some, which are in increasing order: another capture is in
 // that of the capture before it, as far as the arm can be.
-std::vector<size_t> BranchesOfAll(const RigArmErrors& arm, const std::vector<size_t>& captures,
+std::vector<size_t> BranchesOfAll(const ArmErrorModels& arm, const std::vector<size_t>& captures,
                                   const std::vector<size_t>& branches);
 
 // An adjustment with the errors of an arm, and the logarithm of its restricted likelihood.
@@ -69,7 +69,7 @@ struct FittedPostures {
 // adjustment with the errors in these configurations, `choose` the configurations that explain the captures best at an
 // estimate; each may return nothing. Returns nothing if no choice can be fitted.
 template <class AnySolution, class Fit, class Choose>
-std::optional<std::vector<size_t>> MostProbableBranches(const RigArmErrors& arm, size_t num_captures,
+std::optional<std::vector<size_t>> MostProbableBranches(const ArmErrorModels& arm, size_t num_captures,
                                                         std::optional<AnySolution> start, Fit fit, Choose choose) {
   if (arm.effects_of_captures.size() == 1) return std::vector<size_t>(num_captures, 0);
   const PosturesOfCaptures all = PosturesByErrors(arm, EvenIndices(num_captures, num_captures));

@@ -61,7 +61,7 @@ void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup
   if (!is_free && was_free) shape->erase(place);
 }
 
-void SetShape(const std::vector<TargetShapeGroup>& free_shape, RigTarget* target) {
+void SetShape(const std::vector<TargetShapeGroup>& free_shape, ProblemTarget* target) {
   target->free_shape = free_shape;
   const auto free = FreeShapeOf(free_shape);
   for (size_t i = 0; i < free.size(); ++i) {
@@ -109,7 +109,7 @@ bool Contains(const ProblemModel& larger, const ProblemModel& smaller) {
 
 // Returns the parts that are chosen. Systematic errors are modelled beside the random ones, never instead of them, so
 // that the noise of the arms and the errors of one of them are one part if both are chosen.
-std::vector<PartOptions> PartsOf(const RigProblem& problem, const ModelSpace& space, const RigOptions& options,
+std::vector<PartOptions> PartsOf(const Problem& problem, const ModelSpace& space, const AdjustmentOptions& options,
                                  bool has_few_poses) {
   std::vector<PartOptions> parts;
   const bool may_be_exact = space.robot_noise && !has_few_poses;
@@ -189,16 +189,16 @@ std::vector<std::vector<PartOptions>> GroupParts(std::vector<PartOptions> parts)
 }
 
 // Returns the model of a problem, with the largest of each part that is chosen.
-ProblemModel LargestModel(const RigProblem& problem, const std::vector<PartOptions>& parts, Robot robot) {
+ProblemModel LargestModel(const Problem& problem, const std::vector<PartOptions>& parts, Robot robot) {
   ProblemModel model;
   model.robot = robot;
-  for (const RigTarget& target : problem.targets) model.shapes.push_back(target.free_shape);
+  for (const ProblemTarget& target : problem.targets) model.shapes.push_back(target.free_shape);
   model.effects.resize(problem.robots.size());
   for (const PartOptions& part : parts) part.back()(&model);
   return model;
 }
 
-bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model) {
+bool HasModel(const Problem& problem, const AdjustmentOptions& options, const ProblemModel& model) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     if (problem.targets[t].free_shape != model.shapes[t]) return false;
   }
@@ -208,10 +208,10 @@ bool HasModel(const RigProblem& problem, const RigOptions& options, const Proble
   return options.robot == model.robot;
 }
 
-RigProblem StartingFrom(RigProblem problem, const RigSolution& solution) {
+Problem StartingFrom(Problem problem, const Solution& solution) {
   for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
   for (size_t t = 0; t < problem.targets.size(); ++t) {
-    RigTarget& target = problem.targets[t];
+    ProblemTarget& target = problem.targets[t];
     const auto free = FreeShapeOf(target.free_shape);
     for (size_t i = 0; i < free.size(); ++i) {
       if (free[i]) target.shape.params[i] = solution.shapes[t].params[i];
@@ -225,7 +225,7 @@ ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {
 }
 
 void SetEffects(size_t robot, const Effects& model, const std::vector<std::shared_ptr<const PoseEffect>>& effects,
-                RigProblem* problem) {
+                Problem* problem) {
   std::vector<int> estimated;
   for (size_t k = 0; model != nullptr && k < model->effects.size(); ++k) {
     estimated.push_back(model->effects[k].index);
@@ -240,7 +240,7 @@ void SetEffects(size_t robot, const Effects& model, const std::vector<std::share
   }
 }
 
-RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space) {
+Problem WithModel(Problem problem, const ProblemModel& model, const ModelSpace& space) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     SetShape(model.shapes[t], &problem.targets[t]);
   }

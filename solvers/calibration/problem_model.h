@@ -6,10 +6,10 @@
 #include <memory>
 #include <vector>
 
-#include "heba/calibration_types.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
-#include "heba/rig_adjustment.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "heba/pair_calibration_types.h"
+#include "heba/refinement.h"
 #include "heba/robot_errors.h"
 
 namespace heba {
@@ -29,7 +29,7 @@ std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
 void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup>* shape);
 
 // Sets the unknown parts of a target's shape; the others become as designed.
-void SetShape(const std::vector<TargetShapeGroup>& free_shape, RigTarget* target);
+void SetShape(const std::vector<TargetShapeGroup>& free_shape, ProblemTarget* target);
 
 // The parts of a problem that are to be chosen; the others are as the problem has them.
 struct ModelSpace {
@@ -37,8 +37,8 @@ struct ModelSpace {
   std::vector<bool> shapes;  // One per target: whether the unknown parts of its shape but the twist are chosen.
   std::vector<bool> twists;  // One per target: whether its twist is chosen.
   // One per arm: the errors among which is chosen, none first, with their effects on the captures, of which there is
-  // one choice (RigArmErrors::effects_of_captures). An arm without models keeps the effects of the problem.
-  std::vector<RigArmErrors> arms;
+  // one choice (ArmErrorModels::effects_of_captures). An arm without models keeps the effects of the problem.
+  std::vector<ArmErrorModels> arms;
   // One per camera: the cameras among which is chosen, of which each is an initial guess with another model, the
   // smallest first. With fewer than two the model of the problem's camera holds.
   std::vector<std::vector<Camera>> lenses;
@@ -54,15 +54,15 @@ struct ProblemModel {
 // Returns the error model of one arm and one target.
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
 // Returns whether a problem that is adjusted with these options has a model.
-bool HasModel(const RigProblem& problem, const RigOptions& options, const ProblemModel& model);
+bool HasModel(const Problem& problem, const AdjustmentOptions& options, const ProblemModel& model);
 // Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
-RigProblem StartingFrom(RigProblem problem, const RigSolution& solution);
+Problem StartingFrom(Problem problem, const Solution& solution);
 // Sets the errors of an arm; `model` is null for none. `effects` has one entry per capture, a function of all effects
 // of the arm, null if the capture has none.
 void SetEffects(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-                const std::vector<std::shared_ptr<const PoseEffect>>& effects, RigProblem* problem);
+                const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem);
 // Returns the problem with a model, whose chosen parts are those of `space`.
-RigProblem WithModel(RigProblem problem, const ProblemModel& model, const ModelSpace& space);
+Problem WithModel(Problem problem, const ProblemModel& model, const ModelSpace& space);
 
 // Returns the number of parameters of all shapes, and that of all variances, as of one arm and one target.
 int NumShapeParams(const ProblemModel& model);
@@ -75,10 +75,10 @@ bool Contains(const ProblemModel& larger, const ProblemModel& smaller);
 using PartOptions = std::vector<std::function<void(ProblemModel*)>>;
 // Returns the parts that are chosen. With few poses of the arms (kMinPosesForVariances) these are noisy and have no
 // systematic errors.
-std::vector<PartOptions> PartsOf(const RigProblem& problem, const ModelSpace& space, const RigOptions& options,
+std::vector<PartOptions> PartsOf(const Problem& problem, const ModelSpace& space, const AdjustmentOptions& options,
                                  bool has_few_poses);
 // Returns the model of a problem, with the largest of each part that is chosen.
-ProblemModel LargestModel(const RigProblem& problem, const std::vector<PartOptions>& parts, BundleOptions::Robot robot);
+ProblemModel LargestModel(const Problem& problem, const std::vector<PartOptions>& parts, BundleOptions::Robot robot);
 // Returns the combinations of parts, with the others as in `model`, the simplest first.
 std::vector<ProblemModel> CombinationsOf(const std::vector<PartOptions>& parts, const ProblemModel& model);
 

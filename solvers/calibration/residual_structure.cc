@@ -52,9 +52,9 @@ Eigen::Matrix2d WhiteningOf(const Observations& observations, Eigen::Index point
 using PointsOfTargets = std::map<std::pair<size_t, int>, PointSums>;
 using RegionsOfCameras = std::map<std::pair<size_t, int>, RegionSums>;
 
-void AddImage(const RigProblem& problem, const RigSolution& solution, const FitState& state, const ImageIndex& index,
+void AddImage(const Problem& problem, const Solution& solution, const FitState& state, const ImageIndex& index,
               PointsOfTargets* points, RegionsOfCameras* regions) {
-  const RigImage& image = problem.captures[index.capture].images[index.image];
+  const ProblemImage& image = problem.captures[index.capture].images[index.image];
   const Camera& camera = solution.cameras[image.camera];
   const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
   const Rigid3d camera_from_target = PredictedPose(problem, state, index);
@@ -108,7 +108,7 @@ std::vector<PointDeviation> DeviationsOf(const PointsOfTargets& points) {
   return deviations;
 }
 
-std::vector<RegionDeviation> DeviationsOf(const RegionsOfCameras& regions, const RigSolution& solution) {
+std::vector<RegionDeviation> DeviationsOf(const RegionsOfCameras& regions, const Solution& solution) {
   constexpr int kFewestPoints = 10;
   std::vector<RegionDeviation> deviations;
   for (const auto& [key, sums] : regions) {
@@ -151,7 +151,7 @@ DeviationCounts<Deviation> CountDeviations(const std::vector<Deviation>& all, si
   return counts;
 }
 
-Finding DescribePoints(const RigProblem& problem, size_t target, const std::vector<PointDeviation>& points) {
+Finding DescribePoints(const Problem& problem, size_t target, const std::vector<PointDeviation>& points) {
   Finding finding{Grade::kGood, FindingCode("target_points")};
   const auto counts = CountDeviations(points, &PointDeviation::target, target, &PointDeviation::deviation_m);
   if (counts.largest == nullptr) return {};
@@ -164,7 +164,7 @@ Finding DescribePoints(const RigProblem& problem, size_t target, const std::vect
   return finding;
 }
 
-Finding DescribeRegions(const RigProblem& problem, size_t camera, const std::vector<RegionDeviation>& regions) {
+Finding DescribeRegions(const Problem& problem, size_t camera, const std::vector<RegionDeviation>& regions) {
   Finding finding{Grade::kGood, FindingCode("image_regions")};
   const auto counts = CountDeviations(regions, &RegionDeviation::camera, camera, &RegionDeviation::mean_px);
   if (counts.largest == nullptr) return {};
@@ -180,8 +180,8 @@ Finding DescribeRegions(const RigProblem& problem, size_t camera, const std::vec
 
 }  // namespace
 
-ResidualStructure FindResidualStructure(const RigProblem& problem, const RigSolution& solution) {
-  const RigProblem weighted = WeightedAs(solution, problem);
+ResidualStructure FindResidualStructure(const Problem& problem, const Solution& solution) {
+  const Problem weighted = WeightedAs(solution, problem);
   const FitState state = StateOf(solution);
   PointsOfTargets points;
   RegionsOfCameras regions;

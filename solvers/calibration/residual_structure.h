@@ -7,8 +7,8 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 
@@ -35,6 +35,6 @@ inline constexpr double kDeviates = 1e-3;
 // squares of all its residuals r, r = J d; its chi-square has 3 degrees of freedom, that of the mean of a region 2, in
 // units of the estimated sigma. What the poses of single images take up makes both smaller than they are, not larger.
 // `problem` holds the points that the solution used. Images with a point that cannot be projected are passed over.
-ResidualStructure FindResidualStructure(const RigProblem& problem, const RigSolution& solution);
+ResidualStructure FindResidualStructure(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kScaleEffect = "scale";
 
-bool IsScaleFree(const RigTarget& target) {
+bool IsScaleFree(const ProblemTarget& target) {
   return std::find(target.free_shape.begin(), target.free_shape.end(), TargetShapeGroup::kScale) !=
          target.free_shape.end();
 }
@@ -51,7 +51,7 @@ class StretchedEffect final : public PoseEffect {
 };
 
 // Adds the scale of an arm's translations to its effects, with one sigma of it.
-void AddScaleOfRobot(size_t robot, double sigma, RigProblem* problem, FitState* state, FitNoise* noise) {
+void AddScaleOfRobot(size_t robot, double sigma, Problem* problem, FitState* state, FitNoise* noise) {
   const size_t num_robots = problem->robots.size();
   problem->effects.resize(num_robots);
   state->effects.resize(num_robots);
@@ -66,7 +66,7 @@ void AddScaleOfRobot(size_t robot, double sigma, RigProblem* problem, FitState* 
   state->effects[robot].conservativeResize(num_others + 1);
   state->effects[robot][num_others] = 0;
   noise->effect_sigmas[robot].push_back(sigma);
-  for (RigCapture& capture : problem->captures) {
+  for (ProblemCapture& capture : problem->captures) {
     capture.effects.resize(num_robots);
     capture.effects[robot] =
         std::make_shared<StretchedEffect>(capture.base_from_gripper[robot], std::move(capture.effects[robot]));
@@ -80,13 +80,13 @@ struct NormalEquationsOfAll {
   Eigen::VectorXd right;
 };
 
-std::optional<NormalEquationsOfAll> NormalEquationsOf(const RigProblem& problem, const FitState& state,
+std::optional<NormalEquationsOfAll> NormalEquationsOf(const Problem& problem, const FitState& state,
                                                       const FitNoise& noise) {
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(problem, GroupByRobotPoses(problem), state, noise, LossOf(LossKind::kNone), 1);
   if (!views) return std::nullopt;
   const Eigen::VectorXd variances = CorrectionVariances(noise, NoisyJointsOf(problem, MovingRobots(problem)));
-  NormalEquationsOfAll equations{RigUnknowns(problem), {}, {}};
+  NormalEquationsOfAll equations{UnknownsOf(problem), {}, {}};
   const Eigen::Index size = equations.layout.size();
   StackedRows stacked(static_cast<int>(size + 1));
   for (const LinearisedView& view : *views) {
@@ -108,9 +108,9 @@ std::optional<NormalEquationsOfAll> NormalEquationsOf(const RigProblem& problem,
 }
 
 // Returns the covariance without what the prior knowledge of the scales of targets, C P C, contributes to it.
-Covariance WithoutScalesOfTargets(const RigProblem& problem, const Covariance& covariance) {
+Covariance WithoutScalesOfTargets(const Problem& problem, const Covariance& covariance) {
   Covariance without = covariance;
-  for (const RigTarget& target : problem.targets) {
+  for (const ProblemTarget& target : problem.targets) {
     if (!target.scale_sigma) continue;
     const UnknownBlock block = covariance.layout.Block(TargetShapeBlock(target));
     for (Eigen::Index i = block.first; i < block.end(); ++i) {
@@ -123,11 +123,11 @@ Covariance WithoutScalesOfTargets(const RigProblem& problem, const Covariance& c
 }
 
 // Returns the findings about the scales of targets that were estimated.
-std::vector<Finding> JudgeScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas) {
+std::vector<Finding> JudgeScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas) {
   std::vector<Finding> findings;
   const double robot = sigmas.robots.empty() ? 0 : *std::max_element(sigmas.robots.begin(), sigmas.robots.end());
   for (size_t t = 0; t < problem.targets.size(); ++t) {
-    const RigTarget& target = problem.targets[t];
+    const ProblemTarget& target = problem.targets[t];
     if (!IsScaleFree(target)) continue;
     // The focal length of the only camera takes part of a wrong scale if it is free.
     const bool is_focal_held = problem.cameras.size() == 1 && problem.cameras[0].free_intrinsics.empty();
@@ -142,7 +142,7 @@ std::vector<Finding> JudgeScales(const RigProblem& problem, const RigSolution& s
 
 // Returns the finding that says where the scale comes from; `changes` are those by the scales. Nothing if there are
 // none.
-std::optional<Finding> DescribeSource(const RigProblem& problem, const ScaleSigmas& sigmas,
+std::optional<Finding> DescribeSource(const Problem& problem, const ScaleSigmas& sigmas,
                                       const std::vector<Eigen::VectorXd>& changes, const UnknownLayout& layout) {
   size_t largest = 0;
   double share_m = 0;
@@ -156,7 +156,7 @@ std::optional<Finding> DescribeSource(const RigProblem& problem, const ScaleSigm
   }
   if (share_m <= 0) return std::nullopt;
   const bool has_target = std::any_of(problem.targets.begin(), problem.targets.end(),
-                                      [](const RigTarget& target) { return !IsScaleFree(target); });
+                                      [](const ProblemTarget& target) { return !IsScaleFree(target); });
   Finding finding{Grade::kGood, FindingCode("scale_source")};
   finding.numbers = {{"share_mm", 1000 * share_m},
                      {"robot_scale_sigma", *std::max_element(sigmas.robots.begin(), sigmas.robots.end())},
@@ -169,18 +169,18 @@ std::optional<Finding> DescribeSource(const RigProblem& problem, const ScaleSigm
 
 }  // namespace
 
-ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas) {
+ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas) {
   CHECK_EQ(sigmas.targets.size(), problem.targets.size());
   CHECK_EQ(sigmas.robots.size(), problem.robots.size());
   ScaleShare share;
   share.repeatable = WithoutScalesOfTargets(problem, solution.covariance);
   share.findings = JudgeScales(problem, solution, sigmas);
-  RigProblem all = WeightedAs(solution, problem);
+  Problem all = WeightedAs(solution, problem);
   FitState state = StateOf(solution);
   FitNoise noise = NoiseOf(solution);
   std::set<std::string> held;
   for (size_t t = 0; t < all.targets.size(); ++t) {
-    RigTarget& target = all.targets[t];
+    ProblemTarget& target = all.targets[t];
     if (IsScaleFree(target) || sigmas.targets[t] <= 0) continue;
     target.free_shape.push_back(TargetShapeGroup::kScale);
     target.scale_sigma = sigmas.targets[t];

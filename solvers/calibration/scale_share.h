@@ -6,11 +6,11 @@
 
 #include <Eigen/Core>
 
-#include "heba/calibration.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
 #include "heba/data/scale_sigmas.h"
+#include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
+#include "heba/pair_calibration.h"
 
 namespace heba {
 
@@ -33,9 +33,9 @@ struct ScaleShare {
 // changes are the columns of H_xx^-1 H_xh S^(1/2), and that by the mean of h, because the estimate is that without
 // them. A scale that the solution estimated without prior knowledge is in its covariance already. `problem` holds the
 // points that the solution used. The share is empty if a point cannot be projected.
-ScaleShare ShareOfScales(const RigProblem& problem, const RigSolution& solution, const ScaleSigmas& sigmas);
+ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas);
 
-// Makes the covariance of a solution (Solution, RigSolution) the total one, and keeps the repeatable one. Other causes
+// Makes the covariance of a solution (Solution, Solution) the total one, and keeps the repeatable one. Other causes
 // (Advice) make `changes`, which are part of both. The causes that all sessions of a cell have in common besides its
 // scales make `of_cell`, which is part of the total one alone.
 template <class AnySolution>

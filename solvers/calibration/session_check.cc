@@ -53,20 +53,20 @@ Eigen::MatrixXd CovarianceIn(const UnknownLayout& layout, const Covariance& know
 }
 
 // Adds the wobble of what grippers carry.
-void AddWobble(const RigProblem& problem, const UnknownLayout& layout, const RobotNoise& wobble,
+void AddWobble(const Problem& problem, const UnknownLayout& layout, const RobotNoise& wobble,
                Eigen::MatrixXd* covariance) {
   const Tangent6 variances = CorrectionVariances(wobble);
   const auto add = [&](const Mount& mount, const std::string& block) {
     const Eigen::Index first = layout.Block(block).first;
     if (mount.part == Mount::Part::kGripper) covariance->diagonal().segment<6>(first) += variances;
   };
-  for (const RigCamera& camera : problem.cameras) add(camera.mount, CameraPoseBlock(camera));
-  for (const RigTarget& target : problem.targets) add(target.mount, TargetPoseBlock(target));
+  for (const ProblemCamera& camera : problem.cameras) add(camera.mount, CameraPoseBlock(camera));
+  for (const ProblemTarget& target : problem.targets) add(target.mount, TargetPoseBlock(target));
 }
 
 // Adds the covariance of the rows of all views that the smooth errors of the arms cause. `first_rows` are the places of
 // the views.
-void AddSmoothErrors(const RigProblem& problem, const SessionOptions& options, const std::vector<LinearisedView>& views,
+void AddSmoothErrors(const Problem& problem, const SessionOptions& options, const std::vector<LinearisedView>& views,
                      const std::vector<Eigen::Index>& first_rows, Eigen::MatrixXd* covariance) {
   const std::vector<size_t> captures = CapturesWithPoints(problem);
   const std::vector<size_t> moving = MovingRobots(problem);
@@ -92,11 +92,11 @@ void AddSmoothErrors(const RigProblem& problem, const SessionOptions& options, c
   }
 }
 
-WhitenedSession Whiten(const RigProblem& problem, const RigSolution& solution, const SessionOptions& options,
+WhitenedSession Whiten(const Problem& problem, const Solution& solution, const SessionOptions& options,
                        const std::vector<LinearisedView>& views) {
   const Eigen::VectorXd variances =
       CorrectionVariances(NoiseOf(solution), NoisyJointsOf(problem, MovingRobots(problem)));
-  WhitenedSession session{RigUnknowns(problem), {}, {}};
+  WhitenedSession session{UnknownsOf(problem), {}, {}};
   std::vector<Eigen::Index> first_rows;
   Eigen::Index num_rows = 0;
   for (const LinearisedView& view : views) {
@@ -210,7 +210,7 @@ double SizeSeen(const std::vector<TestedPart>& parts, const TestedPart& moved, b
 }
 
 // Returns the parts that the images may tell, poses before lenses, with their columns in `by_unknowns`.
-std::vector<TestedPart> PartsOf(const RigProblem& problem, const UnknownLayout& layout, bool has_targets,
+std::vector<TestedPart> PartsOf(const Problem& problem, const UnknownLayout& layout, bool has_targets,
                                 std::vector<Eigen::Index>* columns) {
   std::vector<TestedPart> parts;
   const auto add = [&](ChangedPart kind, size_t index, const std::string& block_name) {
@@ -258,7 +258,7 @@ struct Evaluated {
 };
 
 // Returns nothing if a point cannot be projected.
-std::optional<Evaluated> EvaluateAt(const RigProblem& problem, const RigSolution& at, const SessionOptions& options,
+std::optional<Evaluated> EvaluateAt(const Problem& problem, const Solution& at, const SessionOptions& options,
                                     const std::vector<Eigen::Index>& columns) {
   std::optional<std::vector<LinearisedView>> views =
       LineariseEachCapture(problem, StateOf(at), NoiseOf(at), LossOf(LossKind::kNone));
@@ -275,7 +275,7 @@ std::optional<Evaluated> EvaluateAt(const RigProblem& problem, const RigSolution
   evaluated.residuals = evaluated.all_residuals;
   if (options.is_target_in_place) return evaluated;
   std::vector<Eigen::Index> of_targets;
-  for (const RigTarget& target : problem.targets) {
+  for (const ProblemTarget& target : problem.targets) {
     const UnknownBlock block = evaluated.layout.Block(TargetPoseBlock(target));
     for (Eigen::Index i = block.first; i < block.end(); ++i) of_targets.push_back(i);
   }
@@ -288,7 +288,7 @@ std::optional<Evaluated> EvaluateAt(const RigProblem& problem, const RigSolution
 }
 
 // Steps the poses of moved targets to where they explain these residuals best. Returns the length of the step.
-double StepTargets(const Evaluated& at, const Eigen::VectorXd& residuals, RigSolution* solution) {
+double StepTargets(const Evaluated& at, const Eigen::VectorXd& residuals, Solution* solution) {
   if (at.moved.cols() == 0) return 0;
   const Eigen::VectorXd step = SolveSymmetric(at.moved.transpose() * at.moved, at.moved.transpose() * residuals);
   for (size_t t = 0; t < solution->poses.mount_from_target.size(); ++t) {
@@ -300,14 +300,14 @@ double StepTargets(const Evaluated& at, const Eigen::VectorXd& residuals, RigSol
 
 // Returns the solution with the poses of its targets as the images show them: from the pose that most images agree with
 // to the one of least squares.
-RigSolution WithTargetsPlaced(const RigProblem& problem, RigSolution solution, const SessionOptions& options) {
+Solution WithTargetsPlaced(const Problem& problem, Solution solution, const SessionOptions& options) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     std::vector<Rigid3d> candidates;
-    for (const RigCapture& capture : problem.captures) {
-      for (const RigImage& image : capture.images) {
+    for (const ProblemCapture& capture : problem.captures) {
+      for (const ProblemImage& image : capture.images) {
         if (image.target != t) continue;
         const std::vector<Rigid3d> base_from_gripper = WithErrors(capture, solution.effects);
-        const RigCamera& camera = problem.cameras[image.camera];
+        const ProblemCamera& camera = problem.cameras[image.camera];
         const std::vector<Rigid3d>& bases = solution.poses.world_from_base;
         const Rigid3d world_from_camera =
             WorldFromMount(camera.mount, bases, base_from_gripper) * solution.poses.mount_from_camera[image.camera];
@@ -344,17 +344,16 @@ RigSolution WithTargetsPlaced(const RigProblem& problem, RigSolution solution, c
 
 // The best change of one part alone.
 struct FittedChange {
-  RigSolution solution;
+  Solution solution;
   Eigen::MatrixXd covariance;
   double squares = 0;  // The sum of the squares of the whitened residuals that are left.
 };
 
 // Changes the part until the images ask for no more. Returns nothing if its change is not determined.
-std::optional<FittedChange> FitChange(const RigProblem& problem, const RigSolution& start,
-                                      const SessionOptions& options, const std::vector<Eigen::Index>& columns,
-                                      const TestedPart& part) {
+std::optional<FittedChange> FitChange(const Problem& problem, const Solution& start, const SessionOptions& options,
+                                      const std::vector<Eigen::Index>& columns, const TestedPart& part) {
   std::optional<FittedChange> fitted;
-  RigSolution at = start;
+  Solution at = start;
   constexpr int kMostSteps = 8;
   constexpr double kSmall = 1e-7;
   for (int step = 0; step <= kMostSteps; ++step) {
@@ -384,7 +383,7 @@ std::optional<FittedChange> FitChange(const RigProblem& problem, const RigSoluti
 }
 
 // Returns the change of a part from the calibration to a solution: the tangent of a pose, or the difference of a lens.
-Eigen::VectorXd ChangeTo(const RigSolution& calibration, const RigSolution& solution, const SessionChange& part) {
+Eigen::VectorXd ChangeTo(const Solution& calibration, const Solution& solution, const SessionChange& part) {
   const size_t i = part.index;
   if (part.part == ChangedPart::kCamera) {
     return LocalCoordinates(calibration.poses.mount_from_camera[i], solution.poses.mount_from_camera[i]);
@@ -400,15 +399,15 @@ Eigen::VectorXd ChangeTo(const RigSolution& calibration, const RigSolution& solu
 }
 
 // Returns by how many sigmas of a pixel a change of a lens moves the points (RMS).
-double LensShift(const RigProblem& problem, const Evaluated& at, const SessionChange& lens) {
+double LensShift(const Problem& problem, const Evaluated& at, const SessionChange& lens) {
   const UnknownBlock block = at.layout.Block(CameraBlock(problem.cameras[lens.index]));
   double squares = 0;
   for (const LinearisedView& view : at.views) {
     squares += (view.by_unknowns.middleCols(block.first, block.size) * lens.change).squaredNorm();
   }
   double num_points = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) {
       if (image.camera == lens.index) num_points += image.observations.size();
     }
   }
@@ -416,11 +415,11 @@ double LensShift(const RigProblem& problem, const Evaluated& at, const SessionCh
 }
 
 // Sets the scatter of the points about the best pose of the target in each image.
-void SetScatter(const RigProblem& problem, const RigSolution& solution, SessionCheck* check) {
+void SetScatter(const Problem& problem, const Solution& solution, SessionCheck* check) {
   double squares = 0;
   double number = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) {
       constexpr int kPoseParams = 6;
       const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
       if (2 * points.size() <= kPoseParams) continue;
@@ -441,7 +440,7 @@ void SetScatter(const RigProblem& problem, const RigSolution& solution, SessionC
 
 // Replaces the linear changes of the poses by those that fit best, adds the lenses that have changed beyond doubt, and
 // sets what is left unexplained.
-void FitChanges(const RigProblem& problem, const RigSolution& calibration, const RigSolution& start,
+void FitChanges(const Problem& problem, const Solution& calibration, const Solution& start,
                 const SessionOptions& options, const std::vector<Eigen::Index>& columns, const Evaluated& at_start,
                 const std::vector<TestedPart>& parts, const std::vector<TestedPart>& lenses, SessionCheck* check) {
   const double dof = calibration.covariance_dof;
@@ -490,23 +489,22 @@ void FitChanges(const RigProblem& problem, const RigSolution& calibration, const
 
 }  // namespace
 
-Outcome<SessionCheck> CheckSession(const RigProblem& problem_in, const RigSolution& solution,
-                                   const SessionOptions& options) {
-  RigSolution calibration = solution;
+Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& solution, const SessionOptions& options) {
+  Solution calibration = solution;
   calibration.unmodelled_sigma_px.resize(problem_in.cameras.size());  // A file does not have them.
-  const RigProblem problem = WeightedAs(calibration, problem_in);
+  const Problem problem = WeightedAs(calibration, problem_in);
   SessionCheck check;
-  for (const RigCapture& capture : problem.captures) {
+  for (const ProblemCapture& capture : problem.captures) {
     std::set<size_t> cameras;
-    for (const RigImage& image : capture.images) cameras.insert(image.camera);
+    for (const ProblemImage& image : capture.images) cameras.insert(image.camera);
     check.num_images += static_cast<int>(cameras.size());
   }
   if (CapturesWithPoints(problem).empty()) return Failure{FailureCode("no_target")};
   const double dof = calibration.covariance_dof;
   SetScatter(problem, calibration, &check);
   std::vector<Eigen::Index> columns;
-  std::vector<TestedPart> parts = PartsOf(problem, RigUnknowns(problem), options.is_target_in_place, &columns);
-  const RigSolution start = options.is_target_in_place ? calibration : WithTargetsPlaced(problem, calibration, options);
+  std::vector<TestedPart> parts = PartsOf(problem, UnknownsOf(problem), options.is_target_in_place, &columns);
+  const Solution start = options.is_target_in_place ? calibration : WithTargetsPlaced(problem, calibration, options);
   const std::optional<Evaluated> at = EvaluateAt(problem, start, options, columns);
   if (!at) return HiddenPoint();
   const Eigen::VectorXd squares = at->all_tested.colwise().squaredNorm();

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/data/setup.h"
 
 namespace heba {

@@ -43,9 +43,9 @@ Finding DescribeRemainder(const std::string& arm, const FoundSmoothErrors& found
 
 }  // namespace
 
-Advice DiagnoseSmoothRemainder(const RigProblem& problem, const RigSolution& solution) {
+Advice DiagnoseSmoothRemainder(const Problem& problem, const Solution& solution) {
   Advice advice;
-  const RigProblem weighted = WeightedAs(solution, problem);
+  const Problem weighted = WeightedAs(solution, problem);
   const CaptureGroups groups = GroupByRobotPoses(weighted);
   const std::vector<size_t> moving = MovingRobots(weighted);
   const FitNoise noise = NoiseOf(solution);

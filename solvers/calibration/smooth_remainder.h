@@ -1,9 +1,9 @@
 // What the errors of arms that are estimated leave: errors of the arms' poses that vary smoothly with the pose.
 #pragma once
 
-#include "heba/calibration_types.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "heba/pair_calibration_types.h"
 
 namespace heba {
 
@@ -14,6 +14,6 @@ namespace heba {
 // variances D, the covariance of x grows by H D H^T, H = C sum_i J_i^T S_i^-1 A_i B_i. Each change is one column of H
 // D^(1/2), in the layout of the solution's covariance (AddChanges). `problem` holds the points that the solution used.
 // The advice is empty if a point cannot be projected.
-Advice DiagnoseSmoothRemainder(const RigProblem& problem, const RigSolution& solution);
+Advice DiagnoseSmoothRemainder(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

@@ -267,8 +267,8 @@ bool AreLikely(const FoundSmoothErrors& found) {
   return PValueWithout(found) < kRandomErrorsRejected || found.odds_without < kLeastOdds;
 }
 
-std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem, const RigSolution& solution) {
-  const RigProblem weighted = WeightedAs(solution, problem);
+std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const Problem& problem, const Solution& solution) {
+  const Problem weighted = WeightedAs(solution, problem);
   const CaptureGroups groups = GroupByRobotPoses(weighted);
   const std::vector<size_t> moving = MovingRobots(weighted);
   FitNoise noise = NoiseOf(solution);

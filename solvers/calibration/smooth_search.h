@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/pair_solution.h"
+#include "heba/data/problem.h"
 #include "heba/data/smooth_errors.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
@@ -56,7 +56,7 @@ struct SmoothErrorsOfArm {
 // Returns those of each arm that moves a target against a camera and of which no errors are estimated, linearised at a
 // solution of the problem. They are compared with exact arms if the solution has no noise of the arms. Returns an empty
 // list if a point cannot be projected.
-std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const RigProblem& problem, const RigSolution& solution);
+std::vector<SmoothErrorsOfArm> FindSmoothErrorsOfArms(const Problem& problem, const Solution& solution);
 
 // The finding `smooth_errors` states these figures.
 struct SmoothErrorsFigures {

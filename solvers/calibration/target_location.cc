@@ -6,22 +6,23 @@
 #include <utility>
 
 #include "heba/data/hand_eye.h"
-#include "heba/rig_location.h"
+#include "heba/location.h"
 
 namespace heba {
 namespace {
 
 // A hand-eye calibration as a rig without captures.
-struct HandEyeRig {
-  RigProblem problem;
-  RigSolution solution;
+struct WholeHandEye {
+  Problem problem;
+  Solution solution;
 
-  HandEyeRig(Setup setup, const Solution& of) : problem(HandEyeProblem(setup, of)), solution(ProblemSolution(of)) {}
+  WholeHandEye(Setup setup, const PairSolution& of)
+      : problem(HandEyeProblem(setup, of)), solution(ProblemSolution(of)) {}
 };
 
 }  // namespace
 
-Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
+Outcome<LocatedTarget> LocateTarget(Setup setup, const PairSolution& solution, const Observations& observations,
                                     const StatedPose& camera_mount) {
   Outcome<std::vector<LocatedTarget>> possible =
       LocateSymmetricTarget(setup, solution, observations, {Rigid3d()}, camera_mount);
@@ -29,20 +30,20 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
   return std::move(possible->front());
 }
 
-Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
+Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const PairSolution& solution,
                                                           const Observations& observations,
                                                           const std::vector<Rigid3d>& symmetries,
                                                           const StatedPose& camera_mount) {
-  HandEyeRig rig(setup, solution);
+  WholeHandEye rig(setup, solution);
   rig.problem.targets[0].symmetries = symmetries;
-  return LocateTargetInRig(rig.problem, rig.solution, 0, {{0, observations}}, {camera_mount});
+  return LocateTargetInCell(rig.problem, rig.solution, 0, {{0, observations}}, {camera_mount});
 }
 
-PositionCovariance CovarianceOfReach(Setup setup, const Solution& solution, const LocatedTarget& located,
+PositionCovariance CovarianceOfReach(Setup setup, const PairSolution& solution, const LocatedTarget& located,
                                      const StatedPose& command, const Eigen::Vector3d& point_in_gripper,
                                      const Eigen::Vector3d& point_in_target) {
-  const HandEyeRig rig(setup, solution);
-  return CovarianceOfReachInRig(rig.problem, rig.solution, 0, located, command, point_in_gripper, point_in_target);
+  const WholeHandEye rig(setup, solution);
+  return CovarianceOfReachInCell(rig.problem, rig.solution, 0, located, command, point_in_gripper, point_in_target);
 }
 
 double LeastDistanceM(const std::vector<Rigid3d>& possible) {
@@ -75,19 +76,19 @@ std::optional<size_t> FindMeantPose(const std::vector<Rigid3d>& possible, const 
   return is_contradicted ? std::nullopt : std::optional(by_position);
 }
 
-Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+Outcome<LocatedPoint> LocatePixel(Setup setup, const PairSolution& solution, const Eigen::Vector2d& pixel,
                                   const Plane& plane, const StatedPose& camera_mount) {
-  const HandEyeRig rig(setup, solution);
-  return LocatePixelInRig(rig.problem, rig.solution, {0, pixel}, plane, {camera_mount});
+  const WholeHandEye rig(setup, solution);
+  return LocatePixelInCell(rig.problem, rig.solution, {0, pixel}, plane, {camera_mount});
 }
 
-Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const PairSolution& solution, const Eigen::Vector2d& pixel,
                                           const Observations& observations, const StatedPose& camera_mount) {
-  const HandEyeRig rig(setup, solution);
+  const WholeHandEye rig(setup, solution);
   const Outcome<std::vector<LocatedTarget>> target =
-      LocateTargetInRig(rig.problem, rig.solution, 0, {{0, observations}}, {camera_mount});
+      LocateTargetInCell(rig.problem, rig.solution, 0, {{0, observations}}, {camera_mount});
   if (!target) return target.failure();
-  return LocatePixelOnTargetInRig(rig.problem, rig.solution, {0, pixel}, target->front(), {camera_mount});
+  return LocatePixelOnTargetInCell(rig.problem, rig.solution, {0, pixel}, target->front(), {camera_mount});
 }
 
 }  // namespace heba

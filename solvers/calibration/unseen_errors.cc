@@ -61,11 +61,11 @@ double AmplitudeOf(const Products& products, const std::vector<Eigen::Index>& un
 
 }  // namespace
 
-std::vector<Eigen::VectorXd> ChangesByUnseenErrors(const RigProblem& problem, const RigSolution& solution, size_t robot,
+std::vector<Eigen::VectorXd> ChangesByUnseenErrors(const Problem& problem, const Solution& solution, size_t robot,
                                                    const StandInErrors& errors) {
   const SharedEffects* const smooth = EffectsOf(problem, robot);
   if (smooth == nullptr || smooth->kind != SharedEffectsKind::kSmooth) return {};
-  const RigProblem weighted = WeightedAs(solution, problem);
+  const Problem weighted = WeightedAs(solution, problem);
   const std::vector<size_t> moving = MovingRobots(weighted);
   const FitNoise noise = NoiseOf(solution);
   const CaptureGroups groups = GroupByRobotPoses(weighted);

@@ -6,8 +6,8 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -29,7 +29,7 @@ struct StandInErrors {
 // (S^-1 - S^-1 J (J^T S^-1 J)^-1 J^T S^-1) B; it is at most kMostAmplitude. The covariance C holds C P C for the smooth
 // errors, whose prior information is P. The changes are the columns of the part of a^2 H D H^T - C P C that increases
 // C. They are none if a point cannot be projected, or if the solution has no smooth errors of the arm.
-std::vector<Eigen::VectorXd> ChangesByUnseenErrors(const RigProblem& problem, const RigSolution& solution, size_t robot,
+std::vector<Eigen::VectorXd> ChangesByUnseenErrors(const Problem& problem, const Solution& solution, size_t robot,
                                                    const StandInErrors& errors);
 
 inline constexpr double kMostAmplitude = 3;

@@ -11,8 +11,8 @@
 #include <Eigen/Core>
 
 #include "heba/camera/camera.h"
-#include "heba/data/problem.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_problem.h"
+#include "heba/data/pair_solution.h"
 #include "heba/evaluation/finding.h"
 #include "heba/geometry/rigid3.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 

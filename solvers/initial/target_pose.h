@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 

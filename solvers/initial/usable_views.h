@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "solvers/initial/target_pose.h"
 
 namespace heba {

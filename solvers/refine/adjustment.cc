@@ -1,4 +1,4 @@
-#include "heba/rig_adjustment.h"
+#include "heba/refinement.h"
 
 #include <algorithm>
 #include <memory>
@@ -15,8 +15,8 @@
 namespace heba {
 namespace {
 
-RigSolution SolutionOf(const RigProblem& problem, const Fit& fit, const PointFlags& keep, const RigOptions& options) {
-  RigSolution solution;
+Solution SolutionOf(const Problem& problem, const Fit& fit, const PointFlags& keep, const AdjustmentOptions& options) {
+  Solution solution;
   solution.poses = fit.state.poses;
   solution.cameras = fit.state.cameras;
   solution.shapes = fit.state.shapes;
@@ -42,7 +42,7 @@ RigSolution SolutionOf(const RigProblem& problem, const Fit& fit, const PointFla
     }
   }
   for (size_t i = 0; i < problem.captures.size(); ++i) {
-    RigCaptureOutcome& outcome = solution.captures.emplace_back();
+    CaptureOutcome& outcome = solution.captures.emplace_back();
     if (!fit.state.corrections.empty()) outcome.corrections = fit.state.corrections[i];
     for (size_t k = 0; k < keep[i].size(); ++k) {
       std::vector<int>& rejected = outcome.rejected_ids.emplace_back();
@@ -57,7 +57,7 @@ RigSolution SolutionOf(const RigProblem& problem, const Fit& fit, const PointFla
 }
 
 // Returns what the sigmas of each camera's pose are compared with.
-std::vector<CameraReach> ReachesOf(const RigProblem& problem, const FitState& state) {
+std::vector<CameraReach> ReachesOf(const Problem& problem, const FitState& state) {
   std::vector<CameraReach> reaches;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const std::vector<Rigid3d> poses = TargetPosesOf(problem, state.poses, state.effects, c);
@@ -71,15 +71,15 @@ std::optional<Failure> CheckCovariance(const Fit& fit, const Covariance& covaria
   return CheckDetermined(covariance, ReachesOf(*fit.problem, fit.state));
 }
 
-Failure HiddenAtStart(const RigProblem& problem, const ImageIndex& index) {
-  const RigCapture& capture = problem.captures[index.capture];
+Failure HiddenAtStart(const Problem& problem, const ImageIndex& index) {
+  const ProblemCapture& capture = problem.captures[index.capture];
   const std::string& camera = problem.cameras[capture.images[index.image].camera].name;
   return {FailureCode("hidden_at_start"), {}, {{"capture", capture.name}, {"camera", camera}}};
 }
 
 }  // namespace
 
-std::string RigOptions::Check() const {
+std::string AdjustmentOptions::Check() const {
   std::vector<std::string> faults;
   if (pixel_noise_px && !(*pixel_noise_px > 0)) faults.emplace_back("pixel_noise_px must be greater than zero");
   if (robot == BundleOptions::Robot::kGivenNoise &&
@@ -90,15 +90,15 @@ std::string RigOptions::Check() const {
   return Join(faults, "\n");
 }
 
-Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start, const RigOptions& options) {
+Outcome<Solution> RefineProblem(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const bool is_truncated = options.loss == LossKind::kTruncated;
   const Loss& loss = LossOf(is_truncated ? LossKind::kNone : options.loss);
   Fit fit;
   fit.state.poses = start;
-  for (const RigCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
-  for (const RigTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
+  for (const ProblemCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
+  for (const ProblemTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
   AddEffects(problem, &fit.state, &fit.noise);
   fit.unmodelled_sigma_px.resize(problem.cameras.size());
   PointFlags keep = AllFlags(problem, true);
@@ -151,7 +151,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   Outcome<Fit> settled = is_truncated ? RefineWithRejection(problem, std::move(fit), options, &keep)
                                       : IterateNoiseAndFit(std::move(fit), loss, NoiseScale::kOfFit, options);
   if (!settled) return settled.failure();
-  RigSolution solution = SolutionOf(problem, *settled, keep, options);
+  Solution solution = SolutionOf(problem, *settled, keep, options);
   // Both costs are those of the noise that was found.
   solution.convergence.initial_cost = FitCost(*at_start.problem, at_start.groups, at_start.state, settled->noise, loss);
   solution.convergence.final_cost = FitCost(*settled->problem, settled->groups, settled->state, settled->noise, loss);

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "heba/rig_adjustment.h"
+#include "heba/refinement.h"
 #include "solvers/closed_form/motion_analysis.h"
 #include "solvers/refine/hand_eye_problem.h"
 
@@ -14,12 +14,12 @@ namespace heba {
 
 std::string BundleOptions::Check() const { return AdjustmentOptionsOf(*this).Check(); }
 
-Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options) {
+Outcome<PairSolution> RefineHandEye(const PairProblem& problem, const HandEye& start, const BundleOptions& options) {
   std::vector<Rigid3d> poses;
   for (const View& view : problem.views) poses.push_back(view.camera_mount_from_target_mount);
   if (const std::optional<Failure> why_not = WhyNotObservable(AnalyseMotion(poses))) return *why_not;
-  const Outcome<RigSolution> solution =
-      RefineRig(HandEyeProblem(problem, options), HandEyePosesOf(start), AdjustmentOptionsOf(options));
+  const Outcome<Solution> solution =
+      RefineProblem(HandEyeProblem(problem, options), HandEyePosesOf(start), AdjustmentOptionsOf(options));
   if (!solution) return solution.failure();
   return HandEyeSolution(*solution, options);
 }

@@ -19,10 +19,10 @@ namespace heba {
 namespace {
 
 // Returns what is known about the cameras and about the scales of the targets.
-std::vector<BlockPrior> PriorsOfCamerasAndTargets(const RigProblem& problem) {
+std::vector<BlockPrior> PriorsOfCamerasAndTargets(const Problem& problem) {
   std::vector<BlockPrior> priors;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    const RigCamera& camera = problem.cameras[c];
+    const ProblemCamera& camera = problem.cameras[c];
     if (!camera.prior || camera.free_intrinsics.empty()) continue;
     priors.push_back(PriorOfCamera(*camera.prior, FreeOf(camera.camera.Model(), camera.free_intrinsics), c));
   }
@@ -42,7 +42,7 @@ Eigen::VectorXd EffectWeights(const SharedEffects& effects, const std::vector<do
 }
 
 // Returns the priors of the arms' effects.
-std::vector<BlockPrior> PriorsOfArms(const RigProblem& problem, const FitNoise& noise) {
+std::vector<BlockPrior> PriorsOfArms(const Problem& problem, const FitNoise& noise) {
   std::vector<BlockPrior> priors;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
@@ -65,15 +65,15 @@ bool IsZero(const Rigid3d& correction) {
 
 }  // namespace
 
-FitState StateOf(const RigSolution& solution) {
+FitState StateOf(const Solution& solution) {
   FitState state{solution.poses, solution.cameras, solution.shapes, {}, solution.effects};
-  for (const RigCaptureOutcome& capture : solution.captures) {
+  for (const CaptureOutcome& capture : solution.captures) {
     if (!capture.corrections.empty()) state.corrections.push_back(capture.corrections);
   }
   return state;
 }
 
-FitNoise NoiseOf(const RigSolution& solution) {
+FitNoise NoiseOf(const Solution& solution) {
   FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
   for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
     if (robot) noise.robots.push_back(*robot);
@@ -81,7 +81,7 @@ FitNoise NoiseOf(const RigSolution& solution) {
   return noise;
 }
 
-void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise) {
+void AddEffects(const Problem& problem, FitState* state, FitNoise* noise) {
   if (problem.effects.empty()) return;
   state->effects.resize(problem.robots.size());
   noise->effect_sigmas.resize(problem.robots.size());
@@ -93,10 +93,10 @@ void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise) {
   }
 }
 
-RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px) {
+Problem WeightPoints(Problem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px) {
   std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
-  for (RigCapture& capture : problem.captures) {
-    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
+  for (ProblemCapture& capture : problem.captures) {
+    for (ProblemImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
   }
   for (size_t c = 0; c < of_cameras.size(); ++c) {
     if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], of_cameras[c]);
@@ -104,38 +104,38 @@ RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<doub
   return problem;
 }
 
-RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
+Problem WeightedAs(const Solution& solution, Problem problem) {
   return WeightPoints(std::move(problem), solution.unmodelled_sigma_px);
 }
 
-RigProblem WithFixedWeights(RigProblem problem, const RigSolution& solution) {
-  RigProblem fixed = WeightedAs(solution, std::move(problem));
-  for (RigCapture& capture : fixed.captures) {
-    for (RigImage& image : capture.images) image.observations.covariances_px2.clear();
+Problem WithFixedWeights(Problem problem, const Solution& solution) {
+  Problem fixed = WeightedAs(solution, std::move(problem));
+  for (ProblemCapture& capture : fixed.captures) {
+    for (ProblemImage& image : capture.images) image.observations.covariances_px2.clear();
   }
   return fixed;
 }
 
-std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
+std::vector<std::vector<const Observations*>> PointsOfCameras(const Problem& problem) {
   std::vector<std::vector<const Observations*>> all(problem.cameras.size());
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) all[image.camera].push_back(&image.observations);
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) all[image.camera].push_back(&image.observations);
   }
   return all;
 }
 
-ImageDistances DistancesAt(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+ImageDistances DistancesAt(const Problem& problem, const CaptureGroups& groups, const FitState& state,
                            int num_threads) {
   const std::vector<ImageIndex> images = ImagesOf(problem, groups);
   int num_points = 0;
-  const auto image_of = [&](const ImageIndex& index) -> const RigImage& {
+  const auto image_of = [&](const ImageIndex& index) -> const ProblemImage& {
     return problem.captures[index.capture].images[index.image];
   };
   for (const ImageIndex& index : images) num_points += image_of(index).observations.size();
   ImageDistances distances(images.size());
   ParallelFor(static_cast<int>(images.size()), ThreadsFor(num_points, num_threads), [&](int index) {
     const auto v = static_cast<size_t>(index);
-    const RigImage& image = image_of(images[v]);
+    const ProblemImage& image = image_of(images[v]);
     const Camera& camera = state.cameras[image.camera];
     const TargetShape& shape = state.shapes[image.target];
     distances[v] = WhitenedSquares(camera.Model(), camera.params.data(), PredictedPose(problem, state, images[v]),
@@ -144,7 +144,7 @@ ImageDistances DistancesAt(const RigProblem& problem, const CaptureGroups& group
   return distances;
 }
 
-std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, const CaptureGroups& groups,
+std::vector<std::vector<double>> DistancesOfCameras(const Problem& problem, const CaptureGroups& groups,
                                                     const ImageDistances& distances) {
   std::vector<std::vector<double>> of_cameras(problem.cameras.size());
   const std::vector<ImageIndex> images = ImagesOf(problem, groups);
@@ -158,7 +158,7 @@ std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, c
 
 Failure HiddenPoint() { return FailureCode("hidden_point"); }
 
-std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+std::vector<double> GroupCosts(const Problem& problem, const CaptureGroups& groups, const FitState& state,
                                const FitNoise& noise, const Loss& loss) {
   std::vector<ViewReducer> reducers;  // One for each camera.
   for (size_t c = 0; c < state.cameras.size(); ++c) {
@@ -172,7 +172,7 @@ std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& g
     double& cost = costs.emplace_back(0);
     for (const size_t i : group) {
       for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
-        const RigImage& image = problem.captures[i].images[k];
+        const ProblemImage& image = problem.captures[i].images[k];
         if (image.observations.size() == 0) continue;
         if (!reducers[image.camera].Multiply(
                 state.cameras[image.camera].params.data(), PredictedPose(problem, state, {i, k}),
@@ -185,7 +185,7 @@ std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& g
       }
     }
     if (state.corrections.empty()) continue;
-    const RigCapture& first = problem.captures[group.front()];
+    const ProblemCapture& first = problem.captures[group.front()];
     for (size_t k = 0; k < moving.size(); ++k) {
       const Matrix6 prior = CorrectionPrior(
           noise.robots[k], first.postures.empty() ? Matrix6X(6, 0) : first.postures[moving[k]].gripper_by_joints);
@@ -195,7 +195,7 @@ std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& g
   return costs;
 }
 
-double FitCost(const RigProblem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
+double FitCost(const Problem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
                const Loss& loss) {
   double sum = 0;
   for (const double cost : GroupCosts(problem, groups, state, noise, loss)) sum += cost;
@@ -207,9 +207,9 @@ double FitCost(const RigProblem& problem, const CaptureGroups& groups, const Fit
   return sum;
 }
 
-std::vector<LinearisedView> PriorViews(const RigProblem& problem, const FitState& state, double row_variance,
+std::vector<LinearisedView> PriorViews(const Problem& problem, const FitState& state, double row_variance,
                                        Eigen::Index num_effects) {
-  const UnknownLayout layout = RigUnknowns(problem);
+  const UnknownLayout layout = UnknownsOf(problem);
   const LoopValues values = ValuesOf(state);
   std::vector<LinearisedView> views;
   for (const BlockPrior& prior : PriorsOfCamerasAndTargets(problem)) {
@@ -218,7 +218,7 @@ std::vector<LinearisedView> PriorViews(const RigProblem& problem, const FitState
   return views;
 }
 
-std::optional<std::vector<LinearisedView>> LineariseFit(const RigProblem& problem, const CaptureGroups& groups,
+std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const CaptureGroups& groups,
                                                         const FitState& state, const FitNoise& noise, const Loss& loss,
                                                         double prior_row_variance) {
   // Without corrections the columns of the effects are still needed: their variance may be zero.
@@ -246,7 +246,7 @@ Eigen::VectorXd CorrectionVariances(const FitNoise& noise, const std::vector<Eig
   return variances;
 }
 
-std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const FitNoise& noise,
+std::vector<VarianceGroup> VarianceGroupsOf(const Problem& problem, const FitNoise& noise,
                                             const VarianceSetting& setting) {
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
   std::vector<VarianceGroup> groups = {
@@ -263,7 +263,7 @@ std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const Fit
     }
     first_joint += num_joints[k];
   }
-  const UnknownLayout layout = RigUnknowns(problem);
+  const UnknownLayout layout = UnknownsOf(problem);
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
     if (effects == nullptr) continue;
@@ -273,7 +273,8 @@ std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const Fit
   return groups;
 }
 
-ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const RigOptions& fit_options, Fit* fit) {
+ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const AdjustmentOptions& fit_options,
+                                    Fit* fit) {
   CapturesCostOptions options;
   options.loss = &loss;
   options.num_threads = fit_options.num_threads;
@@ -314,7 +315,7 @@ std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int 
     if (!captures) return std::nullopt;
     return InformationOf(fit, *captures, loss);
   }
-  Information information{RigUnknowns(*fit.problem), {}};
+  Information information{UnknownsOf(*fit.problem), {}};
   CapturesCostOptions options;
   options.loss = &loss;
   options.num_threads = num_threads;
@@ -333,7 +334,7 @@ Information InformationOf(const Fit& fit, const std::vector<LinearisedView>& cap
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(*fit.problem, MovingRobots(*fit.problem));
   // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
   Information information{
-      RigUnknowns(*fit.problem),
+      UnknownsOf(*fit.problem),
       MarginalInformation(captures, CorrectionVariances(fit.noise, num_joints), loss.covariance_factor())};
   AddPriors(fit, &information);
   return information;

@@ -9,7 +9,7 @@
 
 #include <ceres/solver.h>
 
-#include "heba/rig_adjustment.h"
+#include "heba/refinement.h"
 #include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/information.h"
@@ -19,10 +19,10 @@
 namespace heba {
 
 // Problems are large: they are shared, and copied only to be modified.
-using SharedProblem = std::shared_ptr<const RigProblem>;
+using SharedProblem = std::shared_ptr<const Problem>;
 
 // Wraps a problem that the caller owns.
-inline SharedProblem Borrowed(const RigProblem& problem) { return {SharedProblem(), &problem}; }
+inline SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
 
 // An estimate in progress.
 struct Fit {
@@ -31,7 +31,7 @@ struct Fit {
   FitState state;
   FitNoise noise;
   std::vector<RobotNoise> robot_stddev;                  // One per moving arm.
-  double dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
+  double dof = std::numeric_limits<double>::infinity();  // See PairSolution::covariance_dof.
   // For each camera, the part of its points' sigma that is not in the detector's covariances. It is equal for all
   // points of the camera and estimated from the residuals. Nothing: its points are weighted equally.
   std::vector<std::optional<double>> unmodelled_sigma_px;
@@ -43,53 +43,53 @@ struct Fit {
 enum class NoiseScale { kOfFit, kMedian };
 
 // Returns the state and the noise of a solution, in which no image is weighted yet.
-FitState StateOf(const RigSolution& solution);
-FitNoise NoiseOf(const RigSolution& solution);
+FitState StateOf(const Solution& solution);
+FitNoise NoiseOf(const Solution& solution);
 // Adds the effects of the problem that the state lacks: zero, with the standard deviations that their groups start
 // with.
-void AddEffects(const RigProblem& problem, FitState* state, FitNoise* noise);
+void AddEffects(const Problem& problem, FitState* state, FitNoise* noise);
 
 // Returns the problem with points that are weighted by the detectors' covariances and the unmodelled sigma of their
 // camera; those of a camera without one keep their weights.
-RigProblem WeightPoints(RigProblem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
-// Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
-RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
+Problem WeightPoints(Problem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px);
+// Returns the problem with the weights of the solution (Solution::unmodelled_sigma_px).
+Problem WeightedAs(const Solution& solution, Problem problem);
 
 // Returns the problem with these weights, which stay the same in all fits that follow.
-RigProblem WithFixedWeights(RigProblem problem, const RigSolution& solution);
+Problem WithFixedWeights(Problem problem, const Solution& solution);
 
 // The points of each camera.
-std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem);
+std::vector<std::vector<const Observations*>> PointsOfCameras(const Problem& problem);
 
 // The squared whitened distances of each image's points; nothing if any of its points cannot be projected.
 using ImageDistances = std::vector<std::optional<std::vector<double>>>;
 // Returns the distances of the images in the order of ImagesOf.
-ImageDistances DistancesAt(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
-                           int num_threads);
+ImageDistances DistancesAt(const Problem& problem, const CaptureGroups& groups, const FitState& state, int num_threads);
 // Returns the joined distances of each camera's points; images that have none are skipped.
-std::vector<std::vector<double>> DistancesOfCameras(const RigProblem& problem, const CaptureGroups& groups,
+std::vector<std::vector<double>> DistancesOfCameras(const Problem& problem, const CaptureGroups& groups,
                                                     const ImageDistances& distances);
 // The Failure of an estimate at which a point cannot be projected.
 Failure HiddenPoint();
 
 // Returns, for each group, half the sum of rho over its points and of the squared whitened corrections; infinity if a
 // point cannot be projected. The cameras are those of the state, which may have other models than those of the problem.
-std::vector<double> GroupCosts(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+std::vector<double> GroupCosts(const Problem& problem, const CaptureGroups& groups, const FitState& state,
                                const FitNoise& noise, const Loss& loss);
 // Returns the sum of the groups' costs, and half that of the squared whitened effects.
-double FitCost(const RigProblem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
+double FitCost(const Problem& problem, const CaptureGroups& groups, const FitState& state, const FitNoise& noise,
                const Loss& loss);
 
-// Returns the prior knowledge about cameras and about the scales of targets (RigCamera::prior, RigTarget::scale_sigma)
-// as rows of views that do not depend on effects, scaled to noise of variance `row_variance`; none if there is no such
-// knowledge. `num_effects` is the number of columns of LinearisedView::by_effects. The prior of the scales is there
-// even if no scale is free, so that models are compared by the same measurements.
-std::vector<LinearisedView> PriorViews(const RigProblem& problem, const FitState& state, double row_variance,
+// Returns the prior knowledge about cameras and about the scales of targets (ProblemCamera::prior,
+// ProblemTarget::scale_sigma) as rows of views that do not depend on effects, scaled to noise of variance
+// `row_variance`; none if there is no such knowledge. `num_effects` is the number of columns of
+// LinearisedView::by_effects. The prior of the scales is there even if no scale is free, so that models are compared by
+// the same measurements.
+std::vector<LinearisedView> PriorViews(const Problem& problem, const FitState& state, double row_variance,
                                        Eigen::Index num_effects);
 
 // Linearises the captures, with one view per group, and the priors of cameras and targets, whose rows have the noise
 // variance `prior_row_variance`. Returns nothing if a point cannot be projected.
-std::optional<std::vector<LinearisedView>> LineariseFit(const RigProblem& problem, const CaptureGroups& groups,
+std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const CaptureGroups& groups,
                                                         const FitState& state, const FitNoise& noise, const Loss& loss,
                                                         double prior_row_variance);
 
@@ -107,11 +107,11 @@ struct VarianceSetting {
 };
 // Returns the groups of the variances: the pixels; translation, rotation and, if they are noisy, joints of each moving
 // arm; and the groups of the arms' effects.
-std::vector<VarianceGroup> VarianceGroupsOf(const RigProblem& problem, const FitNoise& noise,
+std::vector<VarianceGroup> VarianceGroupsOf(const Problem& problem, const FitNoise& noise,
                                             const VarianceSetting& setting);
 
 // Runs Ceres once with the noise held constant.
-ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const RigOptions& options, Fit* fit);
+ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const AdjustmentOptions& options, Fit* fit);
 
 // Returns the unknowns' normal matrix at the noise of the fit, marginalised over the corrections, or nothing if a point
 // cannot be projected.

@@ -5,12 +5,12 @@
 
 namespace heba {
 
-RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) {
-  RigProblem whole = HandEyeProblem(problem.setup, problem.camera, problem.shape);
-  RigCamera& camera = whole.cameras[0];
+Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options) {
+  Problem whole = HandEyeProblem(problem.setup, problem.camera, problem.shape);
+  ProblemCamera& camera = whole.cameras[0];
   camera.free_intrinsics = options.free_intrinsics;
   camera.prior = options.camera_prior;
-  RigTarget& target = whole.targets[0];
+  ProblemTarget& target = whole.targets[0];
   target.free_shape = options.free_shape;
   target.scale_sigma = options.target_scale_sigma;
   target.known_scale_sigma = options.known_target_scale_sigma;
@@ -22,7 +22,7 @@ RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) 
   }
   whole.captures.reserve(problem.views.size());
   for (const View& view : problem.views) {
-    RigCapture& capture = whole.captures.emplace_back();
+    ProblemCapture& capture = whole.captures.emplace_back();
     capture.name = view.name;
     capture.base_from_gripper = {BaseFromGripper(problem.setup, view.camera_mount_from_target_mount)};
     capture.images.push_back({0, 0, view.observations});
@@ -37,8 +37,8 @@ RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options) 
   return whole;
 }
 
-RigOptions AdjustmentOptionsOf(const BundleOptions& options) {
-  RigOptions adjustment;
+AdjustmentOptions AdjustmentOptionsOf(const BundleOptions& options) {
+  AdjustmentOptions adjustment;
   adjustment.loss = options.loss;
   adjustment.pixel_noise_px = options.pixel_noise_px;
   adjustment.robot = options.robot;
@@ -51,8 +51,8 @@ RigOptions AdjustmentOptionsOf(const BundleOptions& options) {
   return adjustment;
 }
 
-Solution HandEyeSolution(const RigSolution& whole, const BundleOptions& options) {
-  Solution solution;
+PairSolution HandEyeSolution(const Solution& whole, const BundleOptions& options) {
+  PairSolution solution;
   solution.hand_eye = {whole.poses.mount_from_camera[0], whole.poses.mount_from_target[0]};
   solution.camera = whole.cameras[0];
   solution.shape = whole.shapes[0];
@@ -66,7 +66,7 @@ Solution HandEyeSolution(const RigSolution& whole, const BundleOptions& options)
   solution.unmodelled_sigma_px = whole.unmodelled_sigma_px[0];
   solution.robot_noise = whole.robot_noise[0];
   solution.robot_noise_stddev = whole.robot_noise_stddev[0];
-  for (const RigCaptureOutcome& capture : whole.captures) {
+  for (const CaptureOutcome& capture : whole.captures) {
     ViewOutcome& view = solution.views.emplace_back();
     if (!capture.corrections.empty()) view.correction = capture.corrections[0];
     view.rejected_ids = capture.rejected_ids[0];

@@ -3,18 +3,18 @@
 
 #include "heba/adjustment_options.h"
 #include "heba/data/hand_eye.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 
 // Returns the problem whose captures are the views, with one image each, and whose unknowns are those of the options.
 // The world is the base of the arm.
-RigProblem HandEyeProblem(const Problem& problem, const BundleOptions& options);
+Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options);
 // Returns the options of its adjustment.
-RigOptions AdjustmentOptionsOf(const BundleOptions& options);
+AdjustmentOptions AdjustmentOptionsOf(const BundleOptions& options);
 
 // Returns a solution of such a problem in its other form (ProblemSolution). The effects are those of `options`.
-Solution HandEyeSolution(const RigSolution& solution, const BundleOptions& options);
+PairSolution HandEyeSolution(const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

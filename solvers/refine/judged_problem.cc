@@ -4,12 +4,12 @@
 
 namespace heba {
 
-RigProblem Without(RigProblem problem, const ImageSet& images) {
+Problem Without(Problem problem, const ImageSet& images) {
   for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
   return problem;
 }
 
-RigProblem UsedPoints(const RigProblem& problem, const JudgedRig& judged) {
+Problem UsedPoints(const Problem& problem, const JudgedProblem& judged) {
   return WithoutRejected(Without(problem, judged.left_out), judged.solution);
 }
 

@@ -7,7 +7,7 @@
 
 namespace heba {
 
-std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
+std::optional<LinearisedImages> LineariseImages(const Problem& problem, const CaptureGroups& groups,
                                                 const FitState& state, const FitNoise& noise, const Loss& loss) {
   LinearisedImages result;
   std::optional<std::vector<LinearisedView>> views =
@@ -26,7 +26,7 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
   return result;
 }
 
-std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem& problem, const FitState& state,
+std::optional<std::vector<LinearisedView>> LineariseEachCapture(const Problem& problem, const FitState& state,
                                                                 const FitNoise& noise, const Loss& loss) {
   CaptureGroups each;
   for (const size_t i : CapturesWithPoints(problem)) each.push_back({i});
@@ -40,9 +40,9 @@ std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem
   return views;
 }
 
-Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view) {
+Eigen::MatrixXd PosePartOf(const Problem& problem, const ProblemImage& image, const LinearisedView& view) {
   // Another pose of the camera is another pose of the target.
-  const UnknownBlock pose = RigUnknowns(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));
+  const UnknownBlock pose = UnknownsOf(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));
   return HouseholderFactor(view.by_unknowns.middleCols(pose.first, pose.size)).Basis();
 }
 
@@ -55,12 +55,12 @@ Eigen::VectorXd CorrectionTangents(const FitState& state, size_t capture, const 
   return tangents;
 }
 
-Eigen::VectorXd ResidualOf(const RigProblem& problem, const FitState& state, const LinearisedView& view,
+Eigen::VectorXd ResidualOf(const Problem& problem, const FitState& state, const LinearisedView& view,
                            const Eigen::VectorXd& corrections) {
   // The columns of noisy joints, which come last, are combinations of those of the corrections.
   Eigen::VectorXd residual = view.offset - view.by_effects.leftCols(corrections.size()) * corrections;
   if (state.effects.empty()) return residual;
-  const UnknownLayout layout = RigUnknowns(problem);
+  const UnknownLayout layout = UnknownsOf(problem);
   for (size_t r = 0; r < state.effects.size(); ++r) {
     if (EffectsOf(problem, r) == nullptr) continue;
     const UnknownBlock block = layout.Block(ErrorsBlock(problem.robots[r]));

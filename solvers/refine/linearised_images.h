@@ -21,21 +21,21 @@ struct LinearisedImages {
   PoseGroups groups;
 };
 // Returns nothing if a point cannot be projected.
-std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
+std::optional<LinearisedImages> LineariseImages(const Problem& problem, const CaptureGroups& groups,
                                                 const FitState& state, const FitNoise& noise, const Loss& loss);
 
 // Linearises each of the captures with points (CapturesWithPoints) by itself, with corrections of the moving arms. The
 // offsets are those at the state's effects and without its corrections. Returns nothing if a point cannot be projected.
-std::optional<std::vector<LinearisedView>> LineariseEachCapture(const RigProblem& problem, const FitState& state,
+std::optional<std::vector<LinearisedView>> LineariseEachCapture(const Problem& problem, const FitState& state,
                                                                 const FitNoise& noise, const Loss& loss);
 
 // Returns an orthonormal basis of the part of an image's rows that another pose of the target would explain; the view
 // must have at least six rows.
-Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view);
+Eigen::MatrixXd PosePartOf(const Problem& problem, const ProblemImage& image, const LinearisedView& view);
 // Returns the tangents of a capture's corrections of the moving arms, joined; zero for exact arms.
 Eigen::VectorXd CorrectionTangents(const FitState& state, size_t capture, const std::vector<size_t>& moving);
 // Returns the whitened residuals of an image at the state's effects and at these tangents of its corrections.
-Eigen::VectorXd ResidualOf(const RigProblem& problem, const FitState& state, const LinearisedView& view,
+Eigen::VectorXd ResidualOf(const Problem& problem, const FitState& state, const LinearisedView& view,
                            const Eigen::VectorXd& corrections);
 
 // The knowledge about a capture's corrections xi and the unknowns, from all images of a group: the posterior of xi is

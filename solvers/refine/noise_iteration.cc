@@ -26,15 +26,15 @@ struct EstimatedNoise {
 };
 
 // Returns whether errors of images as a whole can be told from those of the arms: by captures with several images.
-bool HasImageErrors(const RigProblem& problem) {
-  return std::any_of(problem.captures.begin(), problem.captures.end(), [](const RigCapture& capture) {
-    const auto has_points = [](const RigImage& image) { return image.observations.size() > 0; };
+bool HasImageErrors(const Problem& problem) {
+  return std::any_of(problem.captures.begin(), problem.captures.end(), [](const ProblemCapture& capture) {
+    const auto has_points = [](const ProblemImage& image) { return image.observations.size() > 0; };
     return std::count_if(capture.images.begin(), capture.images.end(), has_points) > 1;
   });
 }
 
 // Returns whether all points have one variance, up to their weights.
-bool HasOnePixelVariance(const RigProblem& problem) { return problem.cameras.size() == 1 && !HasImageErrors(problem); }
+bool HasOnePixelVariance(const Problem& problem) { return problem.cameras.size() == 1 && !HasImageErrors(problem); }
 
 // Estimates the two sigmas of each camera from its residuals and their redundancy: that of the points from the part
 // that no other pose of the target explains, that of the images, if they have errors, from the part that one does.
@@ -60,7 +60,7 @@ void EstimateCameraNoise(const Fit& fit, const LinearisedImages& images, const E
     for (const size_t v : group) {
       const LinearisedView& view = images.views[v];
       const ImageIndex& index = images.images[v];
-      const RigImage& image = fit.problem->captures[index.capture].images[index.image];
+      const ProblemImage& image = fit.problem->captures[index.capture].images[index.image];
       if (view.offset.size() <= 6) continue;
       const Eigen::MatrixXd basis = PosePartOf(*fit.problem, image, view);
       const Eigen::VectorXd residual = ResidualOf(*fit.problem, fit.state, view, corrections);
@@ -103,12 +103,12 @@ std::vector<double> MedianSigmas(const Fit& fit, int num_threads) {
 
 // Estimates the pixel noise of a single camera and of exact arms.
 std::optional<EstimatedNoise> EstimatePixelNoise(const Fit& fit, const Loss& loss, NoiseScale scale,
-                                                 const RigOptions& options) {
+                                                 const AdjustmentOptions& options) {
   const ImageDistances at = DistancesAt(*fit.problem, fit.groups, fit.state, options.num_threads);
   if (std::any_of(at.begin(), at.end(), [](const auto& of_image) { return !of_image.has_value(); }))
     return std::nullopt;
   const std::vector<double> distances = DistancesOfCameras(*fit.problem, fit.groups, at).front();
-  const auto num_unknowns = static_cast<int>(RigUnknowns(*fit.problem).size());
+  const auto num_unknowns = static_cast<int>(UnknownsOf(*fit.problem).size());
   EstimatedNoise result{fit.noise, {}, {}};
   const double dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
   result.dof = [dof] { return dof; };
@@ -120,7 +120,7 @@ std::optional<EstimatedNoise> EstimatePixelNoise(const Fit& fit, const Loss& los
 }
 
 // Returns the groups of the variances of a fit.
-std::vector<VarianceGroup> GroupsOf(const Fit& fit, const Loss& loss, const RigOptions& options) {
+std::vector<VarianceGroup> GroupsOf(const Fit& fit, const Loss& loss, const AdjustmentOptions& options) {
   const bool robots_are_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   std::vector<VarianceGroup> groups = VarianceGroupsOf(*fit.problem, fit.noise,
                                                        {loss.consistency, !options.pixel_noise_px, robots_are_free,
@@ -139,7 +139,7 @@ std::vector<VarianceGroup> GroupsOf(const Fit& fit, const Loss& loss, const RigO
 
 // Estimates the noise that explains the residuals best.
 std::optional<EstimatedNoise> EstimateNoise(const Fit& fit, const Loss& loss, NoiseScale scale,
-                                            const RigOptions& options) {
+                                            const AdjustmentOptions& options) {
   const bool has_one_variance = HasOnePixelVariance(*fit.problem);
   if (has_one_variance && fit.noise.robots.empty()) return EstimatePixelNoise(fit, loss, scale, options);
   EstimatedNoise result{fit.noise, {}, {}};
@@ -235,15 +235,15 @@ bool UpdateWeights(Fit* fit) {
     has_changed = true;
   }
   if (has_changed)
-    fit->problem = std::make_shared<const RigProblem>(WeightPoints(*fit->problem, fit->unmodelled_sigma_px));
+    fit->problem = std::make_shared<const Problem>(WeightPoints(*fit->problem, fit->unmodelled_sigma_px));
   return has_changed;
 }
 
 // Returns whether the estimate is one of plain least squares, which does not depend on the noise.
 bool IsLeastSquares(const Fit& fit, const Loss& loss) {
-  const RigProblem& problem = *fit.problem;
-  const auto has_prior = [](const RigCamera& camera) { return camera.prior.has_value(); };
-  const auto has_scale = [](const RigTarget& target) { return target.scale_sigma.has_value(); };
+  const Problem& problem = *fit.problem;
+  const auto has_prior = [](const ProblemCamera& camera) { return camera.prior.has_value(); };
+  const auto has_scale = [](const ProblemTarget& target) { return target.scale_sigma.has_value(); };
   const auto has_effects = [](const Eigen::VectorXd& effects) { return effects.size() > 0; };
   return loss.kind == LossKind::kNone && fit.noise.robots.empty() && HasOnePixelVariance(problem) &&
          std::none_of(fit.state.effects.begin(), fit.state.effects.end(), has_effects) &&
@@ -262,10 +262,10 @@ double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {
   return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
 }
 
-Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, const AdjustmentOptions& options) {
   if (std::any_of(fit.unmodelled_sigma_px.begin(), fit.unmodelled_sigma_px.end(),
                   [](const auto& sigma_px) { return sigma_px.has_value(); })) {
-    fit.problem = std::make_shared<const RigProblem>(WeightPoints(*fit.problem, fit.unmodelled_sigma_px));
+    fit.problem = std::make_shared<const Problem>(WeightPoints(*fit.problem, fit.unmodelled_sigma_px));
   }
   const bool is_least_squares = IsLeastSquares(fit, loss);
   constexpr int kMaxRounds = 30;

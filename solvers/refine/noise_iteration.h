@@ -17,6 +17,6 @@ double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px);
 
 // The estimate and the noise that it is whitened with depend on each other: alternates between both until they
 // converge. `scale` is that of the pixel noise.
-Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, const RigOptions& options);
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const Loss& loss, NoiseScale scale, const AdjustmentOptions& options);
 
 }  // namespace heba

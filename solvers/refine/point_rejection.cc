@@ -16,12 +16,12 @@ namespace {
 bool IsWhole(const std::vector<bool>& image) { return std::find(image.begin(), image.end(), false) == image.end(); }
 
 // Returns flags for the points that pass their test at the estimate.
-PointFlags FindInlierPoints(const RigProblem& problem, const Fit& fit) {
-  const RigProblem weighted = WeightPoints(problem, fit.unmodelled_sigma_px);
+PointFlags FindInlierPoints(const Problem& problem, const Fit& fit) {
+  const Problem weighted = WeightPoints(problem, fit.unmodelled_sigma_px);
   PointFlags flags = AllFlags(problem, false);
   for (size_t i = 0; i < weighted.captures.size(); ++i) {
     for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
-      const RigImage& image = weighted.captures[i].images[k];
+      const ProblemImage& image = weighted.captures[i].images[k];
       if (image.observations.size() == 0) continue;
       flags[i][k] = FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
                                 ApplyShape(image.observations, fit.state.shapes[image.target]),
@@ -33,24 +33,24 @@ PointFlags FindInlierPoints(const RigProblem& problem, const Fit& fit) {
 
 }  // namespace
 
-PointFlags AllFlags(const RigProblem& problem, bool value) {
+PointFlags AllFlags(const Problem& problem, bool value) {
   PointFlags flags;
-  for (const RigCapture& capture : problem.captures) {
+  for (const ProblemCapture& capture : problem.captures) {
     std::vector<std::vector<bool>>& of_capture = flags.emplace_back();
-    for (const RigImage& image : capture.images) {
+    for (const ProblemImage& image : capture.images) {
       of_capture.emplace_back(static_cast<size_t>(image.observations.size()), value);
     }
   }
   return flags;
 }
 
-void UsePoints(const RigProblem& problem, const PointFlags& keep, Fit* fit) {
+void UsePoints(const Problem& problem, const PointFlags& keep, Fit* fit) {
   const bool has_all = std::all_of(keep.begin(), keep.end(), [](const std::vector<std::vector<bool>>& capture) {
     return std::all_of(capture.begin(), capture.end(), IsWhole);
   });
   fit->problem = Borrowed(problem);
   if (!has_all) {
-    auto kept = std::make_shared<RigProblem>(problem);
+    auto kept = std::make_shared<Problem>(problem);
     for (size_t i = 0; i < kept->captures.size(); ++i) {
       for (size_t k = 0; k < kept->captures[i].images.size(); ++k) {
         Observations& observations = kept->captures[i].images[k].observations;
@@ -62,7 +62,7 @@ void UsePoints(const RigProblem& problem, const PointFlags& keep, Fit* fit) {
   fit->groups = GroupByRobotPoses(*fit->problem);
 }
 
-std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlags& keep) {
+std::optional<Failure> CheckNumPoints(const Problem& problem, const PointFlags& keep) {
   int num_points = 0;
   for (const std::vector<std::vector<bool>>& capture : keep) {
     for (const std::vector<bool>& image : capture) {
@@ -70,12 +70,12 @@ std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlag
     }
   }
   // If there were as many unknowns as measurements, no noise would be averaged.
-  const auto num_unknowns = static_cast<int>(RigUnknowns(problem).size());
+  const auto num_unknowns = static_cast<int>(UnknownsOf(problem).size());
   if (2 * num_points > num_unknowns) return std::nullopt;
   return Failure{FailureCode("few_coordinates"), {{"coordinates", 2.0 * num_points}, {"unknowns", num_unknowns}}};
 }
 
-Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOptions& options, PointFlags* keep) {
+Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const AdjustmentOptions& options, PointFlags* keep) {
   Outcome<Fit> settled = IterateNoiseAndFit(std::move(fit), LossOf(LossKind::kCauchy), NoiseScale::kMedian, options);
   constexpr int kMaxRounds = 20;
   for (int round = 0; settled && round < kMaxRounds; ++round) {

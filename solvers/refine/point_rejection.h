@@ -13,17 +13,17 @@ namespace heba {
 using PointFlags = std::vector<std::vector<std::vector<bool>>>;
 
 // Returns one flag of this value for each point.
-PointFlags AllFlags(const RigProblem& problem, bool value);
+PointFlags AllFlags(const Problem& problem, bool value);
 
 // Sets the problem of a fit to the flagged points of `problem`, and the groups to those of the captures that have any.
 // Captures and images keep their indices. `problem` must outlive the fit.
-void UsePoints(const RigProblem& problem, const PointFlags& keep, Fit* fit);
+void UsePoints(const Problem& problem, const PointFlags& keep, Fit* fit);
 
 // Returns a Failure if the flagged points are too few for the unknowns of the problem.
-std::optional<Failure> CheckNumPoints(const RigProblem& problem, const PointFlags& keep);
+std::optional<Failure> CheckNumPoints(const Problem& problem, const PointFlags& keep);
 
 // Fits robustly, and then to the points that pass their test (FindInliers), until the same points pass. `keep` becomes
 // their flags.
-Outcome<Fit> RefineWithRejection(const RigProblem& problem, Fit fit, const RigOptions& options, PointFlags* keep);
+Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const AdjustmentOptions& options, PointFlags* keep);
 
 }  // namespace heba

@@ -88,7 +88,7 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
 // effects is their value. Pairs at one robot pose have one view each.
 std::vector<LinearisedView> LineariseEachPair(Setup setup, const std::vector<PosePair>& pairs,
                                               const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
-                                              const Solution& at) {
+                                              const PairSolution& at) {
   std::vector<int> indices;
   for (size_t i = 0; at.shared_effects != nullptr && i < at.shared_effects->effects.size(); ++i) {
     indices.push_back(at.shared_effects->effects[i].index);
@@ -123,7 +123,7 @@ std::vector<LinearisedView> LineariseEachPair(Setup setup, const std::vector<Pos
 // Likewise, with one view per robot pose.
 std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePair>& pairs,
                                            const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
-                                           const Solution& at) {
+                                           const PairSolution& at) {
   return StackGroups(LineariseEachPair(setup, pairs, whitenings, layout, at), GroupByRobotPose(setup, pairs));
 }
 
@@ -139,7 +139,7 @@ struct ChainRows {
   std::vector<LinearisedView> views;
   std::vector<VarianceGroup> groups;
 
-  ChainRows(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution)
+  ChainRows(Setup setup, const std::vector<PosePair>& pairs, const PairSolution& solution)
       : layout(ChainUnknowns(solution.shared_effects.get())),
         views(LineariseChain(setup, pairs, Whitenings(pairs), layout, solution)),
         groups(WithEffectGroups(
@@ -151,8 +151,8 @@ struct ChainRows {
 
 }  // namespace
 
-std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const Solution& at) {
-  Solution without = at;
+std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const PairSolution& at) {
+  PairSolution without = at;
   without.shared_effects = nullptr;
   std::vector<LinearisedView> views =
       LineariseEachPair(setup, pairs, Whitenings(pairs), ChainUnknowns(nullptr), without);
@@ -164,12 +164,12 @@ std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePa
   return views;
 }
 
-double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution) {
+double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const PairSolution& solution) {
   return ChainRows(setup, pairs, solution).LogLikelihood();
 }
 
 std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
-                                                const Solution& solution, const SharedEffects& smaller) {
+                                                const PairSolution& solution, const SharedEffects& smaller) {
   if (solution.shared_effects == nullptr) return std::nullopt;
   ChainRows rows(setup, pairs, solution);
   if (!RaiseToLeast(*solution.shared_effects, smaller, FirstEffectGroup(rows.groups), &rows.groups)) {
@@ -179,15 +179,15 @@ std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<P
   return rows.LogLikelihood();
 }
 
-Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
-                                       const std::shared_ptr<const SharedEffects>& effects) {
+Outcome<PairSolution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
+                                           const std::shared_ptr<const SharedEffects>& effects) {
   if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
   const std::vector<Matrix6> whitenings = Whitenings(pairs);
   const UnknownLayout layout = ChainUnknowns(effects.get());
   const UnknownBlock hand_eye = layout.Block(kHandEyeBlock);
   const UnknownBlock board = layout.Block(kBoardBlock);
   const UnknownBlock robot = layout.Block(kRobotBlock);
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = start;
   solution.shared_effects = effects;
   solution.effects = Eigen::VectorXd::Zero(robot.size);
@@ -245,7 +245,7 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
   return Failure{FailureCode("poses_not_converged")};
 }
 
-Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
+Outcome<PairSolution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
   if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
   const std::vector<Matrix6> whitenings = Whitenings(pairs);
   PoseBlock hand_eye = ToBlock(start.camera_mount_from_camera);
@@ -264,7 +264,7 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
     return Failure{FailureCode("chain_not_converged"), {}, {{"message", summary.message}}};
   }
 
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};
   solution.convergence = {true,
                           static_cast<int>(summary.iterations.size()) - 1,

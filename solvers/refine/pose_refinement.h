@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/uncertainty/linearisation.h"
 
@@ -21,23 +21,23 @@ namespace heba {
 // scale. An image enters through six numbers only, so the two-fold ambiguity of a planar target, strong noise and a
 // wrong camera do more harm than in the refinement of the reprojection error. Returns a Failure if the motion does
 // not determine the poses or Ceres does not converge.
-Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start);
+Outcome<PairSolution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start);
 
 // Likewise, with the noise of the robot's poses and, unless `effects` is null, its systematic errors
 // (PosePair::effect). The scale of S, the noise and the standard deviations of the effects are estimated by restricted
 // maximum likelihood; Gauss-Newton steps alternate with that estimation until neither changes.
-Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
-                                       const std::shared_ptr<const SharedEffects>& effects);
+Outcome<PairSolution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
+                                           const std::shared_ptr<const SharedEffects>& effects);
 
 // Returns the misclosures of all pairs at a solution of RefineChainWithNoise without effects, in units of their noise,
 // one view per pair: the columns of `by_effects` are the six of the correction of the robot's pose.
-std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const Solution& at);
+std::vector<LinearisedView> LinearisePairs(Setup setup, const std::vector<PosePair>& pairs, const PairSolution& at);
 
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the pairs at a solution of
 // RefineChainWithNoise, up to a constant that all such solutions of these pairs share.
-double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution);
-// Likewise, as LogLikelihoodAtLeast (heba/rig_adjustment.h).
+double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const PairSolution& solution);
+// Likewise, as LogLikelihoodAtLeast (heba/refinement.h).
 std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
-                                                const Solution& solution, const SharedEffects& smaller);
+                                                const PairSolution& solution, const SharedEffects& smaller);
 
 }  // namespace heba

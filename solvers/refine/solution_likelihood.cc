@@ -3,7 +3,7 @@
 #include <limits>
 #include <utility>
 
-#include "heba/rig_adjustment.h"
+#include "heba/refinement.h"
 #include "solvers/refine/fit.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -21,10 +21,10 @@ struct SolutionRows {
 };
 
 // Returns the logarithm of the product of the standard deviations by which the rows of all images were whitened.
-double LogUnitOf(const RigProblem& problem, const FitNoise& noise) {
+double LogUnitOf(const Problem& problem, const FitNoise& noise) {
   double sum = 0;
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) {
       if (image.observations.size() == 0) continue;
       const double num_rows = 2.0 * image.observations.size();
       sum += num_rows * std::log(noise.pixel_px[image.camera]) +
@@ -35,7 +35,7 @@ double LogUnitOf(const RigProblem& problem, const FitNoise& noise) {
 }
 
 // Returns nothing if a point cannot be projected.
-std::optional<SolutionRows> RowsOf(RigProblem problem, const RigSolution& solution, const RigOptions& options) {
+std::optional<SolutionRows> RowsOf(Problem problem, const Solution& solution, const AdjustmentOptions& options) {
   const Loss& loss = LossOf(options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss);
   for (size_t c = 0; c < problem.cameras.size(); ++c) problem.cameras[c].camera = solution.cameras[c];
   const FitNoise noise = NoiseOf(solution);
@@ -47,18 +47,18 @@ std::optional<SolutionRows> RowsOf(RigProblem problem, const RigSolution& soluti
   setting.robot_prior = options.robot_noise_prior;
   setting.effects_avoid_zero = false;  // Models are compared without that.
   return SolutionRows{std::move(*views), VarianceGroupsOf(problem, noise, setting),
-                      RigUnknowns(problem).BlocksOf(UnknownOwner::kTarget).front().first, LogUnitOf(problem, noise)};
+                      UnknownsOf(problem).BlocksOf(UnknownOwner::kTarget).front().first, LogUnitOf(problem, noise)};
 }
 
 }  // namespace
 
-double LogLikelihoodOf(const RigProblem& problem, const RigSolution& solution, const RigOptions& options) {
+double LogLikelihoodOf(const Problem& problem, const Solution& solution, const AdjustmentOptions& options) {
   const std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
   return rows ? rows->LogLikelihood() : -std::numeric_limits<double>::infinity();
 }
 
-std::optional<double> LogLikelihoodAtLeast(const RigProblem& problem, const RigSolution& solution,
-                                           const RigOptions& options,
+std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
+                                           const AdjustmentOptions& options,
                                            const std::vector<std::shared_ptr<const SharedEffects>>& smaller) {
   std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
   if (!rows) return std::nullopt;

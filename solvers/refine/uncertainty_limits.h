@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 
 namespace heba {
 

@@ -14,18 +14,18 @@ namespace {
 
 // The indices of the shared poses: those of the cameras, of the targets, and of all bases but the first.
 int CameraPose(size_t camera) { return static_cast<int>(camera); }
-int TargetPose(const RigProblem& problem, size_t target) { return static_cast<int>(problem.cameras.size() + target); }
-int BasePose(const RigProblem& problem, size_t robot) {
+int TargetPose(const Problem& problem, size_t target) { return static_cast<int>(problem.cameras.size() + target); }
+int BasePose(const Problem& problem, size_t robot) {
   return static_cast<int>(problem.cameras.size() + problem.targets.size() + robot) - 1;
 }
 
 // Makes the loop of every camera and target for the captures' poses of the arms.
 class LoopMaker {
  public:
-  LoopMaker(const RigProblem& problem, std::vector<size_t> moving, bool has_corrections)
+  LoopMaker(const Problem& problem, std::vector<size_t> moving, bool has_corrections)
       : problem_(problem), moving_(std::move(moving)), has_corrections_(has_corrections) {}
 
-  KinematicLoop LoopOf(const RigCapture& capture, const RigImage& image) {
+  KinematicLoop LoopOf(const ProblemCapture& capture, const ProblemImage& image) {
     const auto key = std::make_tuple(image.camera, image.target, EffectsOn(capture, image));
     auto found = patterns_.find(key);
     if (found == patterns_.end()) found = patterns_.emplace(key, PatternOf(capture, image)).first;
@@ -44,18 +44,18 @@ class LoopMaker {
     std::vector<size_t> known;  // The arms whose poses are the known factors.
   };
 
-  bool HasEffect(const RigCapture& capture, size_t robot) const {
+  bool HasEffect(const ProblemCapture& capture, size_t robot) const {
     return EffectsOf(problem_, robot) != nullptr && capture.effects[robot] != nullptr;
   }
 
   // Returns which of the two arms that carry camera and target have an effect.
-  std::pair<bool, bool> EffectsOn(const RigCapture& capture, const RigImage& image) const {
+  std::pair<bool, bool> EffectsOn(const ProblemCapture& capture, const ProblemImage& image) const {
     return {HasEffect(capture, problem_.cameras[image.camera].mount.robot),
             HasEffect(capture, problem_.targets[image.target].mount.robot)};
   }
 
   // Appends world_from_mount or, for two mounts on the bases of one arm, nothing.
-  void Append(const RigCapture& capture, const Mount& mount, bool has_base, std::vector<LoopFactor>* factors,
+  void Append(const ProblemCapture& capture, const Mount& mount, bool has_base, std::vector<LoopFactor>* factors,
               std::vector<size_t>* known) const {
     if (has_base && mount.robot > 0) factors->push_back(SharedFactor(BasePose(problem_, mount.robot)));
     if (mount.part == Mount::Part::kBase) return;
@@ -77,7 +77,7 @@ class LoopMaker {
     return index;
   }
 
-  Pattern PatternOf(const RigCapture& capture, const RigImage& image) const {
+  Pattern PatternOf(const ProblemCapture& capture, const ProblemImage& image) const {
     const Mount& camera_mount = problem_.cameras[image.camera].mount;
     const Mount& target_mount = problem_.targets[image.target].mount;
     std::vector<LoopFactor> factors = {Inverse(SharedFactor(CameraPose(image.camera)))};
@@ -94,24 +94,24 @@ class LoopMaker {
     return {KinematicLoop(std::move(factors)), std::move(known)};
   }
 
-  const RigProblem& problem_;
+  const Problem& problem_;
   std::vector<size_t> moving_;
   bool has_corrections_;
   std::map<std::tuple<size_t, size_t, std::pair<bool, bool>>, Pattern> patterns_;
 };
 
-LoopProblem WithoutCaptures(const RigProblem& problem, const FitNoise& noise) {
+LoopProblem WithoutCaptures(const Problem& problem, const FitNoise& noise) {
   LoopProblem loops;
-  loops.layout = RigUnknowns(problem);
-  for (const RigCamera& camera : problem.cameras) loops.cameras.push_back(&camera.camera.Model());
-  for (const RigTarget& target : problem.targets) loops.targets.push_back(target.shape);
+  loops.layout = UnknownsOf(problem);
+  for (const ProblemCamera& camera : problem.cameras) loops.cameras.push_back(&camera.camera.Model());
+  for (const ProblemTarget& target : problem.targets) loops.targets.push_back(target.shape);
   loops.pixel_sigma_ratios = noise.pixel_px;
   return loops;
 }
 
 // Returns the directions in which the joints of an arm act on its pose at a capture; the joints of a capture without
 // them are not noisy.
-Matrix6X DirectionsOf(const RigCapture& capture, size_t robot, Eigen::Index num_joints) {
+Matrix6X DirectionsOf(const ProblemCapture& capture, size_t robot, Eigen::Index num_joints) {
   if (capture.postures.empty() || capture.postures[robot].gripper_by_joints.cols() == 0) {
     return Matrix6X::Zero(6, num_joints);
   }
@@ -121,7 +121,7 @@ Matrix6X DirectionsOf(const RigCapture& capture, size_t robot, Eigen::Index num_
 // Makes the nuisance poses of captures: the corrections of the moving arms.
 class NuisancePoseMaker {
  public:
-  NuisancePoseMaker(const RigProblem& problem, const FitState& state, std::vector<size_t> moving)
+  NuisancePoseMaker(const Problem& problem, const FitState& state, std::vector<size_t> moving)
       : problem_(problem), state_(state), moving_(std::move(moving)), num_joints_(NoisyJointsOf(problem, moving_)) {}
 
   // Returns the nuisance poses of a capture without priors.
@@ -154,26 +154,26 @@ class NuisancePoseMaker {
   }
 
  private:
-  const RigProblem& problem_;
+  const Problem& problem_;
   const FitState& state_;
   std::vector<size_t> moving_;
   std::vector<Eigen::Index> num_joints_;
   std::vector<std::optional<size_t>> common_;  // The last prior of each arm.
 };
 
-bool HasPoints(const RigCapture& capture) {
+bool HasPoints(const ProblemCapture& capture) {
   return std::any_of(capture.images.begin(), capture.images.end(),
-                     [](const RigImage& image) { return image.observations.size() > 0; });
+                     [](const ProblemImage& image) { return image.observations.size() > 0; });
 }
 
 }  // namespace
 
-std::vector<size_t> MovingRobots(const RigProblem& problem) {
+std::vector<size_t> MovingRobots(const Problem& problem) {
   std::vector<size_t> moving;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const bool is_moving =
-        std::any_of(problem.captures.begin(), problem.captures.end(), [&](const RigCapture& capture) {
-          return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+        std::any_of(problem.captures.begin(), problem.captures.end(), [&](const ProblemCapture& capture) {
+          return std::any_of(capture.images.begin(), capture.images.end(), [&](const ProblemImage& image) {
             return image.observations.size() > 0 &&
                    IsMovedBy(problem.cameras[image.camera].mount, problem.targets[image.target].mount, r);
           });
@@ -183,9 +183,9 @@ std::vector<size_t> MovingRobots(const RigProblem& problem) {
   return moving;
 }
 
-std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::vector<size_t>& moving) {
+std::vector<Eigen::Index> NoisyJointsOf(const Problem& problem, const std::vector<size_t>& moving) {
   std::vector<Eigen::Index> num_joints(moving.size(), 0);
-  for (const RigCapture& capture : problem.captures) {
+  for (const ProblemCapture& capture : problem.captures) {
     for (size_t k = 0; k < moving.size() && !capture.postures.empty(); ++k) {
       num_joints[k] = std::max(num_joints[k], capture.postures[moving[k]].gripper_by_joints.cols());
     }
@@ -193,7 +193,7 @@ std::vector<Eigen::Index> NoisyJointsOf(const RigProblem& problem, const std::ve
   return num_joints;
 }
 
-std::vector<size_t> CapturesWithPoints(const RigProblem& problem) {
+std::vector<size_t> CapturesWithPoints(const Problem& problem) {
   std::vector<size_t> captures;
   for (size_t i = 0; i < problem.captures.size(); ++i) {
     if (HasPoints(problem.captures[i])) captures.push_back(i);
@@ -201,12 +201,12 @@ std::vector<size_t> CapturesWithPoints(const RigProblem& problem) {
   return captures;
 }
 
-CaptureGroups GroupByRobotPoses(const RigProblem& problem) {
+CaptureGroups GroupByRobotPoses(const Problem& problem) {
   const std::vector<size_t> moving = MovingRobots(problem);
   const std::vector<size_t> captures = CapturesWithPoints(problem);
   std::vector<ReachedPoses> reached;
   for (const size_t i : captures) {
-    const RigCapture& capture = problem.captures[i];
+    const ProblemCapture& capture = problem.captures[i];
     ReachedPoses& of_capture = reached.emplace_back();
     for (const size_t r : moving) {
       const bool has_joints = !capture.postures.empty();
@@ -221,7 +221,7 @@ CaptureGroups GroupByRobotPoses(const RigProblem& problem) {
   return groups;
 }
 
-std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups& groups) {
+std::vector<ImageIndex> ImagesOf(const Problem& problem, const CaptureGroups& groups) {
   std::vector<ImageIndex> images;
   for (const std::vector<size_t>& group : groups) {
     for (const size_t i : group) {
@@ -241,11 +241,11 @@ double PoseErrorVariance(double sigma_px, double pixel_sigma_px, int num_points)
   return ratio * ratio * 2 * num_points / num_directions;
 }
 
-double PoseVarianceRatio(const FitNoise& noise, const RigImage& image) {
+double PoseVarianceRatio(const FitNoise& noise, const ProblemImage& image) {
   return 1 + PoseErrorVariance(noise.image_px[image.camera], noise.pixel_px[image.camera], image.observations.size());
 }
 
-LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+LoopProblem CaptureLoops(const Problem& problem, const CaptureGroups& groups, const FitState& state,
                          const FitNoise& noise, bool has_corrections) {
   LoopProblem loops = WithoutCaptures(problem, noise);
   const std::vector<size_t> moving = MovingRobots(problem);
@@ -260,7 +260,7 @@ LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups,
                                    : nuisance_poses.PosesOf(group.front(), noise.robots, &loops.priors);
     }
     for (const size_t i : group) {
-      for (const RigImage& image : problem.captures[i].images) {
+      for (const ProblemImage& image : problem.captures[i].images) {
         if (image.observations.size() == 0) continue;
         capture.views.push_back({&image.observations, maker.LoopOf(problem.captures[i], image),
                                  static_cast<int>(image.camera), static_cast<int>(image.target),
@@ -271,14 +271,14 @@ LoopProblem CaptureLoops(const RigProblem& problem, const CaptureGroups& groups,
   return loops;
 }
 
-LoopProblem ImageLoops(const RigProblem& problem, const CaptureGroups& groups, const FitState& state,
+LoopProblem ImageLoops(const Problem& problem, const CaptureGroups& groups, const FitState& state,
                        const FitNoise& noise, const std::vector<size_t>& moving) {
   LoopProblem loops = WithoutCaptures(problem, noise);
   LoopMaker maker(problem, moving, true);
   const NuisancePoseMaker nuisance_poses(problem, state, moving);
   for (const ImageIndex& index : ImagesOf(problem, groups)) {
-    const RigCapture& of_problem = problem.captures[index.capture];
-    const RigImage& image = of_problem.images[index.image];
+    const ProblemCapture& of_problem = problem.captures[index.capture];
+    const ProblemImage& image = of_problem.images[index.image];
     LoopCapture& capture = loops.captures.emplace_back();
     capture.nuisance_poses = nuisance_poses.PosesOf(index.capture);
     capture.views.push_back({&image.observations, maker.LoopOf(of_problem, image), static_cast<int>(image.camera),
@@ -314,9 +314,9 @@ FitState WithValues(FitState state, const LoopValues& values) {
   return state;
 }
 
-Rigid3d PredictedPose(const RigProblem& problem, const FitState& state, const ImageIndex& index) {
-  const RigCapture& capture = problem.captures[index.capture];
-  const RigImage& image = capture.images[index.image];
+Rigid3d PredictedPose(const Problem& problem, const FitState& state, const ImageIndex& index) {
+  const ProblemCapture& capture = problem.captures[index.capture];
+  const ProblemImage& image = capture.images[index.image];
   const std::vector<Rigid3d> none;
   const std::vector<Rigid3d>& corrections = state.corrections.empty() ? none : state.corrections[index.capture];
   return CameraFromTarget(problem, state.poses, image.camera, image.target,

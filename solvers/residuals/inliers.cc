@@ -69,9 +69,9 @@ Observations WithoutPoints(const Observations& observations, const std::vector<i
   return KeepPoints(observations, keep);
 }
 
-Problem WithoutRejected(const Problem& problem, const Solution& solution) {
+PairProblem WithoutRejected(const PairProblem& problem, const PairSolution& solution) {
   CHECK_EQ(solution.views.size(), problem.views.size());
-  Problem kept = problem;
+  PairProblem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
     Observations& observations = kept.views[i].observations;
     observations = WithoutPoints(observations, solution.views[i].rejected_ids);
@@ -79,7 +79,7 @@ Problem WithoutRejected(const Problem& problem, const Solution& solution) {
   return kept;
 }
 
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
+Problem WithoutRejected(Problem problem, const Solution& solution) {
   for (size_t i = 0; i < problem.captures.size(); ++i) {
     for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
       Observations& observations = problem.captures[i].images[k].observations;

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/pair_solution.h"
+#include "heba/data/problem.h"
 #include "heba/data/solution.h"
 
 namespace heba {
@@ -24,7 +24,7 @@ Observations KeepPoints(const Observations& observations, const std::vector<bool
 Observations WithoutPoints(const Observations& observations, const std::vector<int>& ids);
 
 // Return the problem without the points that `solution`, which must have an entry for every view, rejected.
-Problem WithoutRejected(const Problem& problem, const Solution& solution);
-RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
+PairProblem WithoutRejected(const PairProblem& problem, const PairSolution& solution);
+Problem WithoutRejected(Problem problem, const Solution& solution);
 
 }  // namespace heba

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "heba/data/free_parameters.h"
-#include "heba/data/problem.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_problem.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/unknowns.h"
 #include "solvers/residuals/kinematic_loop.h"
 

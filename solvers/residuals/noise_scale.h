@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

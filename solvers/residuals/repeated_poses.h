@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/residuals/loop_problem.h"
 

@@ -14,7 +14,7 @@
 
 #include "heba/camera/camera_model.h"
 #include "heba/data/free_parameters.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/study/study_captures.h"
 #include "solvers/study/study_places.h"
@@ -11,9 +11,9 @@ namespace heba {
 namespace {
 
 // Returns the options of the cell with its setup, camera, target and free intrinsics.
-CalibrationOptions OptionsOf(const StudyCell& cell) {
-  const RigCamera& camera = cell.problem.cameras[0];
-  CalibrationOptions options = cell.options;
+PairCalibrationOptions OptionsOf(const StudyCell& cell) {
+  const ProblemCamera& camera = cell.problem.cameras[0];
+  PairCalibrationOptions options = cell.options;
   options.setup = SetupOf(cell);
   options.camera = cell.gives_cameras ? std::optional(camera.camera) : std::nullopt;
   options.camera_model = camera.camera.model;
@@ -36,7 +36,7 @@ bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
 }
 
 // Returns the errors of the unknowns in a layout of this cell, whose robot has the systematic errors `drawn`.
-Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, const Solution& solution,
+Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, const PairSolution& solution,
                         const Eigen::VectorXd& drawn = {}) {
   const Camera& camera = cell.problem.cameras[0].camera;
   const HandEye truth = HandEyeOf(cell);
@@ -72,14 +72,14 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   estimate.method = method;
   estimate.ok = hand_eye.ok();
   if (!hand_eye) return estimate;
-  Solution poses;
+  PairSolution poses;
   poses.hand_eye = *hand_eye;
   estimate.error = ErrorOf(cell, HandEyePoses(), poses);
   estimate.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye->camera_mount_from_camera).value_or(0);
   return estimate;
 }
 
-TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<Solution>& solution,
+TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<PairSolution>& solution,
                          const std::vector<PosePair>& pairs, const Eigen::VectorXd& drawn) {
   if (!solution) return FailedEstimate(method);
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
@@ -106,7 +106,7 @@ std::vector<Eigen::Index> StudiedUnknowns(const UnknownLayout& layout) {
 
 std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng* rng) {
   const Eigen::VectorXd drawn = DrawErrors(cell, rng);
-  const Outcome<Calibration> calibration = Calibrate(SimulateViews(cell, drawn, rng), OptionsOf(cell));
+  const Outcome<PairCalibration> calibration = CalibratePair(SimulateViews(cell, drawn, rng), OptionsOf(cell));
   std::vector<TrialEstimate> estimates;
   if (!calibration) {
     for (const std::string& name : cell.options.methods) estimates.push_back(FailedEstimate(name));

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "heba/rig_calibration.h"
+#include "heba/calibration.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "solvers/refine/uncertainty_limits.h"
 
@@ -11,21 +11,21 @@ namespace heba {
 namespace {
 
 // Calibrates captures whose arms have white noise alone.
-Outcome<RigCalibration> CalibrateAsKnown(const StudyCell& cell, RigProblem problem) {
-  RigCalibrationOptions options;
+Outcome<Calibration> CalibrateAsKnown(const StudyCell& cell, Problem problem) {
+  CalibrationOptions options;
   options.adjustment = AdjustmentOptionsOf(cell.options.bundle);
   options.choose_target_shape = cell.options.choose.target_shape;
   options.smooth = SmoothPoseErrors::kNone;
   if (cell.gives_cameras) options.has_camera.assign(problem.cameras.size(), true);
-  for (RigCamera& camera : problem.cameras) {
+  for (ProblemCamera& camera : problem.cameras) {
     if (!cell.gives_cameras) camera.camera.params.clear();
   }
-  return CalibrateRig(problem, options);
+  return Calibrate(problem, options);
 }
 
 // A camera by itself.
 struct SingleCamera {
-  RigProblem problem;
+  Problem problem;
   std::vector<size_t> robots;  // The indices of its arms in the rig.
   Mount mount;                 // The mount, in the rig, to which the camera's pose refers.
 };
@@ -33,10 +33,10 @@ struct SingleCamera {
 // Returns a camera with the targets that it sees and the arms that move these against it. Everything at rest is on the
 // base of the first of these arms unless its own base is among them. Returns nothing if no arm moves a target that the
 // camera sees.
-std::optional<SingleCamera> OnlyCamera(const RigProblem& problem, size_t camera) {
+std::optional<SingleCamera> OnlyCamera(const Problem& problem, size_t camera) {
   std::vector<bool> is_seen(problem.targets.size());
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) {
       if (image.camera == camera) is_seen[image.target] = true;
     }
   }
@@ -67,11 +67,11 @@ std::optional<SingleCamera> OnlyCamera(const RigProblem& problem, size_t camera)
     single.problem.targets.push_back(problem.targets[t]);
     single.problem.targets.back().mount = place_of(problem.targets[t].mount);
   }
-  for (const RigCapture& capture : problem.captures) {
-    RigCapture& kept = single.problem.captures.emplace_back();
+  for (const ProblemCapture& capture : problem.captures) {
+    ProblemCapture& kept = single.problem.captures.emplace_back();
     kept.name = capture.name;
     for (const size_t r : single.robots) kept.base_from_gripper.push_back(capture.base_from_gripper[r]);
-    for (const RigImage& image : capture.images) {
+    for (const ProblemImage& image : capture.images) {
       if (image.camera == camera) kept.images.push_back({0, places[image.target], image.observations});
     }
   }
@@ -92,7 +92,7 @@ PoseEstimate Between(const PoseEstimate& mount_from_a, const PoseEstimate& mount
           std::min(mount_from_a.dof, mount_from_b.dof)};
 }
 
-PoseEstimates EstimateOneByOne(const StudyCell& cell, const RigProblem& problem) {
+PoseEstimates EstimateOneByOne(const StudyCell& cell, const Problem& problem) {
   const size_t num_cameras = problem.cameras.size();
   std::vector<std::optional<Mount>> mounts(num_cameras);
   PoseEstimates cameras(num_cameras);
@@ -107,7 +107,7 @@ PoseEstimates EstimateOneByOne(const StudyCell& cell, const RigProblem& problem)
     const std::optional<SingleCamera> single = OnlyCamera(problem, c);
     if (!single) continue;
     mounts[c] = single->mount;
-    const Outcome<RigCalibration> calibration = CalibrateAsKnown(cell, single->problem);
+    const Outcome<Calibration> calibration = CalibrateAsKnown(cell, single->problem);
     const bool is_good = calibration && calibration->refined;
     Failure failure;
     if (!is_good) failure = calibration ? calibration->refined.failure() : calibration.failure();
@@ -152,11 +152,11 @@ PoseEstimates EstimateOneByOne(const StudyCell& cell, const RigProblem& problem)
 
 }  // namespace
 
-std::vector<PoseEstimate> PosesOf(const RigProblem& problem, const RigSolution& solution) {
+std::vector<PoseEstimate> PosesOf(const Problem& problem, const Solution& solution) {
   const double dof = solution.covariance_dof;
   std::vector<PoseEstimate> poses;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    const RigCamera& camera = problem.cameras[c];
+    const ProblemCamera& camera = problem.cameras[c];
     const auto covariance = PoseCovarianceOf(solution.covariance, CameraPoseBlock(camera));
     CHECK(covariance.has_value());
     poses.push_back({"camera " + camera.name + " in " + MountText(problem, camera), solution.poses.mount_from_camera[c],
@@ -174,17 +174,17 @@ std::vector<PoseEstimate> PosesOf(const RigProblem& problem, const RigSolution& 
 }
 
 std::vector<PoseEstimate> TruePoses(const StudyCell& cell) {
-  RigSolution truth;
+  Solution truth;
   truth.poses = cell.poses;
-  truth.covariance.layout = RigUnknowns(cell.problem);
+  truth.covariance.layout = UnknownsOf(cell.problem);
   const Eigen::Index size = truth.covariance.layout.size();
   truth.covariance.matrix = Eigen::MatrixXd::Zero(size, size);
   return PosesOf(cell.problem, truth);
 }
 
-PoseEstimates EstimatePoses(const StudyCell& cell, StudyEstimator estimator, const RigProblem& problem) {
+PoseEstimates EstimatePoses(const StudyCell& cell, StudyEstimator estimator, const Problem& problem) {
   if (estimator == StudyEstimator::kOneByOne) return EstimateOneByOne(cell, problem);
-  const Outcome<RigCalibration> calibration = CalibrateAsKnown(cell, problem);
+  const Outcome<Calibration> calibration = CalibrateAsKnown(cell, problem);
   const bool is_good = calibration && calibration->refined;
   if (!is_good) {
     const size_t num_poses = TruePoses(cell).size();

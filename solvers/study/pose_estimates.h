@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/solution.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/study/study_cell.h"
 
@@ -23,7 +23,7 @@ struct PoseEstimate {
 };
 
 // Returns the studied poses of a solution, in the order of StudiedPoses.
-std::vector<PoseEstimate> PosesOf(const RigProblem& problem, const RigSolution& solution);
+std::vector<PoseEstimate> PosesOf(const Problem& problem, const Solution& solution);
 // Returns the true poses of a cell, without uncertainty.
 std::vector<PoseEstimate> TruePoses(const StudyCell& cell);
 
@@ -34,6 +34,6 @@ using PoseEstimates = std::vector<std::optional<Outcome<PoseEstimate>>>;
 // Estimates the poses from the captures of `problem`. Of cameras that are calibrated one by one, a pose between two has
 // the covariance of two independent ones, and that between two bases is taken from the camera that states the smallest
 // sigma.
-PoseEstimates EstimatePoses(const StudyCell& cell, StudyEstimator estimator, const RigProblem& problem);
+PoseEstimates EstimatePoses(const StudyCell& cell, StudyEstimator estimator, const Problem& problem);
 
 }  // namespace heba

@@ -39,7 +39,7 @@ StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& square
   if (squares.size() == kBoard) return errors;
   errors.board_m = length_at(kBoard);
   errors.board_rad = length_at(kBoard + 3);
-  const RigCamera& camera = cell.problem.cameras[0];
+  const ProblemCamera& camera = cell.problem.cameras[0];
   const FreeParameters free = FreeOf(camera.camera.Model(), camera.free_intrinsics);
   if (free[0] && free[1] && squares.size() >= kFocal + 2) {
     errors.focal_px = std::sqrt(0.5 * squares.segment<2>(kFocal).sum());
@@ -128,7 +128,7 @@ std::vector<std::string> StudiedPoses(const StudyCell& cell) {
 std::vector<std::vector<TrialEstimate>> RunTrial(const StudyCell& cell, uint64_t seed, int trial) {
   Rng rng(seed, static_cast<uint64_t>(trial));
   if (IsHandEye(cell)) return {EstimateHandEye(cell, &rng)};
-  const RigProblem problem = SimulateProblem(cell, &rng);
+  const Problem problem = SimulateProblem(cell, &rng);
   const std::vector<PoseEstimate> truth = TruePoses(cell);
   std::vector<std::vector<TrialEstimate>> estimates(truth.size());
   for (const StudyEstimator estimator : cell.estimators) {
@@ -141,14 +141,14 @@ std::vector<std::vector<TrialEstimate>> RunTrial(const StudyCell& cell, uint64_t
 }
 
 Outcome<std::vector<PoseBound>> ErrorBounds(const StudyCell& cell) {
-  const RigProblem problem = ExactProblem(cell);
+  const Problem problem = ExactProblem(cell);
   Fit fit;
   fit.problem = Borrowed(problem);
   fit.groups = GroupByRobotPoses(problem);
   if (fit.groups.empty()) return Failure{FailureCode("no_target_in_view")};
   fit.state.poses = cell.poses;
-  for (const RigCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
-  for (const RigTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
+  for (const ProblemCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
+  for (const ProblemTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
   fit.noise.pixel_px.assign(problem.cameras.size(), cell.pixel_sigma_px);
   fit.noise.image_px.assign(problem.cameras.size(), 0);
   RobotNoise noise = cell.robot_noise;
@@ -159,7 +159,7 @@ Outcome<std::vector<PoseBound>> ErrorBounds(const StudyCell& cell) {
   const std::optional<Information> information = FitInformation(fit, LossOf(LossKind::kNone), 1);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
-  RigSolution bound;
+  Solution bound;
   bound.poses = cell.poses;
   bound.covariance = InvertInformation(*information, 1.0);
   std::vector<PoseBound> bounds;

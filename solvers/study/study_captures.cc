@@ -111,7 +111,7 @@ std::vector<View> SimulateViews(const StudyCell& cell, const Eigen::VectorXd& dr
   return views;
 }
 
-RigProblem SimulateProblem(const StudyCell& cell, Rng* rng) {
+Problem SimulateProblem(const StudyCell& cell, Rng* rng) {
   SceneOptions options;
   options.noise_px = cell.pixel_sigma_px;
   options.robot_noise = cell.robot_noise;
@@ -123,16 +123,16 @@ RigProblem SimulateProblem(const StudyCell& cell, Rng* rng) {
   const auto num_repeats = static_cast<size_t>(cell.num_repeats);
   std::vector<ArmPoses> arms;
   for (const StudyCapture& capture : cell.captures) arms.insert(arms.end(), num_repeats, capture.arms);
-  RigProblem problem = cell.problem;
+  Problem problem = cell.problem;
   problem.captures = SimulateCaptures(problem, cell.poses, targets, arms, options, rng);
   for (size_t i = 0; i < problem.captures.size(); ++i) {
-    RigCapture& capture = problem.captures[i];
+    ProblemCapture& capture = problem.captures[i];
     const bool is_wrong = cell.wrong_captures > 0 && i % num_repeats == 0 && rng->Uniform() < cell.wrong_captures;
     for (Rigid3d& pose : capture.base_from_gripper) {
       if (is_wrong) pose = WithRobotNoise(pose, kWrongRad, kWrongM, rng);
     }
     if (i % num_repeats > 0) capture.base_from_gripper = problem.captures[i - 1].base_from_gripper;
-    for (RigImage& image : capture.images) {
+    for (ProblemImage& image : capture.images) {
       Observations& points = image.observations;
       points.points_in_target = cell.targets[image.target].points.points_in_target;
       for (Eigen::Index k = 0; k < points.size() && cell.outlier_points > 0; ++k) {
@@ -143,13 +143,14 @@ RigProblem SimulateProblem(const StudyCell& cell, Rng* rng) {
   return problem;
 }
 
-RigProblem ExactProblem(const StudyCell& cell) {
+Problem ExactProblem(const StudyCell& cell) {
   const StudyCell exact = WithoutErrors(cell);
   Rng rng(0);
-  RigProblem problem;
+  Problem problem;
   if (IsHandEye(cell)) {
     const Eigen::VectorXd none = Eigen::VectorXd::Zero(cell.robot ? cell.robot->errors->num_all : 0);
-    Problem views{cell.problem.cameras[0].camera, SimulateViews(exact, none, &rng), SetupOf(cell), TrueShape(cell, 0)};
+    PairProblem views{cell.problem.cameras[0].camera, SimulateViews(exact, none, &rng), SetupOf(cell),
+                      TrueShape(cell, 0)};
     for (size_t i = 0; i < views.views.size() && cell.robot; ++i) {
       const size_t pose = i / static_cast<size_t>(cell.num_repeats);
       views.views[i].effect = cell.robot->effects[pose];

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration_types.h"
 #include "heba/data/hand_eye.h"
+#include "heba/pair_calibration_types.h"
 #include "heba/simulation/scene.h"
 
 namespace heba {
@@ -46,16 +46,16 @@ struct StudyCapture {
 
 // The ways to calibrate several cameras; their names are those of kStudyEstimatorNames, in this order.
 enum class StudyEstimator {
-  kJointly,   // CalibrateRig of all cameras.
-  kOneByOne,  // CalibrateRig of each camera by itself, with the targets that it sees and the arms that move them.
+  kJointly,   // Calibrate of all cameras.
+  kOneByOne,  // Calibrate of each camera by itself, with the targets that it sees and the arms that move them.
 };
 inline constexpr std::array<const char*, 2> kStudyEstimatorNames = {"jointly", "one_by_one"};
 
 // One cell of a study: a scene, its noise, and the options of the estimators. The poses of the arms are the same in
 // every trial; the noise is not.
 struct StudyCell {
-  RigProblem problem;  // With the true cameras and the designed targets, without captures.
-  RigPoses poses;
+  Problem problem;  // With the true cameras and the designed targets, without captures.
+  CellPoses poses;
   std::vector<StudyTarget> targets;
   std::vector<StudyCapture> captures;
   int num_repeats = 1;                           // The captures at each pose, with one error of the robot.
@@ -71,7 +71,7 @@ struct StudyCell {
   double wrong_captures = 0;
   bool gives_cameras = true;  // Otherwise the trials estimate the cameras, whose models are known.
   // The setup, the camera, the target and the free intrinsics in the options are replaced by those of the cell.
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   // For named cameras. A hand-eye calibration has every closed form, the chain and the bundle adjustment instead.
   std::vector<StudyEstimator> estimators = {StudyEstimator::kJointly, StudyEstimator::kOneByOne};
 };

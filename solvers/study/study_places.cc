@@ -71,7 +71,7 @@ Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joint
   return effect.Evaluate(drawn, nullptr) * Retract(Rigid3d(), gripper_by_joints * noise);
 }
 
-void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen::VectorXd& drawn, Rng* rng,
+void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng* rng,
                     TrialEstimate* estimate) {
   const Covariance& covariance = solution.covariance;
   const Eigen::Vector3d middle = cell.targets[0].points.points_in_target.rowwise().mean();

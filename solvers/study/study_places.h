@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "heba/base/rng.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "solvers/study/study_cell.h"
 
 namespace heba {
@@ -22,7 +22,7 @@ Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joint
 
 // Adds the errors of a solution's predictions at the places of the cell. The regions are those of a further capture
 // there, whose joints are noisy too.
-void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen::VectorXd& drawn, Rng* rng,
+void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng* rng,
                     TrialEstimate* estimate);
 // Adds the errors to a sum.
 void AddTo(const PlaceErrors& errors, PlaceErrors* sum);

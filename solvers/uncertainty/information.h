@@ -6,7 +6,7 @@
 #include <string>
 
 #include "heba/base/error.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/unknowns.h"
 
 namespace heba {

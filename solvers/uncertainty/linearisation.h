@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/residuals/loop_problem.h"
 #include "solvers/residuals/loss.h"

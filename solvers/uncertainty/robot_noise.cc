@@ -45,7 +45,7 @@ Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_co
   return variances;
 }
 
-RobotNoise NoiseElsewhere(const RigSolution& solution, size_t robot) {
+RobotNoise NoiseElsewhere(const Solution& solution, size_t robot) {
   RobotNoise noise = solution.robot_noise[robot].value_or(RobotNoise{});
   const RobotNoise smooth = SmoothNoiseOf(solution, robot).value_or(RobotNoise{});
   noise.translation_m = std::hypot(noise.translation_m, smooth.translation_m);

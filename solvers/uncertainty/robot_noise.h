@@ -11,7 +11,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/rig_solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/solution.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/uncertainty/linearisation.h"
@@ -33,7 +33,7 @@ Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_co
 
 // Returns the noise of an arm at another pose than those of the captures: its smooth errors, which are not known there,
 // are noise, too. It is zero for an exact arm.
-RobotNoise NoiseElsewhere(const RigSolution& solution, size_t robot);
+RobotNoise NoiseElsewhere(const Solution& solution, size_t robot);
 
 // The sigmas of industrial arms: 95 % of them lie between these bounds.
 inline constexpr double kIndustrialArmM[] = {0.05e-3, 1e-3};

@@ -7,7 +7,7 @@
 
 #include <opencv2/core/mat.hpp>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 

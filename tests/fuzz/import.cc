@@ -10,6 +10,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data) + 1, size - 1}, ".txt");
   heba::Expect([&] { heba::CheckImported(heba::ImportDataSet(file, format)); });
   heba::Expect([&] { heba::CheckImported(heba::ImportDataSet(file, "")); });
-  heba::Expect([&] { heba::CheckImported(heba::ImportRig(file, format)); });
+  heba::Expect([&] { heba::CheckImported(heba::ImportCell(file, format)); });
   return 0;
 }

@@ -47,7 +47,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   heba::Expect([&] { heba::CheckImported(heba::ImportDataSet(folder, "")); });
   for (const heba::ImportFormat& format : heba::ImportFormats()) {
     heba::Expect([&] { heba::CheckImported(heba::ImportDataSet(folder, format.name)); });
-    heba::Expect([&] { heba::CheckImported(heba::ImportRig(folder, format.name)); });
+    heba::Expect([&] { heba::CheckImported(heba::ImportCell(folder, format.name)); });
   }
   return 0;
 }

@@ -16,13 +16,13 @@ inline void CheckImported(const ImportedSet& set) {
   }
 }
 
-inline void CheckImported(const std::optional<ImportedRig>& rig) {
+inline void CheckImported(const std::optional<ImportedCell>& rig) {
   if (!rig) return;
   Require(!rig->cameras.empty(), "a rig has cameras");
   for (const ImportedCamera& camera : rig->cameras) {
     Require(!camera.mount_from_camera || camera.mount_from_camera->Matrix().allFinite(), "a pose is finite");
   }
-  for (const ImportedRigCapture& capture : rig->captures) {
+  for (const ImportedCellCapture& capture : rig->captures) {
     Require(capture.base_from_gripper.Matrix().allFinite(), "a pose is finite");
     Require(capture.images.size() == rig->cameras.size(), "one entry for each camera");
   }

@@ -21,4 +21,8 @@ mkdir "$work/images"
 "$work/calibration/consumer" <"$source/calibration/captures.txt" | tee "$work/calibrated.txt"
 # The captures were simulated with the camera at 0.05 -0.02 0.1 m in the gripper and a noise of 0.1 px.
 awk 'NR == 1 { if (($1 - 0.05)^2 + ($2 + 0.02)^2 + ($3 - 0.1)^2 > 0.002^2) exit 1 }' "$work/calibrated.txt"
+# Two cameras that see the same are calibrated by the same calls.
+awk '{ printf "%s", $0; for (i = 8; i <= NF; ++i) printf " %s", $i; print "" }' "$source/calibration/captures.txt" |
+  "$work/calibration/consumer" 2 | tee "$work/calibrated.txt"
+awk 'NR % 2 == 1 { if (($1 - 0.05)^2 + ($2 + 0.02)^2 + ($3 - 0.1)^2 > 0.002^2) exit 1 } END { if (NR != 4) exit 1 }' "$work/calibrated.txt"
 "$work/prefix/bin/heba" --version

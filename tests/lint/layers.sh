@@ -52,7 +52,7 @@ rooms() {
   done
 }
 rooms src/heba heba/ base kernels geometry camera data config robot evaluation io simulation
-rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration rig study
+rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration cell study
 rooms targets targets/ images . dots render corners tags types
 rooms tools tools/ run text files config pages doctor pipeline batch study cli .
 

@@ -24,4 +24,10 @@ if [ -n "$doubles" ]; then
   echo "^ two types of one name"
   exit 1
 fi
+# Several cameras are what types and functions are written for: a pair is named, a rig is not.
+if find src solvers targets tools -name '*rig*' | grep -vE 'rigid|right' ||
+    grep -rnoP --include='*.h' --include='*.cc' '(?<!")\b[A-Za-z]*Rig[A-Z(]?[A-Za-z]*\b' src solvers targets tools | grep -vE 'Rigid|Right|Rigs'; then
+  echo "^ no file, type or function is called rig"
+  exit 1
+fi
 exit 0

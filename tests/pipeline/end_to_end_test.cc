@@ -45,8 +45,8 @@ std::string SceneText(const std::string& setup, const std::string& target, int n
 }
 
 // Simulates, appends the lines `extra` to the config of the run, runs, and returns the result.
-Json Calibrate(const fs::path& folder, const std::string& scene, const std::string& extra,
-               const std::string& jobs = "0") {
+Json CalibratePair(const fs::path& folder, const std::string& scene, const std::string& extra,
+                   const std::string& jobs = "0") {
   WriteAll(folder / "scene.yaml", scene);
   const CommandResult simulated =
       RunHeba({"simulate", (folder / "scene.yaml").string(), "--out", (folder / "data").string(), "--quiet"});
@@ -81,7 +81,7 @@ class NoiseFreeTest : public testing::TestWithParam<SetupAndTarget> {};
 // setups.
 TEST_P(NoiseFreeTest, HandEyeErrorIsBelowATwentiethOfAMillimetre) {
   const fs::path folder = TestFolder("noise_free_" + GetParam().name);
-  const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 0, 15), kFixedCamera);
+  const Json result = CalibratePair(folder, SceneText(GetParam().setup, GetParam().target, 0, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
   const Json bundle = Bundle(result);
   RecordProperty("hand_eye_mm", bundle["errors"]["truth"]["hand_eye_mm"].dump());
@@ -121,7 +121,7 @@ class NoisyTest : public testing::TestWithParam<SetupAndTarget> {};
 // hand-eye pose is below 32.1, which chi-square with 6 degrees of freedom exceeds once in 60,000.
 TEST_P(NoisyTest, ErrorAgreesWithTheStatedCovariance) {
   const fs::path folder = TestFolder("noisy_" + GetParam().name);
-  const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 3, 15), kFixedCamera);
+  const Json result = CalibratePair(folder, SceneText(GetParam().setup, GetParam().target, 3, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
   const Json bundle = Bundle(result);
   const Json& covariance = bundle["covariance"];
@@ -153,14 +153,14 @@ TEST(TargetShapeTest, EstimatesPrintScaleAndBend) {
   const fs::path folder = TestFolder("target_shape");
   const std::string scene = SceneText("eye_to_hand", kAprilTags, 2, 15) +
                             "print: {scale_x: 1.001, scale_y: 1.001, bend_x: 0.5 mm}\ngive_camera: false\n";
-  const Json designed = Calibrate(folder, scene, "refine: {target_shape: none}\n");
+  const Json designed = CalibratePair(folder, scene, "refine: {target_shape: none}\n");
   ASSERT_FALSE(designed.is_null());
   EXPECT_THAT(designed["verdict"].dump(), testing::HasSubstr("target_shape_ignored"));
   EXPECT_TRUE(Bundle(designed)["target_shape"].is_null());
   fs::remove_all(folder / "data");
   fs::remove_all(folder / "run");
   // The shape is estimated by default, without any setting in the config.
-  const Json result = Calibrate(folder, scene, "");
+  const Json result = CalibratePair(folder, scene, "");
   ASSERT_FALSE(result.is_null());
   EXPECT_EQ(result["model"]["target_shape"].dump(), R"(["scale","bend"])");
   const Json bundle = Bundle(result);
@@ -183,7 +183,7 @@ TEST(SwapTest, ChangingTheTargetNeedsOneConfigEntry) {
   for (const char* target : {kAprilTags, kCharuco}) {
     const fs::path sub = folder / std::to_string(i);
     fs::create_directories(sub);
-    results[i] = Calibrate(sub, SceneText("eye_to_hand", target, 2, 15), kFixedCamera);
+    results[i] = CalibratePair(sub, SceneText("eye_to_hand", target, 2, 15), kFixedCamera);
     ASSERT_FALSE(results[i].is_null());
     configs[i] = ReadAll(sub / "data" / "config.yaml");
     ++i;
@@ -198,9 +198,9 @@ TEST(SwapTest, ChangingTheTargetNeedsOneConfigEntry) {
 TEST(DeterminismTest, IsBitIdenticalForAnyNumberOfThreads) {
   const fs::path folder = TestFolder("determinism");
   const std::string scene = SceneText("eye_in_hand", kChessboard, 2, 12) + "give_camera: false\n";
-  Json one = Calibrate(folder, scene, "", "1");
+  Json one = CalibratePair(folder, scene, "", "1");
   const std::string first_image = ReadAll(folder / "data" / "images" / "000.png");
-  Json two = Calibrate(folder, scene, "", "2");
+  Json two = CalibratePair(folder, scene, "", "2");
   EXPECT_EQ(ReadAll(folder / "data" / "images" / "000.png"), first_image);
   ASSERT_FALSE(one.is_null());
   for (Json* result : {&one, &two}) {

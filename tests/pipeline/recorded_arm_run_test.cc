@@ -139,9 +139,9 @@ TEST_F(RecordedArmRunTest, ArmIsEstimatedFromRandomParts) {
 
 // Returns the root mean square of the reprojection errors of all captures of a data set that a result did not use, at
 // the poses that it computes from what the robot reports.
-double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& joints,
+double ErrorsOfOthersPx(const PairResult& result, const Rows& poses, const Rows& joints,
                         const std::vector<std::pair<std::string, CaptureDetection>>& detections, const Target& target) {
-  const Solution& solution = *FindRefined(result)->solution;
+  const PairSolution& solution = *FindRefined(result)->solution;
   double squares = 0;
   int num_points = 0;
   for (size_t i = 0; i < detections.size(); ++i) {
@@ -176,7 +176,7 @@ TEST_F(RecordedArmRunTest, EightCapturesPredictTheOthers) {
   std::vector<double> errors_px;
   for (int part = 0; part < 5; ++part) {
     Run(Subset(8, &rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
-    const RunResult result = ReadResult(folder_ / "run" / "result.json");
+    const PairResult result = ReadPairResult(folder_ / "run" / "result.json");
     ASSERT_TRUE(result.robot && result.robot->is_estimated) << part;
     errors_px.push_back(ErrorsOfOthersPx(result, poses_, joints_, detections, *target));
   }

@@ -236,7 +236,7 @@ TEST_F(SymmetricTargetTest, RunAndDoctorExplainTheSymmetry) {
 
 // A cell with two fixed cameras, one of which is upside down, so that the two read the targets on the gripper in
 // different orders: a chessboard and a circle grid, both of which look the same after half a rotation.
-class SymmetricRigTest : public testing::Test {
+class SymmetricCellTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new fs::path(TestFolder("symmetric_rig"));
@@ -301,12 +301,12 @@ class SymmetricRigTest : public testing::Test {
   static std::vector<Rigid3d> world_from_gripper_;
   static std::map<std::string, Rigid3d> gripper_from_target_;
 };
-fs::path* SymmetricRigTest::folder_ = nullptr;
-std::vector<std::string> SymmetricRigTest::names_;
-std::vector<Rigid3d> SymmetricRigTest::world_from_gripper_;
-std::map<std::string, Rigid3d> SymmetricRigTest::gripper_from_target_;
+fs::path* SymmetricCellTest::folder_ = nullptr;
+std::vector<std::string> SymmetricCellTest::names_;
+std::vector<Rigid3d> SymmetricCellTest::world_from_gripper_;
+std::map<std::string, Rigid3d> SymmetricCellTest::gripper_from_target_;
 
-TEST_F(SymmetricRigTest, LocateReturnsAllPosesThatFitBothCameras) {
+TEST_F(SymmetricCellTest, LocateReturnsAllPosesThatFitBothCameras) {
   for (size_t i = 0; i < names_.size(); ++i) {
     const CommandResult located = Locate(i, {"--json"});
     EXPECT_EQ(located.status, 1);
@@ -332,7 +332,7 @@ TEST_F(SymmetricRigTest, LocateReturnsAllPosesThatFitBothCameras) {
   }
 }
 
-TEST_F(SymmetricRigTest, NearDecidesForEachTarget) {
+TEST_F(SymmetricCellTest, NearDecidesForEachTarget) {
   const Rigid3d plate = Truth(0, "plate");
   const Rigid3d turned = Truth(0, "disks") * Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(0.108, 0.072, 0));
   const std::string flag = "plate=" + Numbers(plate) + ";disks=" + Numbers(turned);

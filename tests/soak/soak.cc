@@ -35,9 +35,9 @@
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tests/support/data_sets.h"
-#include "tools/config/run_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/run/captures.h"
 
@@ -76,8 +76,8 @@ constexpr double kMostGoodAndOutside = 0.01;
 // A recorded set with its detections.
 struct RecordedSet {
   std::string name;
-  Dataset data;
-  RunOptions options;
+  PairDataset data;
+  PairRunOptions options;
   std::vector<size_t> seen;  // The captures that show the target.
 };
 
@@ -111,7 +111,7 @@ struct Subset {
   size_t set = 0;
   size_t fixed = 0;
   Spoiling spoiling = Spoiling::kNone;
-  Dataset data;
+  PairDataset data;
   int num_captures = 0;
   bool opencv_answers = false;
 };
@@ -130,7 +130,7 @@ RecordedSet ReadSet(const fs::path& config_file) {
   }
   const fs::path copy = fs::temp_directory_path() / ("heba_soak_" + std::to_string(getpid()) + ".yaml");
   std::ofstream(copy) << text;
-  const RunConfig config = ReadRunConfig(copy);
+  const PairConfig config = ReadPairConfig(copy);
   fs::remove(copy);
   set.data = config.data;
   set.options = config.options;
@@ -145,17 +145,17 @@ RecordedSet ReadSet(const fs::path& config_file) {
   return set;
 }
 
-Answer AnswerOf(const Dataset& data, const RunOptions& options) {
+Answer AnswerOf(const PairDataset& data, const PairRunOptions& options) {
   Answer answer;
   try {
-    const Outcome<RunOutput> output = Run(data, options);
+    const Outcome<PairRunOutput> output = Run(data, options);
     if (!output) {
       answer.end = Answer::End::kRefused;
       answer.text = output.reason();
       return answer;
     }
     answer.end = Answer::End::kDone;
-    const RunResult& result = output->result;
+    const PairResult& result = output->result;
     answer.grade = result.verdict.grade;
     if (!result.verdict.findings.empty()) {
       for (const Finding& finding : result.verdict.findings) {
@@ -221,7 +221,7 @@ struct Child {
   std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
 };
 
-Child Start(const Dataset& data, const RunOptions& options) {
+Child Start(const PairDataset& data, const PairRunOptions& options) {
   std::array<int, 2> ends{};
   CHECK_EQ(pipe(ends.data()), 0);
   Child child;
@@ -279,7 +279,7 @@ std::optional<Answer> Poll(Child* child) {
 }
 
 // Runs all data sets, a few at a time.
-std::vector<Answer> AnswersOf(const std::vector<std::pair<const Dataset*, RunOptions>>& runs,
+std::vector<Answer> AnswersOf(const std::vector<std::pair<const PairDataset*, PairRunOptions>>& runs,
                               const std::function<void(size_t, const Answer&)>& on_answer) {
   std::vector<Answer> answers(runs.size());
   std::map<size_t, Child> children;
@@ -307,8 +307,8 @@ std::vector<Answer> AnswersOf(const std::vector<std::pair<const Dataset*, RunOpt
   return answers;
 }
 
-RunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
-  RunOptions options = set.options;
+PairRunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
+  PairRunOptions options = set.options;
   if (fixed.shape) options.choose.target_shape = false;
   if (fixed.lens) options.bundle.free_intrinsics = {};
   if (FLAGS_robot_noise == "white") options.smooth = SmoothPoseErrors::kNone;
@@ -320,8 +320,8 @@ RunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
   return options;
 }
 
-Dataset Part(const RecordedSet& set, const std::vector<size_t>& captures) {
-  Dataset part = set.data;
+PairDataset Part(const RecordedSet& set, const std::vector<size_t>& captures) {
+  PairDataset part = set.data;
   part.captures.clear();
   part.given_detections.clear();
   for (const size_t i : captures) {
@@ -332,7 +332,7 @@ Dataset Part(const RecordedSet& set, const std::vector<size_t>& captures) {
 }
 
 // Returns whether cv::calibrateCamera and the hand-eye method of Park and Martin give a finite pose.
-bool OpenCvAnswers(const Dataset& data) {
+bool OpenCvAnswers(const PairDataset& data) {
   std::vector<std::vector<cv::Point3f>> points;
   std::vector<std::vector<cv::Point2f>> pixels;
   std::vector<cv::Mat> rotations;
@@ -382,7 +382,8 @@ void Shuffle(Rng* random, std::vector<size_t>* values) {
   }
 }
 
-void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random, Dataset* data) {
+void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random,
+           PairDataset* data) {
   std::vector<size_t> order(captures.size());
   std::iota(order.begin(), order.end(), size_t{0});
   Shuffle(random, &order);
@@ -526,8 +527,8 @@ int Soak() {
   for (const size_t i : chosen) is_needed[i % sets.size()] = true;
 
   // The whole sets. The lens that parts hold is the one that the whole set determines.
-  std::vector<std::pair<const Dataset*, RunOptions>> whole_runs;
-  std::vector<Dataset> held(sets.size());
+  std::vector<std::pair<const PairDataset*, PairRunOptions>> whole_runs;
+  std::vector<PairDataset> held(sets.size());
   for (size_t s = 0; s < sets.size(); ++s) {
     held[s] = sets[s].data;
     if (!FLAGS_statistics) continue;
@@ -535,7 +536,7 @@ int Soak() {
       whole_runs.resize(whole_runs.size() + kFixed.size());
       continue;
     }
-    const Outcome<RunOutput> output = Run(sets[s].data, sets[s].options);
+    const Outcome<PairRunOutput> output = Run(sets[s].data, sets[s].options);
     if (output) {
       sets[s].data.camera.reset();
       held[s].camera = FindRefined(output->result)->camera;
@@ -545,7 +546,7 @@ int Soak() {
       std::printf("%-36s %s\n", sets[s].name.c_str(), output.reason().c_str());
     }
     for (size_t f = 0; f < kFixed.size(); ++f) {
-      const Dataset& data = kFixed[f].lens && held[s].camera ? held[s] : sets[s].data;
+      const PairDataset& data = kFixed[f].lens && held[s].camera ? held[s] : sets[s].data;
       whole_runs.emplace_back(&data, OptionsOf(sets[s], held[s].camera ? kFixed[f] : Fixed{false, kFixed[f].shape}));
     }
   }
@@ -560,7 +561,7 @@ int Soak() {
     if (kFixed[subset.fixed].lens) subset.data.camera = held[subset.set].camera;
     if (!held[subset.set].camera && kFixed[subset.fixed].lens) subset.fixed = kFixed[subset.fixed].shape ? 2 : 0;
   }
-  std::vector<std::pair<const Dataset*, RunOptions>> runs;
+  std::vector<std::pair<const PairDataset*, PairRunOptions>> runs;
   for (const size_t i : chosen) {
     runs.emplace_back(&subsets.at(i).data, OptionsOf(sets[subsets[i].set], kFixed[subsets[i].fixed]));
   }

@@ -20,8 +20,8 @@ std::string NameOfConfiguration(const Arm& arm, const Eigen::VectorXd& joints) {
 
 }  // namespace
 
-Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target) {
-  Dataset dataset;
+PairDataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target) {
+  PairDataset dataset;
   dataset.name = "cell";
   dataset.setup = setup;
   dataset.target = std::move(target);
@@ -47,7 +47,7 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   options.num_captures = 150;
   options.tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.05});
   const ArmScene scene = MakeArmScene(seed, options);
-  Dataset all = DatasetOf(scene.scene, options.setup, target);
+  PairDataset all = DatasetOf(scene.scene, options.setup, target);
   std::map<std::string, std::vector<size_t>> captures_in;
   for (size_t i = 0; i < scene.joints.size(); ++i) {
     all.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
@@ -76,7 +76,7 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   return made;
 }
 
-std::vector<std::string> LeftOutOf(const RunResult& result) {
+std::vector<std::string> LeftOutOf(const PairResult& result) {
   std::vector<std::string> names;
   for (const CaptureResult& capture : result.captures) {
     if (!capture.used) names.push_back(capture.image);

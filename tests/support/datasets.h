@@ -6,18 +6,18 @@
 #include <vector>
 
 #include "heba/data/setup.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
 
 // Returns the data set of a scene whose points are those of `target`, with the scene's camera.
-Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target);
+PairDataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target);
 
 // A data set of an arm, whose captures are sorted by configuration, as a path visits them.
 struct ArmDataset {
-  Dataset dataset;
+  PairDataset dataset;
   std::vector<std::string> configuration;   // One per capture.
   std::vector<Rigid3d> camera_from_target;  // Likewise, free of noise.
 };
@@ -27,6 +27,6 @@ struct ArmDataset {
 ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third);
 
 // Returns the names of the captures that are not used.
-std::vector<std::string> LeftOutOf(const RunResult& result);
+std::vector<std::string> LeftOutOf(const PairResult& result);
 
 }  // namespace heba

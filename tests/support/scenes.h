@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/base/units.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/simulation/scene.h"
 

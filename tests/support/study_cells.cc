@@ -2,7 +2,7 @@
 
 namespace heba {
 
-StudyCell CellOf(const RigScene& scene, const RigSceneSetting& setting) {
+StudyCell CellOf(const CellScene& scene, const CellSceneSetting& setting) {
   StudyCell cell;
   cell.problem = scene.problem;
   cell.problem.captures.clear();

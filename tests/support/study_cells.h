@@ -2,12 +2,12 @@
 #pragma once
 
 #include "solvers/study/study_cell.h"
-#include "tests/support/rig_scenes.h"
+#include "tests/support/cell_scenes.h"
 
 namespace heba {
 
 // Returns a study's cell of the scene, whose calibration starts from the true cameras and takes the targets as
 // designed.
-StudyCell CellOf(const RigScene& scene, const RigSceneSetting& setting = {});
+StudyCell CellOf(const CellScene& scene, const CellSceneSetting& setting = {});
 
 }  // namespace heba

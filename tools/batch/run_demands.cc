@@ -13,7 +13,7 @@ namespace heba {
 namespace {
 
 // Returns what was given to a run and is not used, each with the reason. What the config leaves out was not given.
-std::vector<std::string> UnusedInputs(const RunResult& result) {
+std::vector<std::string> UnusedInputs(const PairResult& result) {
   std::vector<std::string> unused;
   for (const CaptureResult& capture : result.captures) {
     if (!capture.used && capture.reason != kExcludedReason)
@@ -25,9 +25,9 @@ std::vector<std::string> UnusedInputs(const RunResult& result) {
   return unused;
 }
 
-std::vector<std::string> UnusedInputs(const RigResult& result) {
+std::vector<std::string> UnusedInputs(const RunResult& result) {
   std::vector<std::string> unused;
-  for (const RigImageResult& image : result.images) {
+  for (const ImageResult& image : result.images) {
     if (image.used || image.reason == kExcludedReason) continue;
     const std::vector<std::string> parts = {image.camera, image.image.empty() ? image.capture : image.image};
     unused.push_back((parts[0].empty() ? parts[1] : Join(parts, "/")) + " (" + image.reason + ")");

@@ -19,18 +19,18 @@
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/bundle_adjustment.h"
-#include "heba/cross_validation.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/simd.h"
-#include "heba/rig_adjustment.h"
+#include "heba/pair_cross_validation.h"
+#include "heba/refinement.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/study/study.h"
 #include "tools/bench/opencv_calibration.h"
+#include "tools/bench/textbook_adjustment.h"
 #include "tools/bench/textbook_refinement.h"
-#include "tools/bench/textbook_rig.h"
 #include "tools/bench/workloads.h"
 
 DEFINE_int32(repeats, 5, "measurements of each workload; the median is printed");
@@ -120,7 +120,7 @@ Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool ha
   options.robot_noise = kBenchRobot;
   options.effects = effects;
   Measured measured;
-  std::optional<Outcome<Solution>> solution;
+  std::optional<Outcome<PairSolution>> solution;
   measured.seconds = SecondsOf([&] { solution = RefineHandEye(scene.problem, scene.start, options); });
   CHECK(solution->ok()) << solution->reason();
   measured.iterations = (*solution)->convergence.iterations;
@@ -183,9 +183,9 @@ void BenchRefinement() {
   std::printf("\n");
 }
 
-RigOptions BenchRigOptions() {
+AdjustmentOptions BenchCellOptions() {
   LimitSimd(Simd::kAvx512);
-  RigOptions options;
+  AdjustmentOptions options;
   options.loss = LossKind::kNone;
   options.pixel_noise_px = kBenchNoisePx;
   options.robot = BundleOptions::Robot::kGivenNoise;
@@ -193,30 +193,30 @@ RigOptions BenchRigOptions() {
   return options;
 }
 
-Measured RunRig(const BenchRig& rig) {
-  const RigOptions options = BenchRigOptions();
+Measured Run(const BenchCell& rig) {
+  const AdjustmentOptions options = BenchCellOptions();
   Measured measured;
-  std::optional<Outcome<RigSolution>> solution;
-  measured.seconds = SecondsOf([&] { solution = RefineRig(rig.problem, rig.start, options); });
+  std::optional<Outcome<Solution>> solution;
+  measured.seconds = SecondsOf([&] { solution = RefineProblem(rig.problem, rig.start, options); });
   CHECK(solution->ok()) << solution->reason();
   measured.iterations = (*solution)->convergence.iterations;
   return measured;
 }
 
-TextbookRigState TextbookStart(const BenchRig& rig) {
-  TextbookRigState start;
+TextbookCellState TextbookStart(const BenchCell& rig) {
+  TextbookCellState start;
   start.poses = rig.start;
-  for (const RigCamera& camera : rig.problem.cameras) start.cameras.push_back(camera.camera);
+  for (const ProblemCamera& camera : rig.problem.cameras) start.cameras.push_back(camera.camera);
   start.corrections.assign(rig.problem.captures.size(), std::vector<Rigid3d>(rig.problem.robots.size()));
   return start;
 }
 
-Measured RunTextbookRig(const BenchRig& rig) {
-  const TextbookRigState start = TextbookStart(rig);
+Measured RunTextbookCell(const BenchCell& rig) {
+  const TextbookCellState start = TextbookStart(rig);
   Measured measured;
-  TextbookRigResult result;
+  TextbookCellResult result;
   measured.seconds = SecondsOf([&] {
-    result = RefineRigAsInTextbooks(rig.problem, start, {kBenchNoisePx, kBenchRobot});
+    result = RefineCellAsInTextbooks(rig.problem, start, {kBenchNoisePx, kBenchRobot});
   });
   CHECK(result.converged);
   measured.iterations = result.iterations;
@@ -224,17 +224,17 @@ Measured RunTextbookRig(const BenchRig& rig) {
 }
 
 // Prints how far apart the estimates of both programs are, and the cost of both as the textbook program computes it.
-void PrintAgreement(const BenchRig& rig) {
-  const Outcome<RigSolution> ours = RefineRig(rig.problem, rig.start, BenchRigOptions());
+void PrintAgreement(const BenchCell& rig) {
+  const Outcome<Solution> ours = RefineProblem(rig.problem, rig.start, BenchCellOptions());
   CHECK(ours.ok()) << ours.reason();
   // With its default tolerance, the textbook program ends a tenth of a sigma before its minimum.
-  TextbookRigOptions options{kBenchNoisePx, kBenchRobot};
+  TextbookCellOptions options{kBenchNoisePx, kBenchRobot};
   options.function_tolerance = 1e-14;
-  const TextbookRigResult textbook = RefineRigAsInTextbooks(rig.problem, TextbookStart(rig), options);
-  TextbookRigState state{ours->poses, ours->cameras, {}};
-  for (const RigCaptureOutcome& capture : ours->captures) state.corrections.push_back(capture.corrections);
+  const TextbookCellResult textbook = RefineCellAsInTextbooks(rig.problem, TextbookStart(rig), options);
+  TextbookCellState state{ours->poses, ours->cameras, {}};
+  for (const CaptureOutcome& capture : ours->captures) state.corrections.push_back(capture.corrections);
   options.max_iterations = 0;
-  const double our_cost = RefineRigAsInTextbooks(rig.problem, state, options).initial_cost;
+  const double our_cost = RefineCellAsInTextbooks(rig.problem, state, options).initial_cost;
   double most_sigmas = 0;
   for (size_t c = 0; c < rig.problem.cameras.size(); ++c) {
     const auto covariance = PoseCovarianceOf(ours->covariance, CameraPoseBlock(rig.problem.cameras[c]));
@@ -248,11 +248,11 @@ void PrintAgreement(const BenchRig& rig) {
 }
 
 // A rig beside the textbook program, with the corrections of the arm's poses and all intrinsics unknown.
-void BenchRigAgainstTextbook() {
+void BenchCellAgainstTextbook() {
   constexpr int kSide = 12;
   constexpr int kNumCameras = 4;
   for (const int num_captures : {100, 1000}) {
-    const BenchRig rig = MakeBenchRig(kNumCameras, num_captures, kSide);
+    const BenchCell rig = MakeBenchCell(kNumCameras, num_captures, kSide);
     std::printf(
         "| %d x %d points x %d cameras, %d observations | ms | its | ms/it | ns/o/i | MB | x textb | x textb/it |\n",
         num_captures, kSide * kSide, kNumCameras, rig.num_observations);
@@ -268,9 +268,9 @@ void BenchRigAgainstTextbook() {
       std::fflush(stdout);
     };
     // One measurement is enough where it takes minutes.
-    const auto of_textbook = [&] { return RunTextbookRig(rig); };
+    const auto of_textbook = [&] { return RunTextbookCell(rig); };
     print("textbook Ceres", num_captures < 1000 ? Median(of_textbook) : InOwnProcess(of_textbook));
-    print("heba", Median([&] { return RunRig(rig); }));
+    print("heba", Median([&] { return Run(rig); }));
     std::printf("\n");
     InOwnProcess([&] {
       PrintAgreement(rig);
@@ -298,12 +298,12 @@ void BenchRigs() {
     print(captures + "1, RefineHandEye", Median([&] { return RunLibrary(scene, Simd::kAvx512, 1, true); }),
           num_captures * kSide * kSide);
     for (const int num_cameras : {1, 2, 4}) {
-      const BenchRig rig = MakeBenchRig(num_cameras, num_captures, kSide);
-      print(captures + std::to_string(num_cameras), Median([&] { return RunRig(rig); }), rig.num_observations);
+      const BenchCell rig = MakeBenchCell(num_cameras, num_captures, kSide);
+      print(captures + std::to_string(num_cameras), Median([&] { return Run(rig); }), rig.num_observations);
     }
   }
   std::printf("\n");
-  BenchRigAgainstTextbook();
+  BenchCellAgainstTextbook();
 }
 
 void PrintRow(const char* workload, const char* program, const Measured& measured, double reference_s) {
@@ -366,13 +366,13 @@ void BenchClosedForms() {
 void BenchHoldOut() {
   PrintHead("full");
   const BenchScene scene = MakeBenchScene(30, 12);
-  CalibrationOptions options = BenchCalibrationOptions(scene);
+  PairCalibrationOptions options = BenchCalibrationOptions(scene);
   for (const bool has_camera : {false, true}) {
     if (has_camera) options.camera = scene.problem.camera;
     const std::string with = has_camera ? ", camera given" : "";
-    Outcome<Calibration> full = Calibrate(scene.problem.views, options);
+    Outcome<PairCalibration> full = CalibratePair(scene.problem.views, options);
     CHECK(full.ok() && full->refined.ok());
-    const Measured once = Median([&] { return Timed([&] { full = Calibrate(scene.problem.views, options); }); });
+    const Measured once = Median([&] { return Timed([&] { full = CalibratePair(scene.problem.views, options); }); });
     PrintRow(("calibration of 30 x 144" + with).c_str(), "heba", once, once.seconds);
     const Measured folds = Median([&] { return Timed([&] { CrossValidate(*full, options, 5, 1, [] {}); }); });
     PrintRow(("5-fold hold-out, 30 x 144" + with).c_str(), "heba", folds, once.seconds);

@@ -7,8 +7,8 @@
 #include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "heba/bundle_adjustment.h"
-#include "heba/cross_validation.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/pair_cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
 #include "targets/render/rendering.h"
@@ -83,8 +83,8 @@ constexpr Workload kWorkloads[] = {
     {"hold_out_30x144",
      [] {
        const BenchScene scene = MakeBenchScene(30, 12);
-       const CalibrationOptions options = BenchCalibrationOptions(scene);
-       const Outcome<Calibration> full = Calibrate(scene.problem.views, options);
+       const PairCalibrationOptions options = BenchCalibrationOptions(scene);
+       const Outcome<PairCalibration> full = CalibratePair(scene.problem.views, options);
        CHECK(full.ok());
        CrossValidate(*full, options, 5, 1, [] {});
      }},

@@ -71,7 +71,7 @@ Rigid3d OpenCvRobotWorld(const std::vector<PosePair>& pairs, cv::RobotWorldHandE
 
 }  // namespace
 
-Camera CalibrateCameraWithOpenCv(const Problem& problem) {
+Camera CalibrateCameraWithOpenCv(const PairProblem& problem) {
   std::vector<std::vector<cv::Point3f>> points;
   std::vector<std::vector<cv::Point2f>> pixels;
   for (const View& view : problem.views) {

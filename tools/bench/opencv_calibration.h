@@ -3,13 +3,13 @@
 
 #include <string>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/evaluation/metrics.h"
 
 namespace heba {
 
 // Returns the camera that cv::calibrateCamera estimates together with the board poses of the views.
-Camera CalibrateCameraWithOpenCv(const Problem& problem);
+Camera CalibrateCameraWithOpenCv(const PairProblem& problem);
 
 // Returns camera_mount_from_camera as estimated by cv::calibrateHandEye or cv::calibrateRobotWorldHandEye. `method`
 // is tsai, park, horaud, andreff, daniilidis, shah or li.

@@ -40,7 +40,7 @@ struct PointResidual {
 
 }  // namespace
 
-TextbookResult RefineAsInTextbooks(const Problem& problem, const HandEye& start) {
+TextbookResult RefineAsInTextbooks(const PairProblem& problem, const HandEye& start) {
   TextbookResult result;
   result.camera = problem.camera;
   PoseBlock hand_eye = ToBlock(start.camera_mount_from_camera);

@@ -2,7 +2,7 @@
 // differentiation. The library's own refinement is measured against it.
 #pragma once
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 
@@ -16,6 +16,6 @@ struct TextbookResult {
 
 // Refines hand-eye pose, board pose and all nine intrinsics of a brown5 camera. Like the library, it uses dense
 // normal equations and one thread.
-TextbookResult RefineAsInTextbooks(const Problem& problem, const HandEye& start);
+TextbookResult RefineAsInTextbooks(const PairProblem& problem, const HandEye& start);
 
 }  // namespace heba

@@ -45,12 +45,12 @@ BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_no
   return scene;
 }
 
-BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side) {
+BenchCell MakeBenchCell(int num_cameras, int num_captures, int points_a_side) {
   const BenchScene scene = MakeBenchScene(num_captures, points_a_side);
-  BenchRig rig;
-  RigProblem& problem = rig.problem;
+  BenchCell rig;
+  Problem& problem = rig.problem;
   problem.robots = {"arm"};
-  RigPoses truth;
+  CellPoses truth;
   truth.world_from_base = {Rigid3d()};
   // The cameras look at one point, 0.6 m in front of the first one.
   const Rigid3d camera_from_middle(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 0.6));
@@ -71,8 +71,8 @@ BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side) {
   for (const View& view : scene.problem.views) arms.push_back({view.camera_mount_from_target_mount});
   Rng rng(4);
   problem.captures = SimulateCaptures(problem, truth, {{points, false}}, arms, options, &rng);
-  for (const RigCapture& capture : problem.captures) {
-    for (const RigImage& image : capture.images) rig.num_observations += image.observations.size();
+  for (const ProblemCapture& capture : problem.captures) {
+    for (const ProblemImage& image : capture.images) rig.num_observations += image.observations.size();
   }
   const auto off = [](const Rigid3d& pose) {
     return Retract(pose, 1e-3 * (Tangent6() << 2, -1, 1, 3, 2, -2).finished());
@@ -109,8 +109,8 @@ std::vector<PosePair> NoisyPairsOf(const BenchScene& scene) {
   return pairs;
 }
 
-CalibrationOptions BenchCalibrationOptions(const BenchScene& scene) {
-  CalibrationOptions options;
+PairCalibrationOptions BenchCalibrationOptions(const BenchScene& scene) {
+  PairCalibrationOptions options;
   for (const HandEyeMethod& method : HandEyeMethods()) {
     if (method.motion == MethodMotion::kAny) options.methods.emplace_back(method.name);
   }

@@ -3,10 +3,10 @@
 
 #include <vector>
 
-#include "heba/calibration.h"
+#include "heba/data/pair_problem.h"
 #include "heba/data/problem.h"
-#include "heba/data/rig.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/pair_calibration.h"
 #include "solvers/study/study.h"
 
 namespace heba {
@@ -16,7 +16,7 @@ inline constexpr double kBenchNoisePx = 0.1;
 inline constexpr RobotNoise kBenchRobot = {1e-4, 3.5e-4};
 
 struct BenchScene {
-  Problem problem;
+  PairProblem problem;
   HandEye truth;
   HandEye start;  // Differs from the truth by a few millimetres and milliradians.
 };
@@ -25,12 +25,12 @@ struct BenchScene {
 BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_noise = false);
 
 // A rig of fixed cameras around a target on the gripper, seen by all cameras in most captures.
-struct BenchRig {
-  RigProblem problem;
-  RigPoses start;  // Differs from the truth by a few millimetres and milliradians.
+struct BenchCell {
+  Problem problem;
+  CellPoses start;  // Differs from the truth by a few millimetres and milliradians.
   int num_observations = 0;
 };
-BenchRig MakeBenchRig(int num_cameras, int num_captures, int points_a_side);
+BenchCell MakeBenchCell(int num_cameras, int num_captures, int points_a_side);
 
 // Returns the scene with the errors of an arm of six joints as effects of every view, and with noisy joints. Both are
 // zero in truth.
@@ -40,7 +40,7 @@ BenchScene WithArmEffects(BenchScene scene);
 std::vector<PosePair> NoisyPairsOf(const BenchScene& scene);
 
 // Returns options with every closed form that accepts any motion, and with a camera to be estimated.
-CalibrationOptions BenchCalibrationOptions(const BenchScene& scene);
+PairCalibrationOptions BenchCalibrationOptions(const BenchScene& scene);
 
 // Makes a cell of 15 captures of 4 points with a given camera. If the robot has noise, it is estimated.
 StudyCell MakeBenchStudyCell(bool has_robot_noise);

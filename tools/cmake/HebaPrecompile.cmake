@@ -6,9 +6,9 @@ set(HEBA_COMMON_HEADERS
   <algorithm> <array> <cmath> <filesystem> <functional> <map> <memory> <numeric> <optional> <sstream> <string> <string_view> <utility> <vector>
   <Eigen/Cholesky> <Eigen/Core> <Eigen/Eigenvalues> <Eigen/Geometry> <Eigen/LU> <Eigen/QR> <Eigen/SVD>)
 # The types of which most sources use some, from the bottom up: each header includes those of the lists before it.
-set(HEBA_PROBLEM_TYPES <heba/base/error.h> <heba/data/rig_solution.h>)
-set(HEBA_CALIBRATION_TYPES ${HEBA_PROBLEM_TYPES} <heba/calibration.h>)
-set(HEBA_RUN_TYPES ${HEBA_CALIBRATION_TYPES} <heba/rig_run_types.h>)
+set(HEBA_PROBLEM_TYPES <heba/base/error.h> <heba/data/solution.h>)
+set(HEBA_CALIBRATION_TYPES ${HEBA_PROBLEM_TYPES} <heba/pair_calibration.h>)
+set(HEBA_RUN_TYPES ${HEBA_CALIBRATION_TYPES} <heba/run_types.h>)
 
 # heba_precompile(target header...): the common headers and those named.
 function(heba_precompile target)

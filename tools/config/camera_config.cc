@@ -10,8 +10,8 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/image_list.h"
-#include "tools/config/rig_keys.h"
-#include "tools/config/run_config.h"
+#include "tools/config/long_form.h"
+#include "tools/config/pair_config.h"
 
 namespace heba {
 namespace {
@@ -50,7 +50,7 @@ std::string StatedModel(const ConfigValue& value) {
 }
 
 // Returns what the config of a run says about its camera, whose model is stated or empty.
-CameraConfig FromRun(const RunConfig& run, const std::string& model) {
+CameraConfig FromRun(const PairConfig& run, const std::string& model) {
   CameraConfig config;
   config.file = run.file;
   config.name = run.data.name;
@@ -76,7 +76,7 @@ CameraConfig ReadCameraConfig(const fs::path& path, const std::vector<std::strin
   RefuseFolder(path, FileKind::kRunConfig);
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
-  if (HasRigKeys(value)) {
+  if (HasLongForm(value)) {
     throw InputError(path.string() +
                      ": has several cameras or targets; a config of one camera and one target is needed");
   }
@@ -84,7 +84,7 @@ CameraConfig ReadCameraConfig(const fs::path& path, const std::vector<std::strin
   MapReader reader(value);
   MapReader captures(reader.Get("captures"));
   for (const char* key : {"poses", "data", "detections", "target_poses"}) {
-    if (captures.Has(key)) return FromRun(ReadRunConfig(path, settings), StatedModel(value));
+    if (captures.Has(key)) return FromRun(ReadPairConfig(path, settings), StatedModel(value));
   }
   CameraConfig config;
   config.file = path;

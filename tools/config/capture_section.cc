@@ -37,7 +37,7 @@ std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
   return seen;
 }
 
-std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenByOthers(MapReader* reader, PairConfig* config) {
   std::optional<MapReader> mapping;
   const PoseSource source = ReadPoseSource(*reader, "target_poses", &mapping);
   PoseFormat format = *FindPoseFormat("ros");
@@ -62,7 +62,7 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
 }
 
 // Reads points that another detector found, in the order of the target's points, from records.
-std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, PairConfig* config) {
   MapReader mapping(value.DownTo({"file"}));
   const fs::path file = mapping.InputPath("file");
   const std::string pixels = mapping.Text("pixels");
@@ -82,7 +82,7 @@ std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, Run
   return seen;
 }
 
-std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenBefore(MapReader* reader, PairConfig* config) {
   const ConfigValue value = reader->Get("detections");
   if (value.IsMap()) return SeenInRecords(value, reader, config);
   const fs::path file = reader->InputPath("detections");
@@ -93,7 +93,7 @@ std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
 }
 
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
-std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenInDataSet(MapReader* reader, PairConfig* config) {
   const fs::path source = reader->InputPath("data");
   std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
@@ -124,14 +124,15 @@ std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
 
 struct Source {
   const char* key;
-  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, RunConfig* config);
+  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, PairConfig* config);
 };
 constexpr Source kSources[] = {
-    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInImages(value, reader); }},
+    {"images", [](const ConfigValue& value, MapReader* reader, PairConfig*) { return SeenInImages(value, reader); }},
     {"target_poses",
-     [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
-    {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
-    {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
+     [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenByOthers(reader, config); }},
+    {"detections",
+     [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenBefore(reader, config); }},
+    {"data", [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenInDataSet(reader, config); }}};
 
 // Returns the data set's poses as rows of a file in the form `ros`.
 std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
@@ -239,7 +240,7 @@ std::string ImageMeant(const std::string& name, const std::vector<std::string>& 
 // Returns the image that belongs to each row; nothing if there is none.
 std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
                                             const std::set<std::string>& excluded, const ConfigValue& seen_value,
-                                            const RunConfig& config) {
+                                            const PairConfig& config) {
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < seen.size(); ++i) {
     if (!place_of.emplace(seen[i].name, i).second) {
@@ -293,7 +294,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   return pairs;
 }
 
-void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
+void AddCapture(const Seen& seen, const PoseRow& row, PairConfig* config) {
   Capture capture;
   capture.name = seen.name;
   capture.image = seen.image;
@@ -439,7 +440,7 @@ std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
 }
 
 // Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
-void CheckCaptures(const Dataset& data, const ConfigValue& value) {
+void CheckCaptures(const PairDataset& data, const ConfigValue& value) {
   if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
   const bool has_images = std::all_of(data.captures.begin(), data.captures.end(),
                                       [](const Capture& capture) { return !capture.image.empty(); });
@@ -452,7 +453,7 @@ void CheckCaptures(const Dataset& data, const ConfigValue& value) {
 
 }  // namespace
 
-YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
+YAML::Node ReadCaptures(const ConfigValue& captures, PairConfig* config) {
   MapReader reader(captures);
   const Source& source = FindSource(reader);
   const ConfigValue seen_value = reader.Get(source.key);

@@ -28,9 +28,9 @@ struct PoseSource {
 // mapping to the caller, who finishes `mapping`; it is nothing for a path.
 PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping);
 
-// Fills in the captures of a RunConfig from images (`images`), another project's data set (`data`, `format`), or
+// Fills in the captures of a PairConfig from images (`images`), another project's data set (`data`, `format`), or
 // earlier measurements (`detections`, as in a run's folder, or `target_poses`: poses of the target in the camera, in
 // the form `ros` or another that they state). Returns the section as used.
-YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config);
+YAML::Node ReadCaptures(const ConfigValue& captures, PairConfig* config);
 
 }  // namespace heba

@@ -13,18 +13,18 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/data/camera_prior.h"
 #include "heba/data/drift.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/target_shape.h"
 #include "heba/target.h"
 
 namespace heba {
 
-// The reason of what a config leaves out (LeftOut, RigLeftOut).
+// The reason of what a config leaves out (LeftOut, LeftOutImages).
 inline constexpr std::string_view kExcludedReason = "left out by captures.exclude";
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
-// Returns whether `key`, a target, holds the target in heba's keys (RunConfig::has_target_keys).
+// Returns whether `key`, a target, holds the target in heba's keys (PairConfig::has_target_keys).
 bool HoldsTargetKeys(MapReader& reader, const std::string& key);
 // Reads a key whose value is a pose.
 Rigid3d ReadPoseKey(MapReader& reader, const std::string& key);

@@ -12,11 +12,11 @@
 namespace heba {
 namespace {
 
-RigResult ReadRefinedResult(const std::filesystem::path& folder) {
+RunResult ReadRefinedResult(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "result.json";
-  if (IsRigResult(file)) return ReadRigResult(file);
-  const RunResult result = ReadResult(file);
-  if (FindRefined(result) != nullptr) return AsRigResult(result);
+  if (IsLongResult(file)) return ReadRunResult(file);
+  const PairResult result = ReadPairResult(file);
+  if (FindRefined(result) != nullptr) return AsRunResult(result);
   throw InputError(folder.string() + ": contains no refined estimate; a calibration from images or corners is needed");
 }
 
@@ -35,7 +35,7 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
   run.result = ReadRefinedResult(folder);
   MapReader config(ReadYamlFile(folder / "config.yaml"));
   for (size_t t = 0; t < run.result.rig.targets.size(); ++t) {
-    RigTarget& target = run.result.rig.targets[t];
+    ProblemTarget& target = run.result.rig.targets[t];
     if (target.name.empty()) {
       run.targets.push_back(ReadTarget(config, "target"));
     } else {

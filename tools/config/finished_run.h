@@ -6,15 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "heba/target.h"
-#include "tools/config/run_config.h"
+#include "tools/config/pair_config.h"
 
 namespace heba {
 
 struct FinishedRun {
-  // That of a single camera is AsRigResult. The symmetries of its targets, and the extents of their shapes, are set.
-  RigResult result;
+  // That of a single camera is AsRunResult. The symmetries of its targets, and the extents of their shapes, are set.
+  RunResult result;
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<PoseReading> pose_readings;  // One per arm.
   std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.

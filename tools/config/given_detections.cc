@@ -87,9 +87,9 @@ std::vector<fs::path> ImagesOf(const std::string& camera, const std::vector<Give
   return images;
 }
 
-std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std::vector<GivenDetections>& given) {
+std::vector<TargetDetection> DetectionsOfCaptures(const Dataset& data, const std::vector<GivenDetections>& given) {
   std::vector<std::string> targets;
-  for (const RigTarget& target : data.rig.targets) targets.push_back(target.name);
+  for (const ProblemTarget& target : data.rig.targets) targets.push_back(target.name);
   std::map<std::pair<std::string, std::string>, const GivenDetections*> of_pairs;
   for (const GivenDetections& of_pair : given) {
     if (std::find(targets.begin(), targets.end(), of_pair.target) == targets.end()) {
@@ -97,13 +97,13 @@ std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std
     }
     of_pairs[{of_pair.camera, of_pair.target}] = &of_pair;
   }
-  std::vector<RigDetection> detections;
+  std::vector<TargetDetection> detections;
   for (size_t i = 0; i < data.captures.size(); ++i) {
     for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
       const std::string image = data.captures[i].images[c].string();
       if (image.empty()) continue;
       for (size_t t = 0; t < targets.size(); ++t) {
-        RigDetection& detection = detections.emplace_back(RigDetection{i, c, t, {}});
+        TargetDetection& detection = detections.emplace_back(TargetDetection{i, c, t, {}});
         const auto of_pair = of_pairs.find({data.rig.cameras[c].name, targets[t]});
         const CaptureDetection* const found = of_pair == of_pairs.end() ? nullptr : Find(*of_pair->second, image);
         if (found == nullptr) continue;
@@ -113,9 +113,9 @@ std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std
     }
   }
   // An image has one size, in whichever file it is listed.
-  for (RigDetection& detection : detections) {
+  for (TargetDetection& detection : detections) {
     if (detection.detection.width_px > 0) continue;
-    const auto sized = std::find_if(detections.begin(), detections.end(), [&](const RigDetection& other) {
+    const auto sized = std::find_if(detections.begin(), detections.end(), [&](const TargetDetection& other) {
       return other.camera == detection.camera && other.detection.width_px > 0;
     });
     if (sized == detections.end()) continue;

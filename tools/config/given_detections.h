@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "heba/detection.h"
-#include "heba/rig_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 
@@ -33,6 +33,6 @@ std::vector<std::filesystem::path> ImagesOf(const std::string& camera, const std
 // Returns a detection of each target in each image of the captures of `data`, whose names, cameras and targets are set;
 // it has no points if no file has any. Throws InputError if a file is of another target, or as CheckGivenDetection
 // does.
-std::vector<RigDetection> DetectionsOfCaptures(const RigDataset& data, const std::vector<GivenDetections>& given);
+std::vector<TargetDetection> DetectionsOfCaptures(const Dataset& data, const std::vector<GivenDetections>& given);
 
 }  // namespace heba

@@ -12,9 +12,9 @@
 #include "heba/data/target_shape.h"
 #include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
+#include "heba/pair_run.h"
 #include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
-#include "heba/run.h"
 #include "heba/target.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
@@ -130,14 +130,14 @@ std::string StudyIntroduction() {
          "needs no list. kinematics, methods and start are for scenes of one camera, estimators for rigs.\n";
 }
 
-std::string RigIntroduction() {
+std::string LongFormIntroduction() {
   return std::string(
              "The config of `heba run` for several cameras, targets or arms. NAME stands for the names that you "
              "give them. ") +
          kUnits + "\n";
 }
 
-std::string RigSceneIntroduction() {
+std::string LongSceneIntroduction() {
   return std::string("A scene with several cameras, targets or arms that `heba simulate` renders. ") + kUnits + " " +
          kPose + "\n";
 }
@@ -174,7 +174,7 @@ const std::vector<KeyDocument>& KeyDocuments() {
       {"config", "Run config", &ConfigIntroduction}, {"poses", "Robot poses", &PosesIntroduction},
       {"targets", "Targets", &TargetsIntroduction},  {"camera", "Camera file", &CameraIntroduction},
       {"scene", "Scene", &SceneIntroduction},        {"study", "Study", &StudyIntroduction},
-      {"rig", "Rig config", &RigIntroduction},       {"rig_scene", "Rig scene", &RigSceneIntroduction}};
+      {"rig", "Rig config", &LongFormIntroduction},  {"rig_scene", "Rig scene", &LongSceneIntroduction}};
   return documents;
 }
 

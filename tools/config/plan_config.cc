@@ -9,11 +9,11 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/finished_run.h"
+#include "tools/config/long_form.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/plan_section.h"
 #include "tools/config/requirements.h"
-#include "tools/config/rig_keys.h"
 #include "tools/config/robot_section.h"
-#include "tools/config/run_config.h"
 
 namespace heba {
 namespace {
@@ -78,7 +78,7 @@ PlanConfig ReadCell(const fs::path& path, const std::vector<std::string>& settin
   RefuseFolder(path, FileKind::kRunConfig);
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
-  if (HasRigKeys(value)) {
+  if (HasLongForm(value)) {
     throw InputError(path.string() + ": is the config of a rig; a cell of one camera and one target is needed");
   }
   MapReader root(value);
@@ -151,11 +151,11 @@ PlanBox BoxAround(const std::vector<Capture>& captures) {
 PlanConfig ReadRun(const fs::path& path) {
   const fs::path folder = RunFolderOf(path);
   const FinishedRun run = ReadFinishedRun(folder);
-  const RigResult& result = run.result;
+  const RunResult& result = run.result;
   if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
     throw InputError(folder.string() + ": is the run of a rig; one of one camera, one target and one arm is needed");
   }
-  const RunConfig before = ReadRunConfig(folder / "config.yaml");
+  const PairConfig before = ReadPairConfig(folder / "config.yaml");
   MapReader root(ReadYamlFile(folder / "config.yaml"));
   const PlanSection plan = ReadPlan(root);
   PlanConfig config;
@@ -166,7 +166,7 @@ PlanConfig ReadRun(const fs::path& path) {
   config.cell = plan.cell;
   config.num_revisits = plan.num_revisits;
   config.cell.setup = before.data.setup;
-  const RigSolution& solution = result.solution;
+  const Solution& solution = result.solution;
   config.cell.hand_eye = {solution.poses.mount_from_camera.front(), solution.poses.mount_from_target.front()};
   config.cell.camera = solution.cameras.front();
   config.cell.free_intrinsics = result.rig.cameras.front().free_intrinsics;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 
 namespace heba {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "heba/config/yaml_reader.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 
 namespace heba {
 

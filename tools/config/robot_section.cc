@@ -100,7 +100,7 @@ Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, 
   return positions;
 }
 
-void ReadJointsFile(MapReader& captures, RunConfig* config) {
+void ReadJointsFile(MapReader& captures, PairConfig* config) {
   if (!captures.Has("joints")) return;
   config->joints_file = captures.InputPath("joints");
   config->joints_are_deg = ReadJointsAreDeg(captures);
@@ -149,7 +149,7 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
   return robot;
 }
 
-void ReadRobotSection(MapReader& root, RunConfig* config) {
+void ReadRobotSection(MapReader& root, PairConfig* config) {
   const std::optional<ConfigValue> value = root.Find("robot");
   if (!value) {
     if (!config->joints_file.empty()) {

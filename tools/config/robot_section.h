@@ -20,7 +20,7 @@ Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, 
 
 // Reads the file of recorded joints, `joints` with `joint_angle` of `captures`, if there is one: columns j1 to jN and
 // optionally image.
-void ReadJointsFile(MapReader& captures, RunConfig* config);
+void ReadJointsFile(MapReader& captures, PairConfig* config);
 
 // Reads the recorded joints (rad or m) of the captures with these names: columns j1 to jN and optionally image. The
 // rows belong to the captures by image, or by order.
@@ -44,8 +44,8 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
 bool IsOfJoints(const PoseFormat& format, const Arm& arm);
 std::vector<double> JointsOfNumbers(const Arm& arm, const PoseFormat& format, const std::vector<double>& numbers);
 
-// Reads the arm and, if RunConfig::joints_file names a file, the joints of the captures.
-void ReadRobotSection(MapReader& root, RunConfig* config);
+// Reads the arm and, if PairConfig::joints_file names a file, the joints of the captures.
+void ReadRobotSection(MapReader& root, PairConfig* config);
 
 // Reads which errors of the arms are estimated. `arms` are those whose kinematics are known, `key` the one that names
 // an arm.

@@ -1,150 +1,402 @@
 #include "tools/config/run_config.h"
 
 #include <algorithm>
+#include <cstdio>
+#include <map>
 #include <set>
+#include <tuple>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "heba/data/loss_kind.h"
 #include "heba/io/camera_file.h"
-#include "solvers/closed_form/hand_eye_method.h"
+#include "heba/io/pose_folder.h"
+#include "heba/io/pose_source.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/given_detections.h"
-#include "tools/config/plan_section.h"
+#include "tools/config/image_list.h"
+#include "tools/config/long_form.h"
 #include "tools/config/requirements.h"
-#include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
-#include "tools/run/captures.h"
+#include "tools/text/arm_keys.h"
 
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Reads the setup. An imported data set provides the default.
-void ReadSetup(MapReader& root, RunConfig* config) {
-  std::optional<std::string> fallback;
-  if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
-  config->data.setup = *FindSetup(root.Choice("setup", SetupNames(), fallback));
+ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>& settings) {
+  RefuseFolder(path, FileKind::kRunConfig);
+  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
+  return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
 }
 
-// Gives points that are listed in the order of the target's points their ids.
-void NumberPoints(RunConfig* config) {
-  const std::vector<TargetPoint>& points = config->data.target->points();
-  for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
-    std::vector<int>& ids = config->data.given_detections[i].detection.ids;
-    if (!ids.empty() && ids.size() != points.size()) {
-      throw InputError(config->data.detections_source + ": " + config->data.captures[i].name + ": " +
-                       std::to_string(ids.size()) + " points, but the target has " + std::to_string(points.size()));
-    }
-    for (size_t k = 0; k < ids.size(); ++k) ids[k] = points[k].id;
-  }
+// The rows of one arm's poses file, with base_from_gripper for a pose.
+struct ArmRows {
+  std::string section;
+  fs::path file;
+  PoseReading reading;
+  std::vector<PoseRow> rows;
+  std::optional<RobotArm> robot;            // Its kinematics, if the config names them.
+  std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
+  bool joints_are_deg = false;
+  std::optional<double> scale_sigma;  // Dataset::robot_scale_sigmas.
+};
+
+std::string CaptureName(const PoseRow& row, size_t index) {
+  if (!row.image.empty()) return row.image;
+  char name[32];
+  std::snprintf(name, sizeof(name), "capture_%03zu", index);
+  return name;
 }
 
-void ReadTargetSection(MapReader& root, RunConfig* config) {
-  if (!root.Has("target")) {
-    if (config->imported && !config->imported->target.empty()) {
-      MapReader target(ParseYaml(config->imported->target, config->imported->files.front()));
-      config->data.target = CreateTarget(target);
-      root.Record("target", target.used());
-    } else if (!config->data.target_poses.empty()) {
-      return;
-    }
+// Reads the recorded joints of an arm, `joints` with `joint_angle` of `reader`, if there are any.
+void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, RunConfig* config) {
+  if (!reader.Has("joints")) {
+    if (reader.Has("joint_angle"))
+      reader.Get("joint_angle").Fail("needs a file of joints (" + arm->section + ".joints)");
+    return;
   }
-  if (!config->data.target) {
-    config->data.target = ReadTarget(root, "target");
-    config->has_target_keys = HoldsTargetKeys(root, "target");
-  }
-  config->target_used = YAML::Dump(root.used()["target"]);
-  if (config->are_points_in_order) NumberPoints(config);
-  for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
-    CheckGivenDetection(*config->data.target, config->data.given_detections[i].detection,
-                        config->data.detections_source + ": " + config->data.captures[i].name + ": ");
-  }
+  if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
+  const fs::path file = reader.InputPath("joints");
+  config->data_files.push_back(file);
+  std::vector<std::string> names;
+  for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
+  arm->joints_are_deg = ReadJointsAreDeg(reader);
+  arm->joints = ReadJoints(arm->robot->arm, file, arm->joints_are_deg, names);
 }
 
-void ReadCameraSection(MapReader& root, RunConfig* config) {
-  MapReader reader = root.Section("camera");
-  CameraKeys keys = ReadCameraKeys(reader);
-  if (!keys.camera && config->imported && config->imported->camera) {
-    keys.source = config->imported->files.front().string();
-    keys.camera = AsModel(*config->imported->camera, keys.model, root.Get("captures"));
+// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
+// section `robot` of `root`.
+ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
+                RunConfig* config) {
+  ArmRows arm;
+  arm.section = section;
+  std::optional<MapReader> mapping;
+  const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
+  if (mapping) {
+    mapping->Finish();
+    reader.Record("poses", mapping->used());
   }
-  if (keys.camera) {
-    config->data.camera_source = keys.source;
-    config->data.camera = keys.camera;
-    config->options.camera_model = keys.camera->model;
+  arm.file = poses.path;
+  arm.reading = ReadPoseReading(reader);
+  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras, poses.paths);
+  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
+  std::error_code error;
+  if (fs::is_directory(arm.file, error)) {
+    for (const fs::path& file : PoseFilesOf(arm.file)) config->data_files.push_back(file);
   } else {
-    config->options.choose_camera_model = keys.model.empty();
-    config->options.camera_model = keys.model.empty() ? "auto" : keys.model;
+    config->data_files.push_back(arm.file);
   }
-  reader.Record("model", YAML::Node(config->options.camera_model));
-  reader.Finish();
-  root.Record("camera", reader.used());
+  if (root != nullptr && root->Has("robot")) {
+    MapReader robot(root->Get("robot"));
+    arm.scale_sigma = ReadRobotScale(robot);
+    if (!NamesNoArm(robot.value())) arm.robot = ReadRobotArm(robot, &config->data_files);
+    robot.Finish();
+    root->Record("robot", robot.used());
+  } else if (root != nullptr && reader.Has("model")) {
+    reader.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
+  } else if (root == nullptr) {
+    arm.scale_sigma = ReadRobotScale(reader);
+    if (reader.Has("model")) arm.robot = ReadRobotArm(reader, &config->data_files);
+  }
+  ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
+  if (arm.robot && arm.joints.empty() && IsOfJoints(arm.reading.format, arm.robot->arm)) {
+    for (const PoseRow& row : arm.rows) {
+      arm.joints.push_back(JointsOfNumbers(arm.robot->arm, arm.reading.format, row.numbers));
+    }
+  }
+  return arm;
 }
 
-// Reads {joints: auto}: the noise of the joints is estimated beside that of the poses.
-void ReadJointNoise(MapReader* noise, RunConfig* config) {
-  noise->Choice("joints", {"auto"});
-  noise->Finish();
-  config->options.joint_noise = true;
-  config->options.choose.robot_noise = false;
-  config->options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+// The images of one camera.
+struct CameraImages {
+  ConfigValue value;
+  std::vector<fs::path> images;
+};
+
+// Returns the image of a camera for each row; empty if there is none.
+std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index,
+                                 const std::string& name, size_t num_cameras, std::vector<LeftOutImages>* left_out) {
+  std::map<std::string, fs::path> image_of;
+  for (const fs::path& image : camera.images) {
+    if (!image_of.emplace(image.filename().string(), image).second) {
+      camera.value.Fail("two images are named " + image.filename().string() +
+                        "; images are found by file name, so names must differ");
+    }
+  }
+  std::vector<fs::path> paired(arm.rows.size());
+  const bool has_columns = !arm.rows.front().images.empty();
+  if (!has_columns && arm.rows.front().image.empty()) {
+    if (camera.images.size() != arm.rows.size()) {
+      camera.value.Fail(
+          "has " + std::to_string(camera.images.size()) + " images for the " + std::to_string(arm.rows.size()) +
+          " rows of " + arm.file.string() +
+          ", which do not name their images; the counts must agree, or name them (columns image or image." + name +
+          ")");
+    }
+    return camera.images;
+  }
+  std::set<std::string> used;
+  for (size_t i = 0; i < arm.rows.size(); ++i) {
+    const std::string& wanted = has_columns ? arm.rows[i].images[camera_index] : arm.rows[i].image;
+    const auto found = image_of.find(wanted);
+    if (found != image_of.end()) {
+      paired[i] = found->second;
+      used.insert(wanted);
+    } else if (has_columns && !wanted.empty()) {
+      throw InputError(arm.file.string() + ":" + std::to_string(arm.rows[i].line) + ": column 'image." + name +
+                       "': there is no image " + wanted + " among those of camera " + name);
+    }
+  }
+  if (used.empty()) camera.value.Fail("none of the images is named in " + arm.file.string());
+  for (const auto& [file_name, path] : image_of) {
+    if (used.contains(file_name)) continue;
+    LeftOutImages& entry = left_out->emplace_back();
+    entry.name = name + "/" + file_name;
+    entry.reason = "the robot's pose is not in the poses file";
+    entry.images.resize(num_cameras);
+    entry.images[camera_index] = path;
+  }
+  return paired;
 }
 
-// Reads "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth", both sigmas, or {joints: auto}.
-void ReadRobotModel(MapReader* refine, RunConfig* config) {
-  const std::optional<ConfigValue> value = refine->Find("robot_noise");
+// Names the captures by the images that belong to them, as people know them: by the name of the file if that is the
+// same for all cameras, and with the camera otherwise.
+std::vector<std::string> CaptureNames(const ArmRows& first, const std::vector<std::string>& cameras,
+                                      const std::vector<std::vector<fs::path>>& images_of_cameras) {
+  std::vector<std::string> names;
+  std::set<std::string> known;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    std::set<std::string> files;
+    std::string with_camera;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const fs::path& image = images_of_cameras[c][i];
+      if (image.empty()) continue;
+      files.insert(image.filename());
+      if (with_camera.empty()) with_camera = cameras[c] + "/" + image.filename().string();
+    }
+    std::string name = files.size() == 1 ? *files.begin() : with_camera;
+    if (!first.rows[i].image.empty() || name.empty() || known.contains(name)) name = CaptureName(first.rows[i], i);
+    known.insert(name);
+    names.push_back(std::move(name));
+  }
+  return names;
+}
+
+// Returns where a row is.
+std::string RowName(const fs::path& file, const PoseRow& row) {
+  return row.line > 0 ? file.string() + ":" + std::to_string(row.line) : (file / row.image).string();
+}
+
+// What identifies a row of poses: rows of two arms belong together if they have the same text at one position, and
+// different texts at none. An empty text identifies nothing.
+using RowKeys = std::vector<std::string>;
+
+// Returns what identifies each row of `other`, and each capture, a row of `first` with `files`, the images of each
+// camera: the column `image` if both files have it, the images of the cameras if `other` names them, or the order.
+std::pair<std::vector<RowKeys>, std::vector<RowKeys>> KeysOf(const ArmRows& first, const ArmRows& other,
+                                                             const std::vector<std::vector<fs::path>>& files) {
+  const bool has_columns = !other.rows.front().images.empty();
+  const bool is_by_name = !first.rows.front().image.empty() && !other.rows.front().image.empty();
+  const bool is_by_order = !has_columns && other.rows.front().image.empty();
+  if (is_by_order && first.rows.size() != other.rows.size()) {
+    throw InputError(other.file.string() + ": has " + std::to_string(other.rows.size()) + " rows, but " +
+                     first.file.string() + " has " + std::to_string(first.rows.size()) +
+                     "; rows without a column image belong together by order");
+  }
+  std::vector<RowKeys> of_captures;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    RowKeys& keys = of_captures.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(i) : is_by_name ? first.rows[i].image : "");
+    for (const std::vector<fs::path>& of_camera : files) keys.push_back(of_camera[i].filename().string());
+  }
+  std::vector<RowKeys> of_rows;
+  for (size_t j = 0; j < other.rows.size(); ++j) {
+    const PoseRow& row = other.rows[j];
+    RowKeys& keys = of_rows.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(j) : is_by_name ? row.image : "");
+    for (size_t c = 0; c < files.size(); ++c) {
+      keys.push_back(has_columns ? row.images[c] : is_by_name ? "" : row.image);
+    }
+  }
+  return {std::move(of_rows), std::move(of_captures)};
+}
+
+// Returns the row of `other` that belongs to each capture; nothing if there is none. `files`: as in KeysOf.
+std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows& other,
+                                             const std::vector<std::vector<fs::path>>& files) {
+  const auto [of_rows, of_captures] = KeysOf(first, other, files);
+  std::map<std::pair<size_t, std::string>, size_t> row_of;
+  for (size_t j = 0; j < of_rows.size(); ++j) {
+    for (size_t k = 0; k < of_rows[j].size(); ++k) {
+      if (of_rows[j][k].empty()) continue;
+      const auto [known, is_new] = row_of.emplace(std::pair(k, of_rows[j][k]), j);
+      if (is_new) continue;
+      throw InputError(RowName(other.file, other.rows[j]) + ": names the image " + of_rows[j][k] + " again, after " +
+                       RowName(other.file, other.rows[known->second]));
+    }
+  }
+  std::vector<std::optional<size_t>> places;
+  for (size_t i = 0; i < of_captures.size(); ++i) {
+    const RowKeys& keys = of_captures[i];
+    std::optional<size_t>& place = places.emplace_back();
+    for (size_t k = 0; k < keys.size() && !place; ++k) {
+      const auto found = row_of.find({k, keys[k]});
+      if (found != row_of.end()) place = found->second;
+    }
+    for (size_t k = 0; k < keys.size() && place; ++k) {
+      const std::string& named = of_rows[*place][k];
+      if (keys[k].empty() || named.empty() || keys[k] == named) continue;
+      throw InputError(RowName(other.file, other.rows[*place]) + ": names the image " + named +
+                       ", but the capture of " + RowName(first.file, first.rows[i]) + " has " + keys[k]);
+    }
+  }
+  return places;
+}
+
+// Reads the arms: `robots`, or the short form in `captures`.
+std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RunConfig* config) {
+  std::vector<ArmRows> arms;
+  if (!root.Has("robots")) {
+    config->data.rig.robots = {kOnlyArm};
+    MapReader captures(root.Get("captures"));
+    arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
+    captures.Find("exclude");
+    if (captures.Has("detections")) captures.InputPath("detections");
+    captures.Finish();
+    root.Record("captures", captures.used());
+    return arms;
+  }
+  MapReader section(root.Get("robots"));
+  config->data.rig.robots = NamesIn(section, "left");
+  for (const std::string& name : config->data.rig.robots) {
+    MapReader reader(section.Get(name));
+    arms.push_back(ReadArm(reader, "robots." + name, cameras, nullptr, config));
+    reader.Finish();
+    section.Record(name, reader.used());
+  }
+  section.Finish();
+  root.Record("robots", section.used());
+  return arms;
+}
+
+// Reads the images of a camera, or takes those in which `given` were detected before.
+CameraImages ReadImages(MapReader& reader, const std::string& camera, const std::vector<GivenDetections>& given) {
+  if (given.empty()) {
+    const ConfigValue value = reader.Get("images");
+    CameraImages images{value, FindImages(value)};
+    reader.Record("images", ImagesNode(value, images.images));
+    return images;
+  }
+  if (reader.Has("images")) reader.Get("images").Fail("leave it out: captures.detections has the points of all images");
+  CameraImages images{reader.value(), ImagesOf(camera, given)};
+  if (images.images.empty()) reader.value().Fail("captures.detections has no file " + camera + ".TARGET.json");
+  return images;
+}
+
+std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDetections>& given, RunConfig* config) {
+  Dataset& data = config->data;
+  std::vector<CameraImages> images;
+  MapReader refine_all = root.Section("refine");
+  const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
+  const std::string prior_of_all = refine_all.Choice("intrinsics_prior", {"none", "file"}, "");
+  bool has_sigmas = false;
+  MapReader section(root.Get("cameras"));
+  for (const std::string& name : CameraNamesIn(section)) {
+    MapReader reader(section.Get(name));
+    ProblemCamera camera;
+    camera.name = name;
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, data.rig.robots);
+    images.push_back(ReadImages(reader, name, given));
+    CameraKeys keys = ReadCameraKeys(reader);
+    data.has_camera.push_back(keys.camera.has_value());
+    data.camera_sources.push_back(keys.camera ? keys.source : name);
+    camera.camera = keys.camera ? *keys.camera : Camera{keys.model, 0, 0, {}};
+    reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
+    MapReader refine = reader.Section("refine");
+    camera.free_intrinsics = ReadFreeIntrinsics(refine, free);
+    const bool may_have_prior = keys.camera && !camera.free_intrinsics.empty();
+    has_sigmas = has_sigmas || (prior_of_all == "file" && may_have_prior && ReadCameraSigmas(keys.source));
+    camera.prior = ReadIntrinsicsPrior(refine, keys, camera.free_intrinsics, "cameras." + name + ".intrinsics",
+                                       prior_of_all == "none");
+    refine.Finish();
+    reader.Record("refine", refine.used());
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.cameras.push_back(std::move(camera));
+  }
+  section.Finish();
+  root.Record("cameras", section.used());
+  if (prior_of_all == "file" && !has_sigmas) {
+    refine_all.Get("intrinsics_prior")
+        .Fail("no file of a camera with free intrinsics has sigmas (std), which only heba's own form can have");
+  }
+  return images;
+}
+
+void ReadTargets(MapReader& root, RunConfig* config) {
+  Dataset& data = config->data;
+  MapReader section(root.Get("targets"));
+  for (const std::string& name : NamesIn(section, "plate")) {
+    MapReader reader(section.Get(name));
+    ProblemTarget target;
+    target.name = name;
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, data.rig.robots);
+    data.targets.push_back(ReadTarget(reader, "target"));
+    config->targets_used.push_back(YAML::Dump(reader.used()["target"]));
+    config->has_target_keys.push_back(HoldsTargetKeys(reader, "target"));
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.targets.push_back(std::move(target));
+  }
+  section.Finish();
+  root.Record("targets", section.used());
+  const std::string faults = WhyNotToldApart(data);
+  if (!faults.empty()) section.value().Fail(faults);
+}
+
+// Reads "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth", or both sigmas.
+void ReadNoise(MapReader& refine, CalibrationOptions* calibration) {
+  AdjustmentOptions* const options = &calibration->adjustment;
+  const std::optional<ConfigValue> value = refine.Find("robot_noise");
   if (!value || value->IsText()) {
     const std::string name = value ? value->AsChoice({"auto", "none", "exact", "white", "smooth"}) : "auto";
-    config->options.choose.robot_noise = name == "auto" || name == "white";
-    config->options.smooth = name == "auto"     ? SmoothPoseErrors::kAuto
-                             : name == "smooth" ? SmoothPoseErrors::kAlways
-                                                : SmoothPoseErrors::kNone;
-    if (name == "smooth") config->options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    refine->Record("robot_noise", YAML::Node(name));
+    const bool is_exact = name == "none" || name == "exact";
+    options->robot = is_exact ? BundleOptions::Robot::kExact : BundleOptions::Robot::kEstimatedNoise;
+    calibration->smooth = name == "auto"     ? SmoothPoseErrors::kAuto
+                          : name == "smooth" ? SmoothPoseErrors::kAlways
+                                             : SmoothPoseErrors::kNone;
+    refine.Record("robot_noise", YAML::Node(name));
     return;
   }
   MapReader reader(*value);
-  config->options.smooth = SmoothPoseErrors::kNone;
-  if (reader.Has("joints")) {
-    if (!config->data.robot) value->Fail("the noise of joints needs an arm (robot.model)");
-    ReadJointNoise(&reader, config);
-    refine->Record("robot_noise", reader.used());
-    return;
-  }
-  if (!reader.Has("translation") && !reader.Has("rotation")) {
-    value->Fail("must be one of: auto, none, white, smooth, {translation: ..., rotation: ...}, {joints: auto}");
-  }
-  config->options.bundle.robot = BundleOptions::Robot::kGivenNoise;
-  config->options.bundle.robot_noise = ReadRobotNoise(reader);
-  refine->Record("robot_noise", reader.used());
+  options->robot = BundleOptions::Robot::kGivenNoise;
+  options->robot_noise = ReadRobotNoise(reader);
+  refine.Record("robot_noise", reader.used());
 }
 
 void ReadRefine(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("refine");
-  config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
+  // ReadCameras gives these to the cameras.
+  ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
+  if (reader.Has("intrinsics_prior")) reader.Choice("intrinsics_prior", {"none", "file"});
   const FreeShape shape = ReadFreeShape(reader);
-  config->options.choose.target_shape = shape.is_chosen;
-  config->options.bundle.free_shape = shape.groups;
-  ReadRobotModel(&reader, config);
+  config->options.calibration.choose_target_shape = shape.is_chosen;
+  for (ProblemTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
+  AdjustmentOptions& adjustment = config->options.calibration.adjustment;
   std::vector<Arm> arms;
-  if (config->data.robot) arms.push_back(config->data.robot->arm);
-  config->options.kinematics = ReadKinematics(reader, arms, "robot.model");
-  config->options.bundle.pixel_noise_px = ReadPixelNoise(reader);
-  // The camera of an imported data set is in no camera file.
-  const std::string& source = config->data.camera_source;
-  const bool is_imported = config->imported && source == config->imported->files.front().string();
-  config->options.bundle.camera_prior =
-      ReadIntrinsicsPrior(reader, {is_imported ? std::nullopt : config->data.camera, source, ""},
-                          config->options.bundle.free_intrinsics, "camera.intrinsics");
-  config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
-  config->options.drift = ReadDrift(reader, true);
-  if (!config->options.drift.wanted.empty() && !config->data.target_poses.empty()) {
-    reader.Get("drift").Fail("a drift is estimated from images or points, not from captures.target_poses");
+  for (const std::optional<RobotArm>& robot : config->data.arms) {
+    if (robot) arms.push_back(robot->arm);
   }
+  config->options.kinematics = ReadKinematics(reader, arms, root.Has("robots") ? "robots.NAME.model" : "robot.model");
+  ReadNoise(reader, &config->options.calibration);
+  adjustment.pixel_noise_px = ReadPixelNoise(reader);
+  adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  config->options.drift = ReadDrift(reader, false);
   reader.Finish();
   root.Record("refine", reader.used());
 }
@@ -156,67 +408,171 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
     reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   }
   if (reader.Has("truth")) config->truth = reader.Path("truth");
-  config->options.requirements = ReadRequirements(reader);
+  std::vector<std::string> cameras;
+  for (const ProblemCamera& camera : config->data.rig.cameras) cameras.push_back(camera.name);
+  config->options.requirements = ReadRequirements(reader, cameras);
   reader.Finish();
   root.Record("evaluate", reader.used());
 }
 
+// Reads the folder `captures.detections`; returns an empty list if there is none.
+std::vector<GivenDetections> ReadDetectionsOf(MapReader& root, RunConfig* config) {
+  if (!root.Has("captures")) return {};
+  MapReader captures(root.Get("captures"));
+  if (!captures.Has("detections")) return {};
+  const fs::path folder = captures.InputPath("detections");
+  config->data.detections_source = folder.string();
+  std::vector<GivenDetections> given = ReadGivenDetections(folder);
+  for (const GivenDetections& of_pair : given) config->data_files.push_back(of_pair.file);
+  return given;
+}
+
+// Returns the names of the captures that are to be left out, of `captures.exclude`.
+std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::string>& names) {
+  std::set<std::string> excluded;
+  if (!root.Has("captures")) return excluded;
+  MapReader captures(root.Get("captures"));
+  const std::optional<ConfigValue> list = captures.Find("exclude");
+  if (captures.Has("detections")) captures.InputPath("detections");
+  if (root.Has("robots")) {
+    captures.Finish();
+    root.Record("captures", captures.used());
+  }
+  if (!list) return excluded;
+  for (const ConfigValue& item : list->AsList()) {
+    const std::string name = item.AsText();
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      item.Fail("there is no capture " + Quoted(name) + DidYouMean(name, names));
+    }
+    excluded.insert(name);
+  }
+  YAML::Node used = YAML::Clone(root.used()["captures"]);
+  used["exclude"] = list->node();
+  root.Record("captures", used);
+  return excluded;
+}
+
+// Refuses keys of configs of one camera and one target, and the key that `robots` replaces.
+void RefuseKeysOfOnePair(MapReader& reader) {
+  if (reader.Has("robots") && reader.Has("robot")) {
+    reader.Get("robot").Fail("with 'robots', the keys of an arm are beside its poses: robots.NAME.model");
+  }
+  for (const char* key : {"target", "camera", "setup"}) {
+    if (reader.Has(key)) {
+      reader.Get(key).Fail(
+          "belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
+          "mounts");
+    }
+  }
+}
+
+// Returns a capture with its images, without the arms.
+Recording ImagesOfCapture(const std::string& name, const std::vector<std::vector<fs::path>>& images_of_cameras,
+                          size_t index) {
+  Recording capture{name, {}, {}};
+  for (const std::vector<fs::path>& of_camera : images_of_cameras) capture.images.push_back(of_camera[index]);
+  return capture;
+}
+
+// Returns the reason why a capture is left out; an empty text if it is not.
+std::string WhyLeftOut(const Recording& capture, const std::set<std::string>& excluded) {
+  if (excluded.contains(capture.name)) return std::string(kExcludedReason);
+  const bool has_none =
+      std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
+  return has_none ? "no camera has an image of it" : "";
+}
+
+// For each arm the row of each capture; nothing if there is none.
+using RowsOfArms = std::vector<std::vector<std::optional<size_t>>>;
+
+// Returns the row of each arm that belongs to a capture, which must have one of every arm.
+std::vector<size_t> RowsOfCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms, size_t index,
+                                  const std::string& name) {
+  std::vector<size_t> rows;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (!rows_of_arms[r][index]) {
+      throw InputError(arms[r].file.string() + ": has no row for the capture " + name + " of " +
+                       arms.front().file.string());
+    }
+    rows.push_back(*rows_of_arms[r][index]);
+  }
+  return rows;
+}
+
+// Returns the rows of the arms but the first that belong to no capture.
+std::vector<LeftOutImages> RowsWithoutCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms) {
+  std::vector<LeftOutImages> left_out;
+  for (size_t r = 1; r < arms.size(); ++r) {
+    for (size_t j = 0; j < arms[r].rows.size(); ++j) {
+      const auto& places = rows_of_arms[r];
+      if (std::find(places.begin(), places.end(), std::optional(j)) != places.end()) continue;
+      left_out.push_back({RowName(arms[r].file.filename(), arms[r].rows[j]),
+                          "the pose belongs to no capture of " + arms.front().file.filename().string(),
+                          "",
+                          {}});
+    }
+  }
+  return left_out;
+}
+
 }  // namespace
 
-std::vector<std::string> ReadMethods(MapReader& reader) {
-  const std::optional<ConfigValue> methods = reader.Find("methods");
-  if (!methods || (methods->IsText() && methods->AsText() == "all")) {
-    reader.Record("methods", YAML::Node("all"));
-    return {};
-  }
-  if (methods->AsList().empty()) methods->Fail("the list is empty; name a method, or leave the key out for all");
-  std::vector<std::string> names;
-  for (const ConfigValue& item : methods->AsList()) {
-    const std::string name = item.AsChoice(HandEyeMethodNames());
-    if (std::find(names.begin(), names.end(), name) != names.end()) item.Fail("'" + name + "' is listed twice");
-    names.push_back(name);
-  }
-  reader.Record("methods", YAML::Node(names));
-  return names;
+bool IsLongConfig(const fs::path& path, const std::vector<std::string>& settings) {
+  return HasLongForm(ReadConfigFile(path, settings));
 }
 
 RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
   RunConfig config;
   config.file = path;
-  config.options.choose = {};
-  config.options.choose_camera_model = false;
-  RefuseFolder(path, FileKind::kRunConfig);
-  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
-  const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
-  if (HasRigKeys(value)) {
-    throw InputError(path.string() +
-                     ": is the config of a rig (cameras, targets, robots); this command needs a config of one camera "
-                     "and one target");
-  }
+  Dataset& data = config.data;
+  const ConfigValue value = ReadConfigFile(path, settings);
   RefuseOtherKind(value, path, FileKind::kRunConfig);
   MapReader reader(value);
-  config.data.name = ReadFolderName(reader, path.stem().string());
-  config.data.about = ReadAbout(reader);
-  const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
-  if (!config.data_files.empty()) config.data.detections_source = config.data_files.front().string();
-  ReadRobotSection(reader, &config);
-  ReadSetup(reader, &config);
-  ReadTargetSection(reader, &config);
-  ReadCameraSection(reader, &config);
-  if (!config.data.given_detections.empty() && !IsImageSizeKnown(config.data)) {
-    throw InputError(config.data.detections_source +
-                     ": does not state the image size; provide a camera file that does (camera.intrinsics)");
+  data.name = ReadFolderName(reader, path.stem().string());
+  data.about = ReadAbout(reader);
+  RefuseKeysOfOnePair(reader);
+  MapReader cameras_reader(reader.Get("cameras"));
+  const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
+  const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
+  const std::vector<GivenDetections> given = ReadDetectionsOf(reader, &config);
+  const std::vector<CameraImages> images = ReadCameras(reader, given, &config);
+  ReadTargets(reader, &config);
+  const ArmRows& first = arms.front();
+  std::vector<std::vector<fs::path>> images_of_cameras;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], cameras.size(), &data.left_out));
   }
-  reader.Record("captures", captures_used);
-  std::vector<std::string> seeds = HandEyeMethodNames();
-  seeds.emplace_back(kBestSeed);
-  config.options.seed = reader.Choice("seed", seeds, kBestSeed);
-  config.options.methods = ReadMethods(reader);
+  const std::vector<std::string> names = CaptureNames(first, cameras, images_of_cameras);
+  const std::set<std::string> excluded = ReadExcluded(reader, names);
+  RowsOfArms rows_of_arms;
+  for (const ArmRows& arm : arms) {
+    rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
+    config.arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
+    data.arms.push_back(arm.robot);
+    data.robot_scale_sigmas.push_back(arm.scale_sigma);
+  }
+  for (size_t i = 0; i < names.size(); ++i) {
+    Recording capture = ImagesOfCapture(names[i], images_of_cameras, i);
+    if (const std::string reason = WhyLeftOut(capture, excluded); !reason.empty()) {
+      data.left_out.push_back({capture.name, reason, capture.name, capture.images});
+      continue;
+    }
+    const std::vector<size_t> rows = RowsOfCapture(arms, rows_of_arms, i, capture.name);
+    for (size_t r = 0; r < arms.size(); ++r) {
+      const PoseRow& row = arms[r].rows[rows[r]];
+      capture.base_from_gripper.push_back(row.pose);
+      capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[rows[r]]);
+      config.arms[r].numbers.push_back(row.numbers);
+    }
+    data.captures.push_back(std::move(capture));
+  }
+  for (LeftOutImages& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
+  if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
+  if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   ReadWobble(reader);  // `heba check` needs it.
-  ReadPlan(reader);    // `heba plan` needs it.
-  config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);
+  config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();
   config.used = UsedText(reader);
   return config;

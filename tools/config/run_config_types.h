@@ -9,7 +9,7 @@
 
 #include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
-#include "heba/run_types.h"
+#include "heba/pair_run_types.h"
 
 namespace heba {
 
@@ -20,11 +20,11 @@ struct PoseReading {
 };
 
 // The data set, the options of the run, and how the config states them.
-struct RunConfig {
+struct PairConfig {
   std::filesystem::path file;
-  // Without Dataset::truth, which is read when the run begins. The sources of camera and detections are files.
-  Dataset data;
-  RunOptions options;
+  // Without PairDataset::truth, which is read when the run begins. The sources of camera and detections are files.
+  PairDataset data;
+  PairRunOptions options;
   std::string target_used;  // The target with every default filled in, as YAML.
   // Whether the config itself holds the target in heba's keys, so that a setting target.KEY changes one of them.
   // Otherwise the target is in a file of its own, in an imported data set, or in Kalibr's keys.

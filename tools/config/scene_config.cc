@@ -11,9 +11,9 @@
 #include "heba/robot/arm_table.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
-#include "tools/config/rig_keys.h"
+#include "tools/config/long_form.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/robot_noise_config.h"
-#include "tools/config/run_config.h"
 #include "tools/text/arm_keys.h"
 
 namespace heba {
@@ -161,7 +161,7 @@ void ReadCameras(MapReader& root, SceneConfig* scene) {
   MapReader section(root.Get("cameras"));
   for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
-    RigCamera camera;
+    ProblemCamera camera;
     camera.name = name;
     std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene->problem.robots);
     scene->poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
@@ -179,7 +179,7 @@ void ReadTargets(MapReader& root, SceneConfig* scene) {
   MapReader section(root.Get("targets"));
   for (const std::string& name : NamesIn(section, "plate")) {
     MapReader reader(section.Get(name));
-    RigTarget target;
+    ProblemTarget target;
     target.name = name;
     std::tie(target.mount, target.mount_name) = ReadMount(reader, scene->problem.robots);
     scene->poses.mount_from_target.push_back(ReadPoseKey(reader, "pose"));
@@ -257,7 +257,7 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector
 SceneConfig ReadScene(const ConfigValue& value) {
   SceneConfig scene;
   MapReader reader(value);
-  if (HasRigKeys(value)) {
+  if (HasLongForm(value)) {
     ReadRobots(reader, &scene);
     ReadCameras(reader, &scene);
     ReadTargets(reader, &scene);

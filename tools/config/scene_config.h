@@ -11,8 +11,8 @@
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/data/pair_problem.h"
 #include "heba/data/problem.h"
-#include "heba/data/rig.h"
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 #include "heba/simulation/arm_captures.h"
@@ -52,10 +52,10 @@ struct CameraCreep {
 
 struct SceneConfig {
   std::optional<Setup> setup;     // That of the short form, whose camera, target and arm have empty names.
-  RigProblem problem;             // With the true cameras and the targets as they are designed, without captures.
+  Problem problem;                // With the true cameras and the targets as they are designed, without captures.
   bool has_named_robots = false;  // Whether the scene names its arms; otherwise it has one.
   std::vector<std::optional<SceneArm>> arms;  // One per arm: its kinematics, if they have errors.
-  RigPoses poses;
+  CellPoses poses;
   std::vector<CameraMotion> camera_motions;
   std::vector<CameraCreep> camera_creeps;
   std::vector<SceneTarget> targets;

@@ -13,8 +13,8 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/file_kind.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/robot_noise_config.h"
-#include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_robot.h"
 #include "tools/run/arm_setup.h"
@@ -174,7 +174,7 @@ struct StudyGrid {
   std::vector<std::vector<ParameterGroup>> intrinsics;
   std::vector<StudyEstimator> estimators;
   std::optional<bool> give_camera;  // If not set, each scene decides.
-  CalibrationOptions options;
+  PairCalibrationOptions options;
 };
 
 // Draws the captures of a scene, and of a hand-eye calibration with an arm its robot.
@@ -256,7 +256,7 @@ void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, 
   });
   Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, Variant* variant) {
     variant->labels.free_intrinsics = groups;
-    for (RigCamera& camera : variant->cell.problem.cameras) camera.free_intrinsics = groups;
+    for (ProblemCamera& camera : variant->cell.problem.cameras) camera.free_intrinsics = groups;
   });
   if (variants.front().cell.robot) {
     const Arm& arm = named.scene.arms[0]->nominal;

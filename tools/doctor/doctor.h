@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/config/run_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 #include "tools/text/console.h"
@@ -26,8 +26,8 @@ struct Diagnosis {
 enum class Examine { kInputs, kInputsAndResult };
 
 // Diagnoses a data set. `rig`: Examination::rig. Throws InputError if the images cannot be read.
-Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity,
-                   Examine examine = Examine::kInputsAndResult, const RigContext& rig = {});
+Diagnosis Diagnose(const PairConfig& config, int num_threads, Verbosity verbosity,
+                   Examine examine = Examine::kInputsAndResult, const CellContext& rig = {});
 
 // Puts faults before remarks; the order is otherwise kept.
 void SortBySeverity(Diagnosis* diagnosis);

@@ -12,7 +12,7 @@
 
 namespace heba {
 
-std::vector<CaptureDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
+std::vector<CaptureDetection> Detections(const PairConfig& config, int num_threads, Verbosity verbosity) {
   ProgressObserver observer(verbosity);
   return DetectCaptures(config.data, CachedDetection(config.data, config.target_used), num_threads, &observer);
 }
@@ -23,7 +23,7 @@ size_t NumSeen(const std::vector<CaptureDetection>& detections) {
   }));
 }
 
-std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
+std::vector<ExaminedView> ExamineViews(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera) {
   const std::vector<Rigid3d> symmetries = dataset.target->Symmetries();
   std::vector<ExaminedView> views;
@@ -45,7 +45,7 @@ std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector
   return views;
 }
 
-std::vector<ExaminedView> ViewsOfPoses(const Dataset& dataset) {
+std::vector<ExaminedView> ViewsOfPoses(const PairDataset& dataset) {
   std::vector<ExaminedView> views;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     views.push_back({i, ViewOf(dataset, i, {}), {dataset.target_poses[i]}, 0});

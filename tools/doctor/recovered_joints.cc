@@ -148,7 +148,7 @@ std::vector<ArmReading> Reaching(const std::vector<ArmReading>& readings, const 
   return reaching;
 }
 
-std::vector<FittedReading> FitReadings(const Calibration& calibration, const CalibrationOptions& options,
+std::vector<FittedReading> FitReadings(const PairCalibration& calibration, const PairCalibrationOptions& options,
                                        const std::vector<ArmReading>& readings,
                                        const std::vector<Rigid3d>& base_from_gripper,
                                        const std::vector<std::string>& only, int num_threads) {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "heba/calibration.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/pair_calibration.h"
 #include "heba/robot/arm.h"
 #include "solvers/calibration/model_choice.h"
 #include "tools/run/arm_setup.h"
@@ -52,7 +52,7 @@ struct FittedReading {
 // Fits the errors of the arm to a calibration that was made without them, once for each reading in each configuration,
 // in those of `only` if it is not empty, or with the joints next to joints_near. Those that cannot be fitted are left
 // out. `base_from_gripper`: one pose per capture of the data set.
-std::vector<FittedReading> FitReadings(const Calibration& calibration, const CalibrationOptions& options,
+std::vector<FittedReading> FitReadings(const PairCalibration& calibration, const PairCalibrationOptions& options,
                                        const std::vector<ArmReading>& readings,
                                        const std::vector<Rigid3d>& base_from_gripper,
                                        const std::vector<std::string>& only, int num_threads);

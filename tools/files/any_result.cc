@@ -5,8 +5,8 @@
 namespace heba {
 
 AnyResult ReadAnyResult(const std::filesystem::path& file) {
-  if (IsRigResult(file)) return ReadRigResult(file);
-  return ReadResult(file);
+  if (IsLongResult(file)) return ReadRunResult(file);
+  return ReadPairResult(file);
 }
 
 }  // namespace heba

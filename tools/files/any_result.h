@@ -5,11 +5,11 @@
 #include <variant>
 
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
-using AnyResult = std::variant<RunResult, RigResult>;
+using AnyResult = std::variant<PairResult, RunResult>;
 
 // Reads a result.json. Throws InputError if it cannot be read.
 AnyResult ReadAnyResult(const std::filesystem::path& file);

@@ -45,7 +45,7 @@ CaptureDetection CachedDetector::Detect(const std::filesystem::path& image,
   return std::move(*detection);
 }
 
-DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used) {
+DetectFunction CachedDetection(const PairDataset& dataset, const std::string& target_used) {
   if (!dataset.given_detections.empty() || !dataset.target_poses.empty()) return {};
   return CachedDetection(target_used);
 }

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tools/files/detection_cache.h"
 
 namespace heba {
@@ -36,9 +36,9 @@ class CachedDetector {
   mutable std::atomic<bool> has_kept_ = false;
 };
 
-// Returns a function that detects by a CachedDetector, for RunOptions::detect and DetectCaptures; an empty one if the
-// data set has no images to search.
-DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used);
+// Returns a function that detects by a CachedDetector, for PairRunOptions::detect and DetectCaptures; an empty one if
+// the data set has no images to search.
+DetectFunction CachedDetection(const PairDataset& dataset, const std::string& target_used);
 DetectFunction CachedDetection(const std::string& target_used);
 
 }  // namespace heba

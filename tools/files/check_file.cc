@@ -13,7 +13,7 @@ namespace {
 constexpr const char* kSchema = "heba/check/1";
 
 // Returns the body that a change is one of, as files name it: camera, target or lens, and its name if it has one.
-std::string BodyOf(const RigProblem& rig, const SessionChange& change) {
+std::string BodyOf(const Problem& rig, const SessionChange& change) {
   const bool is_target = change.part == ChangedPart::kTarget;
   const std::string& name = is_target ? rig.targets[change.index].name : rig.cameras[change.index].name;
   const std::string kind = is_target ? "target" : change.part == ChangedPart::kLens ? "lens" : "camera";
@@ -26,7 +26,7 @@ Json VectorOf(const Eigen::VectorXd& vector, double factor) {
   return json;
 }
 
-Json ChangeJson(const RigProblem& rig, const SessionChange& change) {
+Json ChangeJson(const Problem& rig, const SessionChange& change) {
   const Eigen::VectorXd sigmas = change.covariance.diagonal().cwiseMax(0).cwiseSqrt();
   Json json{{"body", BodyOf(rig, change)}, {"side", SideOf(rig, change)}, {"p_value", Finite(change.p_value)}};
   if (change.part == ChangedPart::kLens) {
@@ -46,7 +46,7 @@ Json ChangeJson(const RigProblem& rig, const SessionChange& change) {
 
 }  // namespace
 
-std::string CheckToJson(const RigProblem& rig, const SessionCheck& check) {
+std::string CheckToJson(const Problem& rig, const SessionCheck& check) {
   Json json{{"schema", kSchema},
             {"decision", DecisionOf(check)},
             {"p_value", Finite(check.p_value)},

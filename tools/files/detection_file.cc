@@ -30,14 +30,14 @@ std::string DetectionsToJson(const std::vector<Capture>& captures, const std::ve
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void WriteRigDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
-                        const std::filesystem::path& folder) {
+void WriteDetections(const Dataset& data, const std::vector<TargetDetection>& detections,
+                     const std::filesystem::path& folder) {
   std::filesystem::create_directory(folder);
   for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
     for (size_t t = 0; t < data.targets.size(); ++t) {
       std::vector<Capture> captures;
       std::vector<CaptureDetection> of_pair;
-      for (const RigDetection& detection : detections) {
+      for (const TargetDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
         Capture& capture = captures.emplace_back();
         capture.image = data.captures[detection.capture].images[c];

@@ -8,7 +8,7 @@
 
 #include "heba/data/dataset.h"
 #include "heba/detection.h"
-#include "heba/rig_run.h"
+#include "heba/run.h"
 
 namespace heba {
 
@@ -18,8 +18,8 @@ std::string DetectionsToJson(const std::vector<Capture>& captures, const std::ve
 
 // Writes the detections of a rig into a folder, which must not exist: a file CAMERA.TARGET.json for each pair, with the
 // images of that camera. Throws OutputError if a file cannot be written.
-void WriteRigDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
-                        const std::filesystem::path& folder);
+void WriteDetections(const Dataset& data, const std::vector<TargetDetection>& detections,
+                     const std::filesystem::path& folder);
 
 // Reads a file of detections: the name and detection of each capture, without covariances. `schema` and `reason` may be
 // missing. Throws InputError if the file is malformed or has another schema.

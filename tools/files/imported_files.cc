@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "heba/data/rig.h"
+#include "heba/data/problem.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
@@ -25,10 +25,10 @@ std::string PathFrom(const fs::path& output, const fs::path& path) {
 
 // Returns the file with the poses of a rig. If a capture's images have one name in all cameras, that is the capture's;
 // otherwise each camera has a column.
-std::string PosesOf(const ImportedRig& rig) {
+std::string PosesOf(const ImportedCell& rig) {
   std::vector<PoseRow> rows;
   bool is_one_name = true;
-  for (const ImportedRigCapture& capture : rig.captures) {
+  for (const ImportedCellCapture& capture : rig.captures) {
     PoseRow& row = rows.emplace_back();
     row.pose = capture.base_from_gripper;
     row.images = capture.images;
@@ -43,17 +43,17 @@ std::string PosesOf(const ImportedRig& rig) {
 }
 
 // Returns the file with the true poses of the cameras.
-std::string TruthOf(const ImportedRig& rig, const std::string& mount) {
-  RigProblem problem;
-  RigTruth truth;
+std::string TruthOf(const ImportedCell& rig, const std::string& mount) {
+  Problem problem;
+  CellTruth truth;
   for (const ImportedCamera& camera : rig.cameras) {
-    RigCamera& entry = problem.cameras.emplace_back();
+    ProblemCamera& entry = problem.cameras.emplace_back();
     entry.name = camera.name;
     entry.mount_name = mount;
     truth.mount_from_camera.push_back(*camera.mount_from_camera);
     truth.cameras.emplace_back();
   }
-  return RigTruthToJson(problem, truth);
+  return TruthToJson(problem, truth);
 }
 
 // Returns the line of a mount: of the cameras, or of the target.
@@ -64,7 +64,7 @@ std::string MountLine(const std::optional<Setup>& setup, Setup carried) {
 
 }  // namespace
 
-ImportedFiles FilesOf(const ImportedRig& rig, const fs::path& output) {
+ImportedFiles FilesOf(const ImportedCell& rig, const fs::path& output) {
   ImportedFiles made;
   std::string& config = made.config;
   const auto add = [&](const std::string& name, const std::string& text) { made.files.emplace_back(name, text); };

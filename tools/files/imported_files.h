@@ -20,6 +20,6 @@ struct ImportedFiles {
 // relative to `output`, the folder that the files are for. What the data set lacks is a comment of the config. Throws
 // InputError if the first image, from which the size of a camera may have to be taken, cannot be read.
 ImportedFiles FilesOf(const ImportedSet& set, const std::filesystem::path& output);
-ImportedFiles FilesOf(const ImportedRig& rig, const std::filesystem::path& output);
+ImportedFiles FilesOf(const ImportedCell& rig, const std::filesystem::path& output);
 
 }  // namespace heba

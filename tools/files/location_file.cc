@@ -79,7 +79,7 @@ Json PosturesJson(const ReachingPostures& found) {
 }
 
 // Returns the postures of the arm of a single camera, or those of each arm by its name.
-Json PosturesJson(const RigProblem& rig, const std::vector<ReachingPostures>& all) {
+Json PosturesJson(const Problem& rig, const std::vector<ReachingPostures>& all) {
   if (IsSingleCamera(rig)) return all.empty() ? Json(nullptr) : PosturesJson(all.front());
   Json json = Json::object();
   for (const ReachingPostures& postures : all) json[rig.robots[postures.robot]] = PosturesJson(postures);
@@ -112,7 +112,7 @@ Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachComma
 }
 
 // Returns the commands of an arm, and why there is none; all are empty if `reach` is null.
-Json ReachJson(const RigResult& result, const Reach* reach) {
+Json ReachJson(const RunResult& result, const Reach* reach) {
   Json json{{"command", nullptr}, {"commands", nullptr}, {"command_reason", ""}};
   if (reach == nullptr) return json;
   const RobotSummary& robot = *FindEstimatedArm(result, reach->robot);
@@ -126,7 +126,7 @@ Json ReachJson(const RigResult& result, const Reach* reach) {
 }
 
 Json ArmPoseJson(const LocationRequest& request, size_t robot) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   const StatedPose& stated = request.arms[robot].stated;
   const RobotSummary* const arm = FindEstimatedArm(result, robot);
   const Rigid3d corrected = Correct(result.rig, result.solution, robot, stated).base_from_mount;
@@ -139,7 +139,7 @@ Json ArmPoseJson(const LocationRequest& request, size_t robot) {
 // Returns a pose of the target that fits, named `key`, with its sigmas in the world named `sigma_key`.
 Json PossibleJson(const LocationRequest& request, const TargetLocation& location, size_t i, const std::string& key,
                   const std::string& sigma_key) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   const PossiblePose& possible = location.possible[i];
   const std::string& name = result.rig.targets[location.target].name;
   return Json{
@@ -151,7 +151,7 @@ Json PossibleJson(const LocationRequest& request, const TargetLocation& location
 }
 
 // Adds the position of a pixel in the world, named `key`, with its sigmas and the postures that reach it.
-void AddPosition(const RigProblem& rig, const PixelPosition& position, const std::string& key, Json* json) {
+void AddPosition(const Problem& rig, const PixelPosition& position, const std::string& key, Json* json) {
   (*json)["pixel"] = {position.pixel.pixel.x(), position.pixel.pixel.y()};
   (*json)[key] = VectorJson(position.point.in_world);
   (*json)["sigma"] = SigmasJson(position.point.covariance);
@@ -190,8 +190,8 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
 }
 
 Json TargetJson(const LocationRequest& request, const TargetLocation& location) {
-  const RigProblem& rig = request.result->rig;
-  const RigTarget& target = rig.targets[location.target];
+  const Problem& rig = request.result->rig;
+  const ProblemTarget& target = rig.targets[location.target];
   const bool is_seen = !location.possible.empty();
   Json json{{"target", target.name},
             {"cameras", Json::array()},
@@ -223,8 +223,8 @@ Json TargetJson(const LocationRequest& request, const TargetLocation& location) 
 }
 
 // Returns the members of the document of several cameras.
-Json RigJson(const LocationRequest& request, const ImageLocation& location) {
-  const RigProblem& rig = request.result->rig;
+Json LongJson(const LocationRequest& request, const ImageLocation& location) {
+  const Problem& rig = request.result->rig;
   Json json{{"reason", FailureText(location.fault)}, {"robots", Json::object()}};
   for (size_t r = 0; r < request.arms.size(); ++r) {
     if (request.arms[r].carries_camera) json["robots"][rig.robots[r]] = ArmPoseJson(request, r);
@@ -252,7 +252,7 @@ Json RigJson(const LocationRequest& request, const ImageLocation& location) {
 }  // namespace
 
 std::string LocationsToJson(const LocationRequest& request, const std::vector<ImageLocation>& locations) {
-  const RigProblem& rig = request.result->rig;
+  const Problem& rig = request.result->rig;
   const bool is_single = IsSingleCamera(rig);
   Json json{{"schema", is_single ? "heba/locations/1" : "heba/rig_locations/1"},
             {"heba", Version()},
@@ -266,7 +266,7 @@ std::string LocationsToJson(const LocationRequest& request, const std::vector<Im
   // given.
   json["covariance_dof"] = Finite(request.result->solution.covariance_dof);
   if (!is_single) {
-    json.update(RigJson(request, locations.front()));
+    json.update(LongJson(request, locations.front()));
     return FileText(json);
   }
   json["images"] = Json::array();

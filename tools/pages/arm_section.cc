@@ -167,10 +167,10 @@ std::string MapFigure(const GripperLocator& locate, const std::string& fixed, co
 }
 
 // Returns the poses of an arm in the captures that were used.
-std::vector<Rigid3d> UsedPoses(const RigResult& result, size_t robot_index) {
+std::vector<Rigid3d> UsedPoses(const RunResult& result, size_t robot_index) {
   std::vector<Rigid3d> base_from_gripper;
-  for (const RigCaptureResult& capture : result.captures) {
-    const bool is_used = std::any_of(result.images.begin(), result.images.end(), [&](const RigImageResult& image) {
+  for (const CapturePoses& capture : result.captures) {
+    const bool is_used = std::any_of(result.images.begin(), result.images.end(), [&](const ImageResult& image) {
       return image.used && image.capture == capture.name;
     });
     if (is_used) base_from_gripper.push_back(capture.base_from_gripper[robot_index]);
@@ -178,7 +178,7 @@ std::vector<Rigid3d> UsedPoses(const RigResult& result, size_t robot_index) {
   return base_from_gripper;
 }
 
-std::string ArmSection(const RigResult& result, size_t robot_index) {
+std::string ArmSection(const RunResult& result, size_t robot_index) {
   const RobotSummary& robot = *result.arms[robot_index];
   const std::string& name = result.rig.robots[robot_index];
   std::string text = EstimateText(robot);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
-#include "heba/data/rig.h"
+#include "heba/data/problem.h"
 
 namespace heba {
 

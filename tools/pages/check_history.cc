@@ -112,7 +112,7 @@ std::string Page(const std::string& run, const Json& checks) {
 
 }  // namespace
 
-void AddToHistory(const fs::path& folder, const std::string& run, const RigProblem& rig, const SessionCheck& check) {
+void AddToHistory(const fs::path& folder, const std::string& run, const Problem& rig, const SessionCheck& check) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw InputError("--history: " + folder.string() + ": " + error.message());

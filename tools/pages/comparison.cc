@@ -441,12 +441,12 @@ std::string ComparedPoseName::Text() const {
 
 // Returns the solution with its repeatable covariance, if it has one: two runs of a cell have the same scales, which
 // make no difference between them.
-RigSolution WithoutWhatIsShared(RigSolution solution) {
+Solution WithoutWhatIsShared(Solution solution) {
   if (solution.covariance_repeatable.matrix.size() > 0) solution.covariance = solution.covariance_repeatable;
   return solution;
 }
 
-ComparedRun ComparedRunOf(const std::string& label, const RigResult& result) {
+ComparedRun ComparedRunOf(const std::string& label, const RunResult& result) {
   ComparedRun run{label,
                   result.name,
                   result.verdict.grade,
@@ -454,7 +454,7 @@ ComparedRun ComparedRunOf(const std::string& label, const RigResult& result) {
                   Join(result.target_types, " "),
                   result.rig.robots};
   const std::vector<RelativePose> cameras = CameraPoses(result.rig, result.solution);
-  const RigSolution session = WithoutWhatIsShared(result.solution);
+  const Solution session = WithoutWhatIsShared(result.solution);
   for (size_t c = 0; c < cameras.size(); ++c) {
     run.cameras.push_back({cameras[c].child, MountText(result.rig, result.rig.cameras[c]), FiguresOf(result, c)});
     SetSigmas(cameras[c].covariance, &run.cameras.back().figures);
@@ -473,11 +473,11 @@ ComparedRun ComparedRunOf(const std::string& label, const RigResult& result) {
   return run;
 }
 
-ComparedRun ComparedRunOf(const std::string& label, const RunResult& result) {
+ComparedRun ComparedRunOf(const std::string& label, const PairResult& result) {
   const Estimate* const refined = FindRefined(result);
   ComparedRun run{label, result.name, result.verdict.grade, result.timing.total_s, result.target_type, {""}};
   if (refined != nullptr) {
-    run.poses = ComparedRunOf(label, AsRigResult(result)).poses;
+    run.poses = ComparedRunOf(label, AsRunResult(result)).poses;
     // Its target has no name either: that of another run may be another one.
     std::erase_if(run.poses, [](const ComparedPose& pose) { return pose.name.kind != ComparedPoseKind::kCamera; });
   }

@@ -10,7 +10,7 @@
 
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/pose_difference.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "tools/text/camera_figures.h"
 
 namespace heba {
@@ -64,9 +64,9 @@ struct ComparedRun {
   std::optional<ComparedMethods> methods = {};  // Set for the run of one camera.
 };
 
-ComparedRun ComparedRunOf(const std::string& label, const RigResult& result);
-// Returns the only camera, without a name. It has no figures and no pose if there is no refined estimate.
 ComparedRun ComparedRunOf(const std::string& label, const RunResult& result);
+// Returns the only camera, without a name. It has no figures and no pose if there is no refined estimate.
+ComparedRun ComparedRunOf(const std::string& label, const PairResult& result);
 
 // The difference of one pose between two runs.
 struct RunDifference : PoseDifference {

@@ -31,7 +31,7 @@ std::string BestPhotograph(const ReportData& data) {
   const std::string width = std::to_string(camera->camera.width_px);
   const std::string height = std::to_string(camera->camera.height_px);
   const double radius_px = camera->camera.width_px / 160.0;
-  const RigImageResult& entry = data.result.images[best->entry];
+  const ImageResult& entry = data.result.images[best->entry];
   std::string caption = entry.image.empty() ? entry.capture : entry.image;
   caption += ": " + std::to_string(best->pixels.cols()) + " points";
   if (best->left_out_pixels.cols() > 0) caption += ", " + std::to_string(best->left_out_pixels.cols()) + " left out";

@@ -14,7 +14,7 @@ namespace {
 
 // Returns the cell with the arm at every planned capture.
 std::string CellOf(const PlanConfig& config, const CapturePlan& plan) {
-  const RigProblem problem =
+  const Problem problem =
       HandEyeProblem(config.cell.setup, config.cell.camera, DesignedShape(config.cell.points_in_target));
   ShownCell cell;
   ShownArm& arm = cell.arms.emplace_back();

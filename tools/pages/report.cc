@@ -34,14 +34,14 @@ std::string NameOr(const std::string& name, const char* kind) { return name.empt
 // Describes the distances between a single camera, its target and their mounts.
 std::string DistancesPart(const ReportData& data) {
   if (data.single == nullptr) return "";
-  const RigResult& result = data.result;
-  const RigPoses& poses = result.solution.poses;
+  const RunResult& result = data.result;
+  const CellPoses& poses = result.solution.poses;
   const auto mm = [](double metres) { return Fixed(1000 * metres, 0); };
   const Points3& points = data.target_points.front();
   const Eigen::Vector3d middle = 0.5 * (points.rowwise().minCoeff() + points.rowwise().maxCoeff());
   double nearest_m = std::numeric_limits<double>::infinity();
   double farthest_m = 0;
-  for (const RigCaptureResult& capture : result.captures) {
+  for (const CapturePoses& capture : result.captures) {
     const double distance_m = (CameraFromTarget(result.rig, poses, 0, 0, capture.base_from_gripper) * middle).norm();
     nearest_m = std::min(nearest_m, distance_m);
     farthest_m = std::max(farthest_m, distance_m);
@@ -54,12 +54,12 @@ std::string DistancesPart(const ReportData& data) {
 }
 
 std::string SetupPart(const ReportData& data) {
-  const RigSolution& solution = data.result.solution;
-  const RigProblem& rig = data.result.rig;
+  const Solution& solution = data.result.solution;
+  const Problem& rig = data.result.rig;
   ShownCell cell;
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     cell.arms.push_back({rig.robots.size() == 1 ? "base" : rig.robots[r], solution.poses.world_from_base[r], {}});
-    for (const RigCaptureResult& capture : data.result.captures) {
+    for (const CapturePoses& capture : data.result.captures) {
       cell.arms.back().base_from_gripper.push_back(capture.base_from_gripper[r]);
     }
   }
@@ -72,15 +72,15 @@ std::string SetupPart(const ReportData& data) {
                             solution.poses.mount_from_target[t], data.target_points[t]});
   }
   std::map<std::string, bool> is_used;
-  for (const RigImageResult& image : data.result.images) is_used[image.capture] = is_used[image.capture] || image.used;
-  for (const RigCaptureResult& capture : data.result.captures) {
+  for (const ImageResult& image : data.result.images) is_used[image.capture] = is_used[image.capture] || image.used;
+  for (const CapturePoses& capture : data.result.captures) {
     cell.captures.push_back({capture.name, is_used[capture.name]});
   }
   return CellFigure(cell) + DistancesPart(data);
 }
 
 std::string MethodsPart(const ReportData& data) {
-  const RunResult& result = *data.single;
+  const PairResult& result = *data.single;
   Json lines = Json::array();
   std::vector<FigureLine> rows;
   for (const Estimate& estimate : result.estimates) {
@@ -135,7 +135,7 @@ std::string PosesPart(const ReportData& data) {
 }
 
 std::string RelativePart(const ReportData& data) {
-  const RigResult& result = data.result;
+  const RunResult& result = data.result;
   std::vector<ShownPose> shown;
   const auto add = [&](const std::string& kind, const RelativePose& pose, const std::optional<PoseError>& truth) {
     shown.push_back({kind + " " + pose.child + " in " + kind + " " + pose.parent, "", pose.parent_from_child,
@@ -158,7 +158,7 @@ std::string IntrinsicsPart(const ReportData& data) {
 
 // Returns a figure of the ellipses of a camera: of the position of the target or of the camera (mm^2), and of the
 // camera's orientation.
-std::string EllipsesFigure(const RigSolution& solution, const Eigen::Matrix3d& position_mm2, const Matrix6& camera,
+std::string EllipsesFigure(const Solution& solution, const Eigen::Matrix3d& position_mm2, const Matrix6& camera,
                            const std::string& caption) {
   // The 95 % ellipse of two coordinates from the F distribution with the degrees of freedom of the noise estimate.
   const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
@@ -185,10 +185,10 @@ std::string EllipsesFigure(const RigSolution& solution, const Eigen::Matrix3d& p
 // Shows the uncertainty of a target that each camera locates at its working point, or that of the camera's position if
 // it has none.
 std::string UncertaintyPart(const ReportData& data) {
-  const RigSolution& solution = data.result.solution;
+  const Solution& solution = data.result.solution;
   std::string figures;
   for (size_t c = 0; c < data.result.rig.cameras.size(); ++c) {
-    const RigCamera& camera = data.result.rig.cameras[c];
+    const ProblemCamera& camera = data.result.rig.cameras[c];
     const auto covariance = PoseCovarianceOf(solution.covariance, CameraPoseBlock(camera));
     if (!covariance) continue;
     const std::optional<WorkingPoint> point =
@@ -207,7 +207,7 @@ std::string UncertaintyPart(const ReportData& data) {
 
 // Shows the noise of the arms, and why the kinematics of a known arm were not estimated.
 std::string ArmsPart(const ReportData& data) {
-  const RigResult& result = data.result;
+  const RunResult& result = data.result;
   const auto& all = result.solution.smooth_noise;
   const bool has_smooth = std::any_of(all.begin(), all.end(), [](const auto& noise) { return noise.has_value(); });
   std::vector<std::vector<PageCell>> rows;
@@ -239,7 +239,7 @@ std::string ArmsPart(const ReportData& data) {
 }
 
 // Returns whether an unknown is an effect of smooth errors, which has a meaning only beside the others of its arm.
-bool IsOfSmoothErrors(const RigProblem& rig, const std::string& unknown) {
+bool IsOfSmoothErrors(const Problem& rig, const std::string& unknown) {
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(rig, r);
     const bool is_smooth = effects != nullptr && effects->kind == SharedEffectsKind::kSmooth;
@@ -273,9 +273,9 @@ std::string CorrelationFigure(const ReportData& data) {
 }
 
 // Returns the RMS error of the points that the estimate used in an image, or of all if it used none.
-std::optional<double> RmsOf(const RigImageResult& image) {
+std::optional<double> RmsOf(const ImageResult& image) {
   SquaredErrors sum;
-  for (const RigTargetInImage& target : image.targets) {
+  for (const TargetInImage& target : image.targets) {
     if (target.used != image.used || !target.rms_px) continue;
     const int num_points = target.num_points - (target.used ? target.num_rejected : 0);
     sum.Add({*target.rms_px * *target.rms_px * num_points, num_points});
@@ -302,13 +302,13 @@ struct CaptureRow {
   }
 };
 
-// `entry` is an index in RigResult::images, and `capture` is that of the image; null if it belongs to none.
-CaptureRow RowOf(const ReportData& data, size_t entry, const RigCaptureResult* capture) {
-  const RigImageResult& image = data.result.images[entry];
+// `entry` is an index in RunResult::images, and `capture` is that of the image; null if it belongs to none.
+CaptureRow RowOf(const ReportData& data, size_t entry, const CapturePoses* capture) {
+  const ImageResult& image = data.result.images[entry];
   std::vector<std::string> targets;
   int num_points = 0;
   int num_rejected = 0;
-  for (const RigTargetInImage& target : image.targets) {
+  for (const TargetInImage& target : image.targets) {
     targets.push_back(target.target);
     num_points += target.num_points;
     num_rejected += target.num_rejected;
@@ -339,8 +339,8 @@ CaptureRow RowOf(const ReportData& data, size_t entry, const RigCaptureResult* c
 }
 
 std::string CapturesSection(const ReportData& data) {
-  std::map<std::string, const RigCaptureResult*> capture_of;
-  for (const RigCaptureResult& capture : data.result.captures) capture_of[capture.name] = &capture;
+  std::map<std::string, const CapturePoses*> capture_of;
+  for (const CapturePoses& capture : data.result.captures) capture_of[capture.name] = &capture;
   std::vector<std::string> head;
   std::vector<std::vector<PageCell>> rows;
   for (size_t e = 0; e < data.result.images.size(); ++e) {
@@ -361,17 +361,17 @@ std::string CapturesSection(const ReportData& data) {
 
 // A section of the page. It is shown if it has content.
 struct ReportSection {
-  enum class For { kAll, kSingle, kRig };  // A single camera, or a rig.
-  const char* title;                       // Empty if the content has its own headings.
+  enum class For { kAll, kSingle, kCell };  // A single camera, or a rig.
+  const char* title;                        // Empty if the content has its own headings.
   std::string (*content)(const ReportData& data);
   For whom = For::kAll;
   bool needs_images = true;
 };
 constexpr ReportSection kSections[] = {
     {"Methods", MethodsPart, ReportSection::For::kSingle, false},
-    {"Poses", PosesPart, ReportSection::For::kRig},
+    {"Poses", PosesPart, ReportSection::For::kCell},
     {"Poses between cameras and between targets", RelativePart},
-    {"Intrinsics", IntrinsicsPart, ReportSection::For::kRig},
+    {"Intrinsics", IntrinsicsPart, ReportSection::For::kCell},
     {"", ResidualSections},
     {"Points of the target", TargetFigures},
     {"Uncertainty at the working point", UncertaintyPart},

@@ -18,9 +18,9 @@ namespace heba {
 namespace {
 
 // Returns camera_from_target of a target in an image of the problem, with the corrections of the arms.
-Rigid3d CorrectedPose(const RigRunOutput& run, size_t capture, size_t camera, size_t target) {
-  const RigSolution& refined = *run.calibration.refined;
-  const RigProblem& problem = run.calibration.problem;
+Rigid3d CorrectedPose(const RunOutput& run, size_t capture, size_t camera, size_t target) {
+  const Solution& refined = *run.calibration.refined;
+  const Problem& problem = run.calibration.problem;
   return CameraFromTarget(
       problem, run.result.solution.poses, camera, target,
       Corrected(WithErrors(problem.captures[capture], refined.effects), refined.captures[capture].corrections));
@@ -50,8 +50,8 @@ void AddPoints(const Camera& camera, const Rigid3d& camera_from_target, const Ob
 
 // Adds the points of a detection to its image. The problem has those of images that are used, in the reading order that
 // was chosen; what it does not have was left out.
-void AddDetection(const RigRunOutput& run, const RigDetection& detection, ReportedImage* image) {
-  const RigSolution& solution = run.result.solution;
+void AddDetection(const RunOutput& run, const TargetDetection& detection, ReportedImage* image) {
+  const Solution& solution = run.result.solution;
   const auto [i, c, t] = std::tuple(detection.capture, detection.camera, detection.target);
   if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
   const Rigid3d camera_from_target = CorrectedPose(run, i, c, t);
@@ -60,7 +60,7 @@ void AddDetection(const RigRunOutput& run, const RigDetection& detection, Report
     AddPoints(solution.cameras[c], camera_from_target, ApplyShape(observations, solution.shapes[t]), is_used, image);
   };
   std::vector<int> known;
-  const std::vector<RigImage>& images = run.calibration.problem.captures[i].images;
+  const std::vector<ProblemImage>& images = run.calibration.problem.captures[i].images;
   for (size_t k = 0; k < images.size(); ++k) {
     if (images[k].camera != c || images[k].target != t) continue;
     const std::vector<int>& rejected = run.calibration.refined->captures[i].rejected_ids[k];
@@ -78,17 +78,17 @@ void AddDetection(const RigRunOutput& run, const RigDetection& detection, Report
 }
 
 // Returns the title of the `number`-th image of a camera.
-std::string TitleOf(const RigImageResult& image, size_t number) {
+std::string TitleOf(const ImageResult& image, size_t number) {
   if (image.camera.empty()) return std::to_string(number) + ": " + image.image;
   std::vector<std::string> targets;
-  for (const RigTargetInImage& target : image.targets) targets.push_back(target.target);
+  for (const TargetInImage& target : image.targets) targets.push_back(target.target);
   return "camera " + image.camera + ", image " + std::to_string(number) + ": " + image.image +
          (targets.empty() ? "" : (targets.size() == 1 ? ", target " : ", targets ") + Join(targets, ", "));
 }
 
 // Returns the images of each camera.
-std::vector<CameraResiduals> ResidualsOf(const RigRunOutput& run) {
-  const RigResult& result = run.result;
+std::vector<CameraResiduals> ResidualsOf(const RunOutput& run) {
+  const RunResult& result = run.result;
   std::vector<CameraResiduals> all;
   // The image of each capture and camera.
   std::map<std::pair<std::string, std::string>, std::pair<size_t, size_t>> place_of;
@@ -104,7 +104,7 @@ std::vector<CameraResiduals> ResidualsOf(const RigRunOutput& run) {
       image.title = TitleOf(result.images[e], images.size());
     }
   }
-  for (const RigDetection& detection : run.detections) {
+  for (const TargetDetection& detection : run.detections) {
     const auto place =
         place_of.find({run.dataset.captures[detection.capture].name, result.rig.cameras[detection.camera].name});
     if (place == place_of.end()) continue;
@@ -124,7 +124,7 @@ std::vector<CameraResiduals> ResidualsOf(const RigRunOutput& run) {
 
 }  // namespace
 
-ReportData ReportDataOf(const RigRunOutput& run) {
+ReportData ReportDataOf(const RunOutput& run) {
   ReportData data;
   data.result = run.result;
   for (const std::shared_ptr<const Target>& target : run.dataset.targets) {
@@ -139,13 +139,13 @@ ReportData ReportDataOf(const RigRunOutput& run) {
   return data;
 }
 
-ReportData ReportDataOf(const RunOutput& run, const RunResult& result) {
+ReportData ReportDataOf(const PairRunOutput& run, const PairResult& result) {
   ReportData data;
   if (FindRefined(result) != nullptr) {
-    data = ReportDataOf(AsRigRunOutput(run, result));
+    data = ReportDataOf(AsRunOutput(run, result));
     if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
   } else {
-    data.result = AsRigResult(result, *FindFinal(result));
+    data.result = AsRunResult(result, *FindFinal(result));
   }
   data.single = &result;
   return data;

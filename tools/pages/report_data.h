@@ -6,15 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "heba/evaluation/rig_evaluation.h"
-#include "heba/rig_run_types.h"
+#include "heba/evaluation/run_result.h"
+#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
 
 // One image of a camera. Residuals are predicted minus observed, px.
 struct ReportedImage {
-  size_t entry = 0;   // Index in RigResult::images.
+  size_t entry = 0;   // Index in RunResult::images.
   std::string title;  // The dialog that shows the image has this title.
   // RMS of the inliers, with the corrections of the arms if there are any; nothing if the image was not used.
   std::optional<double> rms_px;
@@ -33,27 +33,27 @@ struct CameraResiduals {
   Camera camera;
   double sigma_px = 0;
   std::optional<double> rms_px;       // Over the inliers of all images.
-  std::vector<ReportedImage> images;  // In the order of RigResult::images.
+  std::vector<ReportedImage> images;  // In the order of RunResult::images.
 };
 
 // The page shows these data.
 struct ReportData {
   // The corrections of its captures are without the errors that captures share.
-  RigResult result;
+  RunResult result;
   std::vector<Points3> target_points;               // One per target: all points in its frame, m.
   std::vector<std::optional<Camera>> true_cameras;  // One per camera, or empty.
   // One per camera; empty if poses of the targets were given in place of images.
   std::vector<CameraResiduals> residuals;
   bool has_corrections = false;  // Whether the poses of the arms were corrected.
   // The result of a single camera has its methods and its working point; null for several.
-  const RunResult* single = nullptr;
+  const PairResult* single = nullptr;
 
   bool has_images() const { return !residuals.empty(); }
 };
 
-ReportData ReportDataOf(const RigRunOutput& run);
+ReportData ReportDataOf(const RunOutput& run);
 // `result` is that of the run, with everything that was found out after it; it must outlive the data. Without a refined
 // estimate the poses are those of the last estimate that succeeded.
-ReportData ReportDataOf(const RunOutput& run, const RunResult& result);
+ReportData ReportDataOf(const PairRunOutput& run, const PairResult& result);
 
 }  // namespace heba

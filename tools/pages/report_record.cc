@@ -35,8 +35,8 @@ std::string FindingItem(const Finding& finding) {
 
 // Shows the figures that users need first: of several cameras those of the worst, which is named.
 std::string TilesPart(const ReportData& data) {
-  const RigResult& result = data.result;
-  const RigSolution& solution = result.solution;
+  const RunResult& result = data.result;
+  const Solution& solution = result.solution;
   std::string tiles;
   const auto add = [&](const std::string& name, const std::string& value) {
     tiles += "<div><dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd></div>\n";
@@ -173,10 +173,10 @@ std::string IntrinsicsTable(const std::string& title, const Camera& camera, cons
 // Shows the cameras of a rig with their errors. Those of a single camera are in the table of its methods.
 std::string CamerasPart(const ReportData& data) {
   if (data.single != nullptr) return "";
-  const RigResult& result = data.result;
+  const RunResult& result = data.result;
   std::vector<FigureLine> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
-    const RigCamera& camera = result.rig.cameras[c];
+    const ProblemCamera& camera = result.rig.cameras[c];
     const auto [used, all] = CountImages(result, camera.name);
     rows.push_back({{{camera.name, false, {}, true},
                      {MountText(result.rig, camera)},
@@ -209,14 +209,14 @@ std::string ShellWord(const std::string& text) {
 }
 
 // Returns the arguments of heba locate: an image of each camera, and the pose of each arm that carries one.
-std::string LocatedWith(const RigProblem& rig) {
+std::string LocatedWith(const Problem& rig) {
   std::vector<std::string> arguments;
   std::vector<std::string> poses;
-  for (const RigCamera& camera : rig.cameras) {
+  for (const ProblemCamera& camera : rig.cameras) {
     arguments.push_back((camera.name.empty() ? "" : ShellWord(camera.name) + "=") + "IMAGE");
   }
   for (size_t r = 0; r < rig.robots.size(); ++r) {
-    const bool is_needed = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+    const bool is_needed = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const ProblemCamera& camera) {
       return camera.mount == Mount{r, Mount::Part::kGripper};
     });
     if (is_needed) poses.push_back(rig.robots.size() == 1 ? "NUMBERS" : rig.robots[r] + "=NUMBERS");
@@ -247,7 +247,7 @@ std::string NextPart(const ReportData& data, const ReportContext& context) {
 
 // Returns what the calibration was made from.
 std::vector<std::pair<std::string, std::string>> FactsOf(const ReportData& data) {
-  const RigResult& result = data.result;
+  const RunResult& result = data.result;
   std::vector<std::pair<std::string, std::string>> facts;
   if (data.single == nullptr) {
     facts.emplace_back("cameras", std::to_string(result.rig.cameras.size()));
@@ -349,9 +349,9 @@ std::string TimeNow() {
   return text.data();
 }
 
-std::vector<ShownPose> PosesOf(const RigResult& result) {
-  const RigProblem& rig = result.rig;
-  const RigPoses& poses = result.solution.poses;
+std::vector<ShownPose> PosesOf(const RunResult& result) {
+  const Problem& rig = result.rig;
+  const CellPoses& poses = result.solution.poses;
   const Covariance& covariance = result.solution.covariance;
   std::vector<ShownPose> all;
   // A part without a name is called by its kind.
@@ -361,7 +361,7 @@ std::vector<ShownPose> PosesOf(const RigResult& result) {
                    PoseCovarianceOf(covariance, block), truth});
   };
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const RigErrors& errors = result.errors[c];
+    const CameraErrors& errors = result.errors[c];
     const auto truth = errors.truth_mm ? std::optional(PoseError{*errors.truth_mm, *errors.truth_deg}) : std::nullopt;
     add("camera", rig.cameras[c].name, MountText(rig, rig.cameras[c]), poses.mount_from_camera[c],
         CameraPoseBlock(rig.cameras[c]), truth);
@@ -387,10 +387,10 @@ std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& in
 }
 
 std::string IntrinsicsTables(const ReportData& data) {
-  const RigResult& result = data.result;
+  const RunResult& result = data.result;
   std::string tables;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
-    const RigCamera& camera = result.rig.cameras[c];
+    const ProblemCamera& camera = result.rig.cameras[c];
     if (result.solution.cameras[c].params.empty()) continue;
     const bool has_truth = !data.true_cameras.empty() && data.true_cameras[c];
     tables +=

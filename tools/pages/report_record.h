@@ -48,7 +48,7 @@ struct ShownPose {
   std::optional<PoseError> truth;
 };
 // Returns the poses of the cameras, of the targets and of the bases but the first.
-std::vector<ShownPose> PosesOf(const RigResult& result);
+std::vector<ShownPose> PosesOf(const RunResult& result);
 // Returns poses and intrinsics with the sigma of each number, in the notations that users copy.
 std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& intrinsics);
 

@@ -95,7 +95,7 @@ std::string ResidualData(const ReportData& report, size_t c) {
             {"captures", Json::array()}};
   for (size_t i = 0; i < of_camera.images.size(); ++i) {
     const ReportedImage& image = of_camera.images[i];
-    const RigImageResult& entry = report.result.images[image.entry];
+    const ImageResult& entry = report.result.images[image.entry];
     const bool has_picture = !image.small_jpeg.empty() && pictures.contains(i);
     data["captures"].push_back(Json{{"image", entry.capture},
                                     {"title", image.title},

@@ -49,7 +49,7 @@ struct Row {
   CameraFigures figures;
 };
 
-std::vector<Row> RowsOf(const RunResult& result) {
+std::vector<Row> RowsOf(const PairResult& result) {
   std::vector<Row> rows;
   for (const Estimate& estimate : result.estimates) {
     rows.push_back({std::string(SetupName(result.setup)), result.target_type, std::to_string(result.num_target_points),
@@ -59,10 +59,10 @@ std::vector<Row> RowsOf(const RunResult& result) {
   return rows;
 }
 
-std::vector<Row> RowsOf(const RigResult& result) {
+std::vector<Row> RowsOf(const RunResult& result) {
   std::vector<Row> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
-    const RigCamera& camera = result.rig.cameras[c];
+    const ProblemCamera& camera = result.rig.cameras[c];
     Row& row = rows.emplace_back();
     row.setup = MountText(result.rig, camera);
     row.target = Join(result.target_types, " ");
@@ -77,7 +77,7 @@ std::vector<Row> RowsOf(const AnyResult& any) {
   return std::visit([](const auto& result) { return RowsOf(result); }, any);
 }
 
-bool IsRig(const AnyResult& any) { return std::holds_alternative<RigResult>(any); }
+bool IsLong(const AnyResult& any) { return std::holds_alternative<RunResult>(any); }
 
 // A run as one line: its refined estimate or, of a rig, the worst camera.
 struct RunLine {
@@ -89,7 +89,7 @@ struct RunLine {
   std::optional<double> sigma_mm = {};
 };
 
-RunLine LineOf(const std::string& name, const RunResult& result) {
+RunLine LineOf(const std::string& name, const PairResult& result) {
   const CameraFigures refined = FiguresOf(FindRefined(result));
   return {name,
           result.target_type,
@@ -99,7 +99,7 @@ RunLine LineOf(const std::string& name, const RunResult& result) {
           refined.sigma_mm};
 }
 
-RunLine LineOf(const std::string& name, const RigResult& result) {
+RunLine LineOf(const std::string& name, const RunResult& result) {
   const size_t num_cameras = result.rig.cameras.size();
   RunLine line{name, "rig, " + std::to_string(num_cameras) + (num_cameras == 1 ? " camera" : " cameras"),
                std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size())};
@@ -128,7 +128,7 @@ std::string HoldOutFigure(const std::vector<BatchRun>& runs) {
 }
 
 std::vector<PageCell> PageRow(const BatchRun& run, const Row& row) {
-  const bool is_rig = IsRig(*run.result);
+  const bool is_rig = IsLong(*run.result);
   std::vector<PageCell> cells = {
       {run.name, false, LinkTo(run.name + "/report.html")},
       {std::string(GradeName(run.verdict()->grade))},
@@ -218,7 +218,7 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
       table += " failed: " + run.reason + "\n";
       continue;
     }
-    has_rig = has_rig || IsRig(*run.result);
+    has_rig = has_rig || IsLong(*run.result);
     const RunLine line = LineOf(run);
     table += PadRight(" " + line.target, kTargetWidth) + PadLeft(line.captures, kCapturesWidth) +
              FigureCells(columns, line) + "\n";

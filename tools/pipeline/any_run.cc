@@ -16,8 +16,8 @@ Outcome<AnyResult> AnyOf(Outcome<Result> result) {
 }  // namespace
 
 AnyConfig ReadAnyConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
-  if (IsRigConfig(path, settings)) return ReadRigConfig(path, settings);
-  return ReadRunConfig(path, settings);
+  if (IsLongConfig(path, settings)) return ReadRunConfig(path, settings);
+  return ReadPairConfig(path, settings);
 }
 
 Outcome<AnyResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,

@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "tools/config/rig_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/files/any_result.h"
 #include "tools/text/console.h"
 
 namespace heba {
 
-using AnyConfig = std::variant<RunConfig, RigConfig>;
+using AnyConfig = std::variant<PairConfig, RunConfig>;
 
 // Throws InputError on any error.
 AnyConfig ReadAnyConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});

@@ -24,8 +24,8 @@ constexpr int kMapColumns = 9;
 constexpr int kMapRows = 7;
 
 // Returns the images as the captures of a data set, whose robot stands still.
-Dataset DatasetOf(const CameraConfig& config) {
-  Dataset data;
+PairDataset DatasetOf(const CameraConfig& config) {
+  PairDataset data;
   data.name = config.name;
   data.target = config.target;
   for (const std::filesystem::path& image : config.images) {
@@ -58,7 +58,7 @@ CameraMap MapOf(const CameraCalibration& calibration, const std::vector<View>& v
 Outcome<CalibratedCamera> RunCamera(const CameraConfig& config, const std::filesystem::path& output, int num_threads,
                                     Console* console) {
   StagedFolder folder(output, "the results of a run");
-  const Dataset data = DatasetOf(config);
+  const PairDataset data = DatasetOf(config);
   ProgressObserver observer(console->verbosity());
   const std::vector<CaptureDetection> detections =
       DetectCaptures(data, CachedDetection(config.target_used), num_threads, &observer);

@@ -25,9 +25,9 @@ std::string ImageName(size_t index) {
 }
 
 // Return the files of an object; one without a name is the only one of its kind.
-std::string ImageFolder(const RigCamera& camera) { return camera.name.empty() ? "images" : camera.name; }
-std::string CameraFile(const RigCamera& camera) { return (camera.name.empty() ? "camera" : camera.name) + ".yaml"; }
-std::string TargetFile(const RigTarget& target) {
+std::string ImageFolder(const ProblemCamera& camera) { return camera.name.empty() ? "images" : camera.name; }
+std::string CameraFile(const ProblemCamera& camera) { return (camera.name.empty() ? "camera" : camera.name) + ".yaml"; }
+std::string TargetFile(const ProblemTarget& target) {
   return target.name.empty() ? "target.yaml" : target.name + ".target.yaml";
 }
 std::string PosesFile(const SceneConfig& scene, size_t robot) {
@@ -57,7 +57,7 @@ std::string YamlText(const YAML::Node& node) {
 
 YAML::Node ShortConfig(const SceneConfig& scene) {
   YAML::Node config;
-  const RigCamera& camera = scene.problem.cameras[0];
+  const ProblemCamera& camera = scene.problem.cameras[0];
   config["setup"] = std::string(SetupName(*scene.setup));
   config["target"] = TargetFile(scene.problem.targets[0]);
   config["camera"]["model"] = camera.camera.model;
@@ -106,7 +106,7 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
       config["captures"] = poses;
     }
   }
-  for (const RigCamera& camera : scene.problem.cameras) {
+  for (const ProblemCamera& camera : scene.problem.cameras) {
     YAML::Node entry;
     entry["mount"] = camera.mount_name;
     entry["images"] = ImageFolder(camera);
@@ -114,7 +114,7 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
     if (scene.give_camera) entry["intrinsics"] = CameraFile(camera);
     config["cameras"][camera.name] = entry;
   }
-  for (const RigTarget& target : scene.problem.targets) {
+  for (const ProblemTarget& target : scene.problem.targets) {
     config["targets"][target.name]["mount"] = target.mount_name;
     config["targets"][target.name]["target"] = TargetFile(target);
   }
@@ -123,19 +123,19 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
 }
 
 std::string TruthText(const SceneConfig& scene, const std::vector<Eigen::VectorXd>& arm_errors) {
-  const RigPoses& poses = scene.poses;
+  const CellPoses& poses = scene.poses;
   if (scene.setup) {
     return TruthToJson(
         {poses.mount_from_camera[0], poses.mount_from_target[0], scene.problem.cameras[0].camera, arm_errors[0]},
         *scene.setup);
   }
-  RigTruth truth{poses.mount_from_camera,
-                 {poses.mount_from_target.begin(), poses.mount_from_target.end()},
-                 {poses.world_from_base.begin(), poses.world_from_base.end()},
-                 {},
-                 arm_errors};
-  for (const RigCamera& camera : scene.problem.cameras) truth.cameras.emplace_back(camera.camera);
-  return RigTruthToJson(scene.problem, truth);
+  CellTruth truth{poses.mount_from_camera,
+                  {poses.mount_from_target.begin(), poses.mount_from_target.end()},
+                  {poses.world_from_base.begin(), poses.world_from_base.end()},
+                  {},
+                  arm_errors};
+  for (const ProblemCamera& camera : scene.problem.cameras) truth.cameras.emplace_back(camera.camera);
+  return TruthToJson(scene.problem, truth);
 }
 
 // Writes the poses of each arm, and its joints if the scene records them.
@@ -161,9 +161,9 @@ void WriteArms(const SceneConfig& scene, const std::vector<SceneCapture>& captur
 // Renders the images of each camera, and returns how many there are.
 int WriteImages(const SceneConfig& scene, const std::vector<SceneCapture>& captures, const fs::path& folder,
                 int num_threads, Verbosity verbosity) {
-  const std::vector<RigCamera>& cameras = scene.problem.cameras;
+  const std::vector<ProblemCamera>& cameras = scene.problem.cameras;
   const int num_images = static_cast<int>(captures.size() * cameras.size());
-  for (const RigCamera& camera : cameras) fs::create_directory(folder / ImageFolder(camera));
+  for (const ProblemCamera& camera : cameras) fs::create_directory(folder / ImageFolder(camera));
   Progress progress("render", num_images, verbosity);
   std::mutex mutex;
   ParallelFor(num_images, num_threads, [&](int index) {
@@ -191,7 +191,7 @@ Outcome<int> WriteDataSet(const SceneConfig& scene, const fs::path& output, int 
   if (!drawn) return drawn.failure();
   WriteArms(scene, drawn->captures, folder.staging());
   const int num_images = WriteImages(scene, drawn->captures, folder.staging(), num_threads, verbosity);
-  for (const RigCamera& camera : scene.problem.cameras) {
+  for (const ProblemCamera& camera : scene.problem.cameras) {
     WriteFileAtomically(folder.staging() / CameraFile(camera), CameraToYaml(camera.camera));
   }
   for (size_t t = 0; t < scene.targets.size(); ++t) {

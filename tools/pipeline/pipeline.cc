@@ -9,10 +9,9 @@
 #include "heba/base/files.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
-#include "heba/rig_run.h"
 #include "heba/run.h"
+#include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/doctor.h"
-#include "tools/doctor/rig_doctor.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
@@ -56,14 +55,14 @@ std::optional<Failure> WriteAndCommit(const Config& config, const std::string& i
 }
 
 // Returns whether captures that show the target were left out, other than copies.
-bool HasContradictions(const RunResult& result) {
+bool HasContradictions(const PairResult& result) {
   return std::any_of(result.captures.begin(), result.captures.end(), [](const CaptureResult& capture) {
     return !capture.used && capture.num_points > 0 && capture.repeat_of.empty();
   });
 }
 
 // Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out.
-void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
+void AppendDiagnosis(const PairConfig& config, int num_threads, PairResult* result) {
   result->verdict = JudgeRun(*result);
   const bool is_good = result->verdict.grade == Grade::kGood;
   if (is_good && !HasContradictions(*result)) return;
@@ -83,22 +82,22 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   result->verdict = JudgeRun(*result);
 }
 
-Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener) {
+Outcome<PairResult> RunAndWrite(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+                                Console* console, RunObserver* listener) {
   const auto start = std::chrono::steady_clock::now();
   // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
-  Dataset data = config.data;
+  PairDataset data = config.data;
   if (config.truth) data.truth = ReadTruth(*config.truth, data.setup);
-  RunOptions options = config.options;
+  PairRunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = CachedDetection(data, config.target_used);
   SharedObserver<ConsoleObserver> observer(listener, data, console);
-  const Outcome<RunOutput> run = Run(data, options, &observer);
+  const Outcome<PairRunOutput> run = Run(data, options, &observer);
   if (!run) return run.failure();
   const bool has_images = data.target_poses.empty();
-  RunResult result = run->result;
+  PairResult result = run->result;
   if (has_images && data.target->Symmetries().size() > 1) {
     const auto num_symmetries = static_cast<double>(data.target->Symmetries().size());
     result.observations.push_back({Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}});
@@ -119,35 +118,35 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
 
 }  // namespace
 
-Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener) {
+Outcome<PairResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+                                Console* console, RunObserver* listener) {
   if (config.imported) {
     console->Note(config.data.name + ": read as a data set of " + config.imported->format);
     for (const std::string& remark : config.imported->remarks) console->Note(config.data.name + ": " + remark);
   }
-  Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
+  Outcome<PairResult> result = RunAndWrite(config, output, num_threads, console, listener);
   if (result || result.failure().code == kCancelled) return result;
   return Failure{
       WithDiagnosis(FailureText(result.failure()), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
 }
 
-Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
+Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener) {
   // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
-  RigDataset data = config.data;
-  if (config.truth) data.truth = ReadRigTruth(*config.truth, data.rig);
-  for (const RigLeftOut& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
-  RigRunOptions options = config.options;
+  Dataset data = config.data;
+  if (config.truth) data.truth = ReadCellTruth(*config.truth, data.rig);
+  for (const LeftOutImages& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
+  RunOptions options = config.options;
   options.num_threads = num_threads;
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
   SharedObserver<ProgressObserver> observer(listener, console->verbosity());
-  Outcome<RigRunOutput> run = RunRig(data, options, &observer);
+  Outcome<RunOutput> run = Run(data, options, &observer);
   const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
   if (!run) return Failure{WithDiagnosis(FailureText(run.failure()), diagnose())};
   for (const std::string& note : DetectionNotes(run->dataset, run->detections)) console->Note(note);
-  RigResult& result = run->result;
+  RunResult& result = run->result;
   for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
   if (result.verdict.grade == Grade::kBad) {
     // A motion that the adjustment has measured is not replaced by its consequences.
@@ -155,13 +154,13 @@ Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::p
     std::erase_if(diagnosis.symptoms,
                   [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
     InsertCause(diagnosis, &result.observations);
-    result.verdict = JudgeRig(result);
+    result.verdict = JudgeRun(result);
   }
   Describe(&result);
-  WriteRigDetections(run->dataset, run->detections, folder.staging() / "detections");
+  WriteDetections(run->dataset, run->detections, folder.staging() / "detections");
   const std::string report = ReportPage(ReportDataOf(*run), ContextOf(config.file, config.used, output));
   if (std::optional<Failure> fault =
-          WriteAndCommit(config, inputs, *console, {report, RigResultToJson(result)}, &folder)) {
+          WriteAndCommit(config, inputs, *console, {report, ResultToJson(result)}, &folder)) {
     return *std::move(fault);
   }
   return result;

@@ -6,8 +6,8 @@
 
 #include "heba/base/error.h"
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
-#include "tools/config/rig_config.h"
+#include "heba/evaluation/run_result.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/text/console.h"
 
@@ -17,9 +17,9 @@ namespace heba {
 // input. `listener`, which may be null, is told about the stages and can cancel the run. Returns a Failure, and writes
 // no folder, if the result cannot be trusted. The first fault that the doctor (doctor/doctor.h) finds is part of the
 // Failure, and of the findings of a result that is bad.
+Outcome<PairResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+                                Console* console, RunObserver* listener = nullptr);
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener = nullptr);
-Outcome<RigResult> RunPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener = nullptr);
 
 }  // namespace heba

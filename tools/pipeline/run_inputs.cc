@@ -24,7 +24,7 @@ std::string DigestOrNothing(const fs::path& file) {
 }
 
 // Returns the text for a data set and the other files of its config.
-std::string InputsText(const std::string& config_used, const RigDataset& data, const std::vector<fs::path>& data_files,
+std::string InputsText(const std::string& config_used, const Dataset& data, const std::vector<fs::path>& data_files,
                        const std::optional<fs::path>& truth) {
   nlohmann::ordered_json json;
   json["schema"] = "heba/inputs/1";
@@ -38,7 +38,7 @@ std::string InputsText(const std::string& config_used, const RigDataset& data, c
   }
   if (truth) files["truth"] = DigestOrNothing(*truth);
   json["images"] = nlohmann::ordered_json::array();
-  for (const RigRecording& capture : data.captures) {
+  for (const Recording& capture : data.captures) {
     nlohmann::ordered_json entry = {capture.name};
     for (const fs::path& image : capture.images) {
       // Given detections have names of images only.
@@ -47,21 +47,21 @@ std::string InputsText(const std::string& config_used, const RigDataset& data, c
     json["images"].push_back(entry);
   }
   json["left_out"] = nlohmann::ordered_json::array();
-  for (const RigLeftOut& entry : data.left_out) json["left_out"].push_back(entry.name);
+  for (const LeftOutImages& entry : data.left_out) json["left_out"].push_back(entry.name);
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace
 
-std::string RunInputsText(const RunConfig& config) {
-  RigDataset data = AsRigDataset(config.data);
+std::string RunInputsText(const PairConfig& config) {
+  Dataset data = AsDataset(config.data);
   for (const LeftOut& entry : config.data.left_out) data.left_out.push_back({entry.name, entry.reason, "", {}});
   std::vector<fs::path> files = config.data_files;
   if (!config.poses_file.empty()) files.push_back(config.poses_file);
   return InputsText(config.used, data, files, config.truth);
 }
 
-std::string RunInputsText(const RigConfig& config) {
+std::string RunInputsText(const RunConfig& config) {
   return InputsText(config.used, config.data, config.data_files, config.truth);
 }
 

@@ -71,7 +71,7 @@ Outcome<SceneCaptures> DrawShortForm(const SceneConfig& scene, Rng* rng) {
 
 // Draws the captures of named cameras: the errors of the arms first, then their motion, then the noise of the poses.
 Outcome<SceneCaptures> DrawNamed(const SceneConfig& scene, Rng* rng) {
-  const RigProblem& problem = scene.problem;
+  const Problem& problem = scene.problem;
   SceneCaptures drawn;
   std::vector<std::optional<SimulatedArm>> arms(scene.arms.size());
   for (size_t r = 0; r < arms.size(); ++r) {

@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "heba/base/error.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/geometry/rigid3.h"
 #include "tools/config/scene_config.h"
 

@@ -19,14 +19,14 @@ namespace heba {
 namespace {
 
 // Returns the parts of the run's problem whose change is asked for: the lenses, too, are not taken for granted.
-RigProblem ProblemOf(const RigResult& result) {
-  RigProblem problem = result.rig;
+Problem ProblemOf(const RunResult& result) {
+  Problem problem = result.rig;
   problem.captures.clear();
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     problem.cameras[c].camera = result.solution.cameras[c];
     problem.cameras[c].free_intrinsics = BundleOptions().free_intrinsics;
   }
-  for (RigTarget& target : problem.targets) {
+  for (ProblemTarget& target : problem.targets) {
     target.free_shape.clear();
     const UnknownLayout& layout = result.solution.covariance.layout;
     for (int param = 0; param < TargetShape::kNumParams; ++param) {
@@ -41,7 +41,7 @@ RigProblem ProblemOf(const RigResult& result) {
 }
 
 // Returns the points of a target with symmetries in the reading order that is closest to the prediction.
-Observations InPredictedOrder(const RigResult& result, size_t camera, size_t target, const Rigid3d& predicted,
+Observations InPredictedOrder(const RunResult& result, size_t camera, size_t target, const Rigid3d& predicted,
                               const Observations& seen) {
   const Observations* best = nullptr;
   double least_px = 0;
@@ -68,11 +68,11 @@ bool IsSame(const GivenArmPose& a, const GivenArmPose& b) {
 }
 
 // Returns a capture at a pose of the arm, with its error if the errors of the arm are estimated.
-RigCapture CaptureAt(const RigResult& result, const GivenArmPose& pose, const std::string& image) {
-  const RigProblem& rig = result.rig;
+ProblemCapture CaptureAt(const RunResult& result, const GivenArmPose& pose, const std::string& image) {
+  const Problem& rig = result.rig;
   const Outcome<StatedPose> stated = WithErrorsOfArm(FindEstimatedArm(result, 0), *pose.base_from_gripper, pose.joints);
   if (!stated) throw InputError(image + ": the joints of the arm: " + FailureText(stated.failure()));
-  RigCapture capture;
+  ProblemCapture capture;
   capture.name = image;
   capture.base_from_gripper = {stated->base_from_mount};
   if (stated->gripper_by_joints.cols() > 0) capture.postures = {{stated->gripper_by_joints, {}}};
@@ -139,7 +139,7 @@ void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vecto
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<GivenArmPose>& poses, int num_threads) {
   CHECK_EQ(images.size(), poses.size());
-  const RigResult& result = run.result;
+  const RunResult& result = run.result;
   if (result.rig.robots.size() > 1)
     throw InputError("the run has several arms; only one with a single arm can be checked");
   std::vector<std::vector<Detection>> seen(images.size());
@@ -160,7 +160,7 @@ Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& ima
       of_captures.push_back(poses[i]);
       session.problem.captures.push_back(CaptureAt(result, poses[i], images[i].path.string()));
     }
-    RigCapture& capture = session.problem.captures[place];
+    ProblemCapture& capture = session.problem.captures[place];
     bool shows_target = false;
     for (size_t t = 0; t < run.targets.size(); ++t) {
       const size_t camera = images[i].camera;

@@ -20,7 +20,7 @@ struct SessionImage {
 };
 
 struct Session {
-  RigProblem problem;              // Its captures have the points of the images.
+  Problem problem;                 // Its captures have the points of the images.
   std::vector<std::string> notes;  // One sentence for each image that is not used.
 };
 

@@ -35,15 +35,15 @@ struct WatchedImage {
   fs::path path;
 };
 
-std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
+std::vector<WatchedImage> ImagesOf(const PairConfig& config) {
   std::vector<WatchedImage> images;
   for (const Capture& capture : config.data.captures) images.push_back({capture.name, capture.image});
   return images;
 }
 
-std::vector<WatchedImage> ImagesOf(const RigConfig& config) {
+std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
   std::vector<WatchedImage> images;
-  for (const RigRecording& capture : config.data.captures) {
+  for (const Recording& capture : config.data.captures) {
     for (size_t c = 0; c < capture.images.size(); ++c) {
       if (capture.images[c].empty()) continue;
       images.push_back(
@@ -64,7 +64,7 @@ struct Watched {
 std::string StateOf(const AnyConfig& any, const std::vector<WatchedImage>& images) {
   std::string state = std::visit([](const auto& config) { return config.used; }, any);
   std::vector<fs::path> files = std::visit([](const auto& config) { return config.data_files; }, any);
-  if (const auto* const single = std::get_if<RunConfig>(&any)) files.push_back(single->poses_file);
+  if (const auto* const single = std::get_if<PairConfig>(&any)) files.push_back(single->poses_file);
   for (const WatchedImage& image : images) files.push_back(image.path);
   for (const fs::path& file : files) {
     std::error_code error;
@@ -148,10 +148,10 @@ Gauges GaugesOf(const std::vector<CaptureDetection>& detections) {
   return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize)};
 }
 
-std::vector<Requirement> RequirementsOf(const RunResult& result) { return result.requirements; }
-std::vector<Requirement> RequirementsOf(const RigResult& result) {
+std::vector<Requirement> RequirementsOf(const PairResult& result) { return result.requirements; }
+std::vector<Requirement> RequirementsOf(const RunResult& result) {
   std::vector<Requirement> requirements;
-  for (const RigRequirement& of_camera : result.requirements) requirements.push_back(of_camera.requirement);
+  for (const CameraRequirement& of_camera : result.requirements) requirements.push_back(of_camera.requirement);
   return requirements;
 }
 
@@ -167,7 +167,7 @@ bool IsMet(const AnyResult& result) {
 std::string KnownText(const AnyResult& result) {
   const int num_used = std::visit([](const auto& any) { return NumUsedCaptures(any); }, result);
   std::string text = std::to_string(num_used) + " captures: " + std::string(GradeName(VerdictOf(result).grade));
-  if (const auto* const single = std::get_if<RunResult>(&result)) {
+  if (const auto* const single = std::get_if<PairResult>(&result)) {
     if (const Estimate* const refined = FindRefined(*single)) {
       const auto covariance = PoseCovarianceOf(refined->solution->covariance, kHandEyeBlock);
       if (covariance) {
@@ -246,7 +246,7 @@ class Session {
     if (state == calibrated_) return false;
     TellImages(*config, images);
     calibrated_ = std::move(state);
-    return Calibrate(*config);
+    return CalibratePair(*config);
   }
 
  private:
@@ -265,7 +265,7 @@ class Session {
 
   // Says of each new image whether it shows the target, and how it is exposed.
   void TellImages(const AnyConfig& any, const std::vector<WatchedImage>& images) {
-    const auto* const config = std::get_if<RunConfig>(&any);
+    const auto* const config = std::get_if<PairConfig>(&any);
     std::vector<CaptureDetection> detections;
     for (const WatchedImage& image : images) {
       const bool is_new = watched_.told.insert(image.path).second;
@@ -289,14 +289,14 @@ class Session {
     Tell("covered: x " + percent(gauges.x) + ", y " + percent(gauges.y) + ", size " + percent(gauges.size));
   }
 
-  const CaptureDetection& DetectOnce(const RunConfig& config, const fs::path& image) {
+  const CaptureDetection& DetectOnce(const PairConfig& config, const fs::path& image) {
     const auto known = detections_.find(image);
     if (known != detections_.end()) return known->second;
     if (!detect_) detect_ = CachedDetection(config.target_used);
     return detections_.emplace(image, detect_(image, std::nullopt)).first->second;
   }
 
-  bool Calibrate(const AnyConfig& config) {
+  bool CalibratePair(const AnyConfig& config) {
     const fs::path output = options_.output.empty() ? OutputOf(config) : options_.output;
     Console console(Verbosity::kQuiet);
     const Outcome<AnyResult> result = RunAny(config, output, options_.num_threads, &console);

@@ -12,7 +12,7 @@
 
 namespace heba {
 
-Failure WhyDeclined(const Calibration& calibration) {
+Failure WhyDeclined(const PairCalibration& calibration) {
   const ModelAlternative* chosen = nullptr;
   const ModelAlternative* best_with_arm = nullptr;
   for (const ModelAlternative& alternative : calibration.alternatives) {
@@ -103,9 +103,9 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
   return summary;
 }
 
-RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
-                          const Calibration& calibration) {
-  const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
+RobotSummary SummariseArm(const PairDataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const PairCalibration& calibration) {
+  const PairSolution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
   ArmEstimate estimate;
   std::vector<Matrix6X> by_joints;
   for (const View& view : calibration.views) by_joints.push_back(view.gripper_by_joints);
@@ -176,7 +176,8 @@ Finding DescribeConfiguration(const RobotSummary& robot, const GripperLocator& l
   return finding;
 }
 
-std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
+std::vector<Finding> FindingsOf(const RobotSummary& robot, const PairDataset& dataset,
+                                const PairCalibration& calibration) {
   std::vector<Finding> findings = {DescribeEstimate(robot)};
   if (!robot.is_estimated) return findings;
   if (robot.configuration.empty()) return findings;
@@ -189,7 +190,7 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& datase
   return findings;
 }
 
-std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated) {
+std::optional<Finding> FindSingularCaptures(const PairDataset& dataset, const ArmSetup& setup, bool is_estimated) {
   // The captures have not told the branches apart if there are several.
   if (setup.branches.size() != 1) return std::nullopt;
   const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches.front());

@@ -81,7 +81,7 @@ Eigen::VectorXd JointsOf(const Capture& capture) {
 }
 
 // Returns the pose of the gripper on the tip that recorded joints imply, for each capture.
-std::vector<Rigid3d> ImpliedTools(const Dataset& dataset) {
+std::vector<Rigid3d> ImpliedTools(const PairDataset& dataset) {
   std::vector<Rigid3d> tools;
   for (const Capture& capture : dataset.captures) {
     tools.push_back(Inverse(BaseFromTip(dataset.robot->arm, JointsOf(capture))) * capture.base_from_gripper);
@@ -94,7 +94,7 @@ bool IsNear(const Rigid3d& tool, const Rigid3d& other) {
 }
 
 // Sets the joints and the tool from recorded joints.
-void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
+void SetUpRecorded(const PairDataset& dataset, ArmSetup* setup) {
   const Arm& arm = dataset.robot->arm;
   ArmBranch branch{"recorded", {}};
   for (const Capture& capture : dataset.captures) branch.joints.push_back(JointsOf(capture));
@@ -119,7 +119,7 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
 }
 
 // Returns, for each capture, its posture that is nearest to that of the capture before it.
-std::optional<ArmBranch> Continued(const Dataset& dataset, const Rigid3d& gripper_from_tip, Eigen::VectorXd near) {
+std::optional<ArmBranch> Continued(const PairDataset& dataset, const Rigid3d& gripper_from_tip, Eigen::VectorXd near) {
   ArmBranch branch;
   for (const Capture& capture : dataset.captures) {
     const Outcome<Eigen::VectorXd> found =
@@ -131,7 +131,7 @@ std::optional<ArmBranch> Continued(const Dataset& dataset, const Rigid3d& grippe
   return branch;
 }
 
-void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
+void SetUpRecovered(const PairDataset& dataset, ArmSetup* setup) {
   const RobotArm& robot = *dataset.robot;
   setup->tip_from_gripper = robot.tip_from_gripper;
   const Rigid3d gripper_from_tip = Inverse(robot.tip_from_gripper);
@@ -227,7 +227,7 @@ ArmBranch Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip, c
 
 }  // namespace
 
-std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset) {
+std::vector<ContradictingJoints> FindContradictingJoints(const PairDataset& dataset) {
   const bool are_recorded = std::none_of(dataset.captures.begin(), dataset.captures.end(),
                                          [](const Capture& capture) { return capture.joints.empty(); });
   if (!dataset.robot || !are_recorded || dataset.captures.empty()) return {};
@@ -313,7 +313,7 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
   return singular;
 }
 
-ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics) {
+ArmSetup SetUpArm(const PairDataset& dataset, Kinematics kinematics) {
   ArmSetup setup;
   setup.is_recorded = std::all_of(dataset.captures.begin(), dataset.captures.end(),
                                   [](const Capture& capture) { return !capture.joints.empty(); });
@@ -357,8 +357,8 @@ std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& 
   return {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
 }
 
-RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics) {
-  RigArmErrors errors;
+ArmErrorModels ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics) {
+  ArmErrorModels errors;
   errors.models = CandidateArmErrors(arm, kinematics);
   errors.is_chosen = kinematics == Kinematics::kAuto;
   errors.of_branches = std::make_shared<const SharedEffects>(ArmErrors(arm, ArmErrorModel::kGeometry));

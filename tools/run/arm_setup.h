@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/run_types.h"
+#include "heba/pair_run_types.h"
 
 namespace heba {
 
@@ -28,7 +28,7 @@ struct ArmBranch {
 
 // A capture at or close to a singularity of the arm, where a small change of the pose is a large one of the joints.
 struct SingularCapture {
-  size_t capture = 0;       // Index into Dataset::captures.
+  size_t capture = 0;       // Index into PairDataset::captures.
   std::string singularity;  // SingularityAt; "its joints could not be recovered" if they are missing.
 };
 
@@ -41,7 +41,7 @@ struct ArmSetup {
 
 // A capture whose recorded joints contradict its pose.
 struct ContradictingJoints {
-  size_t capture = 0;  // Index into Dataset::captures.
+  size_t capture = 0;  // Index into PairDataset::captures.
   // How far the joints put the tool from where those of the other captures do.
   double apart_m = 0;
   double apart_rad = 0;
@@ -49,7 +49,7 @@ struct ContradictingJoints {
 
 // Returns the captures whose joints put the tool at another place than those of most others; none if joints are not
 // recorded, or if so many do that it is not clear which are right.
-std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset);
+std::vector<ContradictingJoints> FindContradictingJoints(const PairDataset& dataset);
 
 // Returns why such a capture is left out, as one clause. `whose`: the joints, "its joints" or "the joints of arm left".
 std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& whose);
@@ -58,7 +58,7 @@ std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& who
 bool IsContradiction(const Failure& reason);
 
 // `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.
-ArmSetup SetUpArm(const Dataset& dataset, Kinematics kinematics);
+ArmSetup SetUpArm(const PairDataset& dataset, Kinematics kinematics);
 
 // Returns, for each configuration that has names, the joints of all captures in it. `base_from_tip`: the pose in each
 // capture; `postures`: those that reach it (PosturesOf). The configuration of a singular posture is uncertain: a
@@ -83,6 +83,6 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const R
 std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics);
 
 // Returns these errors and the noise of the joints. Captures whose joints are missing have no effects.
-RigArmErrors ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics);
+ArmErrorModels ErrorsOfArm(const Arm& arm, const ArmSetup& setup, Kinematics kinematics);
 
 }  // namespace heba

@@ -34,7 +34,7 @@ Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std
   return errors;
 }
 
-ModelSummary SummariseModel(const Calibration& calibration) {
+ModelSummary SummariseModel(const PairCalibration& calibration) {
   ModelSummary model;
   const BundleOptions& bundle = calibration.bundle;
   constexpr const char* kRobotNames[] = {"none", "given", "estimated"};
@@ -54,10 +54,10 @@ ModelSummary SummariseModel(const Calibration& calibration) {
   return model;
 }
 
-std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
-                                            const Calibration& calibration,
+std::vector<CaptureResult> DescribeCaptures(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
+                                            const PairCalibration& calibration,
                                             const std::vector<std::optional<CaptureMove>>& moves) {
-  const Solution& solution = *calibration.refined;
+  const PairSolution& solution = *calibration.refined;
   std::vector<CaptureResult> results;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     CaptureResult result;
@@ -107,7 +107,7 @@ Estimate EstimateOf(const std::string& method, EstimateKind kind, const Outcome<
   return estimate;
 }
 
-Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& solution) {
+Estimate RefinedEstimateOf(const std::string& method, const Outcome<PairSolution>& solution) {
   Estimate estimate = EstimateOf(method, EstimateKind::kRefined, solution);
   if (!solution) return estimate;
   estimate.solution = *solution;
@@ -116,7 +116,7 @@ Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& s
 }
 
 // Returns the pairs with the errors of the robot that the solution has found.
-std::vector<PosePair> CorrectedPairs(Setup setup, std::vector<PosePair> pairs, const Solution& solution) {
+std::vector<PosePair> CorrectedPairs(Setup setup, std::vector<PosePair> pairs, const PairSolution& solution) {
   for (PosePair& pair : pairs) {
     pair.camera_mount_from_target_mount =
         CorrectedMount(setup, pair.camera_mount_from_target_mount, pair.effect.get(), solution);
@@ -150,8 +150,9 @@ std::optional<double> PValueOfBetter(const HoldOut& of_method, const HoldOut& of
 
 }  // namespace
 
-std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
-                                    const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
+std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibration,
+                                    const std::vector<HoldOut>& hold_outs, const std::optional<Truth>& truth,
+                                    const std::vector<Rigid3d>& symmetries) {
   std::vector<Estimate> estimates;
   const auto evaluate = [&](const Estimate& estimate) {
     return EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth,
@@ -207,8 +208,8 @@ void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method,
 }
 
 // Returns the result of a data set without estimates and captures.
-RunResult ResultOf(const Dataset& dataset) {
-  RunResult result;
+PairResult ResultOf(const PairDataset& dataset) {
+  PairResult result;
   result.name = dataset.name;
   result.about = dataset.about;
   result.setup = dataset.setup;
@@ -219,10 +220,10 @@ RunResult ResultOf(const Dataset& dataset) {
 
 }  // namespace
 
-RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, const Advice& advice, CalibrationOptions options,
-                 RunObserver* observer) {
-  RunResult result = ResultOf(dataset);
+PairResult Assess(const PairDataset& dataset, const PairRunOptions& run,
+                  const std::vector<CaptureDetection>& detections, const PairCalibration& calibration,
+                  const Advice& advice, PairCalibrationOptions options, RunObserver* observer) {
+  PairResult result = ResultOf(dataset);
   result.observations = advice.findings;
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();
@@ -239,9 +240,9 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
   const SearchedModel of_all = AsProblem(calibration, options).model;
-  const RigProblem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
+  const Problem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
   const ScaleShare scales =
-      ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(AsRigDataset(dataset), of_all.problem));
+      ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(AsDataset(dataset), of_all.problem));
   const std::vector<Eigen::VectorXd> of_arm = ChangesByUnknownArms(used, of_all.judged.solution);
   AddShare(scales, advice.changes, of_arm, &*result.estimates.back().solution);
   result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
@@ -255,26 +256,26 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
   // A wrong scale moves the camera, and not what it sees of an object of known size.
-  RigSolution solution = of_all.judged.solution;
+  Solution solution = of_all.judged.solution;
   AddChanges(scales.changes, &solution.covariance);
   std::vector<Eigen::VectorXd> all_changes = advice.changes;
   all_changes.insert(all_changes.end(), of_arm.begin(), of_arm.end());
   const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, all_changes);
   result.working_point = working_points.front();
   result.model = SummariseModel(calibration);
-  for (Finding& missing :
-       FindMissingIds(AsRigDataset(dataset), InRig(detections), PredictCaptures(dataset, *calibration.refined, 0))) {
+  for (Finding& missing : FindMissingIds(AsDataset(dataset), AsTargetDetections(detections),
+                                         PredictCaptures(dataset, *calibration.refined, 0))) {
     result.observations.push_back(std::move(missing));
   }
-  for (RigRequirement& reached : ReachedAccuracies(run.requirements, used, solution, working_points)) {
+  for (CameraRequirement& reached : ReachedAccuracies(run.requirements, used, solution, working_points)) {
     result.requirements.push_back(std::move(reached.requirement));
   }
   return result;
 }
 
-RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,
-                      PoseCalibrationOptions options) {
-  RunResult result = ResultOf(dataset);
+PairResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
+                       PoseCalibrationOptions options) {
+  PairResult result = ResultOf(dataset);
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();
   for (const MethodResult& method : calibration.methods) {

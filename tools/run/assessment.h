@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/run_types.h"
+#include "heba/pair_run_types.h"
 #include "solvers/calibration/held_out.h"
 #include "tools/run/arm_setup.h"
 
@@ -12,8 +12,9 @@ namespace heba {
 
 // Returns one estimate per method, then those of chain and bundle, each with its errors. `symmetries`: those of the
 // target (Target::Symmetries).
-std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
-                                    const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
+std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibration,
+                                    const std::vector<HoldOut>& hold_outs, const std::optional<Truth>& truth,
+                                    const std::vector<Rigid3d>& symmetries);
 
 // Sets the errors of the captures that were left out in the figures of one camera or of one of several.
 template <class ErrorFigures>
@@ -27,13 +28,13 @@ void SetLeftOut(const HeldOutErrors& left_out, ErrorFigures* figures) {
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
 // (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used. `advice` is
 // that of the calibration, whose covariance does not have its changes yet: those of the result have them.
-RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, const Advice& advice, CalibrationOptions options,
-                 RunObserver* observer);
+PairResult Assess(const PairDataset& dataset, const PairRunOptions& run,
+                  const std::vector<CaptureDetection>& detections, const PairCalibration& calibration,
+                  const Advice& advice, PairCalibrationOptions options, RunObserver* observer);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
-RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,
-                      PoseCalibrationOptions options);
+PairResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
+                       PoseCalibrationOptions options);
 
 }  // namespace heba

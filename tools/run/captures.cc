@@ -13,13 +13,13 @@ bool StatesSize(const CaptureDetection& detection) { return detection.width_px >
 
 }  // namespace
 
-bool IsImageSizeKnown(const Dataset& dataset) {
+bool IsImageSizeKnown(const PairDataset& dataset) {
   return (dataset.camera && dataset.camera->width_px > 0) ||
          std::all_of(dataset.given_detections.begin(), dataset.given_detections.end(), StatesSize);
 }
 
-RigDataset AsRigDataset(const Dataset& dataset) {
-  RigDataset whole;
+Dataset AsDataset(const PairDataset& dataset) {
+  Dataset whole;
   whole.name = dataset.name;
   whole.rig = HandEyeProblem(dataset.setup, dataset.camera.value_or(Camera()), TargetShape());
   whole.has_camera = {dataset.camera.has_value()};
@@ -28,14 +28,14 @@ RigDataset AsRigDataset(const Dataset& dataset) {
   for (const Capture& capture : dataset.captures) {
     whole.captures.push_back({capture.name, {capture.base_from_gripper}, {capture.image}, {capture.joints}});
   }
-  whole.given_detections = InRig(dataset.given_detections);
+  whole.given_detections = AsTargetDetections(dataset.given_detections);
   whole.detections_source = dataset.detections_source;
   whole.arms = {dataset.robot};
   whole.robot_scale_sigmas = {dataset.robot_scale_sigma};
   return whole;
 }
 
-ScaleSigmas ScaleSigmasOf(const RigDataset& dataset, const RigProblem& solved) {
+ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved) {
   ScaleSigmas sigmas;
   for (const std::shared_ptr<const Target>& target : dataset.targets) {
     sigmas.targets.push_back(target->scale_sigma().value_or(kTargetScaleSigma));
@@ -50,32 +50,32 @@ ScaleSigmas ScaleSigmasOf(const RigDataset& dataset, const RigProblem& solved) {
   return sigmas;
 }
 
-std::vector<RigDetection> InRig(const std::vector<CaptureDetection>& detections) {
-  std::vector<RigDetection> all;
+std::vector<TargetDetection> AsTargetDetections(const std::vector<CaptureDetection>& detections) {
+  std::vector<TargetDetection> all;
   for (size_t i = 0; i < detections.size(); ++i) all.push_back({i, 0, 0, detections[i]});
   return all;
 }
 
-std::vector<CaptureDetection> OutOfRig(std::vector<RigDetection> detections) {
+std::vector<CaptureDetection> AsCaptureDetections(std::vector<TargetDetection> detections) {
   std::vector<CaptureDetection> all;
-  for (RigDetection& detection : detections) all.push_back(std::move(detection.detection));
+  for (TargetDetection& detection : detections) all.push_back(std::move(detection.detection));
   return all;
 }
 
-std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,
+std::vector<CaptureDetection> DetectCaptures(const PairDataset& dataset, const DetectFunction& detect, int num_threads,
                                              RunObserver* observer) {
-  return OutOfRig(DetectRig(AsRigDataset(dataset), {detect}, num_threads, observer));
+  return AsCaptureDetections(DetectDataset(AsDataset(dataset), {detect}, num_threads, observer));
 }
 
-void FitCameraToImages(const std::vector<CaptureDetection>& detections, Dataset* dataset) {
+void FitCameraToImages(const std::vector<CaptureDetection>& detections, PairDataset* dataset) {
   if (!dataset->camera) return;
-  const RigDataset whole = AsRigDataset(*dataset);
-  RigProblem rig = whole.rig;
-  FitCamerasToImages(whole, InRig({detections.front()}), &rig);
+  const Dataset whole = AsDataset(*dataset);
+  Problem rig = whole.rig;
+  FitCamerasToImages(whole, AsTargetDetections({detections.front()}), &rig);
   dataset->camera = rig.cameras[0].camera;
 }
 
-View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
+View ViewOf(const PairDataset& dataset, size_t capture, Observations observations) {
   const Capture& from = dataset.captures[capture];
   return {from.name,
           CameraMountFromTargetMount(dataset.setup, from.base_from_gripper),
@@ -87,12 +87,12 @@ View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
           from.joints};
 }
 
-Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture) {
+Rigid3d PredictedPose(const PairDataset& dataset, const PairSolution& solution, size_t capture) {
   const View view = ViewOf(dataset, capture, {});
   return CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution));
 }
 
-PredictedImages PredictCaptures(const Dataset& dataset, const Solution& solution, double rms_px) {
+PredictedImages PredictCaptures(const PairDataset& dataset, const PairSolution& solution, double rms_px) {
   PredictedImages predicted{{solution.camera}, {solution.shape}, {}, {rms_px}};
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     predicted.camera_from_target.push_back(PredictedPose(dataset, solution, i));
@@ -100,7 +100,7 @@ PredictedImages PredictCaptures(const Dataset& dataset, const Solution& solution
   return predicted;
 }
 
-std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
+std::vector<View> ViewsOf(const PairDataset& dataset, const std::vector<CaptureDetection>& detections) {
   std::vector<View> views;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     if (detections[i].detection.ids.empty()) continue;
@@ -109,8 +109,8 @@ std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetec
   return views;
 }
 
-CalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, int width_px, int height_px) {
-  CalibrationOptions options;
+PairCalibrationOptions OptionsOf(const PairDataset& dataset, const PairRunOptions& run, int width_px, int height_px) {
+  PairCalibrationOptions options;
   options.methods = run.methods;
   options.seed = run.seed;
   options.bundle = run.bundle;

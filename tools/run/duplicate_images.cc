@@ -82,13 +82,13 @@ std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images
   return duplicates;
 }
 
-std::vector<DuplicateInRig> FindDuplicates(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
-  std::vector<DuplicateInRig> duplicates;
+std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
+  std::vector<DuplicateInDataset> duplicates;
   for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
     std::map<size_t, PosedImage> image_of;  // By the capture.
-    for (const RigDetection& detection : detections) {
+    for (const TargetDetection& detection : detections) {
       if (detection.camera != c) continue;
-      const RigRecording& capture = dataset.captures[detection.capture];
+      const Recording& capture = dataset.captures[detection.capture];
       const auto [entry, is_new] = image_of.try_emplace(detection.capture);
       PosedImage& image = entry->second;
       if (is_new) image = {capture.name, capture.base_from_gripper, detection.detection.image_digest, false};
@@ -107,7 +107,7 @@ std::vector<DuplicateInRig> FindDuplicates(const RigDataset& dataset, const std:
   return duplicates;
 }
 
-LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections) {
+LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDetection>* detections) {
   const std::vector<Capture>& captures = dataset->captures;
   LeftOutCaptures left_out;
   int num_repeats = 0;

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/rig_run_types.h"
+#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
@@ -48,15 +48,15 @@ struct DuplicateImage {
 std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images);
 
 // An image of one camera of several that must not be used.
-struct DuplicateInRig {
+struct DuplicateInDataset {
   size_t capture = 0;
   size_t camera = 0;
   std::string reason;
 };
-std::vector<DuplicateInRig> FindDuplicates(const RigDataset& dataset, const std::vector<RigDetection>& detections);
+std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections);
 
 // Removes the captures that must not be used from `dataset` and `detections`.
-LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections);
+LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDetection>* detections);
 
 // Inserts the captures that were left out at their indices among the results of the others.
 void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<CaptureResult>* results);

@@ -21,9 +21,9 @@ namespace heba {
 namespace {
 
 // Returns how messages call an image. A camera without a name has one image for each capture.
-std::string ImageName(const RigDataset& dataset, const RigDetection& detection) {
+std::string ImageName(const Dataset& dataset, const TargetDetection& detection) {
   const std::string& camera = dataset.rig.cameras[detection.camera].name;
-  const RigRecording& capture = dataset.captures[detection.capture];
+  const Recording& capture = dataset.captures[detection.capture];
   return camera.empty() ? capture.name : camera + "/" + capture.images[detection.camera].filename().string();
 }
 
@@ -32,7 +32,7 @@ bool IsKnown(const ImageSize& size) { return size.width_px > 0 && size.height_px
 std::string Text(const ImageSize& size) { return ImageSizeText(size.width_px, size.height_px); }
 
 // Throws InputError unless a camera, if it is given, is for images of this size.
-void CheckSizeOfCamera(const RigDataset& dataset, const RigDetection& image, const ImageSize& size) {
+void CheckSizeOfCamera(const Dataset& dataset, const TargetDetection& image, const ImageSize& size) {
   const Camera& camera = dataset.rig.cameras[image.camera].camera;
   const ImageSize stated{camera.width_px, camera.height_px};
   if (!dataset.has_camera[image.camera] || !IsKnown(stated) || stated == size) return;
@@ -41,17 +41,17 @@ void CheckSizeOfCamera(const RigDataset& dataset, const RigDetection& image, con
 }
 
 // Returns the first detection of each camera.
-std::map<size_t, const RigDetection*> FirstOfCameras(const std::vector<RigDetection>& detections) {
-  std::map<size_t, const RigDetection*> first_of;
-  for (const RigDetection& detection : detections) first_of.emplace(detection.camera, &detection);
+std::map<size_t, const TargetDetection*> FirstOfCameras(const std::vector<TargetDetection>& detections) {
+  std::map<size_t, const TargetDetection*> first_of;
+  for (const TargetDetection& detection : detections) first_of.emplace(detection.camera, &detection);
   return first_of;
 }
 
 // Throws InputError unless all images of a camera have the same size.
-void CheckSizes(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
-  const std::map<size_t, const RigDetection*> first_of = FirstOfCameras(detections);
-  for (const RigDetection& detection : detections) {
-    const RigDetection& first = *first_of.at(detection.camera);
+void CheckSizes(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
+  const std::map<size_t, const TargetDetection*> first_of = FirstOfCameras(detections);
+  for (const TargetDetection& detection : detections) {
+    const TargetDetection& first = *first_of.at(detection.camera);
     if (SizeOf(detection.detection) == SizeOf(first.detection)) continue;
     throw InputError(ImageName(dataset, detection) + ": is " + Text(SizeOf(detection.detection)) + ", but " +
                      ImageName(dataset, first) + " is " + Text(SizeOf(first.detection)) +
@@ -60,10 +60,10 @@ void CheckSizes(const RigDataset& dataset, const std::vector<RigDetection>& dete
 }
 
 // Throws InputError if two cameras have the same images: images of two cameras are never equal to the last bit.
-void CheckOwnImages(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
+void CheckOwnImages(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
   std::map<std::pair<size_t, std::string>, std::set<size_t>> cameras_of;  // By capture and digest.
   std::map<size_t, std::set<size_t>> captures_of;                         // By camera.
-  for (const RigDetection& detection : detections) {
+  for (const TargetDetection& detection : detections) {
     captures_of[detection.camera].insert(detection.capture);
     const std::string& digest = detection.detection.image_digest;
     if (!digest.empty()) cameras_of[{detection.capture, digest}].insert(detection.camera);
@@ -84,9 +84,9 @@ void CheckOwnImages(const RigDataset& dataset, const std::vector<RigDetection>& 
 }
 
 // Returns the given detections with the size of their images or, if that is not stated, of the camera's.
-std::vector<RigDetection> GivenDetections(const RigDataset& dataset) {
-  std::vector<RigDetection> detections = dataset.given_detections;
-  for (RigDetection& given : detections) {
+std::vector<TargetDetection> GivenDetections(const Dataset& dataset) {
+  std::vector<TargetDetection> detections = dataset.given_detections;
+  for (TargetDetection& given : detections) {
     if (IsKnown(SizeOf(given.detection))) continue;
     const Camera& camera = dataset.rig.cameras[given.camera].camera;
     if (!dataset.has_camera[given.camera] || camera.width_px == 0) {
@@ -100,9 +100,9 @@ std::vector<RigDetection> GivenDetections(const RigDataset& dataset) {
 
 // Detects every target in every image. The size of the images is read from the header of each camera's first one before
 // any is decoded, because one of another size may need gigabytes.
-std::vector<RigDetection> SearchImages(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
-                                       int num_threads, RunObserver* observer) {
-  std::vector<RigDetection> detections;
+std::vector<TargetDetection> SearchImages(const Dataset& dataset, const std::vector<DetectFunction>& detect,
+                                          int num_threads, RunObserver* observer) {
+  std::vector<TargetDetection> detections;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
       if (dataset.captures[i].images[c].empty()) continue;
@@ -117,7 +117,7 @@ std::vector<RigDetection> SearchImages(const RigDataset& dataset, const std::vec
   std::mutex mutex;
   // Each image is read, searched and released; only a small copy is kept.
   ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
-    RigDetection& detection = detections[static_cast<size_t>(index)];
+    TargetDetection& detection = detections[static_cast<size_t>(index)];
     const std::filesystem::path& image = dataset.captures[detection.capture].images[detection.camera];
     const size_t t = detection.target;
     detection.detection = detect.empty() || !detect[t]
@@ -139,21 +139,21 @@ CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::p
   return detection;
 }
 
-std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
-                                    int num_threads, RunObserver* observer) {
-  std::vector<RigDetection> detections = dataset.given_detections.empty()
-                                             ? SearchImages(dataset, detect, num_threads, observer)
-                                             : GivenDetections(dataset);
+std::vector<TargetDetection> DetectDataset(const Dataset& dataset, const std::vector<DetectFunction>& detect,
+                                           int num_threads, RunObserver* observer) {
+  std::vector<TargetDetection> detections = dataset.given_detections.empty()
+                                                ? SearchImages(dataset, detect, num_threads, observer)
+                                                : GivenDetections(dataset);
   CheckSizes(dataset, detections);
   CheckOwnImages(dataset, detections);
   return detections;
 }
 
-void CheckCamerasByHeader(const RigDataset& dataset) {
+void CheckCamerasByHeader(const Dataset& dataset) {
   if (!dataset.given_detections.empty()) return;
   for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
     const auto first = std::find_if(dataset.captures.begin(), dataset.captures.end(),
-                                    [&](const RigRecording& capture) { return !capture.images[c].empty(); });
+                                    [&](const Recording& capture) { return !capture.images[c].empty(); });
     if (!dataset.has_camera[c] || first == dataset.captures.end()) continue;
     const std::optional<ImageSize> size = ReadImageSize(first->images[c]);
     const auto index = static_cast<size_t>(first - dataset.captures.begin());
@@ -161,7 +161,7 @@ void CheckCamerasByHeader(const RigDataset& dataset) {
   }
 }
 
-void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {
+void FitCamerasToImages(const Dataset& dataset, const std::vector<TargetDetection>& detections, Problem* rig) {
   for (const auto& [camera, first] : FirstOfCameras(detections)) {
     CheckSizeOfCamera(dataset, *first, SizeOf(first->detection));
     rig->cameras[camera].camera.width_px = first->detection.width_px;

@@ -36,7 +36,7 @@ std::string NameOfConfiguration(const RobotSummary& robot, const Eigen::VectorXd
 // Returns the command near these joints with which arm `robot` brings its gripper to `wanted`, a pose in its base.
 ReachCommand CommandNear(const LocationRequest& request, size_t robot, const LocatedTarget& located,
                          const Rigid3d& wanted, const Eigen::VectorXd& near) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   const RobotSummary& arm = *FindEstimatedArm(result, robot);
   ReachCommand found;
   const Outcome<Rigid3d> command = CommandFor(arm, wanted, near);
@@ -53,15 +53,15 @@ ReachCommand CommandNear(const LocationRequest& request, size_t robot, const Loc
   found.joints = *joints;
   found.configuration = NameOfConfiguration(arm, *joints);
   found.covariance =
-      CovarianceOfReachInRig(result.rig, result.solution, robot, located, WithArmErrors(arm, *command, *joints),
-                             request.gripper_from_tool.translation, request.target_from_grasp.translation);
+      CovarianceOfReachInCell(result.rig, result.solution, robot, located, WithArmErrors(arm, *command, *joints),
+                              request.gripper_from_tool.translation, request.target_from_grasp.translation);
   return found;
 }
 
 // Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
 // in any case if those of the captures are several.
 Reach FindReach(const LocationRequest& request, size_t robot, const LocatedTarget& located, bool in_each) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   const RobotSummary& arm = *FindEstimatedArm(result, robot);
   Reach reach;
   reach.robot = robot;
@@ -169,29 +169,29 @@ Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) 
 
 // Returns the position of a camera in the world.
 Eigen::Vector3d PositionOf(const LocationRequest& request, size_t camera) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   std::vector<Rigid3d> base_from_gripper;
   for (size_t r = 0; r < request.arms.size(); ++r) {
     base_from_gripper.push_back(Correct(result.rig, result.solution, r, request.arms[r].stated).base_from_mount);
   }
   const Mount& mount = result.rig.cameras[camera].mount;
-  const RigPoses& poses = result.solution.poses;
+  const CellPoses& poses = result.solution.poses;
   return WorldFromMount(mount, poses.world_from_base, base_from_gripper) * poses.mount_from_camera[camera].translation;
 }
 
 // Sets the pixels of `location`, or its fault. `target`: the one whose plane they are on; null if the request has a
 // plane.
 void LocatePixels(const LocationRequest& request, const LocatedTarget* target, ImageLocation* location) {
-  const RigProblem& rig = request.result->rig;
-  const RigSolution& solution = request.result->solution;
+  const Problem& rig = request.result->rig;
+  const Solution& solution = request.result->solution;
   const std::vector<StatedPose> poses = StatedPosesOf(request);
   const Eigen::Vector3d normal =
       target == nullptr ? request.plane->normal : target->world_from_target.rotation * Eigen::Vector3d::UnitZ();
   std::vector<PixelPosition> positions;
   for (const CameraPixel& pixel : request.pixels) {
     const Outcome<LocatedPoint> located = target == nullptr
-                                              ? LocatePixelInRig(rig, solution, pixel, *request.plane, poses)
-                                              : LocatePixelOnTargetInRig(rig, solution, pixel, *target, poses);
+                                              ? LocatePixelInCell(rig, solution, pixel, *request.plane, poses)
+                                              : LocatePixelOnTargetInCell(rig, solution, pixel, *target, poses);
     if (!located || !IsKnown(located->in_world, located->covariance)) {
       const std::string& camera = rig.cameras[pixel.camera].name;
       location->fault = located ? kNotKnown
@@ -211,7 +211,7 @@ void LocatePixels(const LocationRequest& request, const LocatedTarget* target, I
 // Sets the point of `location`, or its fault.
 void LocatePoint(const LocationRequest& request, ImageLocation* location) {
   const Outcome<LocatedPoint> located =
-      TriangulateInRig(request.result->rig, request.result->solution, request.pixels, StatedPosesOf(request));
+      TriangulateInCell(request.result->rig, request.result->solution, request.pixels, StatedPosesOf(request));
   if (!located || !IsKnown(located->in_world, located->covariance)) {
     location->fault = located ? kNotKnown : located.failure();
   } else {
@@ -254,12 +254,12 @@ std::vector<CameraObservations> SeenOf(const LocationRequest& request, const std
 
 // Sets the poses of a target that fit these images, and the one that is meant.
 void LocateSeen(const LocationRequest& request, const std::vector<CameraObservations>& seen, TargetLocation* location) {
-  const RigProblem& rig = request.result->rig;
-  const RigSolution& solution = request.result->solution;
+  const Problem& rig = request.result->rig;
+  const Solution& solution = request.result->solution;
   const std::vector<StatedPose> arms = StatedPosesOf(request);
   location->contradiction = FindContradiction(rig, solution, location->target, seen, arms);
   if (location->contradiction) return;
-  const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInRig(rig, solution, location->target, seen, arms);
+  const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInCell(rig, solution, location->target, seen, arms);
   if (!possible) {
     location->undetermined = possible.failure();
     return;
@@ -282,7 +282,7 @@ PoseSigmas SigmasOf(const Eigen::Matrix3d& position_m2, const Eigen::Matrix3d& r
 
 }  // namespace
 
-bool IsSingleCamera(const RigProblem& rig) { return rig.cameras.size() == 1 && rig.cameras.front().name.empty(); }
+bool IsSingleCamera(const Problem& rig) { return rig.cameras.size() == 1 && rig.cameras.front().name.empty(); }
 
 bool ImageLocation::IsLocated() const {
   return point || !pixels.empty() || std::any_of(targets.begin(), targets.end(), [](const TargetLocation& target) {
@@ -290,10 +290,10 @@ bool ImageLocation::IsLocated() const {
          });
 }
 
-std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+std::vector<ArmPose> PosesForCameras(const RunResult& result, const std::vector<size_t>& cameras,
                                      const std::vector<GivenArmPose>& given, const std::string& pose_name,
                                      const std::string& joints_name) {
-  const RigProblem& rig = result.rig;
+  const Problem& rig = result.rig;
   std::vector<ArmPose> arms;
   for (size_t r = 0; r < rig.robots.size(); ++r) {
     const bool is_named = !rig.robots[r].empty();
@@ -372,7 +372,7 @@ Eigen::Matrix3d CovarianceOfPoint(const LocatedTarget& located, const Eigen::Vec
   return by_pose * located.pose_covariance.Total() * by_pose.transpose();
 }
 
-PoseSigmasBySource SigmasOf(const RigSolution& solution, const LocatedTarget& located) {
+PoseSigmasBySource SigmasOf(const Solution& solution, const LocatedTarget& located) {
   const PoseUncertainty& uncertainty = located.uncertainty;
   const Eigen::MatrixXd by_unknowns = uncertainty.by_unknowns.bottomRows<3>();
   const Eigen::Matrix3d by_calibration = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();

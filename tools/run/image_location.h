@@ -11,8 +11,8 @@
 
 #include "heba/base/error.h"
 #include "heba/detection.h"
-#include "heba/evaluation/rig_evaluation.h"
-#include "heba/rig_location.h"
+#include "heba/evaluation/run_result.h"
+#include "heba/location.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
 #include "heba/target.h"
@@ -20,7 +20,7 @@
 namespace heba {
 
 // Returns whether a problem is that of a single camera, whose parts have no names (heba/data/hand_eye.h).
-bool IsSingleCamera(const RigProblem& rig);
+bool IsSingleCamera(const Problem& rig);
 
 // An arm whose joints are to be found: one of the built-in table, or a URDF's from its root to its only tip.
 struct ReachingArm {
@@ -50,7 +50,7 @@ struct ReachCommand {
   std::string reason;         // Why there is none; the fields below are then not set.
   Rigid3d base_from_gripper;
   Eigen::VectorXd joints;         // At which the controller reports the pose, rad or m.
-  PositionCovariance covariance;  // CovarianceOfReachInRig.
+  PositionCovariance covariance;  // CovarianceOfReachInCell.
   // Whether no capture is in this configuration, so that the arm's errors are extrapolated.
   bool is_extrapolated = false;
 };
@@ -99,13 +99,13 @@ struct ArmPose {
 // Returns the pose of each arm for images of these cameras. Throws InputError, which begins with `pose_name` or
 // `joints_name`, if an arm that carries one of the cameras has no pose, if one that carries none of them has one, or if
 // the joints are not those of the arm at its pose.
-std::vector<ArmPose> PosesForCameras(const RigResult& result, const std::vector<size_t>& cameras,
+std::vector<ArmPose> PosesForCameras(const RunResult& result, const std::vector<size_t>& cameras,
                                      const std::vector<GivenArmPose>& given, const std::string& pose_name,
                                      const std::string& joints_name);
 
 // The request for the images of one call.
 struct LocationRequest {
-  const RigResult* result = nullptr;  // The symmetries of its targets are set.
+  const RunResult* result = nullptr;  // The symmetries of its targets are set.
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<ArmPose> arms;                      // One per arm (PosesForCameras).
   std::vector<CameraPixel> pixels;                // Empty: the targets are located.
@@ -140,7 +140,7 @@ struct TargetLocation {
   std::optional<size_t> chosen;        // The index of the pose that is meant; nothing if none is.
   std::optional<NearPoses> near;       // Of LocationRequest::near and the possible poses.
   std::vector<Reach> reaches;          // The reach of the chosen pose by each arm whose errors are estimated.
-  std::optional<RigContradiction> contradiction;
+  std::optional<LocationContradiction> contradiction;
   Failure undetermined;  // Why the points do not determine a pose; empty otherwise.
 };
 
@@ -176,6 +176,6 @@ struct PoseSigmasBySource {
   PoseSigmas by_robot;
 };
 // Returns the sigmas of a located target: those of its centre (LocatedTarget::covariance) and of its rotation.
-PoseSigmasBySource SigmasOf(const RigSolution& solution, const LocatedTarget& located);
+PoseSigmasBySource SigmasOf(const Solution& solution, const LocatedTarget& located);
 
 }  // namespace heba

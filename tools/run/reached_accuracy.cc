@@ -11,7 +11,7 @@
 #include "heba/data/stated_pose.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
-#include "heba/rig_location.h"
+#include "heba/location.h"
 #include "heba/simulation/scene.h"
 #include "solvers/initial/usable_views.h"
 
@@ -20,7 +20,7 @@ namespace {
 
 // An image of a camera that determines the pose of its target.
 struct SeenTarget {
-  const RigCapture* capture = nullptr;
+  const ProblemCapture* capture = nullptr;
   size_t target = 0;
   Observations observations;   // The points, of the target as manufactured.
   Rigid3d camera_from_target;  // The pose by the solution, with the errors that captures share.
@@ -29,10 +29,10 @@ struct SeenTarget {
   double DistanceM() const { return (camera_from_target * middle).norm(); }
 };
 
-std::vector<SeenTarget> TargetsSeenBy(size_t camera, const RigProblem& used, const RigSolution& solution) {
+std::vector<SeenTarget> TargetsSeenBy(size_t camera, const Problem& used, const Solution& solution) {
   std::vector<SeenTarget> seen;
-  for (const RigCapture& capture : used.captures) {
-    for (const RigImage& image : capture.images) {
+  for (const ProblemCapture& capture : used.captures) {
+    for (const ProblemImage& image : capture.images) {
       if (image.camera != camera || image.observations.size() < kMinPosePoints) continue;
       Observations observations = ApplyShape(image.observations, solution.shapes[image.target]);
       const Eigen::Vector3d middle = observations.points_in_target.rowwise().mean();
@@ -47,11 +47,11 @@ std::vector<SeenTarget> TargetsSeenBy(size_t camera, const RigProblem& used, con
 
 // Returns the covariance of the middle of the target by the calibration, m^2, in the target's axes; nothing if its pose
 // cannot be determined.
-std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarget& seen, const RigProblem& used,
-                                                  const RigSolution& solution) {
+std::optional<Eigen::Matrix3d> CovarianceOfMiddle(size_t camera, const SeenTarget& seen, const Problem& used,
+                                                  const Solution& solution) {
   std::vector<StatedPose> grippers;
   for (size_t r = 0; r < used.robots.size(); ++r) grippers.push_back(StatedPoseOf(used, *seen.capture, r));
-  const Outcome<LocatedTarget> located = LocateInRig(used, solution, {{camera, seen.observations}}, grippers);
+  const Outcome<LocatedTarget> located = LocateInCell(used, solution, {{camera, seen.observations}}, grippers);
   if (!located) return std::nullopt;
   const Eigen::Matrix3d target_from_world = located->world_from_target.RotationMatrix().transpose();
   return target_from_world * located->covariance.by_calibration_m2 * target_from_world.transpose();
@@ -76,8 +76,7 @@ struct Reach {
   bool IsInView() const { return radius_m || unreached != Unreached::kNotInView; }
 };
 
-Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const RigProblem& used,
-              const RigSolution& solution) {
+Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const Problem& used, const Solution& solution) {
   const std::optional<Eigen::Matrix3d> covariance = CovarianceOfMiddle(camera, seen, used, solution);
   if (!covariance) return {std::nullopt, Unreached::kUndetermined};
   return {ConfidenceRadius(*covariance, confidence, solution.covariance_dof), {}};
@@ -85,7 +84,7 @@ Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const Ri
 
 // Returns the accuracy of a fixed camera at each required position, of a target as the fullest image shows it.
 std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, const std::vector<SeenTarget>& seen,
-                             const RigProblem& used, const RigSolution& solution) {
+                             const Problem& used, const Solution& solution) {
   std::vector<Reach> reached(required.places_in_base_m.size());
   const auto fullest = std::max_element(seen.begin(), seen.end(), [](const SeenTarget& a, const SeenTarget& b) {
     return a.observations.size() < b.observations.size();
@@ -130,7 +129,7 @@ bool IsAnyUnseen(const std::map<size_t, std::vector<Reach>>& reached_of_cameras,
 
 }  // namespace
 
-std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const RigProblem& used, const RigSolution& solution,
+std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const Problem& used, const Solution& solution,
                                                          const std::vector<Eigen::VectorXd>& changes) {
   std::vector<std::optional<WorkingPoint>> points(used.cameras.size());
   for (size_t c = 0; c < points.size(); ++c) {
@@ -153,10 +152,10 @@ std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const RigProblem& used,
   return points;
 }
 
-std::vector<RigRequirement> ReachedAccuracies(const std::vector<PlacedRequirement>& requirements,
-                                              const RigProblem& used, const RigSolution& solution,
-                                              const std::vector<std::optional<WorkingPoint>>& working_points) {
-  std::vector<RigRequirement> reached;
+std::vector<CameraRequirement> ReachedAccuracies(const std::vector<PlacedRequirement>& requirements,
+                                                 const Problem& used, const Solution& solution,
+                                                 const std::vector<std::optional<WorkingPoint>>& working_points) {
+  std::vector<CameraRequirement> reached;
   if (requirements.empty()) return reached;
   std::vector<std::vector<SeenTarget>> seen;
   for (size_t c = 0; c < used.cameras.size(); ++c) seen.push_back(TargetsSeenBy(c, used, solution));
@@ -166,7 +165,7 @@ std::vector<RigRequirement> ReachedAccuracies(const std::vector<PlacedRequiremen
     };
     std::map<size_t, std::vector<Reach>> placed;
     for (size_t c = 0; c < used.cameras.size(); ++c) {
-      const RigCamera& camera = used.cameras[c];
+      const ProblemCamera& camera = used.cameras[c];
       if (!required.camera.empty() && required.camera != camera.name) continue;
       if (!required.places_in_base_m.empty() && camera.mount.part == Mount::Part::kBase) {
         placed[c] = ReachedAt(required, c, seen[c], used, solution);

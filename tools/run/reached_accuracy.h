@@ -6,10 +6,10 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
-#include "heba/evaluation/rig_evaluation.h"
-#include "heba/run_types.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "heba/evaluation/run_result.h"
+#include "heba/pair_run_types.h"
 
 namespace heba {
 
@@ -18,15 +18,15 @@ namespace heba {
 // the solution uses. `changes`, as of Advice, are those that the covariance of the solution does not have yet: what a
 // wrong held part does to the camera and to what the camera sees cancels in part, so that a located target moves by as
 // much as the target of the calibration.
-std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const RigProblem& used, const RigSolution& solution,
+std::vector<std::optional<WorkingPoint>> WorkingPointsOf(const Problem& used, const Solution& solution,
                                                          const std::vector<Eigen::VectorXd>& changes);
 
 // Returns what is reached for each requirement and each camera that it concerns: the one that it names, or all. A
 // position concerns the fixed cameras that see it, or all fixed cameras if none does. A camera on a gripper, which can
 // see a target at any position as there, and every camera if no position is required, is judged at its working point
 // (WorkingPointsOf).
-std::vector<RigRequirement> ReachedAccuracies(const std::vector<PlacedRequirement>& requirements,
-                                              const RigProblem& used, const RigSolution& solution,
-                                              const std::vector<std::optional<WorkingPoint>>& working_points);
+std::vector<CameraRequirement> ReachedAccuracies(const std::vector<PlacedRequirement>& requirements,
+                                                 const Problem& used, const Solution& solution,
+                                                 const std::vector<std::optional<WorkingPoint>>& working_points);
 
 }  // namespace heba

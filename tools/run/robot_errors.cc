@@ -12,8 +12,8 @@
 #include "tools/run/captures.h"
 
 namespace heba {
-std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
-                                                CalibrationOptions* options, Calibration* calibration) {
+std::optional<Finding> CalibrateWithRobotErrors(const PairRunOptions& run, ArmSetup* arm, PairDataset* dataset,
+                                                PairCalibrationOptions* options, PairCalibration* calibration) {
   RobotErrors errors;
   errors.smooth = run.smooth;
   const bool has_arm = arm != nullptr && arm->reason.empty();
@@ -44,10 +44,10 @@ std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup*
                                found.smooth->p_value_without});
 }
 
-void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
-                       Calibration* calibration) {
+void SetEffectsOfPairs(const PairDataset& dataset, const PairRunOptions& run, ArmSetup* arm,
+                       PoseCalibrationOptions* options, PairCalibration* calibration) {
   if (!arm->reason.empty()) return;
-  const RigArmErrors errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
+  const ArmErrorModels errors = ErrorsOfArm(dataset.robot->arm, *arm, run.kinematics);
   const std::optional<std::vector<size_t>> branches =
       MostLikelyBranchesOfPairs(dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors);
   if (!branches) {

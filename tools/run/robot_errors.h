@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/run_types.h"
+#include "heba/pair_run_types.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {
@@ -15,11 +15,11 @@ namespace heba {
 // estimated or if the captures do not require them; `arm` then states the reason. It is null if no arm is known.
 // `options` become those of the calibration that is kept, and the captures get their effects. Returns a finding if
 // smooth errors are part of the calibration.
-std::optional<Finding> CalibrateWithRobotErrors(const RunOptions& run, ArmSetup* arm, Dataset* dataset,
-                                                CalibrationOptions* options, Calibration* calibration);
+std::optional<Finding> CalibrateWithRobotErrors(const PairRunOptions& run, ArmSetup* arm, PairDataset* dataset,
+                                                PairCalibrationOptions* options, PairCalibration* calibration);
 
 // Sets the effects of the arm's errors on the pairs of a calibration from poses, and the errors among which is chosen.
-void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
-                       Calibration* calibration);
+void SetEffectsOfPairs(const PairDataset& dataset, const PairRunOptions& run, ArmSetup* arm,
+                       PoseCalibrationOptions* options, PairCalibration* calibration);
 
 }  // namespace heba

@@ -1,482 +1,603 @@
 #include "heba/run.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
-#include <set>
+#include <optional>
+#include <string>
+#include <utility>
 
 #include "heba/base/failure_code.h"
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/verdict.h"
+#include "heba/cross_validation.h"
+#include "heba/evaluation/metrics.h"
 #include "heba/image_detection.h"
-#include "heba/robot/arm_errors.h"
-#include "solvers/calibration/calibration_problem.h"
-#include "solvers/calibration/capture_rejection.h"
-#include "solvers/calibration/drift_search.h"
-#include "solvers/calibration/model_choice.h"
-#include "solvers/initial/pose_consistency.h"
-#include "solvers/refine/hand_eye_problem.h"
+#include "solvers/calibration/influence.h"
+#include "solvers/calibration/residual_structure.h"
+#include "solvers/calibration/scale_share.h"
+#include "solvers/calibration/smooth_remainder.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/rig/rig_camera_motion.h"
-#include "tools/run/arm_assessment.h"
+#include "solvers/residuals/loss.h"
+#include "tools/run/arm_errors.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
-#include "tools/run/robot_errors.h"
+#include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
+#include "tools/run/single_pair.h"
+#include "tools/run/stand_in_arm.h"
 
 namespace heba {
 namespace {
 
-// Returns whether a calibration from more points is no worse: it uses at least as many views, and its residuals are at
-// most 5 % larger than those of the first.
+// Returns the problem of the detections, without the images that must not be used.
+Problem ProblemOf(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                  const std::vector<DuplicateInDataset>& duplicates) {
+  Problem rig = dataset.rig;
+  FitCamerasToImages(dataset, detections, &rig);
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    rig.targets[t].shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
+    rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
+    rig.targets[t].known_scale_sigma = dataset.targets[t]->scale_sigma().value_or(kTargetScaleSigma);
+  }
+  rig.captures.clear();
+  for (const Recording& recording : dataset.captures) {
+    rig.captures.push_back({recording.name, recording.base_from_gripper, {}});
+  }
+  for (const TargetDetection& detection : detections) {
+    const bool is_duplicate =
+        std::any_of(duplicates.begin(), duplicates.end(), [&](const DuplicateInDataset& duplicate) {
+          return duplicate.capture == detection.capture && duplicate.camera == detection.camera;
+        });
+    if (is_duplicate || detection.detection.detection.ids.empty()) continue;
+    rig.captures[detection.capture].images.push_back(
+        {detection.camera, detection.target,
+         ObservationsOf(*dataset.targets[detection.target], detection.detection.detection)});
+  }
+  return rig;
+}
+
+// Returns the errors of an image with the poses of the arms as given, corrected by the errors that captures share;
+// nothing if a point has no image.
+std::optional<SquaredErrors> ErrorsOf(const Problem& rig, const Solution& solution, const ProblemCapture& capture,
+                                      const ProblemImage& image) {
+  return ViewErrors(
+      solution.cameras[image.camera],
+      CameraFromTarget(rig, solution.poses, image.camera, image.target, WithErrors(capture, solution.effects)),
+      ApplyShape(image.observations, solution.shapes[image.target]));
+}
+
+// Returns the errors of each camera over the images that are used, with the poses of the arms as given.
+std::vector<SquaredErrors> ErrorsOfCameras(const Problem& used, const Solution& solution) {
+  std::vector<SquaredErrors> sums(used.cameras.size());
+  for (const ProblemCapture& capture : used.captures) {
+    for (const ProblemImage& image : capture.images) {
+      if (image.observations.size() == 0) continue;
+      const std::optional<SquaredErrors> errors = ErrorsOf(used, solution, capture, image);
+      if (errors) sums[image.camera].Add(*errors);
+    }
+  }
+  return sums;
+}
+
+// The reasons why targets in an image were not used, in words.
+class Reasons {
+ public:
+  void Add(const std::string& reason, const std::string& target) {
+    const auto known = std::find_if(all_.begin(), all_.end(), [&](const auto& entry) { return entry.first == reason; });
+    (known == all_.end() ? all_.emplace_back(reason, std::vector<std::string>()) : *known).second.push_back(target);
+  }
+  // Returns each reason after the targets that it concerns.
+  std::string Text() const {
+    std::vector<std::string> texts;
+    for (const auto& [reason, targets] : all_) texts.push_back("target " + Join(targets, ", target ") + ": " + reason);
+    return Join(texts, "; ");
+  }
+
+ private:
+  std::vector<std::pair<std::string, std::vector<std::string>>> all_;
+};
+
+// The changes of the pose of each camera without each capture.
+using MovesOfCameras = std::vector<std::vector<std::optional<CaptureMove>>>;
+
+// Returns the entries of all images, used or not. `seen` has the points of all images, `used` those of the estimate.
+std::vector<ImageResult> ImageResults(const Dataset& dataset, const Problem& seen, const Problem& used,
+                                      const Calibration& calibration, const MovesOfCameras& moves) {
+  const Solution& solution = *calibration.refined;
+  std::map<std::pair<size_t, size_t>, std::string> reason_of;
+  for (const UnusedProblemImage& unused : calibration.unused) {
+    for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
+      if (!unused.image || *unused.image == k) reason_of[{unused.capture, k}] = unused.reason;
+    }
+  }
+  std::vector<ImageResult> results;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const ProblemCapture& capture = seen.captures[i];
+    for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+      if (dataset.captures[i].images[c].empty()) continue;
+      ImageResult result{dataset.captures[i].name,
+                         dataset.rig.cameras[c].name,
+                         dataset.captures[i].images[c].filename().string(),
+                         false,
+                         "",
+                         {}};
+      Reasons reasons;
+      for (size_t k = 0; k < capture.images.size(); ++k) {
+        const ProblemImage& image = capture.images[k];
+        if (image.camera != c) continue;
+        TargetInImage& target = result.targets.emplace_back();
+        target.target = dataset.rig.targets[image.target].name;
+        target.num_points = image.observations.size();
+        target.num_rejected = static_cast<int>(solution.captures[i].rejected_ids[k].size());
+        target.used = used.captures[i].images[k].observations.size() > 0;
+        const std::optional<SquaredErrors> errors =
+            ErrorsOf(seen, solution, used.captures[i], target.used ? used.captures[i].images[k] : image);
+        if (errors) target.rms_px = errors->RmsPx();
+        result.used = result.used || target.used;
+        const auto reason = reason_of.find({i, k});
+        if (reason != reason_of.end()) {
+          target.reason = reason->second;
+        } else if (!target.used) {
+          target.reason = "none of its points is where the estimate predicts it";
+        }
+        if (!target.reason.empty()) reasons.Add(target.reason, target.target);
+      }
+      if (result.used) result.move_without = moves[c][i];
+      result.reason = result.targets.empty() ? "no target was detected" : reasons.Text();
+      results.push_back(std::move(result));
+    }
+  }
+  return results;
+}
+
+// Returns the entries of what was left out before the images were searched: one for each image, or one without an
+// image.
+std::vector<ImageResult> LeftOutResults(const Dataset& dataset) {
+  std::vector<ImageResult> results;
+  for (const LeftOutImages& entry : dataset.left_out) {
+    const size_t first = results.size();
+    for (size_t c = 0; c < entry.images.size(); ++c) {
+      if (entry.images[c].empty()) continue;
+      results.push_back({entry.capture,
+                         dataset.rig.cameras[c].name,
+                         entry.images[c].filename().string(),
+                         false,
+                         entry.reason,
+                         {},
+                         false});
+    }
+    if (results.size() == first) results.push_back({entry.name, "", "", false, entry.reason, {}, false});
+  }
+  return results;
+}
+
+PoseError ErrorOf(const Rigid3d& pose, const Rigid3d& truth) {
+  return {1000 * DistanceM(pose, truth), RadToDeg(AngleRad(pose, truth))};
+}
+
+// Returns the error of a target's pose, in the nearest of the orientations in which it looks the same.
+PoseError ErrorOfTarget(const Rigid3d& pose, const std::vector<Rigid3d>& symmetries, const Rigid3d& truth) {
+  std::vector<PoseError> errors;
+  for (const Rigid3d& symmetry : symmetries) errors.push_back(ErrorOf(pose * symmetry, truth));
+  return *std::min_element(errors.begin(), errors.end(),
+                           [](const PoseError& a, const PoseError& b) { return a.deg < b.deg; });
+}
+
+// Returns the errors of the poses of a result by the truth.
+CellPoseErrors PoseErrors(const Problem& rig, const RunResult& result, const CellTruth& truth) {
+  CellPoseErrors errors;
+  const CellPoses& poses = result.solution.poses;
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    errors.targets.emplace_back();
+    if (!truth.mount_from_target[t]) continue;
+    errors.targets.back() =
+        ErrorOfTarget(poses.mount_from_target[t], rig.targets[t].symmetries, *truth.mount_from_target[t]);
+  }
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    errors.bases.emplace_back();
+    if (r > 0 && truth.world_from_base[r]) {
+      errors.bases.back() = ErrorOf(poses.world_from_base[r], *truth.world_from_base[r]);
+    }
+  }
+  // The poses of the cameras in the world or, if a gripper carries them, in that gripper.
+  std::map<std::string, std::optional<Rigid3d>> true_pose_of;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Mount& mount = rig.cameras[c].mount;
+    std::optional<Rigid3d> pose = truth.mount_from_camera[c];
+    if (mount.part == Mount::Part::kBase && mount.robot > 0) {
+      const std::optional<Rigid3d>& base = truth.world_from_base[mount.robot];
+      pose = base ? std::optional(*base * *pose) : std::nullopt;
+    }
+    true_pose_of[rig.cameras[c].name] = pose;
+  }
+  for (const RelativePose& relative : result.relative_cameras) {
+    const std::optional<Rigid3d>& parent = true_pose_of[relative.parent];
+    const std::optional<Rigid3d>& child = true_pose_of[relative.child];
+    errors.relative_cameras.emplace_back();
+    if (parent && child) {
+      errors.relative_cameras.back() = ErrorOf(relative.parent_from_child, Inverse(*parent) * *child);
+    }
+  }
+  return errors;
+}
+
+// Fills in the in-sample errors of every camera, with the poses of the arms as given.
+void AddErrors(const Problem& used, const Solution& solution, RunResult* result) {
+  const std::vector<SquaredErrors> sums = ErrorsOfCameras(used, solution);
+  for (size_t c = 0; c < sums.size(); ++c) {
+    CameraErrors& errors = result->errors.emplace_back();
+    errors.reprojection_rms_px = sums[c].RmsPx();
+    const std::vector<Rigid3d> poses = TargetPosesOf(used, solution.poses, solution.effects, c);
+    if (!poses.empty()) errors.distance_m = WorkingDistance(poses);
+  }
+}
+
+// Fills in the errors of the images that contradict the others. `seen` has the points of all images.
+void AddLeftOutErrors(const Problem& seen, const Calibration& calibration, RunResult* result) {
+  ImageSet left_out;
+  for (const UnusedProblemImage& unused : calibration.unused) {
+    for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
+      if (!unused.image || *unused.image == k) left_out.insert({unused.capture, k});
+    }
+  }
+  for (size_t c = 0; c < result->errors.size(); ++c) {
+    ImageSet of_camera = left_out;
+    // A motion of the camera is stated by itself.
+    for (const MovedCamera& moved : calibration.moved) {
+      std::erase_if(of_camera, [&](const std::pair<size_t, size_t>& image) {
+        return moved.camera == c &&
+               std::find(moved.left_out.begin(), moved.left_out.end(), image.first) != moved.left_out.end();
+      });
+    }
+    SetLeftOut(ErrorsOfUnused(seen, *calibration.refined, of_camera, c), &result->errors[c]);
+  }
+}
+
+// Fills in the errors by the truth. `problem` is the one that was solved.
+void AddTruth(const CellTruth& truth, const Problem& problem, RunResult* result) {
+  for (size_t c = 0; c < result->errors.size(); ++c) {
+    const PoseError error = ErrorOf(result->solution.poses.mount_from_camera[c], truth.mount_from_camera[c]);
+    result->errors[c].truth_mm = error.mm;
+    result->errors[c].truth_deg = error.deg;
+  }
+  result->truth = PoseErrors(problem, *result, truth);
+}
+
+// The images as they were seen, and the calibration from them.
+struct SeenAndCalibrated {
+  Problem seen;
+  Calibration calibration;
+
+  PredictedImages Predicted(const std::vector<TargetDetection>& detections) const {
+    std::vector<double> rms_px;
+    const Solution& solution = *calibration.refined;
+    for (const SquaredErrors& errors : ErrorsOfCameras(WithoutRejected(calibration.problem, solution), solution)) {
+      rms_px.push_back(errors.RmsPx().value_or(0));
+    }
+    return PredictImages(calibration.problem, solution, detections, std::move(rms_px));
+  }
+};
+
+Outcome<SeenAndCalibrated> CalibrateSeen(Problem seen, const CalibrationOptions& options) {
+  Outcome<Calibration> calibration = Calibrate(seen, options);
+  if (!calibration) return calibration.failure();
+  if (!calibration->refined) return calibration->refined.failure();
+  return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
+}
+
+// Returns whether a calibration from more points is no worse: it uses at least as many images, and the residuals of no
+// camera are more than 5 % larger than those of the first.
 bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
   constexpr double kMaxRise = 1.05;
-  return second.views.size() >= first.views.size() &&
-         second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
+  const auto num_used = [](const Calibration& calibration) {
+    size_t count = 0;
+    for (const ProblemCapture& capture : calibration.problem.captures) {
+      count += std::count_if(capture.images.begin(), capture.images.end(),
+                             [](const ProblemImage& image) { return image.observations.size() > 0; });
+    }
+    return count;
+  };
+  const std::vector<double>& sigmas_px = second.refined->pixel_sigmas_px;
+  return num_used(second) >= num_used(first) &&
+         std::equal(sigmas_px.begin(), sigmas_px.end(), first.refined->pixel_sigmas_px.begin(),
+                    [](double sigma_px, double of_first) { return sigma_px <= kMaxRise * of_first; });
+}
+
+// Calibrates from the detections. The images are then searched again for the points that the calibration predicts.
+Outcome<SeenAndCalibrated> CalibrateDetections(const Dataset& dataset,
+                                               const std::vector<DuplicateInDataset>& duplicates,
+                                               const CalibrationOptions& options,
+                                               std::vector<TargetDetection>* detections, RunObserver* observer) {
+  Outcome<SeenAndCalibrated> first = CalibrateSeen(ProblemOf(dataset, *detections, duplicates), options);
+  if (!first) return first;
+  std::optional<std::vector<TargetDetection>> again =
+      DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
+  if (!again) return first;
+  EndIfCancelled(observer);
+  Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates), options);
+  if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return first;
+  *detections = std::move(*again);
+  return second;
+}
+
+MovesOfCameras MovesWithoutCaptures(const Problem& used, const Solution& solution) {
+  MovesOfCameras moves;
+  for (size_t c = 0; c < used.cameras.size(); ++c) {
+    moves.push_back(MoveWithoutEachCapture(used, solution, c, LossOf(LossKind::kNone)));
+  }
+  return moves;
+}
+
+// Returns the description and the poses of the rig, without captures and figures.
+RunResult PosesResult(const Dataset& dataset, const Calibration& calibration) {
+  RunResult result;
+  result.name = dataset.name;
+  result.about = dataset.about;
+  result.rig = calibration.problem;
+  result.rig.captures.clear();
+  // The basis of smooth errors is not written.
+  for (std::shared_ptr<const SharedEffects>& effects : result.rig.effects) {
+    if (effects != nullptr && effects->kind == SharedEffectsKind::kSmooth) effects = nullptr;
+  }
+  for (const std::shared_ptr<const Target>& target : dataset.targets)
+    result.target_types.push_back(std::string(target->type()));
+  result.solution = WithEffectsOf(result.rig, *calibration.refined);
+  result.solution.captures.clear();
+  result.relative_cameras = RelativeCameraPoses(result.rig, result.solution);
+  result.relative_targets = RelativeTargetPoses(result.rig, result.solution);
+  result.relative_bases = RelativeBasePoses(result.rig, result.solution);
+  return result;
+}
+
+// Returns the entries of images with the reasons and the points of those that are copies.
+std::vector<ImageResult> WithDuplicates(std::vector<ImageResult> images, const Dataset& dataset,
+                                        const std::vector<DuplicateInDataset>& duplicates,
+                                        const std::vector<TargetDetection>& detections) {
+  for (const DuplicateInDataset& duplicate : duplicates) {
+    const auto entry = std::find_if(images.begin(), images.end(), [&](const ImageResult& image) {
+      return image.capture == dataset.captures[duplicate.capture].name &&
+             image.camera == dataset.rig.cameras[duplicate.camera].name;
+    });
+    CHECK(entry != images.end());
+    entry->reason = duplicate.reason;
+    for (const TargetDetection& detection : detections) {
+      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
+      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
+      if (num_points == 0) continue;
+      entry->targets.push_back(
+          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
+    }
+  }
+  return images;
+}
+
+// Returns the poses of the arms in all captures, with their corrections.
+std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  std::vector<CapturePoses> results;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    // With the errors that captures share.
+    std::vector<Rigid3d> corrections =
+        Corrected(WithErrors(calibration.problem.captures[i], solution.effects), solution.captures[i].corrections);
+    for (size_t r = 0; r < corrections.size(); ++r) {
+      corrections[r] = Inverse(dataset.captures[i].base_from_gripper[r]) * corrections[r];
+    }
+    if (solution.captures[i].corrections.empty()) corrections.clear();
+    results.push_back({dataset.captures[i].name, dataset.captures[i].base_from_gripper, std::move(corrections)});
+  }
+  return results;
+}
+
+// Returns the errors of the cameras with those of held-out images.
+std::vector<CameraErrors> WithHoldOuts(std::vector<CameraErrors> errors, const std::vector<CameraHoldOut>& hold_outs) {
+  for (size_t c = 0; c < hold_outs.size(); ++c) {
+    const CameraHoldOut& camera = hold_outs[c];
+    errors[c].holdout_rms_px = camera.rms_px;
+    if (camera.target_m) errors[c].holdout_target_mm = 1000 * *camera.target_m;
+    if (camera.target_rad) errors[c].holdout_target_deg = RadToDeg(*camera.target_rad);
+    errors[c].holdout_reason = camera.reason;
+  }
+  return errors;
+}
+
+// Fills in the held-out distance of each image.
+void AddHoldOutsOfImages(const std::vector<CameraHoldOut>& hold_outs, RunResult* result) {
+  std::map<std::pair<std::string, std::string>, std::pair<double, int>> squares_of;
+  for (size_t c = 0; c < hold_outs.size(); ++c) {
+    for (const auto& [capture, distance_m] : hold_outs[c].target_m_of_capture) {
+      auto& [sum_m2, number] = squares_of[{result->captures[capture].name, result->rig.cameras[c].name}];
+      sum_m2 += distance_m * distance_m;
+      ++number;
+    }
+  }
+  for (ImageResult& image : result->images) {
+    const auto squares = squares_of.find({image.capture, image.camera});
+    if (squares == squares_of.end()) continue;
+    const auto& [sum_m2, number] = squares->second;
+    image.holdout_target_mm = 1000 * std::sqrt(sum_m2 / number);
+  }
+}
+
+Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+  RunOutput output;
+  RunResult& result = output.result;
+  Timing timing;
+  const Stopwatch detect_watch;
+  CheckCamerasByHeader(dataset);
+  output.detections = DetectDataset(dataset, options.detect, options.num_threads, observer);
+  timing.detect_s = detect_watch.Seconds();
+  const std::vector<DuplicateInDataset> duplicates = FindDuplicates(dataset, output.detections);
+  EndIfCancelled(observer);
+  const Stopwatch solve_watch;
+  CalibrationOptions calibration_options = options.calibration;
+  calibration_options.has_camera = dataset.has_camera;
+  calibration_options.adjustment.num_threads = options.num_threads;
+  const std::vector<std::optional<ArmSetup>> arms = SetUpArms(dataset, options.kinematics);
+  calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
+  Outcome<SeenAndCalibrated> calibrated =
+      CalibrateDetections(dataset, duplicates, calibration_options, &output.detections, observer);
+  if (!calibrated) return calibrated.failure();
+  const std::vector<Finding> missing_ids =
+      FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
+  const Problem seen = std::move(calibrated->seen);
+  output.calibration = std::move(calibrated->calibration);
+  std::vector<Finding> of_rig = DiagnoseCalibration(seen, output.calibration);
+  const std::vector<Finding> directions = DiagnoseWeakDirectionsOf(output.calibration);
+  const Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
+  Advice of_smooth;
+  if (options.calibration.smooth != SmoothPoseErrors::kNone) {
+    of_smooth = DiagnoseSmoothRemainder(output.calibration.problem, *output.calibration.refined);
+  }
+  const Solution& solution = *output.calibration.refined;
+  const Problem used = WithoutRejected(output.calibration.problem, solution);
+  // The influence of a capture is that on the estimate from the captures alone.
+  const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
+  std::vector<Eigen::VectorXd> changes = of_held.changes;
+  changes.insert(changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());
+  const ScaleShare scales = ShareOfScales(used, solution, ScaleSigmasOf(dataset, output.calibration.problem));
+  // A wrong scale moves the cameras, and not what they see of an object of known size.
+  Solution with_scales = solution;
+  AddChanges(scales.changes, &with_scales.covariance);
+  const std::vector<Eigen::VectorXd> of_arms = ChangesByUnknownArms(used, solution);
+  ResidualStructure structure = FindResidualStructure(used, solution);
+  std::vector<Eigen::VectorXd> all_changes = changes;
+  all_changes.insert(all_changes.end(), of_arms.begin(), of_arms.end());
+  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, with_scales, all_changes);
+  AddShare(scales, changes, of_arms, &*output.calibration.refined);
+  timing.refine_s = solution.convergence.seconds;
+  timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
+
+  result = PosesResult(dataset, output.calibration);
+  result.timing = timing;
+  result.images = WithDuplicates(ImageResults(dataset, seen, used, output.calibration, moves), dataset, duplicates,
+                                 output.detections);
+  result.captures = CaptureResults(dataset, output.calibration);
+  AddErrors(used, solution, &result);
+  AddLeftOutErrors(seen, output.calibration, &result);
+  const int num_folds = std::min(options.folds, static_cast<int>(output.calibration.problem.captures.size()));
+  if (num_folds > 1) {
+    StageReport report(RunStage::kHoldOut, num_folds, observer);
+    const HoldOuts hold_outs =
+        CrossValidate(output.calibration, calibration_options, num_folds, [&] { report.Step(); });
+    result.errors = WithHoldOuts(std::move(result.errors), hold_outs.of_cameras);
+    AddHoldOutsOfImages(hold_outs.of_cameras, &result);
+    result.holdout_chi2 = hold_outs.chi2_per_dof;
+  }
+  ArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
+  result.arms = std::move(summaries.arms);
+  NameKnownArms(result.arms, result.rig.robots, &of_rig);
+  for (const std::vector<Finding>& findings : {scales.findings, of_rig, summaries.findings, of_held.findings,
+                                               of_smooth.findings, structure.findings, directions, missing_ids}) {
+    result.observations.insert(result.observations.end(), findings.begin(), findings.end());
+  }
+  result.point_deviations = std::move(structure.points);
+  result.working_points = working_points;
+  result.requirements = ReachedAccuracies(options.requirements, used, solution, working_points);
+  result.verdict = JudgeRun(result);
+  return output;
+}
+
+// Moves the captures in which the recorded joints of an arm contradict its pose to those that are left out.
+Dataset WithoutWrongJoints(Dataset dataset) {
+  std::map<size_t, std::string> reason_of;
+  for (size_t r = 0; r < dataset.arms.size(); ++r) {
+    if (!dataset.arms[r]) continue;
+    for (const ContradictingJoints& joints : FindContradictingJoints(RecordingOf(dataset, r))) {
+      reason_of.try_emplace(joints.capture, WhyLeftOut(joints, "the joints of arm " + dataset.rig.robots[r]));
+    }
+  }
+  if (reason_of.empty()) return dataset;
+  std::vector<Recording> captures;
+  std::vector<std::optional<size_t>> place_of;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    Recording& capture = dataset.captures[i];
+    const auto reason = reason_of.find(i);
+    if (reason == reason_of.end()) {
+      place_of.emplace_back(captures.size());
+      captures.push_back(std::move(capture));
+    } else {
+      place_of.emplace_back();
+      dataset.left_out.push_back({capture.name, reason->second, capture.name, std::move(capture.images)});
+    }
+  }
+  dataset.captures = std::move(captures);
+  std::erase_if(dataset.given_detections, [&](TargetDetection& detection) {
+    const std::optional<size_t> place = place_of[detection.capture];
+    detection.capture = place.value_or(0);
+    return !place;
+  });
+  return dataset;
 }
 
 // Throws InputError if the data set is incomplete.
 void CheckDataset(const Dataset& dataset) {
-  const auto check_count = [&](size_t count, const std::string& what) {
-    if (count == 0 || count == dataset.captures.size()) return;
-    throw InputError("the data set has " + std::to_string(dataset.captures.size()) + " captures, but " +
-                     std::to_string(count) + " " + what);
-  };
+  const size_t num_cameras = dataset.rig.cameras.size();
   if (dataset.captures.empty()) throw InputError("the data set has no captures");
-  check_count(dataset.given_detections.size(), "detections");
-  check_count(dataset.target_poses.size(), "poses of the target");
-  if (!dataset.target && dataset.target_poses.empty()) throw InputError("the data set has no target");
-}
-
-// Adds the arm, and what is to be said of it, to a result.
-void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot,
-              const Calibration& calibration, RunResult* result) {
-  for (Finding& finding : FindingsOf(robot, dataset, calibration)) result->observations.push_back(std::move(finding));
-  if (setup) {
-    std::optional<Finding> singular = FindSingularCaptures(dataset, *setup, robot.is_estimated);
-    if (singular) result->observations.push_back(std::move(*singular));
+  if (num_cameras == 0 || dataset.targets.empty() || dataset.rig.robots.empty()) {
+    throw InputError("a rig needs at least one camera, one target and one arm");
   }
-  result->robot = std::move(robot);
-}
-
-// Leaves out the captures whose recorded joints contradict their poses: one of the two is wrong.
-LeftOutCaptures LeaveOutWrongJoints(Dataset* dataset) {
-  LeftOutCaptures left_out;
-  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(*dataset);
-  for (const ContradictingJoints& joints : wrong) {
-    CaptureResult result;
-    result.image = dataset->captures[joints.capture].name;
-    result.role = dataset->captures[joints.capture].role;
-    result.reason = WhyLeftOut(joints, "its joints");
-    left_out.indices.push_back(joints.capture);
-    left_out.results.push_back(std::move(result));
+  if (dataset.has_camera.size() != num_cameras || dataset.camera_sources.size() != num_cameras ||
+      dataset.targets.size() != dataset.rig.targets.size()) {
+    throw InputError("the lists of the data set differ in size from those of the rig");
   }
-  RemoveAt(left_out.indices, &dataset->captures);
-  RemoveAt(left_out.indices, &dataset->given_detections);
-  RemoveAt(left_out.indices, &dataset->target_poses);
-  return left_out;
-}
-
-// Leaves out the captures whose pose of the target is not where the others predict it, by a robust fit to most of them;
-// none if so many are that it is not clear which are wrong.
-LeftOutCaptures LeaveOutWrongPoses(Dataset* dataset) {
-  LeftOutCaptures left_out;
-  std::vector<PoseCandidates> pairs;
-  for (size_t i = 0; i < dataset->captures.size(); ++i) {
-    pairs.push_back({CameraMountFromTargetMount(dataset->setup, dataset->captures[i].base_from_gripper),
-                     {dataset->target_poses[i]}});
+  const size_t num_arms = dataset.rig.robots.size();
+  if (!dataset.arms.empty() && dataset.arms.size() != num_arms) {
+    throw InputError("the kinematics of the arms differ in number from the arms");
   }
-  const std::optional<PoseConsistency> fit = FindPoseConsistency(pairs, RobotScale::kOne);
-  if (!fit) return left_out;
-  // Seven of ten normal errors in six directions are below 2.7 sigmas, so that this is some twelve sigmas.
-  constexpr double kDistinct = 4.5;
-  constexpr double kLeastM = 1e-4;
-  const double most_m = std::max(kLeastM, kDistinct * fit->typical_misfit_m);
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    if (fit->misfit_m[i] > most_m) left_out.indices.push_back(i);
-  }
-  if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
-  for (const size_t i : left_out.indices) {
-    CaptureResult result;
-    result.image = dataset->captures[i].name;
-    result.role = dataset->captures[i].role;
-    result.reason = "contradicts the other captures: the pose of the target is " +
-                    Significant(1000 * fit->translation_m[i], 2) + " mm and " +
-                    Significant(RadToDeg(fit->rotation_rad[i]), 2) +
-                    " deg from where they predict it (7 of 10 captures differ by less than " +
-                    Significant(1000 * fit->typical_misfit_m, 2) +
-                    " mm); wrong pose for the image, robot not settled, or target misread";
-    left_out.results.push_back(std::move(result));
-  }
-  RemoveAt(left_out.indices, &dataset->captures);
-  RemoveAt(left_out.indices, &dataset->target_poses);
-  return left_out;
-}
-
-// Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<RunOutput> RunOnPoses(Dataset dataset, const RunOptions& run, RunObserver* observer) {
-  RunOutput output;
-  LeftOutCaptures left_out;
-  if (run.bundle.loss != LossKind::kNone) left_out = LeaveOutWrongPoses(&dataset);
-  output.dataset = dataset;
-  Calibration& calibration = output.calibration;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
-    calibration.pairs.push_back({mount, dataset.target_poses[i], dataset.captures[i].role, std::nullopt});
-    calibration.pairs.back().joints = dataset.captures[i].joints;
-  }
-  PoseCalibrationOptions options;
-  options.methods = run.methods;
-  options.seed = run.seed;
-  options.setup = dataset.setup;
-  CalibratePoses(options, &calibration);
-  if (!calibration.chain) return calibration.chain.failure();
-  std::optional<ArmSetup> arm;
-  if (dataset.robot && run.kinematics != Kinematics::kNone) {
-    arm = SetUpArm(dataset, run.kinematics);
-    options.has_robot_noise = true;
-    SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
-    CalibratePoses(options, &calibration);
-    if (!calibration.chain) return calibration.chain.failure();
-  }
-  if (observer != nullptr) observer->OnCalibrated(calibration);
-  output.result = AssessPoses(dataset, run, calibration, options);
-  if (dataset.robot) {
-    AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
-  }
-  InsertLeftOut(left_out, &output.result.captures);
-  return output;
-}
-
-// Returns the detections with the points that a calibration has shown where to search; nothing if there are no others.
-std::optional<std::vector<CaptureDetection>> DetectCapturesAgain(const Dataset& dataset,
-                                                                 const std::vector<CaptureDetection>& detections,
-                                                                 const Calibration& calibration, int num_threads,
-                                                                 RunObserver* observer) {
-  if (!calibration.refined) return std::nullopt;
-  const Solution& solution = *calibration.refined;
-  const std::optional<SquaredErrors> errors =
-      ReprojectionErrors(solution.hand_eye, solution.camera,
-                         ApplyShape(CorrectedViews(dataset.setup, calibration.views, solution), solution.shape));
-  if (!errors) return std::nullopt;
-  std::optional<std::vector<RigDetection>> again =
-      DetectAgain(AsRigDataset(dataset), InRig(detections),
-                  PredictCaptures(dataset, solution, errors->RmsPx().value_or(0)), num_threads, observer);
-  if (!again) return std::nullopt;
-  return OutOfRig(std::move(*again));
-}
-
-// The drifts that the views are corrected for, with the poses of their bodies.
-struct KnownDrifts {
-  std::vector<Drift> drifts = {};
-  HandEye hand_eye = {};
-};
-
-// A calibration that is not assessed yet, with the data and options that it ended with.
-struct Calibrated {
-  Calibration calibration;
-  Dataset dataset;             // The data set has the joints that were recovered.
-  CalibrationOptions options;  // The final refinement used these.
-  std::optional<ArmSetup> arm;
-  std::optional<Finding> of_smooth_errors;
-  KnownDrifts known;  // The views were corrected for these.
-};
-
-void Correct(const Dataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
-  for (View& view : *views) {
-    for (const Drift& drift : known.drifts) {
-      view.camera_mount_from_target_mount = WithoutDrift(
-          view.camera_mount_from_target_mount, drift, RemainingShare(drift, view.capture, dataset.captures.size()),
-          dataset.setup, known.hand_eye.camera_mount_from_camera, known.hand_eye.target_mount_from_target);
+  for (const Recording& capture : dataset.captures) {
+    if (!capture.joints.empty() && capture.joints.size() != num_arms) {
+      throw InputError("capture " + capture.name + " needs a list of joints for each arm, or none");
+    }
+    if (capture.base_from_gripper.size() != dataset.rig.robots.size() || capture.images.size() != num_cameras) {
+      throw InputError("capture " + capture.name + " needs one pose for each arm and one image for each camera");
     }
   }
-}
-
-// Calibrates from the detections of the captures that are not in `left_out`, with the drifts that are known; the target
-// may be detected again.
-Outcome<Calibrated> CalibrateCaptures(const Dataset& dataset, const RunOptions& options,
-                                      const std::set<size_t>& left_out, const KnownDrifts& known,
-                                      std::vector<CaptureDetection>* detections, RunObserver* observer) {
-  const auto views_of = [&](const std::vector<CaptureDetection>& seen) {
-    std::vector<View> views = ViewsOf(dataset, seen);
-    std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
-    Correct(dataset, known, &views);
-    return views;
-  };
-  EndIfCancelled(observer);
-  Calibrated calibrated;
-  calibrated.dataset = dataset;
-  calibrated.known = known;
-  calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
-  Outcome<Calibration> calibration = Calibrate(views_of(*detections), calibrated.options);
-  if (!calibration) return calibration.failure();
-  if (std::optional<std::vector<CaptureDetection>> again =
-          DetectCapturesAgain(dataset, *detections, *calibration, options.num_threads, observer)) {
-    EndIfCancelled(observer);
-    Outcome<Calibration> second = Calibrate(views_of(*again), calibrated.options);
-    if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
-      calibration = std::move(second);
-      *detections = std::move(*again);
-    }
-  }
-  const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
-  if (calibration->refined) {
-    EndIfCancelled(observer);
-    if (dataset.robot && needs_arm) calibrated.arm = SetUpArm(dataset, options.kinematics);
-    calibrated.of_smooth_errors = CalibrateWithRobotErrors(options, calibrated.arm ? &*calibrated.arm : nullptr,
-                                                           &calibrated.dataset, &calibrated.options, &*calibration);
-  }
-  calibrated.calibration = std::move(*calibration);
-  return calibrated;
-}
-
-// The captures that a calibration uses, as a problem, with its solution and the times of the captures.
-struct UsedCaptures {
-  RigProblem problem;
-  RigSolution solution;
-  CaptureTimes times;
-};
-
-UsedCaptures UsedBy(const Calibrated& calibrated) {
-  const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
-  const JudgedRig& judged = of_captures.model.judged;
-  UsedCaptures used{WithoutRejected(Without(of_captures.model.problem, judged.left_out), judged.solution),
-                    judged.solution,
-                    {{}, calibrated.dataset.captures.size()}};
-  for (const View& view : of_captures.views) used.times.places.push_back(view.capture);
-  return used;
-}
-
-// Returns all captures as they were detected, with the readings that the calibration chose.
-DetectedCaptures DetectedBy(const Calibrated& calibrated, const std::vector<CaptureDetection>& detections) {
-  const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
-  std::map<size_t, View> views;
-  // The reading of a target with a symmetry is known of captures that were calibrated only.
-  if (calibrated.options.symmetries.size() == 1) {
-    for (View& view : ViewsOf(calibrated.dataset, detections)) views[view.capture] = std::move(view);
-  }
-  for (const View& view : of_captures.views) views[view.capture] = view;
-  Problem problem{calibrated.calibration.refined->camera, {}, calibrated.dataset.setup, calibrated.options.shape};
-  DetectedCaptures detected{{}, {{}, calibrated.dataset.captures.size()}};
-  for (auto& [capture, view] : views) {
-    view.effect = nullptr;
-    view.gripper_by_joints.resize(6, 0);
-    problem.views.push_back(view);
-    detected.times.places.push_back(capture);
-  }
-  BundleOptions options = calibrated.calibration.bundle;
-  options.effects = nullptr;
-  detected.problem = HandEyeProblem(problem, options);
-  return detected;
-}
-
-// Calibrates with drifts of the bodies and forms of `known`, which are estimated again with the captures that they
-// bring back. Returns nothing if the captures do not determine them.
-std::optional<Calibrated> CalibrateWithDrifts(const Dataset& dataset, const RunOptions& options,
-                                              const std::set<size_t>& left_out, KnownDrifts known,
-                                              std::vector<CaptureDetection>* detections, RunObserver* observer) {
-  // Captures at one pose are told by that of the robot: with the corrections they are at several.
-  const bool is_at_revisits = known.drifts.front().evidence == DriftEvidence::kRevisits;
-  std::optional<Calibrated> with_drifts;
-  const int num_rounds = is_at_revisits ? 1 : 2;
-  for (int round = 0; round < num_rounds; ++round) {
-    EndIfCancelled(observer);
-    Outcome<Calibrated> next = CalibrateCaptures(dataset, options, left_out, known, detections, observer);
-    if (!next || !next->calibration.refined) return with_drifts;
-    if (is_at_revisits) return std::move(*next);
-    const UsedCaptures used = UsedBy(*next);
-    const std::optional<std::vector<Drift>> rest =
-        EstimateDrifts(used.problem, used.solution, dataset.setup, used.times, known.drifts);
-    if (!rest) return with_drifts;
-    for (size_t d = 0; d < known.drifts.size(); ++d) {
-      next->known.drifts[d].covariance = (*rest)[d].covariance;
-      known.drifts[d] = next->known.drifts[d];
-      known.drifts[d].change += (*rest)[d].change;
-    }
-    with_drifts = std::move(*next);
-  }
-  return with_drifts;
-}
-
-// Looks for a drift, or takes the drifts that are wanted.
-DriftSearch SearchDrift(const Calibrated& calibrated, const RunOptions& options,
-                        const std::vector<CaptureDetection>& detections, std::vector<Drift>* drifts) {
-  const UsedCaptures used = UsedBy(calibrated);
-  const Setup setup = calibrated.dataset.setup;
-  DriftSearch search;
-  if (options.drift.is_tested) {
-    search = FindDrift(used.problem, used.solution, setup, used.times, DetectedBy(calibrated, detections));
-    if (search.found) drifts->push_back(*search.found);
-    return search;
-  }
-  std::vector<Drift> wanted;
-  for (const DriftSide side : options.drift.wanted) wanted.emplace_back().side = side;
-  if (wanted.empty()) return search;
-  const std::optional<std::vector<Drift>> estimated =
-      EstimateDrifts(used.problem, used.solution, setup, used.times, wanted);
-  if (estimated) *drifts = *estimated;
-  return search;
-}
-
-// The captures on one side of a motion of the camera.
-struct LeftOutByMotion {
-  std::vector<size_t> captures;
-  std::string reason;
-  Finding finding;
-};
-
-// Returns the captures that a motion of the camera makes useless; nothing if it was not moved.
-std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_threads) {
-  CalibrationProblem of_captures = InOrder(AsProblem(calibrated.calibration, calibrated.options));
-  RigProblem& problem = of_captures.model.problem;
-  // The tests of single images do not know noisy joints.
-  for (RigCapture& capture : problem.captures) capture.postures.clear();
-  RigOptions options;
-  options.loss = calibrated.options.bundle.loss;
-  options.pixel_noise_px = calibrated.options.bundle.pixel_noise_px;
-  options.num_threads = num_threads;
-  const std::optional<MovedCamera> moved = FindMovedCamera(problem, of_captures.model.judged, options);
-  if (!moved) return std::nullopt;
-  LeftOutByMotion left_out{{}, WhyLeftOut(problem, *moved), DescribeMotion(problem, *moved)};
-  for (const size_t i : moved->left_out) left_out.captures.push_back(of_captures.views[i].capture);
-  return left_out;
-}
-
-// Calibrates from the captures, corrected for a drift or without those on the shorter side of each motion of the
-// camera; `motions` are the findings about them.
-Outcome<Calibrated> CalibrateWithoutMotions(const Dataset& dataset, const RunOptions& options,
-                                            std::vector<CaptureDetection>* detections, std::vector<Finding>* motions,
-                                            RunObserver* observer) {
-  std::set<size_t> left_out;
-  std::vector<UnusedView> unused;
-  Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, {}, detections, observer);
-  std::optional<Finding> unseen;
-  std::vector<Drift> drifts;
-  if (calibrated && calibrated->calibration.refined) {
-    EndIfCancelled(observer);
-    unseen = SearchDrift(*calibrated, options, *detections, &drifts).unseen;
-    // A knock that is clear by itself leaves out the captures on one side of it.
-    const bool is_step = !drifts.empty() && drifts.front().form == DriftForm::kStep;
-    const bool is_clear_knock =
-        is_step && options.bundle.loss != LossKind::kNone && FindMotion(*calibrated, options.num_threads).has_value();
-    if (is_clear_knock) drifts.clear();
-    std::optional<Calibrated> corrected;
-    if (!drifts.empty()) {
-      corrected = CalibrateWithDrifts(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
-                                      detections, observer);
-    }
-    if (corrected) calibrated = std::move(*corrected);
-    if (!options.drift.wanted.empty() && drifts.empty()) {
-      unseen = Finding{Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}};
-    }
-  }
-  for (int motion = 0; motion < kMostMotions; ++motion) {
-    if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
-    EndIfCancelled(observer);
-    const std::optional<LeftOutByMotion> found = FindMotion(*calibrated, options.num_threads);
-    if (!found) break;
-    std::set<size_t> without = left_out;
-    without.insert(found->captures.begin(), found->captures.end());
-    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, calibrated->known, detections, observer);
-    // A motion that leaves too few captures is not found out.
-    if (!rest || !rest->calibration.refined) break;
-    calibrated = std::move(rest);
-    left_out = std::move(without);
-    motions->push_back(found->finding);
-    for (const size_t i : found->captures) unused.push_back({dataset.captures[i].name, i, found->reason});
-  }
-  if (!calibrated) return calibrated;
-  // A drift that the calibration was not corrected for is said, too.
-  const bool is_corrected = !calibrated->known.drifts.empty();
-  for (const Drift& drift : is_corrected ? calibrated->known.drifts : drifts) {
-    motions->push_back(DescribeDrift(drift, dataset.setup, dataset.captures[drift.capture].name, is_corrected));
-  }
-  if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
-  std::vector<UnusedView>& all = calibrated->calibration.unused;
-  all.insert(all.end(), unused.begin(), unused.end());
-  return calibrated;
-}
-
-Outcome<RunOutput> RunOnImages(Dataset dataset, const RunOptions& options, RunObserver* observer) {
-  RunOutput output;
-  std::vector<CaptureDetection>& detections = output.detections;
-
-  const Stopwatch detect_watch;
-  CheckCamerasByHeader(AsRigDataset(dataset));
-  detections = DetectCaptures(dataset, options.detect, options.num_threads, observer);
-  FitCameraToImages(detections, &dataset);
-  Timing timing;
-  timing.detect_s = detect_watch.Seconds();
-  const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);
-  const size_t num_seen = ViewsOf(dataset, detections).size();
-  if (observer != nullptr) {
-    observer->OnDetected(left_out, static_cast<int>(num_seen), static_cast<int>(detections.size()));
-  }
-  if (detections.empty()) return Failure{FailureCode("all_left_out"), {}, {{"notes", Join(left_out.notes, "; ")}}};
-  if (num_seen == 0) {
-    return Failure{FailureCode("nothing_detected"),
-                   {{"images", static_cast<double>(detections.size())}},
-                   {{"image", dataset.captures[0].name}, {"why", detections.front().detection.reason}}};
-  }
-
-  const Stopwatch solve_watch;
-  std::vector<Finding> motions;
-  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(dataset, options, &detections, &motions, observer);
-  if (!calibrated) return calibrated.failure();
-  Calibration& calibration = output.calibration;
-  calibration = std::move(calibrated->calibration);
-  output.dataset = std::move(calibrated->dataset);
-  if (observer != nullptr) observer->OnCalibrated(calibration);
-  if (!calibration.refined) return calibration.refined.failure();
-  timing.refine_s = calibration.refined->convergence.seconds;
-  timing.seed_s = solve_watch.Seconds() - timing.refine_s;
-  Advice advice = Advise(calibration, calibrated->options);
-  if (!calibrated->known.drifts.empty()) {
-    Calibrated of_output = *calibrated;
-    of_output.calibration = calibration;
-    of_output.dataset = output.dataset;
-    const UsedCaptures used = UsedBy(of_output);
-    for (Eigen::VectorXd& change :
-         ChangesByDrifts(used.problem, used.solution, dataset.setup, used.times, calibrated->known.drifts)) {
-      advice.changes.push_back(std::move(change));
-    }
-  }
-  output.result = Assess(output.dataset, options, detections, calibration, advice, calibrated->options, observer);
-  const Solution& assessed = *output.result.estimates.back().solution;
-  calibration.refined->covariance = assessed.covariance;
-  calibration.refined->covariance_repeatable = assessed.covariance_repeatable;
-  std::vector<Finding>& observations = output.result.observations;
-  for (Finding& motion : motions) observations.push_back(std::move(motion));
-  if (dataset.robot) {
-    AddRobot(output.dataset, calibrated->arm,
-             SummariseArm(output.dataset, options.kinematics, calibrated->arm, calibration), calibration,
-             &output.result);
-  }
-  if (calibrated->of_smooth_errors) observations.push_back(std::move(*calibrated->of_smooth_errors));
-  output.result.timing = timing;
-  InsertLeftOut(left_out, &output.result.captures);
-  return output;
+  const std::string faults = WhyNotToldApart(dataset);
+  if (!faults.empty()) throw InputError(faults);
 }
 
 }  // namespace
 
+std::string WhyNotToldApart(const Dataset& dataset) {
+  std::map<std::string, size_t> target_of_code;
+  for (size_t t = 0; t < dataset.targets.size(); ++t) {
+    for (const std::string& code : dataset.targets[t]->Codes()) {
+      const auto [other, is_new] = target_of_code.emplace(code, t);
+      if (is_new) continue;
+      return "targets " + dataset.rig.targets[other->second].name + " and " + dataset.rig.targets[t].name +
+             " cannot be told apart in an image: both are recognised by " + code +
+             "; print one of them with other codes or, if it has none, with another number of rows or columns";
+    }
+  }
+  return "";
+}
+
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
-  const Stopwatch total;
   CheckDataset(dataset);
+  for (const PlacedRequirement& requirement : options.requirements) {
+    const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
+                                      [&](const ProblemCamera& camera) { return camera.name == requirement.camera; });
+    if (!requirement.camera.empty() && !is_known) {
+      throw InputError("there is no camera " + Quoted(requirement.camera) + " of which an accuracy is required");
+    }
+  }
+  const Stopwatch watch;
   try {
-    Dataset used = dataset;
-    LeftOutCaptures left_out;
-    if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
-    Outcome<RunOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
-                                                          : RunOnPoses(std::move(used), options, observer);
+    // The run of a pair leaves captures out by itself.
+    const bool is_pair = IsSinglePair(dataset);
+    const bool needs_joints = !is_pair && options.kinematics != Kinematics::kNone;
+    Dataset used = needs_joints ? WithoutWrongJoints(dataset) : dataset;
+    Outcome<RunOutput> output = is_pair ? RunSinglePair(used, options, observer) : RunOnImages(used, options, observer);
     if (!output) return output;
-    InsertLeftOut(left_out, &output->result.captures);
-    output->result.verdict = JudgeRun(output->result);
-    output->result.timing.total_s = total.Seconds();
+    for (ImageResult& left_out : LeftOutResults(used)) output->result.images.push_back(std::move(left_out));
+    if (dataset.truth) AddTruth(*dataset.truth, output->calibration.problem, &output->result);
+    output->dataset = std::move(used);
+    output->result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {
     return Failure{FailureCode(kCancelled)};

@@ -20,7 +20,7 @@ using ExpectedPixels = std::vector<std::optional<Eigen::Vector2d>>;
 
 // Predicts the target's points in the image of a detection, px; nothing for points out of view.
 ExpectedPixels ExpectedIn(const Target& target, const PredictedImages& predicted,
-                          const std::vector<RigDetection>& detections, size_t index) {
+                          const std::vector<TargetDetection>& detections, size_t index) {
   constexpr double kRimPx = 3;
   const Camera& camera = predicted.cameras[detections[index].camera];
   const TargetShape& shape = predicted.shapes[detections[index].target];
@@ -47,7 +47,7 @@ struct PointCounts {
   std::vector<int> found;
 };
 
-PointCounts CountPoints(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+PointCounts CountPoints(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                         const PredictedImages& predicted, size_t target) {
   const std::vector<TargetPoint>& points = dataset.targets[target]->points();
   PointCounts counts{std::vector<int>(points.size(), 0), std::vector<int>(points.size(), 0)};
@@ -65,13 +65,13 @@ PointCounts CountPoints(const RigDataset& dataset, const std::vector<RigDetectio
 
 }  // namespace
 
-PredictedImages PredictImages(const RigProblem& problem, const RigSolution& solution,
-                              const std::vector<RigDetection>& detections, std::vector<double> rms_px) {
+PredictedImages PredictImages(const Problem& problem, const Solution& solution,
+                              const std::vector<TargetDetection>& detections, std::vector<double> rms_px) {
   PredictedImages predicted{solution.cameras, solution.shapes, {}, std::move(rms_px)};
-  for (const RigDetection& detection : detections) {
-    const RigCapture& capture = problem.captures[detection.capture];
+  for (const TargetDetection& detection : detections) {
+    const ProblemCapture& capture = problem.captures[detection.capture];
     std::optional<Rigid3d>& pose = predicted.camera_from_target.emplace_back();
-    const bool is_used = std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+    const bool is_used = std::any_of(capture.images.begin(), capture.images.end(), [&](const ProblemImage& image) {
       return image.camera == detection.camera && image.target == detection.target && image.observations.size() > 0;
     });
     if (!is_used && !detection.detection.detection.ids.empty()) continue;
@@ -81,10 +81,10 @@ PredictedImages PredictImages(const RigProblem& problem, const RigSolution& solu
   return predicted;
 }
 
-std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
-                                                     const std::vector<RigDetection>& detections,
-                                                     const PredictedImages& predicted, int num_threads,
-                                                     RunObserver* observer) {
+std::optional<std::vector<TargetDetection>> DetectAgain(const Dataset& dataset,
+                                                        const std::vector<TargetDetection>& detections,
+                                                        const PredictedImages& predicted, int num_threads,
+                                                        RunObserver* observer) {
   if (!dataset.given_detections.empty()) return std::nullopt;
   std::vector<size_t> incomplete;
   std::vector<ExpectedPixels> expected(detections.size());
@@ -98,14 +98,14 @@ std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
   }
   if (incomplete.empty()) return std::nullopt;
   StageReport report(RunStage::kSecondDetection, static_cast<int>(incomplete.size()), observer);
-  std::vector<RigDetection> again = detections;
+  std::vector<TargetDetection> again = detections;
   std::mutex mutex;
   bool has_changed = false;
   ParallelFor(static_cast<int>(incomplete.size()), num_threads, [&](int k) {
     constexpr double kMinTolerancePx = 2;
     constexpr double kToleranceRatio = 4;  // Relative to the camera's RMS, which includes the robot noise.
     const size_t i = incomplete[static_cast<size_t>(k)];
-    RigDetection& detection = again[i];
+    TargetDetection& detection = again[i];
     const cv::Mat grey = ReadGreyImage(dataset.captures[detection.capture].images[detection.camera]);
     cv::theRNG() = cv::RNG(static_cast<uint64_t>(i) + 1);
     GuidedDetection guided =
@@ -128,7 +128,7 @@ std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
   return again;
 }
 
-std::vector<Finding> FindMissingIds(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+std::vector<Finding> FindMissingIds(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                     const PredictedImages& predicted) {
   constexpr int kOften = 5;
   constexpr double kShare = 0.1;

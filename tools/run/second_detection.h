@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/evaluation/finding.h"
-#include "heba/rig_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 
@@ -21,20 +21,20 @@ struct PredictedImages {
 // Predicts the images of `detections` from the poses that the arms report, with the errors that captures share.
 // `problem` has all captures of the data set; of an image that was detected, but that is not used, it has no points.
 // `rms_px` has one figure for each camera.
-PredictedImages PredictImages(const RigProblem& problem, const RigSolution& solution,
-                              const std::vector<RigDetection>& detections, std::vector<double> rms_px);
+PredictedImages PredictImages(const Problem& problem, const Solution& solution,
+                              const std::vector<TargetDetection>& detections, std::vector<double> rms_px);
 
 // Searches again for missing points at their predicted positions. Returns the detections in all images, or nothing if
 // none changed. Targets with symmetries, whose points have no ids that could be completed, and given detections are not
 // searched for again.
-std::optional<std::vector<RigDetection>> DetectAgain(const RigDataset& dataset,
-                                                     const std::vector<RigDetection>& detections,
-                                                     const PredictedImages& predicted, int num_threads,
-                                                     RunObserver* observer);
+std::optional<std::vector<TargetDetection>> DetectAgain(const Dataset& dataset,
+                                                        const std::vector<TargetDetection>& detections,
+                                                        const PredictedImages& predicted, int num_threads,
+                                                        RunObserver* observer);
 
 // Returns a finding `missing_ids` for each target of which a tenth of the points was never detected, although images
 // must show them: another target, or a wrong config of it. It names the target if that has a name.
-std::vector<Finding> FindMissingIds(const RigDataset& dataset, const std::vector<RigDetection>& detections,
+std::vector<Finding> FindMissingIds(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                     const PredictedImages& predicted);
 
 }  // namespace heba

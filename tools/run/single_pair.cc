@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "heba/data/hand_eye.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "solvers/calibration/problem_model.h"
 #include "tools/run/captures.h"
 
@@ -13,10 +13,10 @@ namespace heba {
 namespace {
 
 // Captures without an image are left out.
-Dataset DatasetOfPair(const RigDataset& rig) {
-  Dataset dataset;
+PairDataset DatasetOfPair(const Dataset& rig) {
+  PairDataset dataset;
   std::map<size_t, size_t> place_of;  // The capture of the data set for that of the rig.
-  const RigCamera& camera = rig.rig.cameras.front();
+  const ProblemCamera& camera = rig.rig.cameras.front();
   dataset.name = rig.name;
   dataset.about = rig.about;
   dataset.setup = camera.mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
@@ -27,7 +27,7 @@ Dataset DatasetOfPair(const RigDataset& rig) {
   if (!rig.arms.empty()) dataset.robot = rig.arms.front();
   if (!rig.robot_scale_sigmas.empty()) dataset.robot_scale_sigma = rig.robot_scale_sigmas.front();
   for (size_t i = 0; i < rig.captures.size(); ++i) {
-    const RigRecording& recording = rig.captures[i];
+    const Recording& recording = rig.captures[i];
     if (recording.images.front().empty()) continue;
     place_of[i] = dataset.captures.size();
     Capture& capture = dataset.captures.emplace_back();
@@ -38,7 +38,7 @@ Dataset DatasetOfPair(const RigDataset& rig) {
   }
   if (rig.given_detections.empty()) return dataset;
   dataset.given_detections.resize(dataset.captures.size());
-  for (const RigDetection& given : rig.given_detections) {
+  for (const TargetDetection& given : rig.given_detections) {
     const auto capture = place_of.find(given.capture);
     if (capture != place_of.end()) dataset.given_detections[capture->second] = given.detection;
   }
@@ -46,10 +46,10 @@ Dataset DatasetOfPair(const RigDataset& rig) {
 }
 
 // An estimated noise of the arm is one that is chosen from the captures, unless smooth errors are wanted beside it.
-RunOptions OptionsOfPair(const RigDataset& rig, const RigRunOptions& options) {
-  const RigOptions& adjustment = options.calibration.adjustment;
-  const RigCamera& camera = rig.rig.cameras.front();
-  RunOptions of_pair;
+PairRunOptions OptionsOfPair(const Dataset& rig, const RunOptions& options) {
+  const AdjustmentOptions& adjustment = options.calibration.adjustment;
+  const ProblemCamera& camera = rig.rig.cameras.front();
+  PairRunOptions of_pair;
   BundleOptions& bundle = of_pair.bundle;
   bundle.free_intrinsics = camera.free_intrinsics;
   bundle.camera_prior = camera.prior;
@@ -79,14 +79,14 @@ RunOptions OptionsOfPair(const RigDataset& rig, const RigRunOptions& options) {
 }
 
 // Gives the parts of a problem the names of those of `named`, and their state in the calibration.
-void NameParts(const RigProblem& named, const Calibration& calibration, RigProblem* problem) {
+void NameParts(const Problem& named, const PairCalibration& calibration, Problem* problem) {
   problem->robots = named.robots;
-  RigCamera& camera = problem->cameras.front();
+  ProblemCamera& camera = problem->cameras.front();
   camera.name = named.cameras.front().name;
   camera.mount_name = named.cameras.front().mount_name;
   camera.free_intrinsics = calibration.bundle.free_intrinsics;
   camera.prior = calibration.bundle.camera_prior;
-  RigTarget& target = problem->targets.front();
+  ProblemTarget& target = problem->targets.front();
   target.name = named.targets.front().name;
   target.mount_name = named.targets.front().mount_name;
   target.free_shape = calibration.bundle.free_shape;
@@ -94,12 +94,12 @@ void NameParts(const RigProblem& named, const Calibration& calibration, RigProbl
 }
 
 // Moves the captures of a problem and its solution to their places among those of the rig.
-void PlaceCaptures(const RigDataset& rig, const std::map<std::string, size_t>& place_of, RigRunOutput* output) {
-  RigProblem& problem = output->calibration.problem;
-  std::vector<RigCapture> captures;
-  std::vector<RigCaptureOutcome> outcomes(rig.captures.size());
-  std::vector<RigCaptureResult> results;
-  for (const RigRecording& recording : rig.captures) {
+void PlaceCaptures(const Dataset& rig, const std::map<std::string, size_t>& place_of, RunOutput* output) {
+  Problem& problem = output->calibration.problem;
+  std::vector<ProblemCapture> captures;
+  std::vector<CaptureOutcome> outcomes(rig.captures.size());
+  std::vector<CapturePoses> results;
+  for (const Recording& recording : rig.captures) {
     captures.push_back({recording.name, recording.base_from_gripper, {}});
     captures.back().effects.resize(rig.rig.robots.size());
     results.push_back({recording.name, recording.base_from_gripper, {}});
@@ -116,28 +116,28 @@ void PlaceCaptures(const RigDataset& rig, const std::map<std::string, size_t>& p
 }
 
 // Gives the parts and captures of a run the names and places that they have in the rig.
-RigRunOutput PlacedInRig(const RigDataset& rig, const RunOutput& run) {
-  RigRunOutput output = AsRigRunOutput(run, run.result);
+RunOutput PlacedInDataset(const Dataset& rig, const PairRunOutput& run) {
+  RunOutput output = AsRunOutput(run, run.result);
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < rig.captures.size(); ++i) place_of[rig.captures[i].name] = i;
-  for (RigDetection& detection : output.detections) {
+  for (TargetDetection& detection : output.detections) {
     detection.capture = place_of.at(run.dataset.captures[detection.capture].name);
   }
   PlaceCaptures(rig, place_of, &output);
-  RigCalibration& calibration = output.calibration;
-  RigProblem named = rig.rig;
+  Calibration& calibration = output.calibration;
+  Problem named = rig.rig;
   named.targets.front().symmetries = rig.targets.front()->Symmetries();
   NameParts(named, run.calibration, &calibration.problem);
-  calibration.refined->covariance.layout = RigUnknowns(calibration.problem);
+  calibration.refined->covariance.layout = UnknownsOf(calibration.problem);
   calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
   calibration.start = HandEyePosesOf(run.result.estimates.back().hand_eye);
-  RigPair& pair = calibration.pairs.emplace_back();
+  CalibratedPair& pair = calibration.pairs.emplace_back();
   pair.robot = 0;
   pair.num_images = static_cast<int>(run.calibration.views.size() + run.calibration.unused.size());
   pair.calibration = run.calibration;
 
-  RigResult& result = output.result;
+  RunResult& result = output.result;
   NameParts(named, run.calibration, &result.rig);
   // The basis of smooth errors is not written.
   const bool is_smooth = run.calibration.refined->shared_effects != nullptr &&
@@ -145,38 +145,38 @@ RigRunOutput PlacedInRig(const RigDataset& rig, const RunOutput& run) {
   if (is_smooth) result.rig.effects.clear();
   result.solution = WithEffectsOf(result.rig, *calibration.refined);
   result.solution.captures.clear();
-  for (RigImageResult& image : result.images) {
+  for (ImageResult& image : result.images) {
     image.camera = named.cameras.front().name;
     image.image = rig.captures[place_of.at(image.capture)].images.front().filename().string();
-    for (RigTargetInImage& target : image.targets) target.target = named.targets.front().name;
+    for (TargetInImage& target : image.targets) target.target = named.targets.front().name;
   }
   return output;
 }
 
 }  // namespace
 
-bool IsSinglePair(const RigDataset& dataset) {
-  const RigProblem& rig = dataset.rig;
+bool IsSinglePair(const Dataset& dataset) {
+  const Problem& rig = dataset.rig;
   return rig.cameras.size() == 1 && rig.targets.size() == 1 && rig.robots.size() == 1 &&
          MovesAgainst(rig.cameras.front().mount, rig.targets.front().mount);
 }
 
-Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
-  const Outcome<RunOutput> run = Run(DatasetOfPair(dataset), OptionsOfPair(dataset, options), observer);
+Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+  const Outcome<PairRunOutput> run = Run(DatasetOfPair(dataset), OptionsOfPair(dataset, options), observer);
   if (!run) return run.failure();
-  return PlacedInRig(dataset, *run);
+  return PlacedInDataset(dataset, *run);
 }
 
-RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result) {
-  const Solution& solution = *run.calibration.refined;
-  RigRunOutput whole;
-  whole.result = AsRigResult(result);
-  whole.dataset = AsRigDataset(run.dataset);
-  whole.detections = InRig(run.detections);
-  RigProblem& problem = whole.calibration.problem;
+RunOutput AsRunOutput(const PairRunOutput& run, const PairResult& result) {
+  const PairSolution& solution = *run.calibration.refined;
+  RunOutput whole;
+  whole.result = AsRunResult(result);
+  whole.dataset = AsDataset(run.dataset);
+  whole.detections = AsTargetDetections(run.detections);
+  Problem& problem = whole.calibration.problem;
   problem = HandEyeProblem(result.setup, solution);
-  RigSolution refined = ProblemSolution(solution);
-  const std::vector<RigCaptureOutcome> of_views = std::exchange(refined.captures, {});
+  Solution refined = ProblemSolution(solution);
+  const std::vector<CaptureOutcome> of_views = std::exchange(refined.captures, {});
   refined.captures.resize(run.dataset.captures.size());
   std::vector<std::shared_ptr<const PoseEffect>> effects;  // Functions of all effects, estimated or not.
   for (const Capture& capture : run.dataset.captures) {

@@ -3,19 +3,19 @@
 #pragma once
 
 #include "heba/base/error.h"
-#include "heba/rig_run_types.h"
+#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
 
 // Returns whether a rig is one camera and one target that its only arm moves against each other.
-bool IsSinglePair(const RigDataset& dataset);
+bool IsSinglePair(const Dataset& dataset);
 
-// Runs such a rig (heba/run.h). The result lacks what RigDataset::left_out and RigDataset::truth add to it.
-Outcome<RigRunOutput> RunSinglePair(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer);
+// Runs such a rig (heba/pair_run.h). The result lacks what Dataset::left_out and Dataset::truth add to it.
+Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& options, RunObserver* observer);
 
 // Returns the run of a single camera, which must have a refined estimate, as that of a rig whose parts have no names.
-// `result` is that of the run; a caller may have added to it. The captures are those of RunOutput::dataset.
-RigRunOutput AsRigRunOutput(const RunOutput& run, const RunResult& result);
+// `result` is that of the run; a caller may have added to it. The captures are those of PairRunOutput::dataset.
+RunOutput AsRunOutput(const PairRunOutput& run, const PairResult& result);
 
 }  // namespace heba

@@ -94,7 +94,7 @@ std::optional<StandInErrors> StandInFor(const std::vector<Rigid3d>& poses) {
 
 }  // namespace
 
-std::vector<Eigen::VectorXd> ChangesByUnknownArms(const RigProblem& problem, const RigSolution& solution) {
+std::vector<Eigen::VectorXd> ChangesByUnknownArms(const Problem& problem, const Solution& solution) {
   std::vector<Eigen::VectorXd> changes;
   for (const size_t robot : MovingRobots(problem)) {
     const SharedEffects* const effects = EffectsOf(problem, robot);

@@ -5,8 +5,8 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 
@@ -14,6 +14,6 @@ namespace heba {
 // (solvers/calibration/unseen_errors.h), for every arm of which smooth errors are part of the solution. The stand-in is
 // a UR5e, made as large as the poses need, with one sigma of .05 deg of the offsets of its joints, .3 mm of its lengths
 // and .03 deg of its angles, whose ratios count and not their sizes. `problem` holds the points that the solution used.
-std::vector<Eigen::VectorXd> ChangesByUnknownArms(const RigProblem& problem, const RigSolution& solution);
+std::vector<Eigen::VectorXd> ChangesByUnknownArms(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

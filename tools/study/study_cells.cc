@@ -119,7 +119,7 @@ class Content {
 
 void AddScene(const StudyCell& cell, Content* content) {
   for (const std::string& robot : cell.problem.robots) content->Add(robot);
-  for (const RigCamera& camera : cell.problem.cameras) {
+  for (const ProblemCamera& camera : cell.problem.cameras) {
     content->Add(camera.name + " " + MountText(cell.problem, camera));
     content->Add(camera.mount);
     content->Add(camera.camera);
@@ -189,7 +189,7 @@ Json ResultJson(const CellResult& result) {
   return json;
 }
 
-CellResult ReadResult(const JsonReader& reader, int cell, StudyLabels labels) {
+CellResult ReadPairResult(const JsonReader& reader, int cell, StudyLabels labels) {
   CellResult result;
   result.cell = cell;
   result.labels = std::move(labels);
@@ -229,7 +229,7 @@ std::optional<std::vector<CellResult>> StudyCells::Find(int cell) const {
     if (reader.Get("made_from").Text() != MadeFrom(study_, cell)) return std::nullopt;
     std::vector<CellResult> results;
     for (const JsonReader& result : reader.Get("results").List()) {
-      results.push_back(ReadResult(result, cell, study_.labels[static_cast<size_t>(cell)]));
+      results.push_back(ReadPairResult(result, cell, study_.labels[static_cast<size_t>(cell)]));
     }
     return results;
   } catch (const InputError&) {

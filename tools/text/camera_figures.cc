@@ -31,8 +31,8 @@ CameraFigures FiguresOf(const Estimate* estimate) {
   return figures;
 }
 
-CameraFigures FiguresOf(const RigResult& result, size_t camera) {
-  const RigErrors& errors = result.errors[camera];
+CameraFigures FiguresOf(const RunResult& result, size_t camera) {
+  const CameraErrors& errors = result.errors[camera];
   CameraFigures figures;
   figures.reprojection_rms_px = errors.reprojection_rms_px;
   figures.holdout_rms_px = errors.holdout_rms_px;

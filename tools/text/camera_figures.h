@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
@@ -29,7 +29,7 @@ struct CameraFigures {
 // Returns no figures for null.
 CameraFigures FiguresOf(const Estimate* estimate);
 // Returns those of one camera of a rig. The sigmas are those of its pose in its mount.
-CameraFigures FiguresOf(const RigResult& result, size_t camera);
+CameraFigures FiguresOf(const RunResult& result, size_t camera);
 
 // Sets the sigmas by the covariance of the camera's pose (m, rad); nothing if the pose was held.
 void SetSigmas(const std::optional<Eigen::Matrix<double, 6, 6>>& covariance, CameraFigures* figures);

@@ -54,14 +54,14 @@ std::string_view DecisionOf(const SessionCheck& check) {
   return check.has_changed || IsMisfit(check) ? "moved" : "holds";
 }
 
-std::string_view SideOf(const RigProblem& rig, const SessionChange& change) {
+std::string_view SideOf(const Problem& rig, const SessionChange& change) {
   if (change.part == ChangedPart::kLens) return "";
   const Mount& mount =
       change.part == ChangedPart::kCamera ? rig.cameras[change.index].mount : rig.targets[change.index].mount;
   return mount.part == Mount::Part::kGripper ? "hand" : "world";
 }
 
-std::string PartText(const RigProblem& rig, const SessionChange& change) {
+std::string PartText(const Problem& rig, const SessionChange& change) {
   if (change.part == ChangedPart::kTarget) {
     const std::string& name = rig.targets[change.index].name;
     return name.empty() ? "the target" : "target " + name;
@@ -76,7 +76,7 @@ bool IsToldFrom(const SessionChange& likely, const SessionChange& other) {
   return 0.5 * (other.rank - likely.rank) > kLogRatio;
 }
 
-std::string ChangeText(const RigProblem& rig, const SessionCheck& check) {
+std::string ChangeText(const Problem& rig, const SessionCheck& check) {
   if (IsUnexplained(check) && !IsMisfit(check)) {
     return "no change of one part explains the images, which differ " + Significant(check.unexplained_ratio, 2) +
            " times as much as the calibration allows: poses that belong to other images, poses in other units, or "
@@ -100,7 +100,7 @@ std::string ChangeText(const RigProblem& rig, const SessionCheck& check) {
   return text;
 }
 
-std::string CheckText(const RigProblem& rig, const SessionCheck& check) {
+std::string CheckText(const Problem& rig, const SessionCheck& check) {
   const std::string images = std::to_string(check.num_images) + (check.num_images == 1 ? " image" : " images");
   std::string text = std::string(DecisionOf(check)) + ": ";
   if (DecisionOf(check) == "holds") {

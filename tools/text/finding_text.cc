@@ -723,7 +723,7 @@ void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys) {
   for (Finding& finding : *findings) Describe(&finding, keys);
 }
 
-void Describe(RunResult* result, ConfigKeys keys) {
+void Describe(PairResult* result, ConfigKeys keys) {
   const auto describe = [&](Failure* reason) { reason->text = FailureText(*reason, keys); };
   for (Estimate& estimate : result->estimates) describe(&estimate.reason);
   for (ModelEntry& entry : result->model.alternatives) describe(&entry.reason);
@@ -731,7 +731,7 @@ void Describe(RunResult* result, ConfigKeys keys) {
   DescribeAll(&result->verdict.findings, keys);
 }
 
-void Describe(RigResult* result, ConfigKeys keys) {
+void Describe(RunResult* result, ConfigKeys keys) {
   for (size_t r = 0; r < result->arms.size(); ++r) {
     if (!result->arms[r]) continue;
     Failure& reason = result->arms[r]->reason;

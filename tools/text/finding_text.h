@@ -7,7 +7,7 @@
 
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "tools/text/config_setting.h"
 #include "tools/text/failure_text.h"
 
@@ -32,7 +32,7 @@ void Describe(Finding* finding, ConfigKeys keys = ConfigKeys::kNamed);
 void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys = ConfigKeys::kNamed);
 
 // Set the texts of the findings of a verdict, and of the failures in its result.
+void Describe(PairResult* result, ConfigKeys keys = ConfigKeys::kNamed);
 void Describe(RunResult* result, ConfigKeys keys = ConfigKeys::kNamed);
-void Describe(RigResult* result, ConfigKeys keys = ConfigKeys::kNamed);
 
 }  // namespace heba

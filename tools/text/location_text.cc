@@ -32,14 +32,14 @@ std::string DifferenceText(const Rigid3d& a, const Rigid3d& b) {
 }
 
 // Returns " along the base's x, y, z".
-std::string AlongWorld(const RigProblem& rig) { return " along the " + WorldName(rig) + "'s x, y, z"; }
+std::string AlongWorld(const Problem& rig) { return " along the " + WorldName(rig) + "'s x, y, z"; }
 
 // Returns " of the arm NAME"; empty if it has no name.
-std::string OfArm(const RigProblem& rig, size_t robot) {
+std::string OfArm(const Problem& rig, size_t robot) {
   return rig.robots[robot].empty() ? "" : " of the arm " + rig.robots[robot];
 }
 
-std::vector<std::string> NamesOf(const RigProblem& rig, const std::vector<size_t>& cameras) {
+std::vector<std::string> NamesOf(const Problem& rig, const std::vector<size_t>& cameras) {
   std::vector<std::string> names;
   for (const size_t camera : cameras) names.push_back(rig.cameras[camera].name);
   return names;
@@ -48,7 +48,7 @@ std::vector<std::string> NamesOf(const RigProblem& rig, const std::vector<size_t
 // Returns a line for each arm with estimated errors that carries one of the cameras: how they corrected its pose, or
 // why they did not.
 std::string ArmPosesText(const LocationRequest& request) {
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   std::string text;
   for (size_t r = 0; r < request.arms.size(); ++r) {
     const RobotSummary* const arm = FindEstimatedArm(result, r);
@@ -91,7 +91,7 @@ std::string InEachConfiguration(const std::string& of_arm, const Reach& reach) {
 }
 
 // Returns lines on the pose to command so that the gripper of an arm truly reaches the target.
-std::string ReachText(const RigProblem& rig, const Reach& reach) {
+std::string ReachText(const Problem& rig, const Reach& reach) {
   const std::string of_arm = OfArm(rig, reach.robot);
   std::string text;
   if (reach.command && !reach.command->reason.empty()) {
@@ -111,7 +111,7 @@ std::string ReachText(const RigProblem& rig, const Reach& reach) {
 }
 
 // `has_grasp`: whether the postures bring a tool to a grasp, instead of the flange to the target.
-std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostures>& all, bool has_grasp = false) {
+std::string PosturesText(const Problem& rig, const std::vector<ReachingPostures>& all, bool has_grasp = false) {
   const std::string what = has_grasp ? "the gripper's, with the tool at the grasp" : "the target's";
   std::string text;
   for (const ReachingPostures& postures : all) {
@@ -138,14 +138,14 @@ std::string PosturesText(const RigProblem& rig, const std::vector<ReachingPostur
 }
 
 // Returns ": [x, y, z] mm in the base; one sigma ...".
-std::string PointText(const RigProblem& rig, const LocatedPoint& point) {
+std::string PointText(const Problem& rig, const LocatedPoint& point) {
   const Eigen::Vector3d mm = 1000 * point.in_world;
   return ": [" + Fixed(mm.x(), 3) + ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the " +
          WorldName(rig) + "; one sigma " + SigmasText(point.covariance);
 }
 
 std::string PixelsText(const LocationRequest& request, const ImageLocation& location) {
-  const RigProblem& rig = request.result->rig;
+  const Problem& rig = request.result->rig;
   std::string text = (location.image.empty() ? "pixels" : location.image) + ":\n" + ArmPosesText(request);
   for (const PixelPosition& position : location.pixels) {
     const std::string& camera = rig.cameras[position.pixel.camera].name;
@@ -178,7 +178,7 @@ std::string NearFault(const NearPoses& near) {
 }
 
 // Returns lines on the sigmas of a target's centre and of its rotation.
-std::string SigmaLines(const RigResult& result, const LocatedTarget& located) {
+std::string SigmaLines(const RunResult& result, const LocatedTarget& located) {
   return "  one sigma of its centre," + AlongWorld(result.rig) + ": " + SigmasText(located.covariance) +
          "\n  one sigma of its rotation about the same axes: " +
          Listed(RadToDeg(1) * SigmasOf(result.solution, located).total.rotation_rad) + " deg\n";
@@ -186,7 +186,7 @@ std::string SigmaLines(const RigResult& result, const LocatedTarget& located) {
 
 // Returns lines on the gripper with the tool at the grasp.
 std::string GraspText(const LocationRequest& request, const LocatedTarget& located) {
-  const RigProblem& rig = request.result->rig;
+  const Problem& rig = request.result->rig;
   const Eigen::Vector3d sigmas_mm =
       1000 * CovarianceOfPoint(located, request.target_from_grasp.translation).diagonal().cwiseSqrt();
   return "  " + WorldName(rig) + "_from_gripper with the tool at the grasp: " +
@@ -198,7 +198,7 @@ std::string GraspText(const LocationRequest& request, const LocatedTarget& locat
 // camera.
 std::string TargetText(const LocationRequest& request, const std::string& image, const TargetLocation& location) {
   if (location.possible.empty()) return "";
-  const RigResult& result = *request.result;
+  const RunResult& result = *request.result;
   const std::string& name = result.rig.targets[location.target].name;
   const std::string from_target = "  " + WorldName(result.rig) + "_from_target ";
   const LocatedTarget& first = location.possible.front().located;
@@ -229,8 +229,8 @@ std::string TargetText(const LocationRequest& request, const std::string& image,
   return text + SigmaLines(result, first);
 }
 
-std::string ContradictionText(const RigProblem& rig, const TargetLocation& location) {
-  const RigContradiction& contradiction = *location.contradiction;
+std::string ContradictionText(const Problem& rig, const TargetLocation& location) {
+  const LocationContradiction& contradiction = *location.contradiction;
   const std::string difference = contradiction.difference ? DifferenceText(Rigid3d(), *contradiction.difference) : "";
   const std::string cause =
       "; the images or the poses of the arms are not those of one moment, or a camera has moved since the calibration";
@@ -245,7 +245,7 @@ std::string ContradictionText(const RigProblem& rig, const TargetLocation& locat
 // Returns why none of the poses that fit is chosen.
 std::string UndecidedText(const LocationRequest& request, const TargetLocation& location) {
   if (location.near) return NearFault(*location.near);
-  const RigProblem& rig = request.result->rig;
+  const Problem& rig = request.result->rig;
   const std::string num_poses = std::to_string(location.possible.size());
   return SymmetryText(location.possible.size()) + ", so " + num_poses + " poses fit " +
          (IsSingleCamera(rig) ? "an image" : "the images") + " equally well; " + request.near_form + ", a rough " +
@@ -254,7 +254,7 @@ std::string UndecidedText(const LocationRequest& request, const TargetLocation& 
 
 }  // namespace
 
-std::string WorldName(const RigProblem& rig) { return IsSingleCamera(rig) ? "base" : "world"; }
+std::string WorldName(const Problem& rig) { return IsSingleCamera(rig) ? "base" : "world"; }
 
 std::string LocationText(const LocationRequest& request, const ImageLocation& location) {
   if (!location.fault.empty()) return "";
@@ -271,7 +271,7 @@ std::string LocationText(const LocationRequest& request, const ImageLocation& lo
 
 std::string TargetFault(const LocationRequest& request, const TargetLocation& location) {
   if (location.chosen) return "";
-  const RigProblem& rig = request.result->rig;
+  const Problem& rig = request.result->rig;
   const std::string& name = rig.targets[location.target].name;
   return (name.empty() ? "" : "target " + name + ": ") + (location.contradiction ? ContradictionText(rig, location)
                                                           : location.possible.empty()

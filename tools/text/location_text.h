@@ -10,7 +10,7 @@
 namespace heba {
 
 // Returns what the world is called: "base" for a single camera, "world" for several.
-std::string WorldName(const RigProblem& rig);
+std::string WorldName(const Problem& rig);
 
 // Describes what the images of one moment show; lists all possible poses of a target if none is chosen. Empty if
 // nothing is located.

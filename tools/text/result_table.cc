@@ -54,7 +54,7 @@ std::string FigureTable(const std::string& begin, const std::string& below, Colu
   return table;
 }
 
-std::string MethodsTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+std::string MethodsTable(const PairResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const Columns columns = {{"in-sample", "px rms", 9, 3, &CameraFigures::reprojection_rms_px},
                            {"hold-out", "px rms", 9, 3, &CameraFigures::holdout_rms_px},
                            {"hold-out", "mm rms", 9, 3, &CameraFigures::holdout_target_mm},
@@ -77,7 +77,7 @@ std::string MethodsTable(const RunResult& result, Colour colour, const std::vect
   return table;
 }
 
-std::string CamerasTable(const RigResult& result, Colour colour) {
+std::string CamerasTable(const RunResult& result, Colour colour) {
   constexpr size_t kImagesWidth = 9;
   const Columns columns = {{"in-sample", "px rms", 11, 3, &CameraFigures::reprojection_rms_px},
                            {"hold-out", "px rms", 10, 3, &CameraFigures::holdout_rms_px},
@@ -122,7 +122,7 @@ std::string PoseLines(const std::string& title, const Rigid3d& pose, const std::
 }
 
 // Returns the line of a camera's focal lengths and principal point. The distortion is in the report and in result.json.
-std::string IntrinsicsLine(const RigCamera& camera, const Camera& intrinsics, const Covariance& covariance) {
+std::string IntrinsicsLine(const ProblemCamera& camera, const Camera& intrinsics, const Covariance& covariance) {
   constexpr size_t kFocalAndCentre = 4;
   const std::vector<std::string>& names = intrinsics.Model().param_names();
   const size_t count = std::min(kFocalAndCentre, names.size());
@@ -140,9 +140,9 @@ std::string IntrinsicsLine(const RigCamera& camera, const Camera& intrinsics, co
 }
 
 // Returns the lines of the poses of cameras, targets and arms, and of those between cameras.
-std::string PosesText(const RigResult& result) {
-  const RigProblem& rig = result.rig;
-  const RigPoses& poses = result.solution.poses;
+std::string PosesText(const RunResult& result) {
+  const Problem& rig = result.rig;
+  const CellPoses& poses = result.solution.poses;
   const Covariance& covariance = result.solution.covariance;
   std::string text;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -171,7 +171,7 @@ constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeWord
     "scale x", "scale y", "bend x", "bend y", "twist", "cubic xxx", "cubic xxy", "cubic xyy", "cubic yyy"};
 
 // Describes the target's shape; empty if it was not estimated.
-std::string ShapeLine(const RigTarget& target, const TargetShape& shape, const Covariance& covariance) {
+std::string ShapeLine(const ProblemTarget& target, const TargetShape& shape, const Covariance& covariance) {
   std::vector<std::string> parts;
   for (size_t i = 0; i < TargetShape::kNumParams; ++i) {
     const std::optional<double> sigma =
@@ -211,8 +211,8 @@ std::string FindingLines(const Verdict& verdict, const std::optional<std::string
 }
 
 // Returns the lines of the noise, the shape and the findings of a rig.
-std::string ModelLines(const RigResult& result) {
-  const RigSolution& solution = result.solution;
+std::string ModelLines(const RunResult& result) {
+  const Solution& solution = result.solution;
   std::string lines;
   for (size_t r = 0; r < result.rig.robots.size(); ++r) {
     if (solution.robot_noise[r]) {
@@ -229,8 +229,8 @@ std::string ModelLines(const RigResult& result) {
 }
 
 // The same of a single camera, whose pixel noise has no column.
-std::string ModelLines(const RunResult& result, const Estimate& refined) {
-  const Solution& solution = *refined.solution;
+std::string ModelLines(const PairResult& result, const Estimate& refined) {
+  const PairSolution& solution = *refined.solution;
   std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px per coordinate";
   if (solution.robot_noise) line += ", robot noise " + RobotNoiseText(*solution.robot_noise, solution.smooth_noise);
   if (refined.errors.holdout_chi2) line += "; " + ChiSquareText(refined.errors.holdout_chi2);
@@ -239,7 +239,7 @@ std::string ModelLines(const RunResult& result, const Estimate& refined) {
 
 }  // namespace
 
-std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+std::string ResultTable(const PairResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const std::string table = Title(result.name,
                                   std::string(SetupName(result.setup)) + ", " +
                                       (result.target_type.empty() ? "poses of the target" : result.target_type) + ", " +
@@ -262,7 +262,7 @@ std::string ResultTable(const RunResult& result, Colour colour, const std::vecto
   return found == nullptr ? table : table + pose_lines(" (" + found->method + ")", *found, nullptr);
 }
 
-std::string ResultTable(const RigResult& result, Colour colour) {
+std::string ResultTable(const RunResult& result, Colour colour) {
   const auto count = [](size_t number, const std::string& what) {
     return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
   };

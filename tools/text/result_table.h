@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -15,8 +15,8 @@ namespace heba {
 
 // The table is that of the methods, closed-form and refined. `asked_for`: the methods that the config names, which are
 // listed even if they do not suit the motion.
-std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for = {});
+std::string ResultTable(const PairResult& result, Colour colour, const std::vector<std::string>& asked_for = {});
 // The table is that of the cameras; the poses are those of cameras, targets and arms, and those between cameras.
-std::string ResultTable(const RigResult& result, Colour colour);
+std::string ResultTable(const RunResult& result, Colour colour);
 
 }  // namespace heba

@@ -25,7 +25,7 @@ std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vect
   return names_of;
 }
 
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const PairResult& result,
                                                                       const std::vector<std::string>& asked_for) {
   std::vector<NamedReason> methods;
   for (const Estimate& estimate : result.estimates) {
@@ -38,23 +38,23 @@ std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunR
   return GroupedByReason(methods);
 }
 
-int NumUsedCaptures(const RunResult& result) {
+int NumUsedCaptures(const PairResult& result) {
   return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
                                         [](const CaptureResult& capture) { return capture.used; }));
 }
 
-int NumUsedCaptures(const RigResult& result) {
+int NumUsedCaptures(const RunResult& result) {
   std::set<std::string> used;
-  for (const RigImageResult& image : result.images) {
+  for (const ImageResult& image : result.images) {
     if (image.used) used.insert(image.capture);
   }
   return static_cast<int>(used.size());
 }
 
-std::pair<int, int> CountImages(const RigResult& result, const std::string& camera) {
+std::pair<int, int> CountImages(const RunResult& result, const std::string& camera) {
   int used = 0;
   int all = 0;
-  for (const RigImageResult& image : result.images) {
+  for (const ImageResult& image : result.images) {
     if (image.camera != camera || !image.was_searched) continue;
     ++all;
     used += image.used ? 1 : 0;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
@@ -17,14 +17,14 @@ using NamedReason = std::pair<std::string, std::string>;
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named);
 // Groups the methods of a result that have no estimate. A method for a motion that was not made is left out unless it
 // is one of `asked_for`.
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const PairResult& result,
                                                                       const std::vector<std::string>& asked_for = {});
 
-int NumUsedCaptures(const RunResult& result);
+int NumUsedCaptures(const PairResult& result);
 // Returns how many captures of a rig have an image that was used.
-int NumUsedCaptures(const RigResult& result);
+int NumUsedCaptures(const RunResult& result);
 // Returns how many images of a camera were used, and how many there are.
-std::pair<int, int> CountImages(const RigResult& result, const std::string& camera);
+std::pair<int, int> CountImages(const RunResult& result, const std::string& camera);
 // Returns the largest sigma of a pose along and about its axes: m and rad.
 std::pair<double, double> LargestSigmas(const Eigen::Matrix<double, 6, 6>& covariance);
 

@@ -28,7 +28,7 @@ void ConsoleObserver::OnDetected(const LeftOutCaptures& left_out, int num_seen, 
   if (dataset_.target->Symmetries().size() > 1) Note(SymmetryRemark(*dataset_.target));
 }
 
-void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
+void ConsoleObserver::OnCalibrated(const PairCalibration& calibration) {
   if (!dataset_.target_poses.empty()) {
     Note(FailureText(calibration.refined.failure()));
     return;

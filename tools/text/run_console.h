@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -52,16 +52,16 @@ class SharedObserver final : public Shown {
 // Adds notes on the run to the console. `dataset` and `console` must outlive it.
 class ConsoleObserver : public ProgressObserver {
  public:
-  ConsoleObserver(const Dataset& dataset, Console* console)
+  ConsoleObserver(const PairDataset& dataset, Console* console)
       : ProgressObserver(console->verbosity()), dataset_(dataset), console_(console) {}
   void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override;
-  void OnCalibrated(const Calibration& calibration) override;
+  void OnCalibrated(const PairCalibration& calibration) override;
   void OnHoldOuts(const std::vector<HoldOut>& hold_outs) override;
 
  private:
   void Note(const std::string& text) { console_->Note(dataset_.name + ": " + text); }
 
-  const Dataset& dataset_;
+  const PairDataset& dataset_;
   Console* console_;
 };
 

@@ -9,13 +9,13 @@
 
 namespace heba {
 
-std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vector<RigDetection>& detections) {
+std::vector<std::string> DetectionNotes(const Dataset& data, const std::vector<TargetDetection>& detections) {
   std::vector<std::string> notes;
   for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
     for (size_t t = 0; t < data.targets.size(); ++t) {
       int num_seen = 0;
       int num_images = 0;
-      for (const RigDetection& detection : detections) {
+      for (const TargetDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
         ++num_images;
         num_seen += static_cast<int>(detection.detection.detection.ids.size()) >= kMinPosePoints ? 1 : 0;
@@ -27,19 +27,19 @@ std::vector<std::string> DetectionNotes(const RigDataset& data, const std::vecto
   return notes;
 }
 
-std::vector<std::string> LeftOutNotes(const std::vector<RigImageResult>& images) {
+std::vector<std::string> LeftOutNotes(const std::vector<ImageResult>& images) {
   // The images of one camera, in the order of the captures, that were left out for the same reasons.
   struct Group {
-    const RigImageResult* first = nullptr;
-    const RigImageResult* last = nullptr;
+    const ImageResult* first = nullptr;
+    const ImageResult* last = nullptr;
     std::map<std::string, std::set<std::string>> targets_of;  // By the reason; an empty one is that of used targets.
     int num_images = 0;
   };
   std::vector<Group> groups;
-  for (const RigImageResult& image : images) {
+  for (const ImageResult& image : images) {
     if (image.reason.empty() || image.targets.empty()) continue;
     std::map<std::string, std::set<std::string>> targets_of;
-    for (const RigTargetInImage& target : image.targets) targets_of[target.reason].insert(target.target);
+    for (const TargetInImage& target : image.targets) targets_of[target.reason].insert(target.target);
     const auto known = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
       return group.first->camera == image.camera &&
              std::equal(group.targets_of.begin(), group.targets_of.end(), targets_of.begin(), targets_of.end(),

@@ -8,15 +8,15 @@
 
 #include "heba/data/camera_prior.h"
 #include "heba/data/loss_kind.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/scale_sigmas.h"
-#include "heba/data/solution.h"
 
 namespace heba {
 
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
-  // The unknown parts of the target's shape; Problem::shape is the initial guess.
+  // The unknown parts of the target's shape; PairProblem::shape is the initial guess.
   std::vector<TargetShapeGroup> free_shape;
   LossKind loss = LossKind::kTruncated;
   // Sigma of one coordinate, px. Nothing: estimated from the residuals.
@@ -42,7 +42,7 @@ struct BundleOptions {
   // One sigma of the target's scales about 1 (TargetShape), as additional measurements; nothing: they are not known.
   // The scale of the target and the size of an arm have nearly the same effect on the images.
   std::optional<double> target_scale_sigma;
-  double known_target_scale_sigma = kTargetScaleSigma;  // RigTarget::known_scale_sigma.
+  double known_target_scale_sigma = kTargetScaleSigma;  // ProblemTarget::known_scale_sigma.
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 
@@ -51,7 +51,7 @@ struct BundleOptions {
 };
 
 // The options of the adjustment of a problem with several cameras, targets and arms, which says itself what is free.
-struct RigOptions {
+struct AdjustmentOptions {
   LossKind loss = LossKind::kTruncated;
   // Sigma of one coordinate of every camera, px. Nothing: estimated from the residuals, for each camera.
   std::optional<double> pixel_noise_px;

@@ -10,7 +10,7 @@
 
 #include "heba/adjustment_options.h"
 #include "heba/base/error.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 
 namespace heba {
 
@@ -31,6 +31,6 @@ namespace heba {
 // (solvers/uncertainty/robot_noise.h) are unknowns too, six per robot pose with the robot noise as their prior, and the
 // covariance is marginalised over them. The effects are unknowns of the covariance, with their standard deviations as
 // their priors.
-Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
+Outcome<PairSolution> RefineHandEye(const PairProblem& problem, const HandEye& start, const BundleOptions& options);
 
 }  // namespace heba

@@ -1,96 +1,46 @@
-// Runs the whole calibration, from views to a refined result: camera (if none is given), target poses, closed-form
-// methods, seed, bundle adjustment.
+// Runs the whole calibration of any number of cameras, targets and arms, from detected points to a refined result:
+// cameras (if they are not given), a calibration of every pair of a camera and a target, their joint start, outliers,
+// adjustment.
 //
-//   heba::CalibrationOptions options;
-//   options.setup = heba::Setup::kEyeInHand;
-//   options.width_px = 1280;
-//   options.height_px = 960;
-//   const heba::Outcome<heba::Calibration> calibration = heba::Calibrate(views, options);
-//   if (calibration && calibration->refined) Use(calibration->refined->hand_eye, calibration->refined->covariance);
+//   const heba::Outcome<heba::Calibration> calibration = heba::Calibrate(problem, heba::CalibrationOptions());
+//   if (calibration && calibration->refined) Use(calibration->refined->poses, calibration->refined->covariance);
 #pragma once
 
-#include <memory>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "heba/base/error.h"
 #include "heba/calibration_types.h"
-#include "heba/robot_errors.h"
+#include "heba/data/problem.h"
+#include "heba/evaluation/finding.h"
 
 namespace heba {
 
-// Calibrates from views. Captures that contradict the others (solvers/calibration/capture_rejection.h) are listed in
-// Calibration::unused and used by no method, unless the loss is `none`, which rejects nothing. Captures without any
-// point that agrees with the estimate are listed there too. The error model is chosen on the remaining captures and
-// points (solvers/calibration/model_choice.h). Points and captures are then judged again under the chosen model, and a
-// capture that it explains is taken back. Returns a Failure if no camera can be estimated; the Failure of a refinement
-// is in Calibration::refined.
-Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
-
-// Calibrates from some of the views that a calibration used (Calibration::views), with the model and the intrinsics
-// that it chose and the points that it used; its estimate is where the refinement starts. No capture is judged again.
-// The closed forms know nothing of that calibration but the camera from which the intrinsics, if they are not given,
-// are estimated. Returns a Failure if the camera cannot be estimated; the Failure of the refinement is in
+// Calibrates all cameras, targets and arms of a problem together. A pair that one arm moves is calibrated by itself
+// first (CalibratePair); the results are joined over a spanning tree of the best determined ones, together with pairs
+// that nothing moves. Images that contradict the others, and captures of which the pose of an arm does, are listed in
+// `unused` and not used, unless the loss is `none`.
+//
+// Returns a Failure, in words, if a camera cannot be estimated, if all images of a camera belong to other captures, or
+// if a camera, target or arm is not joined to the others by any image. The Failure of the adjustment is in
 // Calibration::refined.
-Outcome<Calibration> CalibratePart(const Calibration& full, const std::vector<View>& part,
-                                   const CalibrationOptions& options);
+Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options);
 
-// Errors of the robot that are searched for after a calibration without them.
-struct RobotErrors {
-  RigArmErrors arm;  // Its effects are those of the captures View::capture. Without models and joints: no arm is known.
-  // Errors that vary smoothly with the pose, of an arm of which no others are estimated.
-  SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
-};
+// Returns a finding `held_intrinsics`, and the change of the estimate, for each camera whose intrinsics were held and
+// contradict the images and the poses of the arms, by a joint F-test of their changes in an adjustment that frees them,
+// with all images of the camera: wrong intrinsics make images outliers. Cameras that no arm moves against a target, and
+// those whose intrinsics cannot be freed, have none. `problem` is the one that was calibrated.
+Advice DiagnoseHeldIntrinsics(const Problem& problem, const Calibration& calibration, const AdjustmentOptions& options);
 
-struct RobotErrorsFound {
-  Calibration calibration;          // The given one if there are no errors.
-  CalibrationOptions options;       // The calibration was made with these.
-  std::optional<RigArmChoice> arm;  // Nothing if the arm is not known.
-  std::optional<RigSmoothErrors> smooth;
-};
+// Returns the findings about a calibration whose adjustment succeeded: cameras that were moved during the captures, and
+// arms whose poses have smooth errors. `problem` is the one that was calibrated.
+std::vector<Finding> DiagnoseCalibration(const Problem& problem, const Calibration& calibration);
 
-// Continues a calibration whose refinement succeeded with the search for errors of the robot
-// (solvers/calibration/model_search.h). `options` are those of that calibration. The lens, the shape of the target, the
-// noise of the robot and the captures that are left out are chosen again with them.
-RobotErrorsFound CalibrateRobotErrors(const Calibration& before, const CalibrationOptions& options,
-                                      const RobotErrors& errors);
-
-struct PoseCalibrationOptions {
-  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
-  std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed: the smallest scatter of the target.
-  Setup setup = Setup::kEyeToHand;
-  // Whether the noise of the robot's poses is estimated. Otherwise the robot is exact, and the errors of the poses of
-  // the target are the only ones.
-  bool has_robot_noise = false;
-  // The systematic errors of the robot among which is chosen, each containing those before it; needs `has_robot_noise`.
-  std::vector<std::shared_ptr<const SharedEffects>> effects;
-  bool must_have_effects = false;  // Whether the last of `effects` is estimated without a choice.
-};
-
-// Calibrates from poses of the target alone (`pairs`): sets `methods`, `seed`, `chain`, the refinement of the poses
-// from the seed, and `alternatives`, if a model was chosen: the simplest one that is not rejected against the largest
-// by their restricted likelihoods. `refined` becomes a Failure that names the missing measurements.
-void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration);
-
-// Returns the configuration of an arm in each pair, an index into RigArmErrors::effects_of_captures: one for all, or
-// one for each pair (solvers/calibration/posture_choice.h), of the largest restricted likelihood
-// times prior. Each pair must have an effect in one of them. Nothing if no choice can be fitted.
-std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
-                                                             const HandEye& start, const RigArmErrors& arm);
-
-// Adds to a covariance what wrong held parts do to the estimate: the square of each change, as of an error whose sign
-// is not known. Captures share such an error, so that more of them do not reduce it.
-void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance);
-
-// Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen
-// model, how a given camera was used, the errors that its fixed parts hide, and which part of the result has the
-// largest uncertainty. Calibrate does not call it, because cross-validation folds and study trials need no findings.
-Advice Advise(const Calibration& calibration, const CalibrationOptions& options);
-
-// Returns the influence of each used view on a calibration whose refinement succeeded
-// (solvers/calibration/influence.h).
-std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
-                                                            const CalibrationOptions& options);
+// Returns a finding `weak_direction` for each camera of a calibration whose adjustment succeeded. It has a part
+// `weak_direction_of` for each direction of the camera's pose or intrinsics, and of the targets' poses if there is one
+// camera, whose sigma exceeds what a robot cell usually needs; if there is none, the finding is good and has the
+// direction that comes next. The part `suggested_captures` has the two captures that reduce the sigma of the first
+// direction most, unless none reduce it much. The candidates are motions of every target in every camera that an arm
+// moves, starting from a few of the captures; they count with everything that all cameras would see there.
+std::vector<Finding> DiagnoseWeakDirectionsOf(const Calibration& calibration);
 
 }  // namespace heba

@@ -1,110 +1,73 @@
-// The options of a calibration, and what comes out.
+// The options of the calibration of a rig, and what comes out.
 #pragma once
 
-#include <memory>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "heba/adjustment_options.h"
 #include "heba/base/error.h"
+#include "heba/data/problem.h"
 #include "heba/data/solution.h"
-#include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/finding.h"
-#include "heba/evaluation/metrics.h"
+#include "heba/pair_calibration_types.h"
 #include "heba/robot_errors.h"
 
 namespace heba {
 
-// The parts of the model that are to be chosen; the others are given by the options.
-struct AutoModel {
-  bool robot_noise = false;
-  bool target_shape = false;
-  // The systematic errors of the robot among which is chosen, each containing those before it; none may be chosen, too.
-  // If there are any, BundleOptions::effects is not used.
-  std::vector<std::shared_ptr<const SharedEffects>> effects = {};
-  // The cameras among which is chosen: initial guesses, each of another model, the smallest first. With fewer than two
-  // the model of the problem's camera holds.
-  std::vector<Camera> lenses = {};
-};
-
-// One of the camera models that were compared (solvers/calibration/model_choice.h).
-struct CameraAlternative {
-  std::string model;
-  double log_likelihood = 0;  // Up to a constant common to all models.
-  int dof = 0;                // Number of camera parameters.
-  // The probability, if this model is right, of the gain in likelihood of a larger model: the smallest over the larger
-  // models. Not set for the largest.
-  std::optional<double> p;
-  Failure reason = {};  // Why it was not a candidate; empty if it was.
-};
-
-// The seed that stands for the closed form with the lowest reprojection RMS over all captures.
-inline constexpr const char* kBestSeed = "best";
-
 struct CalibrationOptions {
-  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
-  std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
-  BundleOptions bundle;
-  // The parts of the model that are chosen from the captures instead of taken from `bundle` and `camera_model`. By
-  // default the parts of the error model are chosen and the camera model is not.
-  AutoModel choose = {true, true};
-  bool choose_camera_model = false;
-  Setup setup = Setup::kEyeToHand;
-  std::optional<Camera> camera;  // Estimated from the views if not given.
-  // An initial guess for that estimation, close to the solution. Without it the estimation starts from a closed form.
-  std::optional<Camera> camera_start;
-  std::string camera_model = "brown5";
-  int width_px = 0;
-  int height_px = 0;
-  // The target as designed (DesignedShape). A shape without a size is replaced by that of the views' points.
-  TargetShape shape;
-  // The motions that map the target to itself, the identity first.
-  std::vector<Rigid3d> symmetries = {Rigid3d()};
-  // Whether smooth errors that the captures show beside those of an arm are part of the covariance (Advise).
-  bool has_smooth_remainder = true;
+  AdjustmentOptions adjustment;
+  // For each camera, whether ProblemCamera::camera is given. Otherwise its size is, and its model unless that is to be
+  // chosen, for which it is empty. An empty list: none is given.
+  std::vector<bool> has_camera;
+  bool choose_target_shape = true;  // Otherwise ProblemTarget::free_shape holds.
+  // Errors of the arms' poses that vary smoothly with the pose. They need an estimated noise of the arms without a
+  // prior.
+  SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
+  // One for each arm, or an empty list: no arm is known. Errors of an arm need an estimated noise of the arms, too; an
+  // arm of which they are estimated has no smooth errors beside them.
+  std::vector<ArmErrorModels> arms = {};
 };
 
-struct MethodResult {
-  std::string method;
-  Outcome<HandEye> hand_eye = {};
-  // RMS over all used views; not set if the method failed or if a point has no image under its result.
-  std::optional<double> reprojection_rms_px;
+// The calibration of one pair of a camera and a target by itself, as of a single camera.
+struct CalibratedPair {
+  size_t camera = 0;
+  size_t target = 0;
+  // The arm that moves one against the other; nothing if none or two do.
+  std::optional<size_t> robot;
+  int num_images = 0;
+  Outcome<PairCalibration> calibration = {};
+};
+
+// An image that is not used; all images of the capture if `image` is not set.
+struct UnusedProblemImage {
+  size_t capture = 0;
+  std::optional<size_t> image;
+  std::string reason;  // One clause.
+};
+
+// A camera that was moved on its mount during the captures. The images of the shorter part, before or after the motion,
+// are not used.
+struct MovedCamera {
+  size_t camera = 0;
+  size_t last_capture = 0;            // The last capture before the motion that has an image of the camera.
+  size_t first_capture = 0;           // The first one after it.
+  Rigid3d before_from_after;          // The pose of the camera after the motion, in its pose before it.
+  std::vector<size_t> left_out = {};  // The captures whose images of the camera are not used, in their order.
 };
 
 struct Calibration {
-  Camera camera;  // Given or estimated; used by the closed forms.
-  bool camera_was_given = false;
-  // The options of the final refinement: CalibrationOptions::bundle with the chosen model.
-  BundleOptions bundle;
-  std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
-  // Why the captures do not determine the camera that the options ask for, so that a smaller model was estimated or
-  // intrinsics were held; empty if they do.
-  Failure reduced_camera;
-  std::vector<ModelAlternative> alternatives;  // The candidate error models; empty if there was only one.
-  // Number of captures that fail their test, but were kept: JudgedCaptures::num_kept_against_test.
-  int num_kept_against_test = 0;
-  // The views that were used, with their points in the reading order that was chosen among the target's symmetries.
-  // Pair i belongs to view i: the first views have a pose of their own and a pair. Views of fewer than four points
-  // come last and are used by the refinement only.
-  std::vector<View> views;
-  std::vector<PosePair> pairs;
-  std::vector<UnusedView> unused;
-  std::vector<View> left_out;  // The views of `unused` that contradict the others.
-  // The views that the refinement took points from, as they were before, so that another model can judge the points
-  // again.
-  std::vector<View> with_rejected;
-  std::vector<MethodResult> methods;
-  Outcome<Solution> chain = {};
-  std::string seed;  // The start that led to the refined result: a method, or one of solvers/calibration/multi_start.h.
+  // The problem that was solved: its cameras have their initial intrinsics, its targets the free parts of their shape
+  // that were chosen, its arms the effects that were chosen, and symmetric targets the reading order that was chosen.
+  // Images that are not used have no points.
+  Problem problem;
+  std::vector<CalibratedPair> pairs;
+  std::vector<UnusedProblemImage> unused;
+  std::vector<MovedCamera> moved;
+  std::vector<ArmErrorChoice> arms;  // One for each arm with models to choose from (CalibrationOptions::arms).
+  std::vector<AddedSmoothErrors> smooth_errors;
+  CellPoses start;
   Outcome<Solution> refined = {};
-};
-
-struct Advice {
-  std::vector<Finding> findings;
-  // Each change is that of the estimate, in the layout of its covariance, if held parts that contradict the captures
-  // were free (AddChanges).
-  std::vector<Eigen::VectorXd> changes;
 };
 
 }  // namespace heba

@@ -16,7 +16,7 @@
 #include "heba/base/error.h"
 #include "heba/camera/camera.h"
 #include "heba/data/loss_kind.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/data/target_shape.h"
 
 namespace heba {

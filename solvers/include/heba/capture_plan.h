@@ -22,9 +22,9 @@
 #include "heba/camera/camera.h"
 #include "heba/camera/camera_model.h"
 #include "heba/data/capture_role.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/setup.h"
-#include "heba/data/solution.h"
 
 namespace heba {
 

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/unknowns.h"
 #include "heba/geometry/rigid3.h"
 

@@ -48,7 +48,7 @@ struct ModelAlternative {
 enum class SmoothPoseErrors { kNone, kAuto, kAlways };
 
 // The errors of an arm's kinematics that may be estimated.
-struct RigArmErrors {
+struct ArmErrorModels {
   // The candidate models, each containing those before it; none if the arm is not known.
   std::vector<std::shared_ptr<const SharedEffects>> models;
   bool is_chosen = true;  // Whether the captures decide among them; otherwise the last is estimated.
@@ -72,7 +72,7 @@ struct RigArmErrors {
 RobotNoise WithJointNoise(const RobotNoise& noise, const std::vector<Matrix6X>& gripper_by_joints);
 
 // Errors of an arm's poses that vary smoothly with the pose and that are part of the solution.
-struct RigSmoothErrors {
+struct AddedSmoothErrors {
   size_t robot = 0;
   std::shared_ptr<const SmoothErrors> errors;
   RobotNoise noise_before;     // The noise of the arm without them.
@@ -84,9 +84,9 @@ struct RigSmoothErrors {
 };
 
 // The outcome of the choice among the models of an arm's errors.
-struct RigArmChoice {
+struct ArmErrorChoice {
   size_t robot = 0;
-  std::vector<size_t> branches = {};           // One per capture: index in RigArmErrors::effects_of_captures.
+  std::vector<size_t> branches = {};           // One per capture: index in ArmErrorModels::effects_of_captures.
   std::shared_ptr<const SharedEffects> model;  // The errors that are part of the solution; null if none are.
   Failure reason;                              // The reason why none are.
   std::optional<RobotNoise> noise_before;      // The noise of the arm without them, if it has any.

@@ -10,9 +10,9 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
 #include "heba/data/smooth_errors.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 
@@ -80,7 +80,6 @@ struct SessionCheck {
 //
 // Returns a Failure `no_target` if no image has points, `hidden_point` if one cannot be projected, and
 // `no_part_told` if the images say nothing about any part, as one image does with a target that was moved.
-Outcome<SessionCheck> CheckSession(const RigProblem& problem, const RigSolution& solution,
-                                   const SessionOptions& options);
+Outcome<SessionCheck> CheckSession(const Problem& problem, const Solution& solution, const SessionOptions& options);
 
 }  // namespace heba

@@ -1,7 +1,7 @@
 // Locates a target that an image shows, or a pixel on a plane, in the robot's base, and states how closely the gripper
 // reaches it. The world of the types is that base.
 //
-//   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
+//   const heba::PairResult result = heba::ReadPairResult("runs/cell/result.json");
 //   const heba::Solution& solution = *heba::FindRefined(result)->solution;
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
 //   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
@@ -17,8 +17,8 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/setup.h"
-#include "heba/data/solution.h"
 #include "heba/data/stated_pose.h"
 #include "heba/location_types.h"
 
@@ -28,14 +28,14 @@ namespace heba {
 // and with the effect of the robot's errors and the noise of its joints if the solution has estimated them, and the
 // identity for a stationary camera. Returns a Failure if the points do not determine a pose
 // (solvers/initial/target_pose.h).
-Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
+Outcome<LocatedTarget> LocateTarget(Setup setup, const PairSolution& solution, const Observations& observations,
                                     const StatedPose& camera_mount);
 
 // Locates a target that looks the same after each of `symmetries` (target_from_target, Target::Symmetries()): returns
 // one pose for each of them, all of which fit the same image. `observations` may have been read in any of these
 // orders. The result does not depend on the order: the pose whose x axis points most along the base's x axis comes
 // first. Returns a Failure if one of the poses cannot be determined.
-Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
+Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const PairSolution& solution,
                                                           const Observations& observations,
                                                           const std::vector<Rigid3d>& symmetries,
                                                           const StatedPose& camera_mount);
@@ -46,7 +46,7 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
 // do. `command` has the effect of the robot's errors if the solution has estimated them; the noise of the robot's pose
 // counts for the command, too. The frame of the gripper is that of the calibration: it includes what no captures
 // determine, such as an offset of the arm's last joint.
-PositionCovariance CovarianceOfReach(Setup setup, const Solution& solution, const LocatedTarget& located,
+PositionCovariance CovarianceOfReach(Setup setup, const PairSolution& solution, const LocatedTarget& located,
                                      const StatedPose& command,
                                      const Eigen::Vector3d& point_in_gripper = Eigen::Vector3d::Zero(),
                                      const Eigen::Vector3d& point_in_target = Eigen::Vector3d::Zero());
@@ -71,11 +71,11 @@ std::optional<size_t> FindMeantPose(const std::vector<Rigid3d>& possible, const 
 
 // Intersects the ray of `pixel` with `plane`, which counts as exact. Returns a Failure if they do not meet in front of
 // the camera.
-Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+Outcome<LocatedPoint> LocatePixel(Setup setup, const PairSolution& solution, const Eigen::Vector2d& pixel,
                                   const Plane& plane, const StatedPose& camera_mount);
 // Intersects the ray of `pixel` with the plane z = 0 of a target that the same image shows; the plane has the
 // uncertainty of the pose that the image shows.
-Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const PairSolution& solution, const Eigen::Vector2d& pixel,
                                           const Observations& observations, const StatedPose& camera_mount);
 
 }  // namespace heba

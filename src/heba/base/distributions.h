@@ -17,8 +17,8 @@ double FisherQuantile(double tail, double dof1, double dof2);
 
 // Returns the radius of the ball around the mean that contains a Gaussian point with probability `confidence`,
 // 0 < confidence < 1. The noise on which its covariance is based is known with `dof` degrees of freedom, such as
-// Solution::covariance_dof, which may be infinite. The squared distance is a weighted sum of chi-squares, approximated
-// by its first two moments (Satterthwaite 1946). Returns 0 for a covariance of zero.
+// PairSolution::covariance_dof, which may be infinite. The squared distance is a weighted sum of chi-squares,
+// approximated by its first two moments (Satterthwaite 1946). Returns 0 for a covariance of zero.
 double ConfidenceRadius(const Eigen::Matrix3d& covariance, double confidence, double dof);
 
 }  // namespace heba

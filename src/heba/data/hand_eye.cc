@@ -2,35 +2,35 @@
 
 namespace heba {
 
-RigProblem HandEyeProblem(Setup setup, const Camera& camera, const TargetShape& shape) {
+Problem HandEyeProblem(Setup setup, const Camera& camera, const TargetShape& shape) {
   const bool is_in_hand = setup == Setup::kEyeInHand;
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
-  RigProblem problem;
+  Problem problem;
   problem.robots = {""};
-  RigCamera& of_camera = problem.cameras.emplace_back();
+  ProblemCamera& of_camera = problem.cameras.emplace_back();
   of_camera.mount = is_in_hand ? gripper : base;
   of_camera.mount_name = CameraMountName(setup);
   of_camera.camera = camera;
-  RigTarget& target = problem.targets.emplace_back();
+  ProblemTarget& target = problem.targets.emplace_back();
   target.mount = is_in_hand ? base : gripper;
   target.mount_name = TargetMountName(setup);
   target.shape = shape;
   return problem;
 }
 
-RigProblem HandEyeProblem(Setup setup, const Solution& solution) {
-  RigProblem problem = HandEyeProblem(setup, solution.camera, solution.shape);
+Problem HandEyeProblem(Setup setup, const PairSolution& solution) {
+  Problem problem = HandEyeProblem(setup, solution.camera, solution.shape);
   if (solution.shared_effects != nullptr) problem.effects = {solution.shared_effects};
   return problem;
 }
 
-RigPoses HandEyePosesOf(const HandEye& hand_eye) {
+CellPoses HandEyePosesOf(const HandEye& hand_eye) {
   return {{hand_eye.camera_mount_from_camera}, {hand_eye.target_mount_from_target}, {Rigid3d()}};
 }
 
-RigSolution ProblemSolution(const Solution& solution) {
-  RigSolution whole;
+Solution ProblemSolution(const PairSolution& solution) {
+  Solution whole;
   whole.poses = HandEyePosesOf(solution.hand_eye);
   whole.cameras = {solution.camera};
   whole.shapes = {solution.shape};
@@ -45,7 +45,7 @@ RigSolution ProblemSolution(const Solution& solution) {
   }
   whole.smooth_noise = {solution.smooth_noise};
   for (const ViewOutcome& view : solution.views) {
-    RigCaptureOutcome& capture = whole.captures.emplace_back();
+    CaptureOutcome& capture = whole.captures.emplace_back();
     if (view.correction) capture.corrections = {*view.correction};
     capture.rejected_ids = {view.rejected_ids};
   }

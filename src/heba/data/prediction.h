@@ -1,7 +1,7 @@
 // Prediction of the observed pixels: of points by projection, of discs by the centroid of their image.
 #pragma once
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 

@@ -1,132 +1,102 @@
-// The result of a refinement and its uncertainty.
+// The result of the adjustment of a rig and its uncertainty.
 #pragma once
 
-#include <cmath>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "heba/data/pair_solution.h"
 #include "heba/data/problem.h"
 #include "heba/data/unknowns.h"
 
 namespace heba {
 
-// Covariance of the free unknowns (one sigma). The tangents of the poses are those of camera_mount_from_camera and of
-// target_mount_from_target, translation before rotation, in the child frame: T * exp(xi).
-struct Covariance {
-  UnknownLayout layout;
-  Eigen::MatrixXd matrix;
-};
-
-// Returns one sigma of a parameter; nothing if the parameter was held.
-inline std::optional<double> SigmaOf(const Covariance& covariance, std::string_view name) {
-  const std::optional<Eigen::Index> place = covariance.layout.Place(name);
-  if (!place) return std::nullopt;
-  return std::sqrt(covariance.matrix(*place, *place));
-}
-
-// Returns the covariance of a pose's tangent (m, rad), for example of `hand_eye` or `board`; nothing if the pose was
-// held.
-inline std::optional<Eigen::Matrix<double, 6, 6>> PoseCovarianceOf(const Covariance& covariance,
-                                                                   std::string_view pose) {
-  const UnknownBlock block = covariance.layout.Block(pose);
-  if (block.size != 6) return std::nullopt;
-  return covariance.matrix.block<6, 6>(block.first, block.first);
-}
-
-// Robot noise: one sigma along and about each axis of the gripper's frame, and one sigma of the position of each joint
-// (rad; m if it slides), which is zero unless the noise of the joints is modelled (View::gripper_by_joints).
-struct RobotNoise {
-  double translation_m = 0;
-  double rotation_rad = 0;
-  double joint_rad = 0;
-};
-
-// Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
-struct RobotNoisePrior {
-  RobotNoise median;
-  double log_sigma = 1;  // Standard deviation of the logarithm of either sigma.
-};
-
-// The change of a result if one of its captures is left out.
-struct CaptureMove {
-  Tangent6 tangent = Tangent6::Zero();  // Change of the camera's pose in its mount: m and rad, in the camera's frame.
-  double p_value = 1;  // Probability of a change at least this large if the capture is consistent with the others.
-};
-
-// The outcome of a solution for one view.
-struct ViewOutcome {
-  // Set if the robot's poses were observations: the pose of the gripper according to the image, in the gripper's frame
-  // according to the robot.
-  std::optional<Rigid3d> correction;
-  // The ids of the points that were rejected because they contradict the others.
-  std::vector<int> rejected_ids;
-};
-
-struct Convergence {
-  bool converged = false;
-  int iterations = 0;
-  // Half the sum of rho(squared whitened residuals), as Ceres defines the cost.
-  double initial_cost = 0;
-  double final_cost = 0;
-  double seconds = 0;
-  std::string message;
+// The outcome for one capture.
+struct CaptureOutcome {
+  // The corrections of the arms' poses (gripper_from_corrected_gripper); empty if the arms are exact.
+  std::vector<Rigid3d> corrections;
+  // One per image of the capture: the ids of the points that were rejected because they contradict the others.
+  std::vector<std::vector<int>> rejected_ids;
 };
 
 struct Solution {
-  HandEye hand_eye;
-  Camera camera;
-  // The designed shape if no part of it was free. The points of the problem's views are the designed ones in either
-  // case.
-  TargetShape shape;
-  // The effects that were estimated, their values, and the standard deviation of each of their groups; null and empty
-  // if the robot's errors were not modelled.
-  std::shared_ptr<const SharedEffects> shared_effects;
-  Eigen::VectorXd effects;
-  std::vector<double> effect_sigmas;
-  // If errors that vary smoothly with the pose were estimated (heba/data/smooth_errors.h): their standard deviations at
-  // any pose. They are not part of robot_noise.
-  std::optional<RobotNoise> smooth_noise;
-  // One sigma of each pixel coordinate, estimated from the residuals or given.
-  double pixel_sigma_px = 0;
-  // The part of pixel_sigma_px that is not explained by the detector's own covariances
-  // (solvers/residuals/noise_scale.h); nothing if the detector provides none.
-  std::optional<double> unmodelled_sigma_px;
-  // If the robot's poses were observations: their noise, estimated or given, and, if it was estimated, one sigma of
-  // each of its sigmas.
-  std::optional<RobotNoise> robot_noise;
-  std::optional<RobotNoise> robot_noise_stddev;
-  std::vector<ViewOutcome> views;  // One per view of the problem.
+  CellPoses poses;
+  std::vector<Camera> cameras;
+  std::vector<TargetShape> shapes;
+  std::vector<double> pixel_sigmas_px;  // One sigma of each pixel coordinate of each camera.
+  // One sigma of an error of each image of a camera as a whole, which acts like another pose of the target: it moves
+  // each point by as much (RMS). It is told from the noise of an arm by captures with several images.
+  std::vector<double> image_sigmas_px;
+  std::vector<std::optional<double>> unmodelled_sigma_px;  // PairSolution::unmodelled_sigma_px of each camera.
+  // The noise of each arm and, if it was estimated, one sigma of each of its sigmas; nothing for an arm that moves no
+  // target against a camera, and for exact arms.
+  std::vector<std::optional<RobotNoise>> robot_noise;
+  std::vector<std::optional<RobotNoise>> robot_noise_stddev;
+  // One for each arm: the estimates of its effects (Problem::effects) and the standard deviation of each of their
+  // groups. Empty lists: no arm has any.
+  std::vector<Eigen::VectorXd> effects;
+  std::vector<std::vector<double>> effect_sigmas;
+  // One for each arm: the standard deviations of errors that vary smoothly with its pose (heba/data/smooth_errors.h),
+  // nothing if they are not estimated; see SmoothNoiseOf.
+  std::vector<std::optional<RobotNoise>> smooth_noise;
+  std::vector<CaptureOutcome> captures;  // One per capture of the problem.
+  // The blocks are called as the objects of a result file: "cameras.NAME.pose", "cameras.NAME.camera",
+  // "targets.NAME.pose", "targets.NAME.shape", "robots.NAME.world_from_base" and "robots.NAME.errors". The tangents of
+  // poses are on the right, translation before rotation.
   Covariance covariance;
-  // The covariance without what all sessions of a cell have in common: the scales of its targets and robots. Empty if
-  // it is not known.
-  Covariance covariance_repeatable;
-  // Degrees of freedom of the noise estimate on which the covariance is based. A confidence region is a region of
-  // Fisher's F with this number of degrees of freedom in the denominator. Infinite if the noise was given.
-  double covariance_dof = std::numeric_limits<double>::infinity();
+  Covariance covariance_repeatable;                                 // See PairSolution::covariance_repeatable.
+  double covariance_dof = std::numeric_limits<double>::infinity();  // See PairSolution::covariance_dof.
   Convergence convergence;
 };
 
-// Returns camera_mount_from_target_mount with the errors of the robot that the solution has found. `effect` is
-// View::effect.
-Rigid3d CorrectedMount(Setup setup, const Rigid3d& camera_mount_from_target_mount, const PoseEffect* effect,
-                       const Solution& solution);
-Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution);
-// Returns the views with these mounts and without effects, as if the robot had reported the corrected poses.
-std::vector<View> CorrectedViews(Setup setup, const std::vector<View>& views, const Solution& solution);
+// Returns the smooth noise of an arm; nothing if it has none.
+std::optional<RobotNoise> SmoothNoiseOf(const Solution& solution, size_t robot);
 
-// Returns the corrections of all views; an empty list if the robot was exact.
-inline std::vector<Rigid3d> CorrectionsOf(const Solution& solution) {
-  std::vector<Rigid3d> corrections;
-  for (const ViewOutcome& view : solution.views) {
-    if (view.correction) corrections.push_back(*view.correction);
-  }
-  return corrections;
-}
+// The names of a rig's blocks of unknowns, which are those of a hand-eye calibration for what has no name.
+std::string CameraPoseBlock(const ProblemCamera& camera);
+std::string CameraBlock(const ProblemCamera& camera);
+std::string TargetPoseBlock(const ProblemTarget& target);
+std::string TargetShapeBlock(const ProblemTarget& target);
+std::string BaseBlock(const std::string& robot);
+std::string ErrorsBlock(const std::string& robot);
+
+// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, the
+// effects of the arms, and the free parameters of the cameras and of the targets' shapes, in that order.
+UnknownLayout UnknownsOf(const Problem& problem);
+// Returns the solution with no other effects of the arms than those of `problem`, which is the one that was solved but
+// for effects that it lacks: what remains of the covariance is that of the other unknowns.
+Solution WithEffectsOf(const Problem& problem, Solution solution);
+
+// A pose with the derivative of its tangent (m, rad, in the child frame) by the unknowns of a layout.
+struct PoseByUnknowns {
+  Rigid3d pose;
+  Matrix6X by_unknowns;
+};
+// Returns the pose of an unknown pose; the identity if the layout has no block of this name.
+PoseByUnknowns UnknownPose(const Rigid3d& pose, const UnknownLayout& layout, const std::string& block);
+PoseByUnknowns Inverse(const PoseByUnknowns& a_from_b);
+PoseByUnknowns operator*(const PoseByUnknowns& a_from_b, const PoseByUnknowns& b_from_c);
+
+// The pose of one camera in another (or of one target or base), and its covariance (m, rad, in the child frame).
+struct RelativePose {
+  std::string parent;
+  std::string child;
+  Rigid3d parent_from_child;
+  Eigen::Matrix<double, 6, 6> covariance;
+};
+// Return the poses of all cameras, and of all targets, in the world or, if a gripper carries them, in that gripper, and
+// the poses of all bases but the first in the world. `parent` is "world" or MountText of the gripper.
+std::vector<RelativePose> CameraPoses(const Problem& problem, const Solution& solution);
+std::vector<RelativePose> TargetPoses(const Problem& problem, const Solution& solution);
+std::vector<RelativePose> BasePoses(const Problem& problem, const Solution& solution);
+// Return the poses of all pairs of cameras, of targets and of bases whose relative pose is constant: those on one
+// gripper, or both on bases. The covariance is that of the pose itself; it is smaller than the sum of those of its two
+// ends, which are correlated.
+std::vector<RelativePose> RelativeCameraPoses(const Problem& problem, const Solution& solution);
+std::vector<RelativePose> RelativeTargetPoses(const Problem& problem, const Solution& solution);
+std::vector<RelativePose> RelativeBasePoses(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

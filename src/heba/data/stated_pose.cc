@@ -49,7 +49,7 @@ class EffectOfAll final : public PoseEffect {
 
 }  // namespace
 
-StatedPose StatedPoseOf(const RigProblem& rig, const RigCapture& capture, size_t robot) {
+StatedPose StatedPoseOf(const Problem& rig, const ProblemCapture& capture, size_t robot) {
   StatedPose stated(capture.base_from_gripper[robot]);
   const SharedEffects* const shared = EffectsOf(rig, robot);
   if (shared != nullptr && !capture.effects.empty() && capture.effects[robot] != nullptr) {
@@ -63,11 +63,11 @@ StatedPose GripperPoseOf(Setup setup, const View& view) {
   return {BaseFromGripper(setup, view.camera_mount_from_target_mount), view.effect, view.gripper_by_joints};
 }
 
-CorrectedPose Correct(const Solution& solution, const StatedPose& stated) {
+CorrectedPose Correct(const PairSolution& solution, const StatedPose& stated) {
   return CorrectBy(solution.shared_effects.get(), solution.effects, solution.covariance, kRobotBlock, stated);
 }
 
-CorrectedPose Correct(const RigProblem& rig, const RigSolution& solution, size_t robot, const StatedPose& stated) {
+CorrectedPose Correct(const Problem& rig, const Solution& solution, size_t robot, const StatedPose& stated) {
   const SharedEffects* const shared = EffectsOf(rig, robot);
   const Eigen::VectorXd values = shared == nullptr ? Eigen::VectorXd() : solution.effects[robot];
   return CorrectBy(shared, values, solution.covariance, ErrorsBlock(rig.robots[robot]), stated);

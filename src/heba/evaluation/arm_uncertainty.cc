@@ -122,7 +122,7 @@ Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& st
   return WithArmErrors(*robot, stated, *joints);
 }
 
-GripperLocator LocatorOf(Setup setup, const Solution& solution) {
+GripperLocator LocatorOf(Setup setup, const PairSolution& solution) {
   const bool is_camera_fixed = setup == Setup::kEyeToHand;
   const Rigid3d& fixed =
       is_camera_fixed ? solution.hand_eye.camera_mount_from_camera : solution.hand_eye.target_mount_from_target;
@@ -136,11 +136,11 @@ GripperLocator LocatorOf(Setup setup, const Solution& solution) {
   };
 }
 
-std::string FixedPart::Name(const RigProblem& rig) const {
+std::string FixedPart::Name(const Problem& rig) const {
   return kind == Kind::kCamera ? "camera " + rig.cameras[index].name : "target " + rig.targets[index].name;
 }
 
-std::optional<FixedPart> FindFixedPart(const RigProblem& rig) {
+std::optional<FixedPart> FindFixedPart(const Problem& rig) {
   const auto is_fixed = [](const auto& part) { return part.mount.part == Mount::Part::kBase; };
   const auto camera = std::find_if(rig.cameras.begin(), rig.cameras.end(), is_fixed);
   if (camera != rig.cameras.end()) {
@@ -151,7 +151,7 @@ std::optional<FixedPart> FindFixedPart(const RigProblem& rig) {
   return FixedPart{FixedPart::Kind::kTarget, static_cast<size_t>(target - rig.targets.begin())};
 }
 
-GripperLocator LocatorOf(const RigProblem& rig, const RigSolution& solution, size_t robot, const FixedPart& fixed) {
+GripperLocator LocatorOf(const Problem& rig, const Solution& solution, size_t robot, const FixedPart& fixed) {
   const UnknownLayout& layout = solution.covariance.layout;
   const bool is_camera = fixed.kind == FixedPart::Kind::kCamera;
   const size_t base = is_camera ? rig.cameras[fixed.index].mount.robot : rig.targets[fixed.index].mount.robot;

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "heba/data/rig.h"
-#include "heba/data/rig_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "heba/data/stated_pose.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/robot/arm_postures.h"
@@ -45,7 +45,7 @@ struct LocatedGripper {
 using GripperLocator = std::function<LocatedGripper(const StatedPose&)>;
 // Returns the locator of the arm of a single camera, relative to what is fixed: the camera, or the target of the
 // captures. The solution must outlive it.
-GripperLocator LocatorOf(Setup setup, const Solution& solution);
+GripperLocator LocatorOf(Setup setup, const PairSolution& solution);
 
 // A part of a rig that no arm moves.
 struct FixedPart {
@@ -53,12 +53,12 @@ struct FixedPart {
   Kind kind = Kind::kCamera;
   size_t index = 0;
 
-  std::string Name(const RigProblem& rig) const;  // In words: "camera left".
+  std::string Name(const Problem& rig) const;  // In words: "camera left".
 };
 // Returns the first fixed camera or, if no camera is fixed, the first fixed target; nothing if all are carried.
-std::optional<FixedPart> FindFixedPart(const RigProblem& rig);
-// Returns the locator of one arm of a rig, relative to a fixed part. Rig and solution must outlive it.
-GripperLocator LocatorOf(const RigProblem& rig, const RigSolution& solution, size_t robot, const FixedPart& fixed);
+std::optional<FixedPart> FindFixedPart(const Problem& rig);
+// Returns the locator of one arm of a rig, relative to a fixed part. Cell and solution must outlive it.
+GripperLocator LocatorOf(const Problem& rig, const Solution& solution, size_t robot, const FixedPart& fixed);
 
 // Returns one sigma of a coordinate, root mean square over the three.
 double SigmaM(const Eigen::Matrix3d& covariance_m2);

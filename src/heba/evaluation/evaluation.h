@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "heba/data/pair_solution.h"
 #include "heba/data/setup.h"
-#include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/requirement.h"
@@ -62,7 +62,7 @@ struct Estimate {
   HandEye hand_eye;  // Meaningful if ok.
   Camera camera;
   Errors errors;
-  std::optional<Solution> solution;  // Set for refinements.
+  std::optional<PairSolution> solution;  // Set for refinements.
 };
 
 // The outcome of a run for one capture.
@@ -155,7 +155,7 @@ struct PointDeviation {
 };
 
 // A finished run, from which result.json is written.
-struct RunResult {
+struct PairResult {
   std::string name;
   // Remarks on the cell from the config, for the record: serial numbers, an operator's name.
   std::vector<std::pair<std::string, std::string>> about;
@@ -177,13 +177,13 @@ struct RunResult {
 };
 
 // Returns the final refinement of reprojection errors that has a covariance; null if there is none.
-const Estimate* FindRefined(const RunResult& result);
+const Estimate* FindRefined(const PairResult& result);
 
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
 inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
 inline std::optional<double> HoldOutSigmas(const Errors& errors) { return errors.holdout_sigmas; }
 // Returns the closed-form estimate with the lowest value of a figure; null if none has the figure.
-const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure);
+const Estimate* FindBestClosedForm(const PairResult& result, FigureOf figure);
 
 }  // namespace heba

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/evaluation/finding.h"
 
 namespace heba {

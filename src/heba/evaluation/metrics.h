@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 

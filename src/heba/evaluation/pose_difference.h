@@ -15,7 +15,7 @@ struct UncertainPose {
   Rigid3d pose;
   // The covariance of the tangent on the right: translation (m), then rotation (rad), in the child frame.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double covariance_dof = std::numeric_limits<double>::infinity();  // Solution::covariance_dof.
+  double covariance_dof = std::numeric_limits<double>::infinity();  // PairSolution::covariance_dof.
 };
 
 struct PoseDifference {

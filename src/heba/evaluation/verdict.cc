@@ -26,27 +26,27 @@ double LargestSigma(const Covariance& covariance, std::string_view block_name, U
 }
 
 // Says how the noise of the robot was modelled, on which the remedy of a systematic error depends.
-std::pair<std::string, std::string> RobotNoiseName(const Solution& solution) {
+std::pair<std::string, std::string> RobotNoiseName(const PairSolution& solution) {
   return {"robot_noise", solution.robot_noise ? "modelled" : "none"};
 }
 
 // Returns the distance between camera and target.
-double DistanceOf(const RunResult& result) {
+double DistanceOf(const PairResult& result) {
   return std::max(kLeastDistanceM, result.working_point ? result.working_point->in_camera_m.norm() : kUsualDistanceM);
 }
 
-double ShareOfDistance(const RunResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }
+double ShareOfDistance(const PairResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }
 
-double RobotErrorShareOf(const RunResult& result, const Solution& solution) {
+double RobotErrorShareOf(const PairResult& result, const PairSolution& solution) {
   return RobotErrorShare(solution.robot_noise, solution.smooth_noise, DistanceOf(result));
 }
 
-int NumUsed(const RunResult& result) {
+int NumUsed(const PairResult& result) {
   return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
                                         [](const CaptureResult& capture) { return capture.used; }));
 }
 
-Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
+Finding JudgeUncertainty(const PairResult& result, const PairSolution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
   const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
   Finding finding;
@@ -75,7 +75,7 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   return finding;
 }
 
-Finding JudgeHoldOut(const RunResult& result, const Solution& solution, const Errors& errors) {
+Finding JudgeHoldOut(const PairResult& result, const PairSolution& solution, const Errors& errors) {
   const bool is_missing = !errors.holdout_target_mm || !errors.holdout_target_deg;
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
     return estimate.errors.holdout_rms_px.has_value();
@@ -95,7 +95,7 @@ Finding JudgeHoldOut(const RunResult& result, const Solution& solution, const Er
 }
 
 // `of_hold_out`: the grade of the held-out errors.
-std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution, Grade of_hold_out) {
+std::optional<Finding> JudgeModel(const Errors& errors, const PairSolution& solution, Grade of_hold_out) {
   if (!errors.holdout_chi2) return std::nullopt;
   Finding finding;
   finding.code = FindingCode("unmodelled_error");
@@ -106,7 +106,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
 }
 
 // Images without the target do not count as captures that were left out.
-Finding JudgeCaptures(const RunResult& result) {
+Finding JudgeCaptures(const PairResult& result) {
   const int num_used = NumUsed(result);
   const bool has_images = FindRefined(result) != nullptr;  // Given poses of the target are all seen.
   int num_seen = 0;
@@ -129,13 +129,13 @@ Finding JudgeCaptures(const RunResult& result) {
   return finding;
 }
 
-Finding JudgePixels(const Solution& solution) {
+Finding JudgePixels(const PairSolution& solution) {
   return {GradeOf(solution.pixel_sigma_px, kPixelSigmaPx),
           FindingCode("pixel_noise"),
           {{"pixel_sigma_px", solution.pixel_sigma_px}}};
 }
 
-std::optional<Finding> JudgeInfluence(const RunResult& result) {
+std::optional<Finding> JudgeInfluence(const PairResult& result) {
   std::vector<NamedMove> moves;
   for (const CaptureResult& capture : result.captures) {
     if (capture.move_without) moves.push_back({capture.image, *capture.move_without});
@@ -144,7 +144,7 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
 }
 
 // Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.
-std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
+std::optional<Finding> JudgeGain(const PairResult& result, const Estimate& refined) {
   if (!refined.errors.holdout_sigmas) return std::nullopt;
   const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
@@ -158,7 +158,7 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
 }
 
 // Judges a run on given poses of the target.
-Finding JudgePoses(const RunResult& result) {
+Finding JudgePoses(const PairResult& result) {
   const Estimate* const final_estimate = FindFinal(result);
   if (final_estimate == nullptr || !final_estimate->errors.board_scatter) {
     return {Grade::kBad, FindingCode("no_estimate")};
@@ -182,7 +182,7 @@ void DropExplainedScatter(const std::optional<double>& holdout_chi2, std::vector
 
 }  // namespace
 
-const Estimate* FindFinal(const RunResult& result) {
+const Estimate* FindFinal(const PairResult& result) {
   if (const Estimate* const refined = FindRefined(result)) return refined;
   const auto find = [&](std::string_view method) -> const Estimate* {
     const auto found = std::find_if(result.estimates.begin(), result.estimates.end(),
@@ -204,7 +204,7 @@ const Estimate* FindFinal(const RunResult& result) {
   return is_better ? two_step : chain;
 }
 
-Verdict JudgeRun(const RunResult& result) {
+Verdict JudgeRun(const PairResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;
   const Estimate* refined = FindRefined(result);
@@ -213,7 +213,7 @@ Verdict JudgeRun(const RunResult& result) {
     findings.push_back(JudgePoses(result));
     findings.push_back(JudgeCaptures(result));
   } else {
-    const Solution& solution = *refined->solution;
+    const PairSolution& solution = *refined->solution;
     Finding uncertainty = JudgeUncertainty(result, solution);
     Finding hold_out = JudgeHoldOut(result, solution, refined->errors);
     const Grade of_hold_out = refined->errors.holdout_target_mm ? hold_out.grade : Grade::kGood;

@@ -1,7 +1,7 @@
 // Export of a result to the formats of other software: those of export_formats.def, and the camera's pose in every
 // robot pose format (pose_formats.def).
 //
-//   const heba::RigResult result = heba::ReadWholeResult("runs/cell/result.json");
+//   const heba::RunResult result = heba::ReadWholeResult("runs/cell/result.json");
 //   const heba::ExportRequest request = heba::MakeExportRequests(result).cameras[0];  // heba/io/export_files.h
 //   for (const heba::ExportFormat& format : heba::ExportFormats()) {
 //     const heba::Outcome<std::string> text = heba::ExportText(format, request);

@@ -52,7 +52,7 @@ std::string FrameName(std::string name) {
 }
 
 // Returns the name of a frame of an arm.
-std::string ArmFrame(const RigProblem& rig, size_t robot, const std::string& frame) {
+std::string ArmFrame(const Problem& rig, size_t robot, const std::string& frame) {
   return rig.robots.size() == 1 ? frame : FrameName(rig.robots[robot]) + "_" + frame;
 }
 
@@ -75,9 +75,9 @@ std::vector<ExportedFile> FilesOf(const PosesFormat& format, const std::vector<E
 
 }  // namespace
 
-ExportRequests MakeExportRequests(const RigResult& result, const std::string& method,
+ExportRequests MakeExportRequests(const RunResult& result, const std::string& method,
                                   const std::vector<bool>& is_ur_controller) {
-  const RigProblem& rig = result.rig;
+  const Problem& rig = result.rig;
   const auto is_ur = [&](size_t robot) { return robot < is_ur_controller.size() && is_ur_controller[robot]; };
   const auto base_of = [&](size_t robot) { return ArmFrame(rig, robot, is_ur(robot) ? "base" : "base_link"); };
   ExportRequest common;
@@ -86,7 +86,7 @@ ExportRequests MakeExportRequests(const RigResult& result, const std::string& me
   common.grade = result.verdict.grade;
   ExportRequests requests;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const RigCamera& camera = rig.cameras[c];
+    const ProblemCamera& camera = rig.cameras[c];
     const size_t robot = camera.mount.robot;
     const bool is_carried = camera.mount.part == Mount::Part::kGripper;
     ExportRequest& request = requests.cameras.emplace_back(common);

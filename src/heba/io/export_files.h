@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "heba/io/export.h"
 
 namespace heba {
@@ -28,7 +28,7 @@ struct ExportRequests {
 // Universal Robots controller) or tool0 or, if there are several arms, in ARM_base_link or ARM_tool0. The frame of a
 // camera is called NAME_optical_frame, and camera_optical_frame if it has no name. The base of the first arm is the
 // world. `method` is that of the estimate in the result; `is_ur_controller` has an entry for each arm, or none.
-ExportRequests MakeExportRequests(const RigResult& result, const std::string& method = kBundleMethod,
+ExportRequests MakeExportRequests(const RunResult& result, const std::string& method = kBundleMethod,
                                   const std::vector<bool>& is_ur_controller = {});
 
 // An exported file holds one camera, one arm, or several poses.

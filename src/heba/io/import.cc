@@ -62,10 +62,10 @@ ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view na
   return set;
 }
 
-std::optional<ImportedRig> FindAndReadRig(const std::filesystem::path& source, std::string_view name) {
+std::optional<ImportedCell> FindAndReadCell(const std::filesystem::path& source, std::string_view name) {
   const ImportFormat& format = FindFormat(source, name);
   if (format.reader.read_rig == nullptr) return std::nullopt;
-  std::optional<ImportedRig> rig = format.reader.read_rig(source);
+  std::optional<ImportedCell> rig = format.reader.read_rig(source);
   if (rig) rig->format = format.name;
   return rig;
 }
@@ -105,8 +105,8 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
   return set;
 }
 
-std::optional<ImportedRig> ImportRig(const std::filesystem::path& source, std::string_view name) {
-  std::optional<ImportedRig> rig = WithFileErrors(source, [&] { return FindAndReadRig(source, name); });
+std::optional<ImportedCell> ImportCell(const std::filesystem::path& source, std::string_view name) {
+  std::optional<ImportedCell> rig = WithFileErrors(source, [&] { return FindAndReadCell(source, name); });
   if (!rig) return rig;
   for (const ImportedCamera& camera : rig->cameras) {
     const bool is_plain = std::all_of(camera.name.begin(), camera.name.end(),

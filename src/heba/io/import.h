@@ -48,19 +48,19 @@ struct ImportedCamera {
 };
 
 // The images that the cameras of a rig recorded at one pose of the arm.
-struct ImportedRigCapture {
+struct ImportedCellCapture {
   Rigid3d base_from_gripper;
   std::vector<std::string> images;  // File names, one for each camera; empty for a camera without an image.
 };
 
 // A data set of several cameras, one arm and one target. It may consist of cameras alone.
-struct ImportedRig {
+struct ImportedCell {
   std::string format;
   std::optional<Setup> setup;  // That of all cameras; empty if the files do not contain it.
   std::vector<ImportedCamera> cameras;
   std::string target_name;
   std::string target;  // Target file (YAML); empty if the files do not describe the target.
-  std::vector<ImportedRigCapture> captures;
+  std::vector<ImportedCellCapture> captures;
   std::vector<std::filesystem::path> files;  // All files that were read, except the images.
   std::vector<std::string> remarks;          // Remarks for the user on how the data were interpreted.
 };
@@ -73,7 +73,7 @@ struct ImportReader {
   // Reads a data set of one camera, or the first camera of several. Null if the format has no captures.
   ImportedSet (*read)(const std::filesystem::path& source);
   // Reads all cameras; nothing if the source has only one. Null if the format has one camera always.
-  std::optional<ImportedRig> (*read_rig)(const std::filesystem::path& source) = nullptr;
+  std::optional<ImportedCell> (*read_rig)(const std::filesystem::path& source) = nullptr;
 };
 
 struct ImportFormat {
@@ -96,6 +96,6 @@ const ImportFormat* FindImportFormat(const std::filesystem::path& source);
 ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view format);
 
 // Reads the file or folder of a rig likewise; nothing if it is a data set of one camera.
-std::optional<ImportedRig> ImportRig(const std::filesystem::path& source, std::string_view format);
+std::optional<ImportedCell> ImportCell(const std::filesystem::path& source, std::string_view format);
 
 }  // namespace heba

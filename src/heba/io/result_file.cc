@@ -75,7 +75,7 @@ Json ErrorsJson(const Errors& errors) {
 }
 
 // Returns the noise of a solution, as members of its solve.
-Json NoiseJson(const Solution& solution) {
+Json NoiseJson(const PairSolution& solution) {
   const std::optional<RobotNoise>& noise = solution.robot_noise;
   const std::optional<RobotNoise>& smooth = solution.smooth_noise;
   return Json{{"pixel_sigma", solution.pixel_sigma_px},
@@ -92,7 +92,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   json["kind"] = EstimateKindName(estimate.kind);
   json["ok"] = estimate.ok;
   json["reason"] = estimate.reason.ToString();
-  const Solution* solution = estimate.solution ? &*estimate.solution : nullptr;
+  const PairSolution* solution = estimate.solution ? &*estimate.solution : nullptr;
   const Covariance* const covariance = solution != nullptr ? &solution->covariance : nullptr;
   if (!estimate.ok) {
     for (const char* key : {"hand_eye", "board", "camera"}) json[key] = nullptr;
@@ -167,7 +167,7 @@ Json CaptureJson(const CaptureResult& capture) {
 
 // Returns the estimate that the arm is part of: that of the refinement of reprojection errors, unless only that of the
 // poses has a result. Null if there is neither.
-const Estimate* EstimateWithRobot(const RunResult& result) {
+const Estimate* EstimateWithRobot(const PairResult& result) {
   const Estimate* found = nullptr;
   for (const Estimate& estimate : result.estimates) {
     if (estimate.method == kBundleMethod && (estimate.ok || found == nullptr)) found = &estimate;
@@ -206,14 +206,14 @@ Json RelativeJson(const std::vector<RelativePose>& poses, const std::vector<std:
   return list;
 }
 
-Json ErrorsJson(const RigErrors& errors) {
+Json ErrorsJson(const CameraErrors& errors) {
   Json json = FiguresJson(errors);
   json["truth"] = nullptr;
   if (errors.truth_mm) json["truth"] = Json{{"mm", *errors.truth_mm}, {"deg", OrNull(errors.truth_deg)}};
   return json;
 }
 
-Json CorrectionsJson(const RigProblem& rig, const std::vector<Rigid3d>& corrections) {
+Json CorrectionsJson(const Problem& rig, const std::vector<Rigid3d>& corrections) {
   if (corrections.empty()) return nullptr;
   Json json = Json::object();
   for (size_t r = 0; r < rig.robots.size(); ++r) {
@@ -223,15 +223,15 @@ Json CorrectionsJson(const RigProblem& rig, const std::vector<Rigid3d>& correcti
 }
 
 // Returns one entry a camera and capture.
-Json CapturesJson(const RigResult& result) {
-  std::map<std::string, const RigCaptureResult*> capture_of;
-  for (const RigCaptureResult& capture : result.captures) capture_of[capture.name] = &capture;
+Json CapturesJson(const RunResult& result) {
+  std::map<std::string, const CapturePoses*> capture_of;
+  for (const CapturePoses& capture : result.captures) capture_of[capture.name] = &capture;
   Json list = Json::array();
-  for (const RigImageResult& image : result.images) {
+  for (const ImageResult& image : result.images) {
     Json targets = Json::array();
     int num_points = 0;
     int num_rejected = 0;
-    for (const RigTargetInImage& target : image.targets) {
+    for (const TargetInImage& target : image.targets) {
       num_points += target.num_points;
       num_rejected += target.num_rejected;
       targets.push_back(Json{{"target", target.target},
@@ -260,7 +260,7 @@ Json CapturesJson(const RigResult& result) {
 }
 
 // Returns the kinematics of an arm; null if the data set did not name them.
-Json KinematicsJson(const RigResult& result, size_t robot) {
+Json KinematicsJson(const RunResult& result, size_t robot) {
   if (robot >= result.arms.size() || !result.arms[robot]) return nullptr;
   ArmEffects effects;
   if (EffectsOf(result.rig, robot) != nullptr) {
@@ -269,9 +269,9 @@ Json KinematicsJson(const RigResult& result, size_t robot) {
   return ArmJson(*result.arms[robot], effects);
 }
 
-Json CameraEntryJson(const RigResult& result, size_t index) {
-  const RigCamera& camera = result.rig.cameras[index];
-  const RigSolution& solution = result.solution;
+Json CameraEntryJson(const RunResult& result, size_t index) {
+  const ProblemCamera& camera = result.rig.cameras[index];
+  const Solution& solution = result.solution;
   const std::string mount = MountText(result.rig, camera);
   return Json{{"mount", mount},
               {"pose", PoseJson(solution.poses.mount_from_camera[index], mount, camera.name, &solution.covariance,
@@ -283,9 +283,9 @@ Json CameraEntryJson(const RigResult& result, size_t index) {
                index < result.working_points.size() ? WorkingPointJson(result.working_points[index]) : Json(nullptr)}};
 }
 
-Json TargetEntryJson(const RigResult& result, size_t index) {
-  const RigTarget& target = result.rig.targets[index];
-  const RigSolution& solution = result.solution;
+Json TargetEntryJson(const RunResult& result, size_t index) {
+  const ProblemTarget& target = result.rig.targets[index];
+  const Solution& solution = result.solution;
   const std::string mount = MountText(result.rig, target);
   return Json{{"mount", mount},
               {"type", result.target_types[index]},
@@ -295,9 +295,9 @@ Json TargetEntryJson(const RigResult& result, size_t index) {
               {"truth", TruthJson(result.truth.targets, index)}};
 }
 
-Json RobotEntryJson(const RigResult& result, size_t index) {
+Json RobotEntryJson(const RunResult& result, size_t index) {
   const std::string& robot = result.rig.robots[index];
-  const RigSolution& solution = result.solution;
+  const Solution& solution = result.solution;
   const std::optional<RobotNoise> smooth = SmoothNoiseOf(solution, index);
   return Json{{"world_from_base", PoseJson(solution.poses.world_from_base[index], "world", robot + ".base",
                                            &solution.covariance, BaseBlock(robot))},
@@ -311,7 +311,7 @@ Json RobotEntryJson(const RigResult& result, size_t index) {
 
 std::string Version() { return HEBA_VERSION; }
 
-std::string ResultToJson(const RunResult& result) {
+std::string ResultToJson(const PairResult& result) {
   Json json;
   json["schema"] = kResultSchema;
   json["heba"] = Version();
@@ -332,7 +332,7 @@ std::string ResultToJson(const RunResult& result) {
     if (!result.robot->is_estimated || !estimate.solution) {
       robot = ArmJson(*result.robot);
     } else {
-      const Solution& solution = *estimate.solution;
+      const PairSolution& solution = *estimate.solution;
       robot = ArmJson(*result.robot, {solution.shared_effects, solution.effects, solution.effect_sigmas});
     }
   }
@@ -341,10 +341,10 @@ std::string ResultToJson(const RunResult& result) {
   return FileText(json);
 }
 
-std::string RigResultToJson(const RigResult& result) {
-  const RigProblem& rig = result.rig;
+std::string ResultToJson(const RunResult& result) {
+  const Problem& rig = result.rig;
   Json json;
-  json["schema"] = kRigSchema;
+  json["schema"] = kLongSchema;
   json["heba"] = Version();
   json["name"] = result.name;
   AddAbout(result.about, &json);
@@ -381,7 +381,7 @@ std::string TruthToJson(const Truth& truth, Setup setup) {
   return FileText(json);
 }
 
-std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth) {
+std::string TruthToJson(const Problem& rig, const CellTruth& truth) {
   Json json;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const std::string mount = MountText(rig, rig.cameras[c]);

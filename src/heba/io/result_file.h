@@ -1,9 +1,9 @@
 // The files result.json and truth.json, of one camera (schema heba/result/1) and of several (heba/rig/1).
 //
-//   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
+//   const heba::PairResult result = heba::ReadPairResult("runs/cell/result.json");
 //   const heba::Estimate* const refined = heba::FindRefined(result);
 //
-//   const heba::RigResult whole = heba::ReadWholeResult("runs/cell/result.json");  // One camera or several.
+//   const heba::RunResult whole = heba::ReadWholeResult("runs/cell/result.json");  // One camera or several.
 //   const heba::Rigid3d& mount_from_camera = whole.solution.poses.mount_from_camera[0];
 #pragma once
 
@@ -12,36 +12,36 @@
 
 #include "heba/data/setup.h"
 #include "heba/evaluation/evaluation.h"
-#include "heba/evaluation/rig_evaluation.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
 inline constexpr const char* kResultSchema = "heba/result/1";
-inline constexpr const char* kRigSchema = "heba/rig/1";
+inline constexpr const char* kLongSchema = "heba/rig/1";
 
 // Return the text of result.json. A figure that does not exist is null.
+std::string ResultToJson(const PairResult& result);
 std::string ResultToJson(const RunResult& result);
-std::string RigResultToJson(const RigResult& result);
 
 // Returns whether a result.json is that of several cameras, by its schema. Throws InputError if it cannot be read.
-bool IsRigResult(const std::filesystem::path& path);
+bool IsLongResult(const std::filesystem::path& path);
 // Read result.json. The parts of a Solution that the file does not contain (corrections, rejected points) stay empty.
 // Throw InputError with the file and the fault.
-RunResult ReadResult(const std::filesystem::path& path);
-RigResult ReadRigResult(const std::filesystem::path& path);
+PairResult ReadPairResult(const std::filesystem::path& path);
+RunResult ReadRunResult(const std::filesystem::path& path);
 // Reads result.json of either schema. That of one camera has the refined estimate or, if there is none, that of the
-// poses (AsRigResult); having neither is a fault.
-RigResult ReadWholeResult(const std::filesystem::path& path);
+// poses (AsRunResult); having neither is a fault.
+RunResult ReadWholeResult(const std::filesystem::path& path);
 
 // Return the text of truth.json: the poses in the form of result.json.
 std::string TruthToJson(const Truth& truth, Setup setup);
-std::string RigTruthToJson(const RigProblem& rig, const RigTruth& truth);
+std::string TruthToJson(const Problem& rig, const CellTruth& truth);
 // Reads truth.json: `hand_eye` and, if present, `board` and `camera`, in the format of result.json. Throws InputError
 // with the file and the fault; a pose between other frames than those of the setup is a fault.
 Truth ReadTruth(const std::filesystem::path& path, Setup setup);
 // Likewise for several cameras: it must have the cameras of `rig`, and may have its targets and arms, with their
 // mounts.
-RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig);
+CellTruth ReadCellTruth(const std::filesystem::path& path, const Problem& rig);
 
 // Returns the version that files and `heba --version` state.
 std::string Version();

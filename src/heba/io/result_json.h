@@ -14,7 +14,7 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/camera/camera.h"
-#include "heba/data/solution.h"
+#include "heba/data/pair_solution.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 #include "heba/io/json_reader.h"

@@ -37,26 +37,26 @@ void ReadSolve(const JsonReader& solve, AnySolution* solution) {
 }
 
 // Reads a covariance and frees the groups of parameters of which it has a name.
-Covariance ReadCovariance(const JsonReader& reader, RigProblem* problem) {
+Covariance ReadCovariance(const JsonReader& reader, Problem* problem) {
   const std::vector<std::string> names = ReadOrder(reader);
   const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
   const auto add = [](auto group, auto* groups) {
     if (std::find(groups->begin(), groups->end(), group) == groups->end()) groups->push_back(group);
   };
-  for (RigCamera& camera : problem->cameras) {
+  for (ProblemCamera& camera : problem->cameras) {
     if (camera.camera.params.empty()) continue;
     const std::vector<std::string>& params = camera.camera.Model().param_names();
     for (size_t i = 0; i < params.size(); ++i) {
       if (has(CameraBlock(camera) + "." + params[i])) add(GroupOf(static_cast<int>(i)), &camera.free_intrinsics);
     }
   }
-  for (RigTarget& target : problem->targets) {
+  for (ProblemTarget& target : problem->targets) {
     for (size_t i = 0; i < kTargetShapeParamNames.size(); ++i) {
       const std::string name = TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[i]);
       if (has(name)) add(ShapeGroupOf(static_cast<int>(i)), &target.free_shape);
     }
   }
-  const UnknownLayout layout = RigUnknowns(*problem);
+  const UnknownLayout layout = UnknownsOf(*problem);
   CheckOrder(reader.Get("order"), names, layout);
   return ReadCovarianceMatrix(reader, layout);
 }
@@ -91,13 +91,13 @@ std::shared_ptr<const SharedEffects> ReadEffectNames(const JsonReader& covarianc
   return effects.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(std::move(effects));
 }
 
-Solution ReadSolution(const JsonReader& reader, const Estimate& estimate, Setup setup) {
-  Solution solution;
+PairSolution ReadSolution(const JsonReader& reader, const Estimate& estimate, Setup setup) {
+  PairSolution solution;
   solution.hand_eye = estimate.hand_eye;
   solution.camera = estimate.camera;
   if (reader.Has("target_shape")) solution.shape = ReadShapeJson(reader.Get("target_shape"));
   if (reader.Has("covariance")) {
-    RigProblem problem = HandEyeProblem(setup, solution);
+    Problem problem = HandEyeProblem(setup, solution);
     problem.effects = {ReadEffectNames(reader.Get("covariance"))};
     solution.covariance = ReadCovariance(reader.Get("covariance"), &problem);
     if (reader.Has("covariance_repeatable")) {
@@ -177,9 +177,9 @@ WorkingPoint ReadWorkingPoint(const JsonReader& reader) {
 }
 
 // Reads the arm of the last estimate of a result.
-void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
+void ReadArmOfEstimate(const JsonReader& reader, PairResult* result) {
   result->robot = ReadArmJson(reader);
-  std::optional<Solution>& solution = result->estimates.back().solution;
+  std::optional<PairSolution>& solution = result->estimates.back().solution;
   if (!solution || !result->robot->is_estimated) return;
   ArmEffects effects = ReadArmEffects(reader, *result->robot, solution->covariance.layout.Block(kRobotBlock).effects);
   result->robot->errors_name = effects.shared->name;
@@ -188,8 +188,8 @@ void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
   solution->effect_sigmas = std::move(effects.sigmas);
 }
 
-RunResult ReadRunResult(const JsonReader& reader) {
-  RunResult result;
+PairResult ReadPairResult(const JsonReader& reader) {
+  PairResult result;
   result.name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
   if (!setup) reader.Fail("the setup is unknown");
@@ -229,8 +229,8 @@ std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std
   return poses;
 }
 
-RigErrors ReadErrorsOfCamera(const JsonReader& reader) {
-  RigErrors errors = ReadFigures<RigErrors>(reader);
+CameraErrors ReadErrorsOfCamera(const JsonReader& reader) {
+  CameraErrors errors = ReadFigures<CameraErrors>(reader);
   if (reader.Has("truth")) {
     errors.truth_mm = ReadMagnitude(reader.Get("truth"), "mm");
     errors.truth_deg = ReadOptionalMagnitude(reader.Get("truth"), "deg");
@@ -238,15 +238,15 @@ RigErrors ReadErrorsOfCamera(const JsonReader& reader) {
   return errors;
 }
 
-Mount ReadMount(const JsonReader& reader, const RigProblem& rig) {
+Mount ReadMount(const JsonReader& reader, const Problem& rig) {
   const std::optional<Mount> mount = FindMount(rig.robots, reader.Text());
   if (!mount) reader.Fail("the mount '" + reader.Text() + "' is not a part of an arm of this file");
   return *mount;
 }
 
 // Reads the kinematics of an arm, the next one of the result.
-void ReadKinematics(const JsonReader& robot, RigResult* result) {
-  RigSolution& solution = result->solution;
+void ReadKinematics(const JsonReader& robot, RunResult* result) {
+  Solution& solution = result->solution;
   result->arms.emplace_back();
   result->rig.effects.emplace_back();
   solution.effects.emplace_back();
@@ -263,8 +263,8 @@ void ReadKinematics(const JsonReader& robot, RigResult* result) {
 }
 
 // Each of these reads the next arm, camera or target of the result.
-void ReadRobot(const JsonReader& reader, const std::string& name, RigResult* result) {
-  RigSolution& solution = result->solution;
+void ReadRobot(const JsonReader& reader, const std::string& name, RunResult* result) {
+  Solution& solution = result->solution;
   solution.poses.world_from_base.push_back(ReadPoseJson(reader.Get("world_from_base"), "world", name + ".base"));
   result->truth.bases.push_back(ReadTruthOf(reader));
   ReadKinematics(reader, result);
@@ -281,9 +281,9 @@ void ReadRobot(const JsonReader& reader, const std::string& name, RigResult* res
   solution.robot_noise_stddev.back() = ReadNoise(reader.Get("noise"), "std_");
 }
 
-void ReadCameraEntry(const JsonReader& reader, const std::string& name, RigResult* result) {
-  RigSolution& solution = result->solution;
-  RigCamera camera{name, ReadMount(reader.Get("mount"), result->rig), ReadCameraJson(reader.Get("camera"))};
+void ReadCameraEntry(const JsonReader& reader, const std::string& name, RunResult* result) {
+  Solution& solution = result->solution;
+  ProblemCamera camera{name, ReadMount(reader.Get("mount"), result->rig), ReadCameraJson(reader.Get("camera"))};
   camera.mount_name = reader.Get("mount").Text();
   solution.poses.mount_from_camera.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, camera), name));
   solution.cameras.push_back(camera.camera);
@@ -294,9 +294,9 @@ void ReadCameraEntry(const JsonReader& reader, const std::string& name, RigResul
   result->rig.cameras.push_back(std::move(camera));
 }
 
-void ReadTargetEntry(const JsonReader& reader, const std::string& name, RigResult* result) {
-  RigSolution& solution = result->solution;
-  RigTarget target{name, ReadMount(reader.Get("mount"), result->rig), TargetShape()};
+void ReadTargetEntry(const JsonReader& reader, const std::string& name, RunResult* result) {
+  Solution& solution = result->solution;
+  ProblemTarget target{name, ReadMount(reader.Get("mount"), result->rig), TargetShape()};
   target.mount_name = reader.Get("mount").Text();
   result->target_types.push_back(reader.Get("type").Text());
   solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, target), name));
@@ -306,18 +306,18 @@ void ReadTargetEntry(const JsonReader& reader, const std::string& name, RigResul
 }
 
 // Reads all members of a section of the file.
-void ReadSection(const JsonReader& section, void (*read)(const JsonReader&, const std::string&, RigResult*),
-                 RigResult* result) {
+void ReadSection(const JsonReader& section, void (*read)(const JsonReader&, const std::string&, RunResult*),
+                 RunResult* result) {
   for (const auto& [name, entry] : section.Members()) {
     if (!entry) section.Fail(name + " is null");
     read(*entry, name, result);
   }
 }
 
-void ReadCaptures(const JsonReader& reader, RigResult* result) {
+void ReadCaptures(const JsonReader& reader, RunResult* result) {
   for (const JsonReader& entry : reader.List()) {
-    RigImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
-                         entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
+    ImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
+                      entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
     // Results of earlier versions lack this member.
     if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
     if (entry.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(entry, "holdout_target_mm");
@@ -331,8 +331,8 @@ void ReadCaptures(const JsonReader& reader, RigResult* result) {
   }
 }
 
-RigResult ReadRigResult(const JsonReader& reader) {
-  RigResult result;
+RunResult ReadRunResult(const JsonReader& reader) {
+  RunResult result;
   result.name = reader.Get("name").Text();
   for (const auto& [name, robot] : reader.Get("robots").Members()) result.rig.robots.push_back(name);
   ReadSection(reader.Get("robots"), ReadRobot, &result);
@@ -342,7 +342,7 @@ RigResult ReadRigResult(const JsonReader& reader) {
   if (reader.Has("covariance_repeatable")) {
     result.solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), &result.rig);
   }
-  for (const RigCamera& camera : result.rig.cameras) {
+  for (const ProblemCamera& camera : result.rig.cameras) {
     result.errors.push_back(ReadErrorsOfCamera(reader.Get("errors").Get(camera.name.c_str())));
   }
   result.relative_cameras = ReadRelative(reader.Get("relative"), &result.truth.relative_cameras);
@@ -358,7 +358,7 @@ RigResult ReadRigResult(const JsonReader& reader) {
 
 // Reads the pose of a camera or a target of `rig`, whose mount may be called by any of its names.
 template <typename Mounted>
-Rigid3d ReadPoseInMount(const JsonReader& pose, const RigProblem& rig, const Mounted& mounted) {
+Rigid3d ReadPoseInMount(const JsonReader& pose, const Problem& rig, const Mounted& mounted) {
   std::string mount = MountText(rig, mounted);
   const std::string parent = pose.Get("parent").Text();
   if (FindMount(rig.robots, parent) == mounted.mount) mount = parent;
@@ -392,39 +392,39 @@ Eigen::VectorXd ReadArmErrors(const JsonReader& reader) {
 
 }  // namespace
 
-bool IsRigResult(const std::filesystem::path& path) {
+bool IsLongResult(const std::filesystem::path& path) {
   const Json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
-  return reader.Has("schema") && reader.Get("schema").Text() == kRigSchema;
+  return reader.Has("schema") && reader.Get("schema").Text() == kLongSchema;
 }
 
-RunResult ReadResult(const std::filesystem::path& path) {
+PairResult ReadPairResult(const std::filesystem::path& path) {
   const Json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();
-  if (schema == kRigSchema) {
+  if (schema == kLongSchema) {
     reader.Fail(
         "is the result of a rig; this command needs that of one camera ('heba compare', 'heba export' and 'heba "
         "locate' read both)");
   }
   if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
-  return ReadRunResult(reader);
+  return ReadPairResult(reader);
 }
 
-RigResult ReadRigResult(const std::filesystem::path& path) {
+RunResult ReadRunResult(const std::filesystem::path& path) {
   const Json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();
-  if (schema != kRigSchema) reader.Fail("has the schema '" + schema + "', not '" + kRigSchema + "'");
-  return ReadRigResult(reader);
+  if (schema != kLongSchema) reader.Fail("has the schema '" + schema + "', not '" + kLongSchema + "'");
+  return ReadRunResult(reader);
 }
 
-RigResult ReadWholeResult(const std::filesystem::path& path) {
-  if (IsRigResult(path)) return ReadRigResult(path);
-  const RunResult result = ReadResult(path);
+RunResult ReadWholeResult(const std::filesystem::path& path) {
+  if (IsLongResult(path)) return ReadRunResult(path);
+  const PairResult result = ReadPairResult(path);
   const Estimate* const estimate = FindFinal(result);
   if (estimate == nullptr) throw InputError(path.string() + ": contains no refined estimate");
-  return AsRigResult(result, *estimate);
+  return AsRunResult(result, *estimate);
 }
 
 Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
@@ -440,17 +440,17 @@ Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
   return truth;
 }
 
-RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) {
+CellTruth ReadCellTruth(const std::filesystem::path& path, const Problem& rig) {
   const Json json = ReadJsonFile(path, kMaxTruthBytes);
   const JsonReader reader(json, path.string());
-  RigTruth truth;
-  for (const RigCamera& camera : rig.cameras) {
+  CellTruth truth;
+  for (const ProblemCamera& camera : rig.cameras) {
     const JsonReader entry = reader.Get("cameras").Get(camera.name.c_str());
     truth.mount_from_camera.push_back(ReadPoseInMount(entry.Get("pose"), rig, camera));
     truth.cameras.emplace_back();
     if (entry.Has("camera")) truth.cameras.back() = ReadCameraJson(entry.Get("camera"));
   }
-  for (const RigTarget& target : rig.targets) {
+  for (const ProblemTarget& target : rig.targets) {
     const std::optional<JsonReader> entry = FindEntry(reader, "targets", target.name);
     truth.mount_from_target.emplace_back();
     if (entry) truth.mount_from_target.back() = ReadPoseInMount(entry->Get("pose"), rig, target);

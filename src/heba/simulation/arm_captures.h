@@ -9,7 +9,7 @@
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/camera/camera.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/robot/arm.h"
 #include "heba/simulation/scene.h"
 

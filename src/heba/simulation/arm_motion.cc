@@ -18,7 +18,7 @@ std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, con
                  BaseFromGripper(arm.nominal, *posture, arm.tip_from_gripper)};
 }
 
-Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& poses,
+Outcome<ArmMotion> SimulateArmMotion(const Problem& rig, const CellPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const SceneOptions& options,
                                      const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng) {
   constexpr int kMostRounds = 20;
@@ -57,10 +57,10 @@ Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& pose
   return motion;
 }
 
-std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
-                                         const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
-                                         const SceneOptions& options, Rng* rng) {
-  std::vector<RigCapture> captures = SimulateCaptures(rig, poses, targets, motion.exact, options, rng);
+std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
+                                             const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
+                                             const SceneOptions& options, Rng* rng) {
+  std::vector<ProblemCapture> captures = SimulateCaptures(rig, poses, targets, motion.exact, options, rng);
   for (size_t i = 0; i < captures.size(); ++i) {
     for (size_t r = 0; r < rig.robots.size(); ++r) {
       Rigid3d& reported = captures[i].base_from_gripper[r];

@@ -8,7 +8,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
-#include "heba/data/rig.h"
+#include "heba/data/problem.h"
 #include "heba/robot/arm.h"
 #include "heba/simulation/scene.h"
 
@@ -45,14 +45,14 @@ struct ArmMotion {
 };
 // Simulates the motion of arms, of which those in `arms` (one per arm) have errors: in each capture, they are commanded
 // near a pose of SimulateArmPoses that they reach. Returns a Failure if they reach too few of them.
-Outcome<ArmMotion> SimulateArmMotion(const RigProblem& rig, const RigPoses& poses,
+Outcome<ArmMotion> SimulateArmMotion(const Problem& rig, const CellPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const SceneOptions& options,
                                      const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng);
 
 // Simulates the captures of a motion (SimulateCaptures of heba/simulation/scene.h): the poses that the arms
 // report are the stated ones with noise.
-std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
-                                         const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
-                                         const SceneOptions& options, Rng* rng);
+std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
+                                             const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
+                                             const SceneOptions& options, Rng* rng);
 
 }  // namespace heba

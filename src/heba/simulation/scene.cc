@@ -15,7 +15,7 @@ struct Meeting {
   size_t target = 0;
 };
 
-std::vector<Meeting> MeetingsOf(const RigProblem& rig, size_t robot) {
+std::vector<Meeting> MeetingsOf(const Problem& rig, size_t robot) {
   std::vector<Meeting> meetings;
   const auto is_placed = [&](const Mount& mount) { return mount.part == Mount::Part::kBase || mount.robot <= robot; };
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -180,7 +180,7 @@ std::optional<View> SimulateView(const std::string& name, const Camera& camera, 
   return view;
 }
 
-Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const RigPoses& poses,
+Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPoses& poses,
                                                 const std::vector<SimulatedTarget>& targets,
                                                 const SceneOptions& options, Rng* rng) {
   std::vector<std::vector<Meeting>> meetings;
@@ -225,13 +225,13 @@ bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const Si
   return AreInImage(camera, camera_from_target, target.points_in_target, margin_px);
 }
 
-std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
-                                         const std::vector<SimulatedTarget>& targets,
-                                         const std::vector<ArmPoses>& arm_poses, const SceneOptions& options,
-                                         Rng* rng) {
-  std::vector<RigCapture> captures;
+std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
+                                             const std::vector<SimulatedTarget>& targets,
+                                             const std::vector<ArmPoses>& arm_poses, const SceneOptions& options,
+                                             Rng* rng) {
+  std::vector<ProblemCapture> captures;
   for (size_t i = 0; i < arm_poses.size(); ++i) {
-    RigCapture& capture = captures.emplace_back();
+    ProblemCapture& capture = captures.emplace_back();
     capture.name = "capture_" + std::to_string(i);
     for (const Rigid3d& exact : arm_poses[i]) {
       capture.base_from_gripper.push_back(ReportedPose(exact, options.robot_noise, rng));

@@ -8,10 +8,10 @@
 
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
+#include "heba/data/pair_problem.h"
+#include "heba/data/pair_solution.h"
 #include "heba/data/problem.h"
-#include "heba/data/rig.h"
 #include "heba/data/setup.h"
-#include "heba/data/solution.h"
 
 namespace heba {
 
@@ -98,7 +98,7 @@ using ArmPoses = std::vector<Rigid3d>;
 // these cameras, drawn at random, sees one of these targets (SimulatePoses); an arm that only meets others stands near
 // its home. The other images of the capture follow from these poses. Returns a Failure if a target does not fit into an
 // image. `rig` needs no captures.
-Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const RigPoses& poses,
+Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPoses& poses,
                                                 const std::vector<SimulatedTarget>& targets,
                                                 const SceneOptions& options, Rng* rng);
 
@@ -111,8 +111,9 @@ bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const Si
 
 // Simulates the captures at these poses of the arms: the poses that the arms report, and the points of every target
 // that a camera sees as a whole, with noise.
-std::vector<RigCapture> SimulateCaptures(const RigProblem& rig, const RigPoses& poses,
-                                         const std::vector<SimulatedTarget>& targets,
-                                         const std::vector<ArmPoses>& arm_poses, const SceneOptions& options, Rng* rng);
+std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
+                                             const std::vector<SimulatedTarget>& targets,
+                                             const std::vector<ArmPoses>& arm_poses, const SceneOptions& options,
+                                             Rng* rng);
 
 }  // namespace heba

@@ -13,7 +13,7 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/dataset.h"
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 #include "heba/target.h"
 
 namespace heba {

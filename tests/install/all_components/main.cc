@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/io/export_files.h"
+#include "heba/pair_run.h"
 #include "heba/robot/ur_kinematics.h"
-#include "heba/run.h"
 
 namespace {
 
@@ -39,7 +39,7 @@ int main(int /*argc*/, char** argv) {
   using heba::Rigid3d;
   const heba::HandEye truth{Rigid3d(ExpRotation({0.1, -0.2, 0.3}), {0.05, -0.02, 0.1}),
                             Rigid3d(ExpRotation({0.2, 0.1, -0.3}), {0.6, 0.1, 0.02})};
-  heba::Dataset dataset;
+  heba::PairDataset dataset;
   dataset.setup = heba::Setup::kEyeInHand;
   dataset.target = heba::ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
   dataset.camera = heba::Camera{"pinhole", 640, 480, {700, 700, 320, 240}};
@@ -52,7 +52,7 @@ int main(int /*argc*/, char** argv) {
         truth.camera_mount_from_camera * camera_from_target * Inverse(truth.target_mount_from_target);
     dataset.captures.push_back({image.filename().string(), image, {}, Inverse(gripper_from_base)});
   }
-  const heba::Outcome<heba::RunOutput> run = heba::Run(dataset, heba::RunOptions());
+  const heba::Outcome<heba::PairRunOutput> run = heba::Run(dataset, heba::PairRunOptions());
   if (!run) {
     std::printf("%s\n", run.reason().c_str());
     return 1;
@@ -60,7 +60,7 @@ int main(int /*argc*/, char** argv) {
   const heba::Estimate& refined = *heba::FindRefined(run->result);
   const double error_m = heba::DistanceM(refined.hand_eye.camera_mount_from_camera, truth.camera_mount_from_camera);
   std::printf("%zu captures, %.3f mm from the truth\n", run->result.captures.size(), 1000 * error_m);
-  const heba::ExportRequests requests = heba::MakeExportRequests(heba::AsRigResult(run->result));
+  const heba::ExportRequests requests = heba::MakeExportRequests(heba::AsRunResult(run->result));
   int num_formats = 0;
   for (const heba::ExportFormat& format : heba::ExportFormats()) {
     for (const heba::ExportedFile& file : ExportFiles(format, requests)) num_formats += file.text.empty() ? 0 : 1;

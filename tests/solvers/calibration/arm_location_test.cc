@@ -27,7 +27,7 @@ namespace {
 struct Cell {
   Setup setup = Setup::kEyeToHand;
   ArmScene arm;
-  Solution solution;
+  PairSolution solution;
   Rng rng;
 
   StatedPose Stated(const Eigen::VectorXd& joints) const {
@@ -86,7 +86,7 @@ std::optional<Cell> Calibrated(Setup setup, Sigmas sigmas, uint64_t seed) {
     errors.groups[2].sigma = options.angle_rad;
   }
   bundle.effects = std::make_shared<const SharedEffects>(std::move(errors));
-  Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, bundle);
+  Outcome<PairSolution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, bundle);
   if (!solution) return std::nullopt;
   cell.solution = std::move(*solution);
   return cell;
@@ -184,8 +184,8 @@ TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) {
             2 * agreements.at("reached").by_calibration_m2);
 }
 
-// Estimated standard deviations are themselves uncertain: a region is one of Fisher's F with Solution::covariance_dof.
-// The share outside of it is within 4 sigmas of a binomial distribution.
+// Estimated standard deviations are themselves uncertain: a region is one of Fisher's F with
+// PairSolution::covariance_dof. The share outside of it is within 4 sigmas of a binomial distribution.
 TEST_P(ArmLocationTest, ConfidenceRegionsHoldTheTruthIfTheSigmasAreEstimated) {
   for (const auto& [name, agreement] : AgreementsOf(GetParam(), Sigmas::kEstimated)) {
     EXPECT_NEAR(agreement.num_outside, 0.05 * kNumTrials, 4 * std::sqrt(0.05 * 0.95 * kNumTrials)) << name;
@@ -197,9 +197,9 @@ TEST_P(ArmLocationTest, DerivativesByTheArmAreThoseOfDifferences) {
   std::optional<Cell> cell = Calibrated(GetParam(), Sigmas::kEstimated, 3);
   ASSERT_TRUE(cell.has_value());
   const Sight sight = SightAt(cell->arm.joints[3], &*cell);
-  const Solution& solution = cell->solution;
+  const PairSolution& solution = cell->solution;
   const Eigen::Index first = solution.covariance.layout.Block(kRobotBlock).first;
-  const auto locate = [&](const Solution& with) {
+  const auto locate = [&](const PairSolution& with) {
     return LocateTarget(GetParam(), with, sight.seen, sight.camera_mount)->world_from_target.translation;
   };
   const Outcome<LocatedTarget> located = LocateTarget(GetParam(), solution, sight.seen, sight.camera_mount);
@@ -209,7 +209,7 @@ TEST_P(ArmLocationTest, DerivativesByTheArmAreThoseOfDifferences) {
   const CorrectedPose corrected = Correct(solution, command);
   constexpr double kStep = 1e-6;
   for (Eigen::Index i = 0; i < solution.effects.size(); ++i) {
-    Solution moved = solution;
+    PairSolution moved = solution;
     moved.effects[i] += kStep;
     const Eigen::Vector3d target = PointByMotion(origin) * located->uncertainty.by_unknowns.col(first + i);
     EXPECT_LT(((locate(moved) - origin) / kStep - target).norm(), 1e-4);

@@ -60,7 +60,7 @@ struct Session {
 // in the camera. A calibration that fails errs infinitely.
 Session TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, const std::vector<Rigid3d>& places,
                     Rng* rng) {
-  Problem problem{truth.camera, {}, truth.setup, DesignedShape(truth.points_in_target)};
+  PairProblem problem{truth.camera, {}, truth.setup, DesignedShape(truth.points_in_target)};
   const SimulatedTarget target{truth.points_in_target, truth.z_out};
   Session session;
   for (const Rigid3d& pose : poses) {
@@ -79,7 +79,7 @@ Session TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, co
   bundle.robot = BundleOptions::Robot::kGivenNoise;
   bundle.robot_noise = truth.robot_noise;
   bundle.pixel_noise_px = truth.pixel_noise_px;
-  const Outcome<Solution> solution = RefineHandEye(problem, truth.hand_eye, bundle);
+  const Outcome<PairSolution> solution = RefineHandEye(problem, truth.hand_eye, bundle);
   session.error_m = std::numeric_limits<double>::infinity();
   if (!solution) return session;
   const Rigid3d change = Inverse(truth.hand_eye.camera_mount_from_camera) * solution->hand_eye.camera_mount_from_camera;

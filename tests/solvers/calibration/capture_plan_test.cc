@@ -94,7 +94,7 @@ TEST(CapturePlanTest, ExpectsTheErrorsThatCalibrationsHave) {
   constexpr int kNumSeeds = 60;
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
     Rng rng(seed);
-    Problem problem{cell.camera, {}, cell.setup, DesignedShape(cell.points_in_target)};
+    PairProblem problem{cell.camera, {}, cell.setup, DesignedShape(cell.points_in_target)};
     for (const PlannedCapture& capture : plan->captures) {
       std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, capture.base_from_gripper,
                                               cell.points_in_target, cell.pixel_noise_px, &rng);
@@ -109,7 +109,7 @@ TEST(CapturePlanTest, ExpectsTheErrorsThatCalibrationsHave) {
     bundle.robot = BundleOptions::Robot::kGivenNoise;
     bundle.robot_noise = cell.robot_noise;
     bundle.pixel_noise_px = cell.pixel_noise_px;
-    const Outcome<Solution> solution = RefineHandEye(problem, cell.hand_eye, bundle);
+    const Outcome<PairSolution> solution = RefineHandEye(problem, cell.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     squares_m2 +=
         std::pow(DistanceM(solution->hand_eye.camera_mount_from_camera, cell.hand_eye.camera_mount_from_camera), 2);

@@ -5,18 +5,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
 namespace {
 
 std::set<std::string> LeftOut(const TestScene& scene, const TestSceneOptions& options) {
-  CalibrationOptions calibration_options;
+  PairCalibrationOptions calibration_options;
   calibration_options.setup = options.setup;
   calibration_options.camera = scene.camera;
   calibration_options.shape = DesignedShape(options.points);
-  const Outcome<Calibration> calibration = Calibrate(scene.views, calibration_options);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, calibration_options);
   EXPECT_TRUE(calibration.ok() && calibration->refined.ok());
   std::set<std::string> names;
   for (const UnusedView& unused : calibration->unused) names.insert(unused.name);

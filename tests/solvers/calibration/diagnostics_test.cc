@@ -6,7 +6,7 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "solvers/calibration/observability.h"
 #include "tests/support/scenes.h"
 
@@ -17,25 +17,25 @@ std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<Param
   BundleOptions options;
   options.loss = LossKind::kNone;
   options.free_intrinsics = free_groups;
-  const Problem problem{scene.camera, scene.views};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
   return DiagnoseWeakDirections(problem, *solution, options);
 }
 
 // The solution of a scene in which the robot is assumed to be exact and the camera is held fixed.
 struct Solved {
-  Problem problem;
-  Solution solution;
+  PairProblem problem;
+  PairSolution solution;
   BundleOptions bundle;
 };
 Solved SolveWithHeldCamera(const TestScene& scene, const TestSceneOptions& options, const Camera& camera) {
   BundleOptions bundle;
   bundle.free_intrinsics = {};
-  const Problem problem{camera, scene.views, options.setup, DesignedShape(options.points)};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+  const PairProblem problem{camera, scene.views, options.setup, DesignedShape(options.points)};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
   EXPECT_TRUE(solution.ok()) << solution.reason();
-  return {problem, solution.ok() ? *solution : Solution(), bundle};
+  return {problem, solution.ok() ? *solution : PairSolution(), bundle};
 }
 
 TEST(AdviceTest, GivesNoAdviceIfAllParametersAreWellDetermined) {
@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(HiddenErrors, FixedModelTest,
                          [](const auto& test) { return test.param.name; });
 
 // Returns the squared distance of the hand-eye pose from the truth in sigmas.
-double SquaredSigmasOff(const Solution& solution, const HandEye& truth) {
+double SquaredSigmasOff(const PairSolution& solution, const HandEye& truth) {
   const Tangent6 error = LocalCoordinates(solution.hand_eye.camera_mount_from_camera, truth.camera_mount_from_camera);
   return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, kHandEyeBlock));
 }
@@ -140,8 +140,8 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     BundleOptions bundle;
     bundle.free_intrinsics = {};
     bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    const Problem problem{held, scene.views, options.setup, DesignedShape(options.points)};
-    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+    const PairProblem problem{held, scene.views, options.setup, DesignedShape(options.points)};
+    const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     const Advice advice = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
     ASSERT_EQ(advice.findings.size(), off_px > 0 ? 1U : 0U) << off_px;
@@ -152,7 +152,7 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     EXPECT_LT(finding.Number("cx_px"), 0);
     constexpr double kSixAt999 = 22.5;  // The 99.9 % quantile of chi-square with six degrees of freedom.
     EXPECT_GT(SquaredSigmasOff(*solution, scene.hand_eye), kSixAt999);
-    Solution widened = *solution;
+    PairSolution widened = *solution;
     AddChanges(advice.changes, &widened.covariance);
     EXPECT_LT(SquaredSigmasOff(widened, scene.hand_eye), kSixAt999);
   }

@@ -59,8 +59,8 @@ Drift LinearDrift(DriftSide side, double rotation_deg, double translation_m) {
 }
 
 struct Solved {
-  RigProblem problem;
-  RigSolution solution;
+  Problem problem;
+  Solution solution;
   CaptureTimes times;
 };
 
@@ -69,8 +69,8 @@ Solved Solve(const TestScene& scene, const TestSceneOptions& scene_options) {
   options.loss = LossKind::kNone;
   options.free_intrinsics = {};
   options.robot = BundleOptions::Robot::kEstimatedNoise;
-  const Problem problem{scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
   Solved solved{HandEyeProblem(problem, options), ProblemSolution(*solution), {{}, scene.views.size()}};
   for (size_t i = 0; i < scene.views.size(); ++i) solved.times.places.push_back(i);

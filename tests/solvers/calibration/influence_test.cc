@@ -25,15 +25,15 @@ struct Case {
   double max_sigmas = 0;
 };
 
-std::vector<std::optional<CaptureMove>> MovesOf(const Problem& problem, const Solution& solution,
+std::vector<std::optional<CaptureMove>> MovesOf(const PairProblem& problem, const PairSolution& solution,
                                                 const BundleOptions& options, LossKind loss) {
   return MoveWithoutEachCapture(HandEyeProblem(problem, options), ProblemSolution(solution), 0, LossOf(loss));
 }
 
 class InfluenceTest : public testing::TestWithParam<Case> {};
 
-Outcome<Solution> Solve(const TestScene& scene, const std::vector<View>& views, const BundleOptions& options,
-                        Setup setup = Setup::kEyeToHand) {
+Outcome<PairSolution> Solve(const TestScene& scene, const std::vector<View>& views, const BundleOptions& options,
+                            Setup setup = Setup::kEyeToHand) {
   return RefineHandEye({scene.camera, views, setup}, scene.hand_eye, options);
 }
 
@@ -58,7 +58,7 @@ TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   options.pixel_noise_px = 0.06;
   options.robot = GetParam().robot;
   options.robot_noise = {GetParam().robot_translation_m, GetParam().robot_rotation_rad};
-  const Outcome<Solution> all = Solve(scene, scene.views, options, GetParam().setup);
+  const Outcome<PairSolution> all = Solve(scene, scene.views, options, GetParam().setup);
   ASSERT_TRUE(all.ok()) << all.reason();
   const std::vector<std::optional<CaptureMove>> moves =
       MovesOf({scene.camera, scene.views, GetParam().setup}, *all, options, *FindLossKind(GetParam().loss));
@@ -66,7 +66,7 @@ TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   for (size_t i = 0; i < scene.views.size(); ++i) {
     std::vector<View> others = scene.views;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
-    const Outcome<Solution> without = Solve(scene, others, options, GetParam().setup);
+    const Outcome<PairSolution> without = Solve(scene, others, options, GetParam().setup);
     ASSERT_TRUE(without.ok()) << without.reason();
     const Tangent6 moved =
         LocalCoordinates(all->hand_eye.camera_mount_from_camera, without->hand_eye.camera_mount_from_camera);
@@ -98,7 +98,7 @@ TEST(InfluenceOfFewTest, ReturnsNothingForAnIndispensableCapture) {
   BundleOptions options;
   options.loss = LossKind::kNone;
   options.free_intrinsics = {};
-  const Outcome<Solution> all = Solve(scene, scene.views, options);
+  const Outcome<PairSolution> all = Solve(scene, scene.views, options);
   ASSERT_TRUE(all.ok()) << all.reason();
   for (const std::optional<CaptureMove>& move : MovesOf({scene.camera, scene.views}, *all, options, LossKind::kNone)) {
     EXPECT_FALSE(move);
@@ -118,7 +118,7 @@ TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
   scene_options.robot_translation_m = options.robot_noise.translation_m;
   scene_options.robot_rotation_rad = options.robot_noise.rotation_rad;
   const auto chances = [&](const TestScene& scene) {
-    const Outcome<Solution> solution = Solve(scene, scene.views, options);
+    const Outcome<PairSolution> solution = Solve(scene, scene.views, options);
     EXPECT_TRUE(solution.ok()) << solution.reason();
     std::vector<double> all;
     for (const std::optional<CaptureMove>& move :

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -46,11 +46,11 @@ TEST_P(ModelChoiceTest, ChoosesTheRightModelAndCoversTheTruth) {
   constexpr int kSeeds = 20;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const TestScene scene = MakeTestScene(seed, Options());
-    CalibrationOptions options;
+    PairCalibrationOptions options;
     options.setup = Options().setup;
     options.camera = scene.camera;
     options.shape = DesignedShape(Options().points);
-    const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
     EXPECT_THAT(calibration->unused, testing::SizeIs(testing::Le(1U))) << seed;
     num_right +=
@@ -92,8 +92,8 @@ TestSceneOptions NoisyRobot(int num_captures) {
   return options;
 }
 
-CalibrationOptions WithHeldCamera(const TestScene& scene) {
-  CalibrationOptions options;
+PairCalibrationOptions WithHeldCamera(const TestScene& scene) {
+  PairCalibrationOptions options;
   options.camera = scene.camera;
   options.bundle.free_intrinsics = {};
   return options;
@@ -134,13 +134,13 @@ TEST(ModelChoiceTest, ABentTargetIsNoReasonForALargerLens) {
     scene_options.robot_rotation_rad = 3e-4;
     scene_options.camera = {"brown4", 1600, 1200, {900, 902, 805, 595, -0.2, 0.1, 1e-3, -5e-4}};
     const TestScene scene = MakeTestScene(seed, scene_options);
-    CalibrationOptions options;
+    PairCalibrationOptions options;
     options.setup = scene_options.setup;
     options.shape = DesignedShape(scene_options.points);
     options.width_px = 1600;
     options.height_px = 1200;
     options.choose_camera_model = true;
-    const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
     num_right += calibration->refined->camera.model == "brown4" ? 1 : 0;
     // The parts of the shape that are held are as designed, whatever the fits of the lenses made of them.
@@ -163,13 +163,13 @@ TEST(ModelChoiceTest, StepsDownFromALensThatIsNotDetermined) {
   scene_options.num_captures = 8;
   scene_options.points = GridPoints(4, 3, 0.01);
   const TestScene scene = MakeTestScene(3, scene_options);
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   options.setup = scene_options.setup;
   options.shape = DesignedShape(scene_options.points);
   options.width_px = scene_options.camera.width_px;
   options.height_px = scene_options.camera.height_px;
   options.camera_model = "rational8";
-  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
   ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
   EXPECT_NE(calibration->refined->camera.model, "rational8");
   EXPECT_FALSE(calibration->reduced_camera.empty());
@@ -184,8 +184,8 @@ TEST(ModelChoiceTest, StepsDownFromALensThatIsNotDetermined) {
 // reports it.
 TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {
   const TestScene scene = MakeTestScene(2, NoisyRobot(6));
-  const CalibrationOptions options = WithHeldCamera(scene);
-  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  const PairCalibrationOptions options = WithHeldCamera(scene);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
   ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
   EXPECT_TRUE(calibration->bundle.robot_noise_prior.has_value());
   EXPECT_GT(calibration->refined->robot_noise->translation_m, 1e-5);
@@ -212,9 +212,9 @@ TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
       AddNoise(0.1, &rng, &repeated.back().observations.pixels);
     }
   }
-  const CalibrationOptions options = WithHeldCamera(scene);
+  const PairCalibrationOptions options = WithHeldCamera(scene);
   const auto sigma_m = [&](const std::vector<View>& views) {
-    const Outcome<Calibration> calibration = Calibrate(views, options);
+    const Outcome<PairCalibration> calibration = CalibratePair(views, options);
     EXPECT_TRUE(calibration.ok() && calibration->refined.ok());
     EXPECT_EQ(calibration->bundle.robot, Robot::kEstimatedNoise);
     return std::sqrt(calibration->refined->covariance.matrix.topLeftCorner<3, 3>().trace());

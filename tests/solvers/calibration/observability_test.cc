@@ -6,28 +6,28 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/rig_calibration.h"
+#include "heba/calibration.h"
+#include "solvers/cell/outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/rig/rig_outliers.h"
-#include "tests/support/rig_scenes.h"
+#include "tests/support/cell_scenes.h"
 
 namespace heba {
 namespace {
 
-RigCalibration Calibrated(const RigScene& scene) {
-  RigCalibrationOptions options;
+Calibration Calibrated(const CellScene& scene) {
+  CalibrationOptions options;
   options.has_camera.assign(scene.problem.cameras.size(), true);
   options.choose_target_shape = false;
   options.smooth = SmoothPoseErrors::kNone;
-  Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, options);
+  Outcome<Calibration> calibration = Calibrate(scene.problem, options);
   CHECK(calibration.ok()) << calibration.reason();
   CHECK(calibration->refined.ok()) << calibration->refined.reason();
   return *calibration;
 }
 
 // A poor arm, so that sigmas exceed what a robot cell usually needs.
-RigSceneSetting PoorArm() { return {30, 0.2, {2e-3, DegToRad(0.4), 0}}; }
+CellSceneSetting PoorArm() { return {30, 0.2, {2e-3, DegToRad(0.4), 0}}; }
 
 const Finding* PartOf(const Finding& finding, const std::string& code) {
   for (const Finding& part : finding.parts) {
@@ -37,26 +37,25 @@ const Finding* PartOf(const Finding& finding, const std::string& code) {
 }
 
 // The covariance of the captures in use together with more captures, from all their linearised images.
-Eigen::MatrixXd CovarianceWith(const RigProblem& used, const RigSolution& solution,
-                               const CandidateCaptures& candidate) {
+Eigen::MatrixXd CovarianceWith(const Problem& used, const Solution& solution, const CandidateCaptures& candidate) {
   Fit fit;
-  RigProblem problem = WeightedAs(solution, used);
+  Problem problem = WeightedAs(solution, used);
   fit.state = StateOf(solution);
-  for (const RigCapture& capture : candidate.captures) {
+  for (const ProblemCapture& capture : candidate.captures) {
     problem.captures.push_back(capture);
     fit.state.corrections.emplace_back(problem.robots.size());
   }
   fit.groups = GroupByRobotPoses(problem);
   fit.noise = NoiseOf(solution);
-  fit.problem = std::make_shared<const RigProblem>(std::move(problem));
+  fit.problem = std::make_shared<const Problem>(std::move(problem));
   return InvertInformation(*FitInformation(fit, LossOf(LossKind::kNone), 1), 1.0).matrix;
 }
 
 TEST(Observability, NamesTheWeakDirectionsOfEachCamera) {
-  const RigScene scene = MixedRig(31, PoorArm());
-  const RigCalibration calibration = Calibrated(scene);
-  const RigSolution& solution = *calibration.refined;
-  const std::vector<Finding> findings = DiagnoseRigDirections(calibration);
+  const CellScene scene = MixedCell(31, PoorArm());
+  const Calibration calibration = Calibrated(scene);
+  const Solution& solution = *calibration.refined;
+  const std::vector<Finding> findings = DiagnoseWeakDirectionsOf(calibration);
   ASSERT_EQ(findings.size(), 3U);
   int num_weak = 0;
   for (size_t c = 0; c < findings.size(); ++c) {
@@ -81,8 +80,8 @@ TEST(Observability, NamesTheWeakDirectionsOfEachCamera) {
   EXPECT_GT(num_weak, 0);
 }
 
-TEST(Observability, ACertainRigHasNoWeakDirection) {
-  for (const Finding& finding : DiagnoseRigDirections(Calibrated(FourCameraRig(32)))) {
+TEST(Observability, ACertainCellHasNoWeakDirection) {
+  for (const Finding& finding : DiagnoseWeakDirectionsOf(Calibrated(FourCameraCell(32)))) {
     EXPECT_EQ(finding.grade, Grade::kGood);
     EXPECT_NE(PartOf(finding, "weak_direction_of"), nullptr);
   }
@@ -90,10 +89,10 @@ TEST(Observability, ACertainRigHasNoWeakDirection) {
 
 // The sigma that a suggestion states is that of the whole adjustment with these captures, for all of the rig's cameras.
 TEST(Observability, StatesTheSigmaOfTheLargerAdjustment) {
-  for (const RigScene& scene : {MixedRig(33, PoorArm()), TwoArmRig(34, PoorArm())}) {
-    const RigCalibration calibration = Calibrated(scene);
-    const RigSolution& solution = *calibration.refined;
-    const RigProblem used = WithoutRejected(calibration.problem, solution);
+  for (const CellScene& scene : {MixedCell(33, PoorArm()), TwoArmCell(34, PoorArm())}) {
+    const Calibration calibration = Calibrated(scene);
+    const Solution& solution = *calibration.refined;
+    const Problem used = WithoutRejected(calibration.problem, solution);
     std::vector<WeakDirection> directions;
     for (size_t c = 0; c < used.cameras.size(); ++c) {
       directions.push_back(DirectionsOfCamera(used, solution, c).front());
@@ -119,13 +118,13 @@ TEST(Observability, StatesTheSigmaOfTheLargerAdjustment) {
 
 // The best candidate for a camera is suggested, with what the cameras see there.
 TEST(Observability, SuggestsTheCapturesThatHelpACameraMost) {
-  const RigScene scene = MixedRig(33, PoorArm());
-  const RigCalibration calibration = Calibrated(scene);
-  const RigSolution& solution = *calibration.refined;
-  const RigProblem used = WithoutRejected(calibration.problem, solution);
+  const CellScene scene = MixedCell(33, PoorArm());
+  const Calibration calibration = Calibrated(scene);
+  const Solution& solution = *calibration.refined;
+  const Problem used = WithoutRejected(calibration.problem, solution);
   const std::vector<CandidateCaptures> candidates = FindCandidates(used, solution);
   int num_suggested = 0;
-  const std::vector<Finding> findings = DiagnoseRigDirections(calibration);
+  const std::vector<Finding> findings = DiagnoseWeakDirectionsOf(calibration);
   for (size_t c = 0; c < findings.size(); ++c) {
     const Finding* const suggested = PartOf(findings[c], "suggested_captures");
     if (suggested == nullptr) continue;
@@ -145,17 +144,17 @@ TEST(Observability, SuggestsTheCapturesThatHelpACameraMost) {
 
 // In a candidate, the cameras see what they would see at these poses of the arms, inside their images.
 TEST(Observability, CandidatesHaveTheImagesOfAllCameras) {
-  const RigScene scene = FourCameraRig(36, PoorArm());
-  const RigCalibration calibration = Calibrated(scene);
-  const RigSolution& solution = *calibration.refined;
-  const RigProblem used = WithoutRejected(calibration.problem, solution);
+  const CellScene scene = FourCameraCell(36, PoorArm());
+  const Calibration calibration = Calibrated(scene);
+  const Solution& solution = *calibration.refined;
+  const Problem used = WithoutRejected(calibration.problem, solution);
   std::set<size_t> most_cameras;
   for (const CandidateCaptures& candidate : FindCandidates(used, solution)) {
     EXPECT_EQ(candidate.captures.size(), 2U);
     for (size_t side = 0; side < candidate.captures.size(); ++side) {
-      const RigCapture& capture = candidate.captures[side];
+      const ProblemCapture& capture = candidate.captures[side];
       std::set<size_t> cameras;
-      for (const RigImage& image : capture.images) {
+      for (const ProblemImage& image : capture.images) {
         cameras.insert(image.camera);
         const Camera& camera = solution.cameras[image.camera];
         EXPECT_EQ(image.observations.size(), 48);

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/cross_validation.h"
+#include "heba/pair_cross_validation.h"
 #include "solvers/calibration/model_choice.h"
 #include "tests/support/arm_scenes.h"
 
@@ -13,10 +13,10 @@ namespace {
 constexpr Setup kSetup = Setup::kEyeToHand;
 
 // The pairs of an arm's captures, with errors of the poses that the camera sees of 0.1 mm and 0.1 mrad.
-Calibration PairsOf(const ArmScene& arm, uint64_t seed) {
+PairCalibration PairsOf(const ArmScene& arm, uint64_t seed) {
   Rng rng(seed);
   const Arm actual = WithChanges(arm.nominal, arm.errors);
-  Calibration calibration;
+  PairCalibration calibration;
   for (const View& view : arm.scene.views) {
     PosePair pair;
     pair.camera_mount_from_target_mount = view.camera_mount_from_target_mount;
@@ -52,8 +52,8 @@ TEST(PoseCalibrationTest, ErrorsOfTheArmAreEstimatedAndPredictHeldOutPoses) {
   scene.num_captures = 40;
   scene.joint_noise_rad = 0;
   const ArmScene arm = MakeArmScene(1, scene);
-  Calibration with_arm = PairsOf(arm, 2);
-  Calibration without = with_arm;
+  PairCalibration with_arm = PairsOf(arm, 2);
+  PairCalibration without = with_arm;
   const PoseCalibrationOptions options = OptionsOf(arm);
   PoseCalibrationOptions plain;
   plain.setup = kSetup;
@@ -82,7 +82,7 @@ TEST(PoseCalibrationTest, ExactArmIsNotEstimated) {
   constexpr int kTrials = 10;
   for (int trial = 0; trial < kTrials; ++trial) {
     const ArmScene arm = MakeArmScene(20 + static_cast<uint64_t>(trial), scene);
-    Calibration calibration = PairsOf(arm, 3 + static_cast<uint64_t>(trial));
+    PairCalibration calibration = PairsOf(arm, 3 + static_cast<uint64_t>(trial));
     CalibratePoses(OptionsOf(arm), &calibration);
     ASSERT_TRUE(calibration.chain.ok()) << calibration.chain.reason();
     num_declined += calibration.bundle.effects == nullptr ? 1 : 0;
@@ -95,7 +95,7 @@ TEST(PoseCalibrationTest, FoldWithoutEnoughPosesFails) {
   ArmSceneOptions scene;
   scene.num_captures = 3;
   const ArmScene arm = MakeArmScene(4, scene);
-  Calibration calibration = PairsOf(arm, 5);
+  PairCalibration calibration = PairsOf(arm, 5);
   PoseCalibrationOptions plain;
   plain.setup = kSetup;
   CalibratePoses(plain, &calibration);

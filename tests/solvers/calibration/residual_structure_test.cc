@@ -17,8 +17,8 @@ ResidualStructure StructureOf(const TestScene& scene, const TestSceneOptions& sc
   BundleOptions options;
   options.loss = LossKind::kNone;
   options.free_intrinsics = {};
-  const Problem problem{scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
   return FindResidualStructure(HandEyeProblem(problem, options), ProblemSolution(*solution));
 }

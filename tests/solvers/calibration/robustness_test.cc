@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/inliers.h"
@@ -28,8 +28,8 @@ TestScene SceneOf(uint64_t seed, Setup setup, const Points3& points) {
   return MakeTestScene(seed, options);
 }
 
-CalibrationOptions OptionsFor(const TestScene& scene, Setup setup) {
-  CalibrationOptions options;
+PairCalibrationOptions OptionsFor(const TestScene& scene, Setup setup) {
+  PairCalibrationOptions options;
   options.setup = setup;
   options.camera = scene.camera;
   options.bundle.free_intrinsics = {};
@@ -47,7 +47,7 @@ HandEye OracleFit(const TestScene& scene, Setup setup, const std::vector<View>& 
   return RefineHandEye({scene.camera, good, setup}, scene.hand_eye, options)->hand_eye;
 }
 
-std::set<std::string> NamesOfUnused(const Calibration& calibration) {
+std::set<std::string> NamesOfUnused(const PairCalibration& calibration) {
   std::set<std::string> names;
   for (const UnusedView& unused : calibration.unused) names.insert(unused.name);
   return names;
@@ -100,10 +100,10 @@ TEST_P(RobustnessTest, RejectsTwoSwappedCaptures) {
     TestScene scene = Scene(seed);
     std::vector<View> good(scene.views.begin(), scene.views.end() - 2);
     std::swap(scene.views[18].observations, scene.views[19].observations);
-    CalibrationOptions options = OptionsFor(scene, setup());
+    PairCalibrationOptions options = OptionsFor(scene, setup());
     // The model is that of the oracle; the choice of the model has tests of its own.
     options.choose = {};
-    const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
     EXPECT_THAT(NamesOfUnused(*calibration), testing::IsSupersetOf({"view_18", "view_19"}));
     const HandEye without = OracleFit(scene, setup(), good);
@@ -121,7 +121,7 @@ TEST_P(RobustnessTest, RejectsAlmostNothingFromCleanData) {
   int num_with_false_alarm = 0;
   for (int seed = 1; seed <= kSeeds; ++seed) {
     const TestScene scene = Scene(seed);
-    const Outcome<Calibration> calibration = Calibrate(scene.views, OptionsFor(scene, setup()));
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, OptionsFor(scene, setup()));
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
     num_with_false_alarm += calibration->unused.empty() ? 0 : 1;
     ratio.found_m2 += std::pow(ErrorM(scene, calibration->refined->hand_eye), 2);
@@ -143,7 +143,7 @@ TEST_P(RobustnessTest, ToleratesAQuarterOfOutlierPoints) {
     Rng rng(static_cast<uint64_t>(seed), 7);
     std::vector<View> good;
     for (View& view : scene.views) good.push_back(DisplaceAQuarterOfPoints(&view, &rng));
-    const Outcome<Calibration> calibration = Calibrate(scene.views, OptionsFor(scene, setup()));
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, OptionsFor(scene, setup()));
     ASSERT_TRUE(calibration.ok()) << seed << calibration.reason();
     ASSERT_TRUE(calibration->refined.ok()) << seed << calibration->refined.reason();
     ratio.found_m2 += std::pow(ErrorM(scene, calibration->refined->hand_eye), 2);
@@ -172,7 +172,7 @@ TEST_P(RobustnessTest, ToleratesATenthOfWrongPoses) {
           WithRobotNoise(BaseFromGripper(setup(), view.camera_mount_from_target_mount), 0.02, 0.005, &rng);
       view.camera_mount_from_target_mount = CameraMountFromTargetMount(setup(), stated);
     }
-    const Outcome<Calibration> calibration = Calibrate(scene.views, OptionsFor(scene, setup()));
+    const Outcome<PairCalibration> calibration = CalibratePair(scene.views, OptionsFor(scene, setup()));
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
     EXPECT_THAT(NamesOfUnused(*calibration), testing::IsSupersetOf(wrong));
     ratio.found_m2 += std::pow(ErrorM(scene, calibration->refined->hand_eye), 2);
@@ -200,7 +200,7 @@ TEST_P(RobustnessTest, ConvergesFromADistantInitialGuess) {
                         far_off(scene.hand_eye.target_mount_from_target)};
     BundleOptions options;
     options.free_intrinsics = {};
-    const Outcome<Solution> alone = RefineHandEye({scene.camera, scene.views, setup()}, start, options);
+    const Outcome<PairSolution> alone = RefineHandEye({scene.camera, scene.views, setup()}, start, options);
     constexpr double kRightM = 0.05;
     if (alone && ErrorM(scene, alone->hand_eye) < kRightM) ++num_alone;
     const MultiStartSolution started =

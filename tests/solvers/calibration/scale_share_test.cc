@@ -8,10 +8,10 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
-#include "heba/calibration.h"
 #include "heba/data/hand_eye.h"
 #include "heba/geometry/rigid3.h"
 #include "heba/kernels/small_matrix.h"
+#include "heba/pair_calibration.h"
 #include "solvers/calibration/calibration_problem.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "solvers/residuals/inliers.h"
@@ -56,12 +56,12 @@ TEST(ScaleShareTest, IsTheChangeByARobotOfAnotherScale) {
     options.loss = LossKind::kNone;
     options.pixel_noise_px = kNoisePx;
     options.free_shape = {TargetShapeGroup::kScale};
-    const Problem problem{scene.camera, scene.views, setup, DesignedShape(scene_options.points)};
-    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+    const PairProblem problem{scene.camera, scene.views, setup, DesignedShape(scene_options.points)};
+    const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    Problem stretched = problem;
+    PairProblem stretched = problem;
     stretched.views = ReportedShort(problem.views, kSigma);
-    const Outcome<Solution> other = RefineHandEye(stretched, scene.hand_eye, options);
+    const Outcome<PairSolution> other = RefineHandEye(stretched, scene.hand_eye, options);
     ASSERT_TRUE(other.ok()) << other.reason();
     const Tangent6 change = ChangeOf(solution->hand_eye, other->hand_eye);
     const ScaleShare share =
@@ -89,13 +89,13 @@ TEST(ScaleShareTest, IsThatOfAFreeScaleWithPriorKnowledge) {
   options.pixel_noise_px = kNoisePx;
   options.robot = BundleOptions::Robot::kGivenNoise;
   options.robot_noise = {1e-3, 1e-3, 0};
-  const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(scene_options.points)};
-  const Outcome<Solution> held = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(scene_options.points)};
+  const Outcome<PairSolution> held = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(held.ok()) << held.reason();
   BundleOptions freed_options = options;
   freed_options.free_shape = {TargetShapeGroup::kScale};
   freed_options.target_scale_sigma = kSigma;
-  const Outcome<Solution> freed = RefineHandEye(problem, scene.hand_eye, freed_options);
+  const Outcome<PairSolution> freed = RefineHandEye(problem, scene.hand_eye, freed_options);
   ASSERT_TRUE(freed.ok()) << freed.reason();
   const ScaleShare share = ShareOfScales(HandEyeProblem(problem, options), ProblemSolution(*held), {{kSigma}, {0.0}});
   const Tangent6 moved = ChangeOf(held->hand_eye, freed->hand_eye);
@@ -112,11 +112,11 @@ TEST(ScaleShareTest, RepeatableCovarianceHasNoPriorKnowledge) {
   BundleOptions options;
   options.loss = LossKind::kNone;
   options.pixel_noise_px = kNoisePx;
-  const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(TestSceneOptions().points)};
-  const Outcome<Solution> held = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(TestSceneOptions().points)};
+  const Outcome<PairSolution> held = RefineHandEye(problem, scene.hand_eye, options);
   options.free_shape = {TargetShapeGroup::kScale};
   options.target_scale_sigma = kSigma;
-  const Outcome<Solution> freed = RefineHandEye(problem, scene.hand_eye, options);
+  const Outcome<PairSolution> freed = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(held.ok() && freed.ok());
   const ScaleShare share = ShareOfScales(HandEyeProblem(problem, options), ProblemSolution(*freed), {{kSigma}, {0.0}});
   // A scale that is known exactly, and the noise that is left if it is held.
@@ -128,8 +128,8 @@ TEST(ScaleShareTest, RepeatableCovarianceHasNoPriorKnowledge) {
 TEST(ScaleShareTest, NothingIsAddedToExactLengths) {
   const TestScene scene = MakeTestScene(6, NoisyScene(Setup::kEyeToHand));
   BundleOptions options;
-  const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(TestSceneOptions().points)};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views, Setup::kEyeToHand, DesignedShape(TestSceneOptions().points)};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(solution.ok());
   const ScaleShare share = ShareOfScales(HandEyeProblem(problem, options), ProblemSolution(*solution), {{0.0}, {0.0}});
   EXPECT_TRUE(share.changes.empty());
@@ -154,7 +154,7 @@ TEST(ScaleShareTest, RegionsHoldOverScalesDrawnFromTheirPriors) {
     scene_options.robot_rotation_rad = 2e-4;
     scene_options.shape = {1 + kOfTarget * normal(random), 1 + kOfTarget * normal(random), 0, 0};
     const TestScene scene = MakeTestScene(static_cast<uint64_t>(trial), scene_options);
-    CalibrationOptions options;
+    PairCalibrationOptions options;
     options.setup = scene_options.setup;
     options.camera = scene.camera;
     options.bundle.free_intrinsics = {};
@@ -163,13 +163,14 @@ TEST(ScaleShareTest, RegionsHoldOverScalesDrawnFromTheirPriors) {
     options.width_px = scene.camera.width_px;
     options.height_px = scene.camera.height_px;
     options.shape = DesignedShape(scene_options.points);
-    const Outcome<Calibration> calibration = Calibrate(ReportedShort(scene.views, kOfRobot * normal(random)), options);
+    const Outcome<PairCalibration> calibration =
+        CalibratePair(ReportedShort(scene.views, kOfRobot * normal(random)), options);
     ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
     const SearchedModel all = AsProblem(*calibration, options).model;
-    const RigSolution& solution = all.judged.solution;
+    const Solution& solution = all.judged.solution;
     const ScaleShare share = ShareOfScales(WithoutRejected(Without(all.problem, all.judged.left_out), solution),
                                            solution, {{kOfTarget}, {kOfRobot}});
-    Solution total = *calibration->refined;
+    PairSolution total = *calibration->refined;
     AddShare(share, {}, {}, &total);
     const auto is_covered = [&](const Covariance& covariance) {
       const Tangent6 error = ChangeOf(total.hand_eye, scene.hand_eye);

@@ -18,7 +18,7 @@ constexpr size_t kNumCalibrated = 15;
 struct TwoSessions {
   Setup setup = Setup::kEyeToHand;
   HandEye truth;
-  Solution solution;
+  PairSolution solution;
   std::vector<View> later;
 };
 
@@ -36,7 +36,7 @@ TwoSessions MakeSessions(uint64_t seed, Setup setup, int num_later) {
   bundle.free_intrinsics = {};
   bundle.robot = BundleOptions::Robot::kEstimatedNoise;
   const std::vector<View> first(scene.views.begin(), scene.views.begin() + kNumCalibrated);
-  const Outcome<Solution> solution =
+  const Outcome<PairSolution> solution =
       RefineHandEye({scene.camera, first, setup, DesignedShape(options.points)}, scene.hand_eye, bundle);
   EXPECT_TRUE(solution.ok()) << solution.reason();
   TwoSessions sessions{setup, scene.hand_eye, *solution, {}};
@@ -62,7 +62,7 @@ void MoveTarget(const Tangent6& step, TwoSessions* sessions) {
 
 Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place) {
   const BundleOptions bundle;  // The lens may have changed, too.
-  const RigProblem problem =
+  const Problem problem =
       HandEyeProblem({sessions.solution.camera, sessions.later, sessions.setup, sessions.solution.shape}, bundle);
   SessionOptions options;
   options.is_target_in_place = is_in_place;

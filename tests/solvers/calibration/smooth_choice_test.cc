@@ -18,8 +18,8 @@ namespace {
 constexpr Setup kSetup = Setup::kEyeToHand;
 
 // The captures of an arm with errors, as those of a robot without a known arm.
-Problem ProblemOf(const ArmScene& arm) {
-  Problem problem{arm.scene.camera, arm.scene.views, kSetup};
+PairProblem ProblemOf(const ArmScene& arm) {
+  PairProblem problem{arm.scene.camera, arm.scene.views, kSetup};
   for (View& view : problem.views) {
     view.effect = nullptr;
     view.gripper_by_joints.resize(6, 0);
@@ -35,7 +35,7 @@ BundleOptions White() {
 }
 
 struct SmoothFit {
-  Problem problem;
+  PairProblem problem;
   std::shared_ptr<const SharedEffects> effects;
   bool is_likely = false;
 };
@@ -43,7 +43,7 @@ struct SmoothFit {
 // Returns the problem with the most likely smooth errors as the effects of its views.
 SmoothFit WithSmoothErrors(const ArmScene& arm) {
   SmoothFit fit{ProblemOf(arm), nullptr};
-  const Outcome<Solution> white = RefineHandEye(fit.problem, arm.scene.hand_eye, White());
+  const Outcome<PairSolution> white = RefineHandEye(fit.problem, arm.scene.hand_eye, White());
   CHECK(white.ok()) << white.reason();
   const std::vector<SmoothErrorsOfArm> of_arms =
       FindSmoothErrorsOfArms(HandEyeProblem(fit.problem, White()), ProblemSolution(*white));
@@ -58,10 +58,10 @@ SmoothFit WithSmoothErrors(const ArmScene& arm) {
 }
 
 // Returns the solution with the smooth errors, or with white noise alone.
-Solution SolutionOf(const SmoothFit& fit, const HandEye& start, bool is_smooth) {
+PairSolution SolutionOf(const SmoothFit& fit, const HandEye& start, bool is_smooth) {
   BundleOptions options = White();
   if (is_smooth) options.effects = fit.effects;
-  const Outcome<Solution> solution = RefineHandEye(fit.problem, start, options);
+  const Outcome<PairSolution> solution = RefineHandEye(fit.problem, start, options);
   CHECK(solution.ok()) << solution.reason();
   return *solution;
 }
@@ -94,9 +94,9 @@ TEST(SmoothChoiceTest, WhiteNoiseThatIsTakenForSmoothCostsLittle) {
   for (int trial = 0; trial < kTrials; ++trial) {
     const ArmScene arm = MakeArmScene(800 + static_cast<uint64_t>(trial), options);
     const SmoothFit fit = WithSmoothErrors(arm);
-    const Solution chosen = SolutionOf(fit, arm.scene.hand_eye, fit.is_likely);
+    const PairSolution chosen = SolutionOf(fit, arm.scene.hand_eye, fit.is_likely);
     const Rigid3d& truth = arm.scene.hand_eye.camera_mount_from_camera;
-    const auto error_of = [&](const Solution& solution) {
+    const auto error_of = [&](const PairSolution& solution) {
       return LocalCoordinates(truth, solution.hand_eye.camera_mount_from_camera);
     };
     const Tangent6 error = error_of(chosen);
@@ -124,7 +124,7 @@ TEST(SmoothChoiceTest, WhiteNoiseBesideSmoothErrorsIsNotTakenForZero) {
     BundleOptions most_likely = White();
     most_likely.effects = fit.effects;
     most_likely.effects_avoid_zero = false;
-    const Outcome<Solution> solution = RefineHandEye(fit.problem, arm.scene.hand_eye, most_likely);
+    const Outcome<PairSolution> solution = RefineHandEye(fit.problem, arm.scene.hand_eye, most_likely);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     const auto smallest = [](const RobotNoise& noise) { return std::min(noise.translation_m, noise.rotation_rad); };
     num_most_likely_zero += smallest(*solution->robot_noise) < kZero ? 1 : 0;
@@ -156,13 +156,13 @@ TEST(SmoothChoiceTest, HeldOutCapturesArePredictedBetter) {
   options.num_captures = 40;
   const ArmScene arm = MakeArmScene(900, options);
   const SmoothFit fit = WithSmoothErrors(arm);
-  Problem training = fit.problem;
+  PairProblem training = fit.problem;
   training.views.resize(25);
   const std::vector<View> held_out(fit.problem.views.begin() + 25, fit.problem.views.end());
   BundleOptions smooth = White();
   smooth.effects = fit.effects;
   const auto rms_px = [&](const BundleOptions& refine) {
-    const Outcome<Solution> solution = RefineHandEye(training, arm.scene.hand_eye, refine);
+    const Outcome<PairSolution> solution = RefineHandEye(training, arm.scene.hand_eye, refine);
     CHECK(solution.ok()) << solution.reason();
     return *ReprojectionErrors(solution->hand_eye, solution->camera, CorrectedViews(kSetup, held_out, *solution))
                 ->RmsPx();

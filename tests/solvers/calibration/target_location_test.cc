@@ -46,7 +46,7 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
       bundle.robot = BundleOptions::Robot::kGivenNoise;
       bundle.robot_noise = {test.robot_translation_m, test.robot_rotation_rad};
     }
-    const Outcome<Solution> solution = RefineHandEye({scene.camera, views, test.setup}, scene.hand_eye, bundle);
+    const Outcome<PairSolution> solution = RefineHandEye({scene.camera, views, test.setup}, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     // The robot gives the pose of the mount of a carried camera; the target is then fixed to the base.
     const bool is_carried = test.setup == Setup::kEyeInHand;
@@ -96,7 +96,7 @@ INSTANTIATE_TEST_SUITE_P(, LocateTest,
 
 TEST(LocatePixelTest, FailsIfTheRayMissesThePlane) {
   const TestScene scene = MakeTestScene(1);
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
   // One plane contains the optical axis of the camera, the other is behind the camera.
@@ -113,7 +113,7 @@ TEST(LocatePixelTest, FailsIfTheRayMissesThePlane) {
 // The variance along the normal of a plane is zero, which rounding must not make negative.
 TEST(LocatePixelTest, HasNoNegativeVarianceAlongTheNormal) {
   const TestScene scene = MakeTestScene(1);
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
   solution.pixel_sigma_px = 0.1;
@@ -146,7 +146,7 @@ TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
   options.points.colwise() += Eigen::Vector3d(0.2, 0.1, 0);
   options.shape = {1.01, 1.02, 0, 0};
   const TestScene scene = MakeTestScene(3, options);
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
   solution.shape = DesignedShape(options.points);
@@ -225,7 +225,7 @@ TEST(FindMeantPoseTest, DecidesByPositionOrByRotation) {
 
 TEST(LocateFewPointsTest, FailsForTooFewPoints) {
   const TestScene scene = MakeTestScene(1);
-  Solution solution;
+  PairSolution solution;
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
   Observations few = scene.views[0].observations;

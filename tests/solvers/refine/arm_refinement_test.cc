@@ -7,14 +7,14 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/bundle_adjustment.h"
-#include "heba/rig_adjustment.h"
+#include "heba/refinement.h"
 #include "solvers/refine/hand_eye_problem.h"
 #include "tests/support/arm_scenes.h"
 
 namespace heba {
 namespace {
 
-Outcome<Solution> Refine(const ArmScene& arm, Setup setup, std::shared_ptr<const SharedEffects> effects) {
+Outcome<PairSolution> Refine(const ArmScene& arm, Setup setup, std::shared_ptr<const SharedEffects> effects) {
   BundleOptions options;
   options.loss = LossKind::kNone;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
@@ -22,7 +22,7 @@ Outcome<Solution> Refine(const ArmScene& arm, Setup setup, std::shared_ptr<const
   return RefineHandEye({arm.scene.camera, arm.scene.views, setup}, arm.scene.hand_eye, options);
 }
 
-double HandEyeErrorM(const ArmScene& arm, const Solution& solution) {
+double HandEyeErrorM(const ArmScene& arm, const PairSolution& solution) {
   return DistanceM(arm.scene.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
 }
 
@@ -58,8 +58,8 @@ TEST_P(ArmRefinementTest, ErrorsOfTheArmAreFoundWithHonestCovariance) {
   for (int trial = 0; trial < kTrials; ++trial) {
     const ArmScene arm = MakeArmScene(100 + static_cast<uint64_t>(trial), options);
     const auto effects = std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, ArmErrorModel::kGeometry));
-    const Outcome<Solution> white = Refine(arm, options.setup, nullptr);
-    const Outcome<Solution> found = Refine(arm, options.setup, effects);
+    const Outcome<PairSolution> white = Refine(arm, options.setup, nullptr);
+    const Outcome<PairSolution> found = Refine(arm, options.setup, effects);
     ASSERT_TRUE(white.ok()) << white.reason();
     ASSERT_TRUE(found.ok()) << found.reason();
     Eigen::VectorXd error(found->covariance.matrix.rows());
@@ -107,17 +107,17 @@ TEST(JointNoiseTest, NoiseOfTheJointsIsToldFromThatOfThePoses) {
     BundleOptions refine;
     refine.loss = LossKind::kNone;
     refine.robot = BundleOptions::Robot::kEstimatedNoise;
-    const Problem problem{arm.scene.camera, arm.scene.views, options.setup};
-    const Outcome<Solution> with_joints = RefineHandEye(problem, arm.scene.hand_eye, refine);
+    const PairProblem problem{arm.scene.camera, arm.scene.views, options.setup};
+    const Outcome<PairSolution> with_joints = RefineHandEye(problem, arm.scene.hand_eye, refine);
     ASSERT_TRUE(with_joints.ok()) << with_joints.reason();
-    Problem white = problem;
+    PairProblem white = problem;
     for (View& view : white.views) view.gripper_by_joints.resize(6, 0);
-    const Outcome<Solution> without = RefineHandEye(white, arm.scene.hand_eye, refine);
+    const Outcome<PairSolution> without = RefineHandEye(white, arm.scene.hand_eye, refine);
     ASSERT_TRUE(without.ok()) << without.reason();
     sum_joint_rad += with_joints->robot_noise->joint_rad;
     sum_rotation_rad += with_joints->robot_noise->rotation_rad;
     EXPECT_EQ(without->robot_noise->joint_rad, 0);
-    const auto log_likelihood_of = [&](const Problem& of_views, const Solution& solution) {
+    const auto log_likelihood_of = [&](const PairProblem& of_views, const PairSolution& solution) {
       return LogLikelihoodOf(HandEyeProblem(of_views, refine), ProblemSolution(solution), AdjustmentOptionsOf(refine));
     };
     sum_gain += log_likelihood_of(problem, *with_joints) - log_likelihood_of(white, *without);
@@ -144,8 +144,8 @@ TEST(ArmGravityTest, CompliancesAreFoundWithinTheirSigmas) {
     const ArmScene arm = MakeArmScene(300 + static_cast<uint64_t>(trial), options);
     const auto geometry = std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, ArmErrorModel::kGeometry));
     const auto gravity = std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, ArmErrorModel::kGravity));
-    const Outcome<Solution> without = Refine(arm, options.setup, geometry);
-    const Outcome<Solution> with = Refine(arm, options.setup, gravity);
+    const Outcome<PairSolution> without = Refine(arm, options.setup, geometry);
+    const Outcome<PairSolution> with = Refine(arm, options.setup, gravity);
     ASSERT_TRUE(without.ok()) << without.reason();
     ASSERT_TRUE(with.ok()) << with.reason();
     const UnknownBlock robot = with->covariance.layout.Block(kRobotBlock);

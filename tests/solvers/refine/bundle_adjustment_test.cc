@@ -7,8 +7,8 @@
 
 #include "heba/base/factorisation.h"
 #include "heba/base/units.h"
-#include "heba/calibration.h"
-#include "heba/cross_validation.h"
+#include "heba/pair_calibration.h"
+#include "heba/pair_cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
 #include "solvers/refine/fit.h"
@@ -48,7 +48,7 @@ TEST_P(ExactDataTest, IsRecovered) {
   Camera start_camera = scene.camera;
   start_camera.params[0] *= 1.01;
   start_camera.params[3] += 5;
-  const Outcome<Solution> solution =
+  const Outcome<PairSolution> solution =
       RefineHandEye({start_camera, scene.views}, Disturbed(scene.hand_eye, 0.05, 0.02, 1), options);
   ASSERT_TRUE(solution.ok()) << solution.reason();
   constexpr double kRoundOff = 1e-8;  // rad and m
@@ -86,7 +86,7 @@ TEST_P(NoisyDataTest, ErrorsAgreeWithTheCovariance) {
     BundleOptions options;
     options.loss = *FindLossKind(loss);
     options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
+    const Outcome<PairSolution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     Eigen::VectorXd error(16);
     error.head<6>() =
@@ -123,10 +123,10 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   BundleOptions options;
   options.loss = *FindLossKind(loss);
   options.free_intrinsics = {ParameterGroup::kFocal};
-  const Problem problem{scene.camera, scene.views};
-  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  const PairProblem problem{scene.camera, scene.views};
+  const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(solution.ok()) << solution.reason();
-  Problem kept = problem;
+  PairProblem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
     const std::vector<int>& rejected = solution->views[i].rejected_ids;
     std::vector<bool> keep;
@@ -135,7 +135,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
     }
     kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
   }
-  const RigSolution at = ProblemSolution(*solution);
+  const Solution at = ProblemSolution(*solution);
   const std::optional<std::vector<LinearisedView>> views = LineariseEachCapture(
       WeightedAs(at, HandEyeProblem(kept, options)), StateOf(at), NoiseOf(at), LossOf(OfInliers(options.loss)));
   ASSERT_TRUE(views.has_value());
@@ -147,7 +147,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
       scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
   EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6);
   // A second refinement from the solution has nothing left to improve.
-  const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
+  const Outcome<PairSolution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
   ASSERT_TRUE(again.ok()) << again.reason();
   const Tangent6 moved =
       LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
@@ -163,11 +163,11 @@ INSTANTIATE_TEST_SUITE_P(, LossTest, testing::Values("none", "huber", "truncated
 // diagonal element i of the information matrix.
 TEST(InformationTest, NamesMatchTheParameters) {
   const TestScene scene = MakeTestScene(31);
-  const Problem problem{scene.camera, scene.views};
+  const PairProblem problem{scene.camera, scene.views};
   BundleOptions options;
   options.free_intrinsics = {ParameterGroup::kFocal};
   const std::vector<LinearisedView> views = LineariseViews(problem, scene.hand_eye, options, 1.0);
-  const Information information{RigUnknowns(HandEyeProblem(problem, options)),
+  const Information information{UnknownsOf(HandEyeProblem(problem, options)),
                                 MarginalInformation(views, CorrectionVariances({}), 1.0)};
   ASSERT_EQ(information.layout.Name(2), "hand_eye.tz_m");
   ASSERT_EQ(information.layout.Name(9), "board.rx_rad");
@@ -193,12 +193,12 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
   const TestScene scene = MakeTestScene(41);
   BundleOptions options;
   options.free_intrinsics = {};
-  Problem two{scene.camera, {scene.views[0], scene.views[1]}};
+  PairProblem two{scene.camera, {scene.views[0], scene.views[1]}};
   EXPECT_EQ(RefineHandEye(two, scene.hand_eye, options).failure().code, "few_captures");
 
   const auto with_turns = [&](double max_turn_rad) {
     Rng rng(3);
-    Problem problem{scene.camera, {}};
+    PairProblem problem{scene.camera, {}};
     for (int i = 0; i < 12; ++i) {
       const Rigid3d camera_from_target =
           scene.pairs[0].camera_from_target *
@@ -214,9 +214,9 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
 }
 
 // Returns captures at one distance with rotations by this angle about the centre of the target.
-Problem TurnedAtOneDistance(const TestScene& scene, const Points3& points, double turn_rad) {
+PairProblem TurnedAtOneDistance(const TestScene& scene, const Points3& points, double turn_rad) {
   Rng rng(5);
-  Problem problem{scene.camera, {}};
+  PairProblem problem{scene.camera, {}};
   for (int i = 0; i < 10; ++i) {
     const Rigid3d camera_from_target(ExpRotation(turn_rad * rng.Direction3()), Eigen::Vector3d(0, 0, 0.7));
     problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
@@ -231,7 +231,7 @@ TEST(BundleAdjustmentTest, RefusesUnobservableIntrinsics) {
   const TestScene scene = MakeTestScene(42);
   BundleOptions options;
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-  const Outcome<Solution> solution =
+  const Outcome<PairSolution> solution =
       RefineHandEye(TurnedAtOneDistance(scene, GridPoints(2, 2, 0.02), 0.06), scene.hand_eye, options);
   ASSERT_FALSE(solution.ok());
   EXPECT_THAT(solution.reason(), testing::HasSubstr("undetermined (of_camera camera, unknown camera."));
@@ -242,7 +242,7 @@ TEST(BundleAdjustmentTest, StatesTheSigmaOfIntrinsicsThatAreKnownBadly) {
   const TestScene scene = MakeTestScene(42);
   BundleOptions options;
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-  const Outcome<Solution> solution =
+  const Outcome<PairSolution> solution =
       RefineHandEye(TurnedAtOneDistance(scene, GridPoints(4, 4, 0.02), 0.2), scene.hand_eye, options);
   ASSERT_TRUE(solution.ok()) << solution.reason();
   EXPECT_GT(*SigmaOf(solution->covariance, "camera.fx"), 0.01 * scene.camera.params[0]);
@@ -256,7 +256,7 @@ TEST(BundleAdjustmentTest, RefusesSingularMotionsWithNoisyRobots) {
     for (const double robot_m : {0.0, 5e-5, 5e-4}) {
       for (const int motion : {0, 1, 2}) {
         Rng rng(seed, static_cast<uint64_t>(motion));
-        Problem problem{scene.camera, {}};
+        PairProblem problem{scene.camera, {}};
         for (int i = 0; i < (motion == 2 ? 2 : 12); ++i) {
           const Eigen::Vector3d turn = motion == 0   ? Eigen::Vector3d(0, 0, 0)
                                        : motion == 1 ? Eigen::Vector3d(0, 0, rng.Uniform(-0.5, 0.5))
@@ -286,7 +286,7 @@ TEST(BundleAdjustmentTest, NamesTheCaptureWithATargetBehindTheCamera) {
   const TestScene scene = MakeTestScene(43);
   HandEye wrong = scene.hand_eye;
   wrong.camera_mount_from_camera.rotation = wrong.camera_mount_from_camera.rotation * ExpRotation({kPi, 0, 0});
-  const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, wrong, {});
+  const Outcome<PairSolution> solution = RefineHandEye({scene.camera, scene.views}, wrong, {});
   ASSERT_FALSE(solution.ok());
   EXPECT_THAT(solution.reason(), testing::HasSubstr("hidden_at_start (capture view_"));
 }
@@ -323,7 +323,7 @@ TEST_P(CameraPriorTest, DeterminesWhatTheCapturesDoNot) {
         CameraPrior{camera.params, std::vector<double>(camera.params.size(), std::numeric_limits<double>::infinity())};
     options.camera_prior->sigmas[0] = kSigmaPx;
     options.camera_prior->sigmas[1] = kSigmaPx;
-    const Outcome<Solution> solution = RefineHandEye({camera, scene.views}, scene.hand_eye, options);
+    const Outcome<PairSolution> solution = RefineHandEye({camera, scene.views}, scene.hand_eye, options);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     Eigen::Matrix<double, 14, 1> error;
     error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
@@ -404,11 +404,11 @@ TEST(CalibrateTest, CalibratesWithoutACameraFile) {
   scene_options.noise_px = 0.1;
   scene_options.num_captures = 20;
   const TestScene scene = MakeTestScene(61, scene_options);
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   options.methods = HandEyeMethodNames();
   options.width_px = 1600;
   options.height_px = 1200;
-  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
   ASSERT_TRUE(calibration.ok()) << calibration.reason();
   ASSERT_TRUE(calibration->refined.ok()) << calibration->refined.reason();
   EXPECT_EQ(calibration->methods.size(), HandEyeMethodNames().size());
@@ -426,10 +426,10 @@ TEST(CalibrateTest, RejectsSwappedPoints) {
   TestScene scene = MakeTestScene(62, scene_options);
   // Two points are swapped.
   scene.views[4].observations.pixels.col(0).swap(scene.views[4].observations.pixels.col(20));
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   options.camera = scene.camera;
   // A robust loss rejects only these two points.
-  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
   ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
   EXPECT_TRUE(calibration->unused.empty());
   for (size_t i = 0; i < calibration->views.size(); ++i) {
@@ -439,7 +439,7 @@ TEST(CalibrateTest, RejectsSwappedPoints) {
   }
   // Without a robust loss all points count, and the capture is rejected.
   options.bundle.loss = LossKind::kNone;
-  const Outcome<Calibration> without_loss = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> without_loss = CalibratePair(scene.views, options);
   ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
   ASSERT_EQ(without_loss->unused.size(), 1U);
   EXPECT_EQ(without_loss->unused[0].name, "view_4");
@@ -450,11 +450,11 @@ TEST(CrossValidateTest, HoldOutErrorMatchesTheNoiseForAnyNumberOfThreads) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.2;
   const TestScene scene = MakeTestScene(63, scene_options);
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   options.camera = scene.camera;
   options.methods = {"park", "shah"};
   options.bundle.free_intrinsics = {};
-  const Outcome<Calibration> full = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> full = CalibratePair(scene.views, options);
   ASSERT_TRUE(full.ok()) << full.reason();
   int calls = 0;
   const std::vector<HoldOut> one = CrossValidate(*full, options, 5, 1, [&] { ++calls; });

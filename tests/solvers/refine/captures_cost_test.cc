@@ -67,7 +67,7 @@ std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string
   options.cost.loss = &LossOf(*FindLossKind(loss));
   options.cost.num_threads = num_threads;
   if (options.free.empty()) options.free.assign(scene.camera.params.size(), true);
-  const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, options.shape};
+  const PairProblem problem{scene.camera, scene.views, Setup::kEyeToHand, options.shape};
   PoseGroups each;
   for (size_t i = 0; i < scene.views.size(); ++i) each.push_back({i});
   LoopProblem loops = CaptureLoops(HandEyeProblem(problem, {}), each, StateAt(problem, scene.hand_eye),

@@ -123,14 +123,14 @@ TEST(AcceptedEquationsTest, AreThoseOfTheSolution) {
   scene_options.robot_translation_m = 5e-4;
   scene_options.robot_rotation_rad = 5e-4;
   const TestScene scene = MakeTestScene(8, scene_options);
-  const Problem problem{scene.camera, scene.views};
+  const PairProblem problem{scene.camera, scene.views};
   PoseGroups each;
   for (size_t i = 0; i < scene.views.size(); ++i) each.push_back({i});
   HandEye start = scene.hand_eye;
   start.camera_mount_from_camera = Retract(start.camera_mount_from_camera, 0.05 * Tangent6(1, -1, 1, 1, 1, -1));
   for (const bool has_corrections : {false, true}) {
     for (const int max_iterations : {2, 100}) {
-      const RigProblem whole = HandEyeProblem(problem, {});
+      const Problem whole = HandEyeProblem(problem, {});
       const FitState state = StateAt(problem, start);
       LoopProblem loops = CaptureLoops(whole, each, state, {{1}, {0}, {{5e-4, 5e-4}}}, has_corrections);
       LoopUnknowns unknowns(loops.layout, ValuesOf(state));

@@ -73,12 +73,12 @@ std::vector<View> WithoutRadii(std::vector<View> views) {
 }
 
 // Returns the error of the hand-eye pose, m and rad.
-Tangent6 HandEyeError(const TestScene& scene, const Solution& solution) {
+Tangent6 HandEyeError(const TestScene& scene, const PairSolution& solution) {
   return LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
 }
 
 // Returns the squared error of the hand-eye pose, whitened by its covariance.
-double WhitenedSquare(const TestScene& scene, const Solution& solution) {
+double WhitenedSquare(const TestScene& scene, const PairSolution& solution) {
   const Tangent6 error = HandEyeError(scene, solution);
   return MahalanobisSquare(error, solution.covariance.matrix.topLeftCorner<6, 6>());
 }
@@ -95,12 +95,12 @@ TEST_P(CircleBiasTest, EstimateAgreesWithItsCovariance) {
     BundleOptions options;
     options.loss = LossKind::kNone;
     options.pixel_noise_px = kNoisePx;
-    const Outcome<Solution> with_discs =
+    const Outcome<PairSolution> with_discs =
         RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, options);
     ASSERT_TRUE(with_discs.ok()) << with_discs.reason();
     chi2 += WhitenedSquare(scene, *with_discs);
     squares_m2 += HandEyeError(scene, *with_discs).head<3>().squaredNorm();
-    const Outcome<Solution> with_plain_centres =
+    const Outcome<PairSolution> with_plain_centres =
         RefineHandEye({scene.camera, WithoutRadii(scene.views), GetParam()}, scene.hand_eye, options);
     ASSERT_TRUE(with_plain_centres.ok()) << with_plain_centres.reason();
     chi2_of_plain_centres += WhitenedSquare(scene, *with_plain_centres);

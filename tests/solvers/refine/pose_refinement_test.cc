@@ -20,7 +20,7 @@ TEST_P(ChainTest, RecoversExactDataFromARoughInitialGuess) {
   const TestScene scene = MakeTestScene(4, {.setup = GetParam()});
   HandEye start = scene.hand_eye;
   start.camera_mount_from_camera = Retract(start.camera_mount_from_camera, 0.2 * Tangent6(1, -1, 0.5, 1, 1, -1));
-  const Outcome<Solution> solution = RefineChain(scene.pairs, start);
+  const Outcome<PairSolution> solution = RefineChain(scene.pairs, start);
   ASSERT_TRUE(solution.ok()) << solution.reason();
   constexpr double kRoundOff = 1e-8;  // rad and m
   EXPECT_THAT(solution->hand_eye.camera_mount_from_camera,
@@ -45,7 +45,7 @@ TEST_P(ChainTest, WeightsPosesByTheirCovariance) {
     const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), options);
     const std::vector<PosePair> pairs = PosePairsOf(scene.camera, scene.hand_eye, scene.views);
     const Outcome<HandEye> shah = FindHandEyeMethod("shah")->solve(pairs);
-    const Outcome<Solution> solution = RefineChain(pairs, *shah);
+    const Outcome<PairSolution> solution = RefineChain(pairs, *shah);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     Eigen::Matrix<double, 12, 1> error;
     error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),

@@ -55,7 +55,7 @@ struct Closure {
   double deg = 0;
 };
 
-Closure ClosureOf(const Solution& solution, const std::vector<PosePair>& pairs) {
+Closure ClosureOf(const PairSolution& solution, const std::vector<PosePair>& pairs) {
   Closure sum;
   for (const PosePair& pair : pairs) {
     Rigid3d mount = pair.camera_mount_from_target_mount;
@@ -112,9 +112,9 @@ TEST_P(Fr3Test, HeldOutHalfIsPredicted) {
     const Outcome<HandEye> start = FindHandEyeMethod("park")->solve(training);
     ASSERT_TRUE(start.ok()) << start.reason();
     // The nominal arm is compared with an independent fit that assumes exact poses of the robot.
-    const Outcome<Solution> found = GetParam().effects == nullptr
-                                        ? RefineChain(training, *start)
-                                        : RefineChainWithNoise(kSetup, training, *start, GetParam().effects);
+    const Outcome<PairSolution> found = GetParam().effects == nullptr
+                                            ? RefineChain(training, *start)
+                                            : RefineChainWithNoise(kSetup, training, *start, GetParam().effects);
     ASSERT_TRUE(found.ok()) << found.reason();
     const Closure closure = ClosureOf(*found, held_out);
     total.mm += closure.mm * closure.mm;

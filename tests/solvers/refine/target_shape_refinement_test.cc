@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/bundle_adjustment.h"
-#include "heba/calibration.h"
+#include "heba/pair_calibration.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/linearised_views.h"
@@ -20,7 +20,7 @@ namespace {
 constexpr double kNoisePx = 0.1;
 constexpr std::array<double, TargetShape::kNumParams> kMade = {1.001, 1.0005, 5e-4, -3e-4, 4e-4};
 
-Problem ProblemOf(const TestScene& scene, const TestSceneOptions& options) {
+PairProblem ProblemOf(const TestScene& scene, const TestSceneOptions& options) {
   return {scene.camera, scene.views, options.setup, DesignedShape(options.points)};
 }
 
@@ -40,10 +40,10 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
   Eigen::Vector<double, kNumShape> shape_squares = Eigen::Vector<double, kNumShape>::Zero();
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
     const TestScene scene = MakeTestScene(seed, scene_options);
-    const Problem problem = ProblemOf(scene, scene_options);
-    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+    const PairProblem problem = ProblemOf(scene, scene_options);
+    const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, options);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    const Outcome<Solution> as_designed = RefineHandEye(problem, scene.hand_eye, BundleOptions());
+    const Outcome<PairSolution> as_designed = RefineHandEye(problem, scene.hand_eye, BundleOptions());
     ASSERT_TRUE(as_designed.ok()) << as_designed.reason();
     const Rigid3d& truth = scene.hand_eye.camera_mount_from_camera;
     error_m2 += std::pow(DistanceM(solution->hand_eye.camera_mount_from_camera, truth), 2);
@@ -72,12 +72,12 @@ TEST(TargetShapeRefinementTest, JudgesCapturesByTheEstimatedShape) {
   scene_options.noise_px = kNoisePx;
   scene_options.shape = {1.02, 1.02, 3e-3, 0};
   const TestScene scene = MakeTestScene(6, scene_options);
-  CalibrationOptions options;
+  PairCalibrationOptions options;
   options.camera = scene.camera;
   options.bundle.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
   options.bundle.free_intrinsics = {};
   options.shape = DesignedShape(scene_options.points);
-  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  const Outcome<PairCalibration> calibration = CalibratePair(scene.views, options);
   ASSERT_TRUE(calibration.ok()) << calibration.reason();
   ASSERT_TRUE(calibration->refined.ok()) << calibration->refined.reason();
   EXPECT_THAT(calibration->unused, testing::IsEmpty());
@@ -94,7 +94,7 @@ TEST(TargetShapeRefinementTest, RefusesBendForFourPoints) {
   BundleOptions options;
   options.free_intrinsics = {};
   options.free_shape = {TargetShapeGroup::kBend};
-  const Outcome<Solution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
+  const Outcome<PairSolution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
   ASSERT_FALSE(solution);
   EXPECT_THAT(solution.reason(), testing::HasSubstr("unknown target.bend_x_m"));
 }
@@ -107,7 +107,7 @@ TEST(TargetShapeRefinementTest, RefusesScaleForRotationsAboutTheToolPoint) {
   BundleOptions options;
   options.free_intrinsics = {};
   options.free_shape = {TargetShapeGroup::kScale};
-  const Outcome<Solution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
+  const Outcome<PairSolution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
   ASSERT_FALSE(solution);
   EXPECT_THAT(solution.reason(), testing::HasSubstr("unknown target.scale_"));
 }
@@ -130,17 +130,17 @@ TEST(TargetScalePriorTest, AddsItsInformation) {
       with.target_scale_sigma = sigma;
       return RefineHandEye({scene.camera, scene.views}, scene.hand_eye, with);
     };
-    const Outcome<Solution> free = solve(std::nullopt);
+    const Outcome<PairSolution> free = solve(std::nullopt);
     ASSERT_TRUE(free.ok()) << free.reason();
     const double sigma = *SigmaOf(free->covariance, "target.scale_x");
-    const Outcome<Solution> held = solve(1e-9);
+    const Outcome<PairSolution> held = solve(1e-9);
     ASSERT_TRUE(held.ok()) << held.reason();
     EXPECT_NEAR(held->shape.params[0], 1, 1e-7);
     EXPECT_NEAR(held->shape.params[1], 1, 1e-7);
-    const Outcome<Solution> known = solve(sigma);
+    const Outcome<PairSolution> known = solve(sigma);
     ASSERT_TRUE(known.ok()) << known.reason();
     EXPECT_LT(*SigmaOf(known->covariance, "target.scale_x"), 0.8 * sigma);
-    const auto off = [](const Solution& solution) {
+    const auto off = [](const PairSolution& solution) {
       return std::hypot(solution.shape.params[0] - 1, solution.shape.params[1] - 1);
     };
     EXPECT_LT(off(*known), off(*free));

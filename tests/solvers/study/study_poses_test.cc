@@ -17,14 +17,15 @@ using ::testing::ElementsAre;
 using ::testing::SizeIs;
 
 TEST(StudyPosesTest, NamesThePosesOfCamerasBetweenThemAndOfBases) {
-  EXPECT_THAT(StudiedPoses(CellOf(MixedRig(1))), ElementsAre("camera left in base", "camera right in base",
-                                                             "camera wrist in gripper", "camera right in camera left"));
-  EXPECT_THAT(StudiedPoses(CellOf(TwoArmRig(1))), ElementsAre("camera top in world", "arm right in arm left"));
+  EXPECT_THAT(StudiedPoses(CellOf(MixedCell(1))),
+              ElementsAre("camera left in base", "camera right in base", "camera wrist in gripper",
+                          "camera right in camera left"));
+  EXPECT_THAT(StudiedPoses(CellOf(TwoArmCell(1))), ElementsAre("camera top in world", "arm right in arm left"));
 }
 
 // The captures of a trial without noise are exact, so that both estimators find the truth.
 TEST(StudyPosesTest, EstimatorsFindTheTruthWithoutNoise) {
-  StudyCell cell = CellOf(MixedRig(1));
+  StudyCell cell = CellOf(MixedCell(1));
   cell.pixel_sigma_px = 0;
   cell.robot_noise = {};
   const std::vector<std::vector<TrialEstimate>> estimates = RunTrial(cell, 1, 0);
@@ -43,15 +44,15 @@ TEST(StudyPosesTest, EstimatorsFindTheTruthWithoutNoise) {
 
 // Captures at one pose differ in their pixels only.
 TEST(StudyPosesTest, RepeatedCapturesShareTheErrorsOfTheArms) {
-  StudyCell cell = CellOf(TwoArmRig(1));
+  StudyCell cell = CellOf(TwoArmCell(1));
   cell.num_repeats = 3;
   cell.wrong_captures = 0.5;
   Rng rng(1);
-  const RigProblem problem = SimulateProblem(cell, &rng);
+  const Problem problem = SimulateProblem(cell, &rng);
   ASSERT_THAT(problem.captures, SizeIs(3 * cell.captures.size()));
   for (size_t i = 0; i < problem.captures.size(); ++i) {
-    const RigCapture& first = problem.captures[i - i % 3];
-    const RigCapture& capture = problem.captures[i];
+    const ProblemCapture& first = problem.captures[i - i % 3];
+    const ProblemCapture& capture = problem.captures[i];
     for (size_t r = 0; r < 2; ++r) {
       EXPECT_EQ(capture.base_from_gripper[r].translation, first.base_from_gripper[r].translation);
     }
@@ -61,19 +62,19 @@ TEST(StudyPosesTest, RepeatedCapturesShareTheErrorsOfTheArms) {
 }
 
 TEST(StudyPosesTest, DisplacesTheShareOfPointsAndPosesThatTheCellStates) {
-  StudyCell cell = CellOf(MixedRig(1));
+  StudyCell cell = CellOf(MixedCell(1));
   cell.pixel_sigma_px = 0;
   cell.robot_noise = {};
-  const RigProblem exact = ExactProblem(cell);
+  const Problem exact = ExactProblem(cell);
   cell.outlier_points = 0.1;
   cell.wrong_captures = 0.3;
   Rng rng(1);
-  const RigProblem problem = SimulateProblem(cell, &rng);
+  const Problem problem = SimulateProblem(cell, &rng);
   double num_points = 0;
   double num_displaced = 0;
   double num_wrong = 0;
   for (size_t i = 0; i < exact.captures.size(); ++i) {
-    const RigCapture& capture = problem.captures[i];
+    const ProblemCapture& capture = problem.captures[i];
     const double step_m =
         (capture.base_from_gripper[0].translation - exact.captures[i].base_from_gripper[0].translation).norm();
     num_wrong += step_m > 1e-9 ? 1 : 0;
@@ -90,7 +91,7 @@ TEST(StudyPosesTest, DisplacesTheShareOfPointsAndPosesThatTheCellStates) {
 
 // The estimators know the design only, and find the size of the targets from the poses of the arm.
 TEST(StudyPosesTest, TargetsMayDifferFromTheirDesign) {
-  StudyCell cell = CellOf(MixedRig(1));
+  StudyCell cell = CellOf(MixedCell(1));
   const auto designed = ErrorBounds(cell);
   cell.shape_params = {1.01, 1.01, 0, 0};
   cell.options.choose.target_shape = true;
@@ -107,7 +108,7 @@ TEST(StudyPosesTest, TargetsMayDifferFromTheirDesign) {
 
 // A rig of one camera has nothing to gain: both estimators see the same images.
 TEST(StudyPosesTest, OneCameraIsTheSameByItself) {
-  const std::vector<std::vector<TrialEstimate>> estimates = RunTrial(CellOf(TwoArmRig(2)), 1, 3);
+  const std::vector<std::vector<TrialEstimate>> estimates = RunTrial(CellOf(TwoArmCell(2)), 1, 3);
   ASSERT_THAT(estimates, SizeIs(2));
   for (const std::vector<TrialEstimate>& of_pose : estimates) {
     ASSERT_THAT(of_pose, SizeIs(2));
@@ -119,19 +120,19 @@ TEST(StudyPosesTest, OneCameraIsTheSameByItself) {
 
 // A fixed camera that sees a target on the second arm only has, by itself, no pose in the base of the first one.
 TEST(StudyPosesTest, APoseThatNeedsOtherCamerasHasNoEstimateByItself) {
-  const RigSceneSetting setting;
-  RigScene scene = TwoArmRig(1, setting);
+  const CellSceneSetting setting;
+  CellScene scene = TwoArmCell(1, setting);
   AddCamera("side", {0, Mount::Part::kBase}, LookingAt({0.9, 0.6, 0.9}, {0.55, 0, 0.4}, 0), setting, &scene);
   StudyCell cell = CellOf(scene, setting);
   ASSERT_THAT(StudiedPoses(cell), ElementsAre("camera top in world", "camera side in world",
                                               "camera side in camera top", "arm right in arm left"));
   Rng rng(1);
-  const RigProblem all = SimulateProblem(cell, &rng);
+  const Problem all = SimulateProblem(cell, &rng);
   // The captures in which the new camera sees the target of the second arm only.
   cell.captures.clear();
   for (size_t i = 0; i < all.captures.size(); ++i) {
     bool sees_first = false;
-    for (const RigImage& image : all.captures[i].images) {
+    for (const ProblemImage& image : all.captures[i].images) {
       sees_first = sees_first || (image.camera == 1 && image.target == 0);
     }
     if (!sees_first) cell.captures.push_back({{}, scene.arms[i]});
@@ -146,7 +147,7 @@ TEST(StudyPosesTest, APoseThatNeedsOtherCamerasHasNoEstimateByItself) {
 
 // The covariance is quadratic in the noise, and more captures can only lower it.
 TEST(StudyPosesTest, TheBoundScalesWithTheNoise) {
-  StudyCell cell = CellOf(MixedRig(1));
+  StudyCell cell = CellOf(MixedCell(1));
   const auto bound = ErrorBounds(cell);
   ASSERT_TRUE(bound) << bound.reason();
   ASSERT_THAT(*bound, SizeIs(4));
@@ -167,7 +168,7 @@ TEST(StudyPosesTest, TheBoundScalesWithTheNoise) {
 }
 
 TEST(StudyPosesTest, SaysWhyThereIsNoBound) {
-  StudyCell cell = CellOf(MixedRig(1));
+  StudyCell cell = CellOf(MixedCell(1));
   cell.captures.resize(1);
   EXPECT_FALSE(ErrorBounds(cell).ok());
   cell.captures.clear();
@@ -178,9 +179,9 @@ TEST(StudyPosesTest, SaysWhyThereIsNoBound) {
 // is efficient, whose 99.99 % range is 0.66 to 1.40 of its mean; the number of covered poses is at least 32 of 40 with
 // a probability of 0.9999.
 TEST(StudyPosesTest, ReachesTheBoundAndGainsBetweenCameras) {
-  RigSceneSetting setting;
+  CellSceneSetting setting;
   setting.has_free_intrinsics = false;
-  const StudyCell cell = CellOf(FourCameraRig(1, setting), setting);
+  const StudyCell cell = CellOf(FourCameraCell(1, setting), setting);
   constexpr int kNumTrials = 40;
   std::vector<std::vector<std::vector<TrialEstimate>>> trials;
   for (int trial = 0; trial < kNumTrials; ++trial) trials.push_back(RunTrial(cell, 1, trial));

@@ -53,7 +53,7 @@ Totals RunSeeds(Setup setup, double share, const BundleOptions& options, int num
   Totals totals;
   for (int seed = 1; seed <= num_seeds; ++seed) {
     const TestScene scene = NoisyScene(static_cast<uint64_t>(seed), setup, share);
-    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, options);
+    const Outcome<PairSolution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, options);
     EXPECT_TRUE(solution.ok()) << solution.reason();
     if (!solution) continue;
     Eigen::Matrix<double, 12, 1> error;
@@ -92,8 +92,8 @@ TEST_P(RobotNoiseTest, CorrectionsApplyOnTheGripperSide) {
   EXPECT_LT(
       DistanceM(corrected, CameraFromTarget(scene.hand_eye, CameraMountFromTargetMount(setup, base_from_gripper))),
       1e-12);
-  const Problem problem{scene.camera, {scene.views.front()}, setup};
-  const RigProblem whole = HandEyeProblem(problem, {});
+  const PairProblem problem{scene.camera, {scene.views.front()}, setup};
+  const Problem whole = HandEyeProblem(problem, {});
   FitState state = StateAt(problem, scene.hand_eye);
   state.corrections = {{correction}};
   const LoopProblem loops = CaptureLoops(whole, {{0}}, state, {{1}, {0}, {{1, 1}}}, true);
@@ -125,7 +125,8 @@ TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotUncertainty) {
   std::vector<double> sigmas_m;
   for (const double pixel_px : {1e-5, 1e-3}) {
     bundle.pixel_noise_px = pixel_px;
-    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, bundle);
+    const Outcome<PairSolution> solution =
+        RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
     sigmas_m.push_back(std::sqrt(solution->covariance.matrix(0, 0)));
   }
@@ -262,12 +263,12 @@ TEST(RefinementTest, IsBitIdenticalInEveryThread) {
   BundleOptions bundle;
   bundle.robot = BundleOptions::Robot::kEstimatedNoise;
   const auto solve = [&] { return RefineHandEye({scene.camera, scene.views}, scene.hand_eye, bundle); };
-  const Outcome<Solution> here = solve();
+  const Outcome<PairSolution> here = solve();
   ASSERT_TRUE(here.ok()) << here.reason();
-  std::optional<Outcome<Solution>> there;
+  std::optional<Outcome<PairSolution>> there;
   RunOnLowStack([&] { there = solve(); });
   ASSERT_TRUE(there && there->ok());
-  const Solution& other = **there;
+  const PairSolution& other = **there;
   EXPECT_EQ(here->hand_eye.camera_mount_from_camera.translation, other.hand_eye.camera_mount_from_camera.translation);
   EXPECT_EQ(here->hand_eye.target_mount_from_target.translation, other.hand_eye.target_mount_from_target.translation);
   EXPECT_EQ(here->camera.params, other.camera.params);

@@ -22,10 +22,10 @@ TEST(StatedPoseTest, EffectOfACaptureIsThatOfAllEffects) {
   const std::shared_ptr<const PoseEffect> of_all = MakeArmEffect(arm, RandomJoints(arm, &rng), Rigid3d());
   std::vector<int> estimated;
   for (const SharedEffect& effect : shared->effects) estimated.push_back(effect.index);
-  RigProblem rig;
+  Problem rig;
   rig.robots = {"arm"};
   rig.effects = {shared};
-  RigCapture capture{"first", {Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.4, 0.5, 0.6})}, {}};
+  ProblemCapture capture{"first", {Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.4, 0.5, 0.6})}, {}};
   capture.effects = {SelectEffects(of_all, arm.num_params(), estimated)};
   const StatedPose stated = StatedPoseOf(rig, capture, 0);
   EXPECT_EQ(DistanceM(stated.base_from_mount, capture.base_from_gripper[0]), 0);
@@ -41,9 +41,9 @@ TEST(StatedPoseTest, EffectOfACaptureIsThatOfAllEffects) {
 }
 
 TEST(StatedPoseTest, ArmsWithoutEffectsHaveNone) {
-  RigProblem rig;
+  Problem rig;
   rig.robots = {"arm"};
-  const RigCapture capture{"first", {Rigid3d()}, {}};
+  const ProblemCapture capture{"first", {Rigid3d()}, {}};
   EXPECT_EQ(StatedPoseOf(rig, capture, 0).effect, nullptr);
 }
 

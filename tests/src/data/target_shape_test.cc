@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/data/problem.h"
+#include "heba/data/pair_problem.h"
 
 namespace heba {
 namespace {

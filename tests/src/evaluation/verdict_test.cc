@@ -10,8 +10,8 @@ namespace {
 
 // Returns a result that deserves the grade kGood: 20 captures, sigmas of the hand-eye pose near 0.1 mm and 0.01 deg,
 // and residuals that agree with the noise model.
-RunResult GoodResult() {
-  RunResult result;
+PairResult GoodResult() {
+  PairResult result;
   for (int i = 0; i < 20; ++i)
     result.captures.push_back({std::to_string(i), CaptureRole::kNone, 48, true, "", 0, 0, 0.1, {}, {}});
   Estimate closed;
@@ -40,7 +40,7 @@ RunResult GoodResult() {
 }
 
 TEST(VerdictTest, JudgesUncertaintyAtTheWorkingPoint) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.working_point = WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
   result.working_point->covariance_m2(1, 1) = std::pow(15e-3, 2);
@@ -66,35 +66,35 @@ TEST(VerdictTest, OneFaultDecides) {
     const char* code;
     const char* number;  // Key of a number that states the fault; empty if there is none.
     double value;
-    void (*spoil)(RunResult* result);
+    void (*spoil)(PairResult* result);
   };
   const Case cases[] = {
       {Grade::kDoubtful, "uncertainty", "position_mm", 2,
-       [](RunResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
+       [](PairResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
       {Grade::kBad, "uncertainty", "orientation_deg", 1,
-       [](RunResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
-      {Grade::kBad, "hold_out", "target_mm", 16, [](RunResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
-      {Grade::kDoubtful, "no_hold_out", "", 0, [](RunResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
+       [](PairResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
+      {Grade::kBad, "hold_out", "target_mm", 16, [](PairResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
+      {Grade::kDoubtful, "no_hold_out", "", 0, [](PairResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
       {Grade::kDoubtful, "unmodelled_error", "chi2_per_dof", 2,
-       [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
+       [](PairResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
       {Grade::kDoubtful, "closed_form_better", "ratio", 0.667,
-       [](RunResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
-      {Grade::kDoubtful, "few_captures", "used", 6, [](RunResult* r) { r->captures.resize(6); }},
+       [](PairResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
+      {Grade::kDoubtful, "few_captures", "used", 6, [](PairResult* r) { r->captures.resize(6); }},
       {Grade::kDoubtful, "captures_left_out", "used", 10,
-       [](RunResult* r) {
+       [](PairResult* r) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
       {Grade::kBad, "pixel_noise", "pixel_sigma_px", 8,
-       [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+       [](PairResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
       {Grade::kDoubtful, "influential_capture", "move_mm", 3,
-       [](RunResult* r) {
+       [](PairResult* r) {
          for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
          r->captures[7].move_without = CaptureMove{3e-3 * Tangent6::Unit(1), 1e-4};
        }},
-      {Grade::kBad, "no_estimate", "", 0, [](RunResult* r) { r->estimates.pop_back(); }},
+      {Grade::kBad, "no_estimate", "", 0, [](PairResult* r) { r->estimates.pop_back(); }},
   };
   for (const Case& test : cases) {
-    RunResult result = GoodResult();
+    PairResult result = GoodResult();
     test.spoil(&result);
     const Verdict verdict = JudgeRun(result);
     EXPECT_EQ(verdict.grade, test.grade) << test.code;
@@ -121,8 +121,8 @@ TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
        {Case{0.1, 10, 1, Grade::kBad}, Case{10, 10, 1, Grade::kDoubtful}, Case{1, 10, 1, Grade::kBad},
         Case{0.1, 0.1, 15, Grade::kBad}, Case{10, 0.1, 15, Grade::kDoubtful}, Case{100, 60, 1, Grade::kBad},
         Case{100, 0.1, 60, Grade::kBad}}) {
-    RunResult result = GoodResult();
-    Solution& solution = *result.estimates[1].solution;
+    PairResult result = GoodResult();
+    PairSolution& solution = *result.estimates[1].solution;
     solution.robot_noise = RobotNoise{1e-3 * test.robot_mm, 0, 0};
     solution.covariance.matrix(2, 2) = std::pow(1e-3 * test.sigma_mm, 2);
     result.estimates[1].errors.holdout_target_mm = test.held_out_mm;
@@ -132,7 +132,7 @@ TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
 
 // Names say what a finding is about, and which remedy applies.
 TEST(VerdictTest, FindingsHaveNames) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
   result.captures[7].move_without->p_value = 1e-4;
   EXPECT_EQ(JudgeRun(result).findings.front().Name("image"), "7");
@@ -152,7 +152,7 @@ TEST(VerdictTest, FindingsHaveNames) {
 
 // A weak direction is part of an uncertainty that is not good, which then has its numbers too.
 TEST(VerdictTest, AWeakDirectionIsPartOfTheUncertainty) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.observations.push_back({Grade::kDoubtful, FindingCode("weak_direction"), {{"the camera's fx, px", 9}}});
   Verdict verdict = JudgeRun(result);
   EXPECT_EQ(verdict.findings.front().code, "weak_direction");
@@ -168,7 +168,7 @@ TEST(VerdictTest, AWeakDirectionIsPartOfTheUncertainty) {
 
 // Repeated captures do not count as captures that could not be used.
 TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   for (size_t i = 0; i < 60; ++i) {
     CaptureResult copy;
     copy.repeat_of = result.captures.front().image;
@@ -180,7 +180,7 @@ TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
 // If every capture has a larger influence than the assumed noise allows, the noise model is wrong and no single
 // capture is blamed.
 TEST(VerdictTest, BlamesNoCaptureIfAllAreInfluential) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
@@ -188,7 +188,7 @@ TEST(VerdictTest, BlamesNoCaptureIfAllAreInfluential) {
 // A closed form with smaller pixel residuals is no reason for doubt, because robot noise adds to these residuals; the
 // comparison uses the error that is whitened by all noise.
 TEST(VerdictTest, ComparesClosedFormsByWhitenedErrors) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.estimates[0].errors.holdout_rms_px = 0.1;
   result.estimates[1].errors.holdout_rms_px = 0.5;
   result.estimates[0].errors.holdout_target_mm = 0.1;
@@ -196,7 +196,7 @@ TEST(VerdictTest, ComparesClosedFormsByWhitenedErrors) {
 }
 
 TEST(VerdictTest, ImagesWithoutTheTargetDoNotCount) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   for (int i = 0; i < 60; ++i)
     result.captures.push_back({"away", CaptureRole::kNone, 0, false, "no target", 0, 0, {}, {}, {}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
@@ -204,7 +204,7 @@ TEST(VerdictTest, ImagesWithoutTheTargetDoNotCount) {
 
 // A cause and its consequences are reported in one finding.
 TEST(VerdictTest, OneCauseGivesOneFinding) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 50;
   result.estimates[1].errors.holdout_chi2 = 9;
   result.estimates[1].solution->pixel_sigma_px = 8;
@@ -225,7 +225,7 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
 
 // Without a cause, what an error of the model shows as is one finding, too; what else is wrong is another one.
 TEST(VerdictTest, SymptomsOfOneFaultAreOneFinding) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 4;
   result.estimates[1].errors.holdout_chi2 = 9;
   result.estimates[1].errors.holdout_sigmas = 3;
@@ -244,7 +244,7 @@ TEST(VerdictTest, SymptomsOfOneFaultAreOneFinding) {
 
 // Errors that the noise does not explain make a result bad only if they matter at the target.
 TEST(VerdictTest, IsBadOnlyForErrorsThatMatter) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.estimates[1].errors.holdout_chi2 = 30;
   EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
   result.estimates[1].errors.holdout_target_mm = 4;
@@ -253,7 +253,7 @@ TEST(VerdictTest, IsBadOnlyForErrorsThatMatter) {
 
 // Captures that contradict the others are no finding if the model predicts captures that it has not seen.
 TEST(VerdictTest, ScatterThatTheModelExplainsIsNoFinding) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.observations.push_back({Grade::kDoubtful, FindingCode("captures_scatter"), {{"captures", 5}}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
   result.estimates[1].errors.holdout_chi2 = 2;
@@ -262,7 +262,7 @@ TEST(VerdictTest, ScatterThatTheModelExplainsIsNoFinding) {
 
 // A requirement replaces the built-in limits, whether it is stricter or more lenient.
 TEST(VerdictTest, RequirementsReplaceBuiltInLimits) {
-  RunResult result = GoodResult();
+  PairResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
   result.requirements = {{10e-3, 0.95, "the working point", 2e-3}};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);

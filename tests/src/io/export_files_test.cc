@@ -28,11 +28,11 @@ using ::testing::Not;
 Rigid3d PoseOf(double number) { return {ExpRotation({0.1 * number, -0.2, 0.3}), Eigen::Vector3d(number, 0.5, -0.25)}; }
 
 // A rig whose arms and cameras have these names and mounts.
-RigResult RigOf(const std::vector<std::string>& arms, const std::vector<std::pair<std::string, Mount>>& cameras) {
-  RigResult result;
+RunResult CellOf(const std::vector<std::string>& arms, const std::vector<std::pair<std::string, Mount>>& cameras) {
+  RunResult result;
   result.name = "cell";
   result.rig.robots = arms;
-  RigSolution& solution = result.solution;
+  Solution& solution = result.solution;
   for (size_t r = 0; r < arms.size(); ++r) {
     solution.poses.world_from_base.push_back(r == 0 ? Rigid3d() : PoseOf(10.0 + static_cast<double>(r)));
   }
@@ -41,7 +41,7 @@ RigResult RigOf(const std::vector<std::string>& arms, const std::vector<std::pai
     solution.cameras.push_back({"pinhole", 640, 480, {600, 600, 320, 240}});
     result.rig.cameras.push_back({name, mount, solution.cameras.back()});
   }
-  solution.covariance.layout = RigUnknowns(result.rig);
+  solution.covariance.layout = UnknownsOf(result.rig);
   const int size = solution.covariance.layout.size();
   solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(size, size);
   return result;
@@ -50,7 +50,7 @@ RigResult RigOf(const std::vector<std::string>& arms, const std::vector<std::pai
 constexpr Mount kWorld{0, Mount::Part::kBase};
 constexpr Mount kGripper{0, Mount::Part::kGripper};
 
-std::vector<ExportedFile> FilesOf(const std::string& format, const RigResult& result, bool is_inverted = false) {
+std::vector<ExportedFile> FilesOf(const std::string& format, const RunResult& result, bool is_inverted = false) {
   ExportRequests requests = MakeExportRequests(result);
   for (std::vector<ExportRequest>* const poses : {&requests.cameras, &requests.bases}) {
     for (ExportRequest& pose : *poses) pose = is_inverted ? Inverted(pose) : pose;
@@ -85,7 +85,7 @@ std::vector<std::string> LinksOf(const urdf::ModelInterface& model) {
 }
 
 TEST(ExportFilesTest, AUrdfOfCamerasWithOneRootIsLoaded) {
-  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
+  const RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files),
               ElementsAre("top.camera.urdf", "far-side.camera.urdf", "cameras.urdf", "cameras.urdf.xacro"));
@@ -99,7 +99,7 @@ TEST(ExportFilesTest, AUrdfOfCamerasWithOneRootIsLoaded) {
 
 // The gripper has no constant pose in the base, so that a URDF of both has two roots, which parsers refuse.
 TEST(ExportFilesTest, EachRootHasAUrdfThatIsLoaded) {
-  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}, {"side", kWorld}});
+  const RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}, {"side", kWorld}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files),
               ElementsAre("top.camera.urdf", "wrist.camera.urdf", "side.camera.urdf", "cameras.base_link.urdf",
@@ -117,7 +117,7 @@ TEST(ExportFilesTest, EachRootHasAUrdfThatIsLoaded) {
 
 // The fragment has the links of the cameras only; together with an arm that has the others, it is one URDF.
 TEST(ExportFilesTest, TheFragmentCompletesTheUrdfOfTheArm) {
-  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}});
+  const RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"wrist", kGripper}});
   const std::string fragment = FileOf(FilesOf("urdf", rig), "cameras.urdf.xacro").text;
   EXPECT_THAT(fragment, HasSubstr("must define base_link, tool0"));
   const size_t begin = fragment.find('\n', fragment.find("<robot ")) + 1;
@@ -132,7 +132,7 @@ TEST(ExportFilesTest, TheFragmentCompletesTheUrdfOfTheArm) {
 
 // The bases of all arms have constant poses in the first one, and are exported with the cameras, even with one camera.
 TEST(ExportFilesTest, BasesAreExported) {
-  const RigResult rig = RigOf({"left-arm", "right"}, {{"top", {1, Mount::Part::kBase}}});
+  const RunResult rig = CellOf({"left-arm", "right"}, {{"top", {1, Mount::Part::kBase}}});
   const std::vector<ExportedFile> files = FilesOf("urdf", rig);
   EXPECT_THAT(NamesOf(files), ElementsAre("top.camera.urdf", "cameras.urdf", "cameras.urdf.xacro"));
   const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(FileOf(files, "cameras.urdf").text);
@@ -152,7 +152,7 @@ TEST(ExportFilesTest, BasesAreExported) {
 // A camera and an arm without names have the usual names of files and frames.
 TEST(ExportFilesTest, ACameraWithoutANameHasTheUsualNames) {
   for (const Mount& mount : {kWorld, kGripper}) {
-    const RigResult result = RigOf({""}, {{"", mount}});
+    const RunResult result = CellOf({""}, {{"", mount}});
     const ExportRequests requests = MakeExportRequests(result);
     EXPECT_EQ(requests.cameras[0].parent_frame, mount == kWorld ? "base_link" : "tool0");
     EXPECT_EQ(requests.cameras[0].child_frame, "camera_optical_frame");
@@ -164,7 +164,7 @@ TEST(ExportFilesTest, ACameraWithoutANameHasTheUsualNames) {
 }
 
 TEST(ExportFilesTest, BasesOfUniversalRobotsAreThoseOfTheirControllers) {
-  const RigResult rig = RigOf({"left", "right"}, {{"top", kWorld}, {"side", {1, Mount::Part::kBase}}});
+  const RunResult rig = CellOf({"left", "right"}, {{"top", kWorld}, {"side", {1, Mount::Part::kBase}}});
   const ExportRequests requests = MakeExportRequests(rig, kBundleMethod, {false, true});
   EXPECT_EQ(requests.cameras[0].parent_frame, "left_base_link");
   EXPECT_EQ(requests.cameras[1].parent_frame, "right_base");
@@ -175,7 +175,7 @@ TEST(ExportFilesTest, BasesOfUniversalRobotsAreThoseOfTheirControllers) {
 
 // Other frames of several cameras keep names of their own.
 TEST(ExportFilesTest, LinksAreCalledByTheirCameras) {
-  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
+  const RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"far-side", kWorld}});
   const ExportRequest camera = MakeExportRequests(rig).cameras[1];
   EXPECT_EQ(WithChild(camera, ExportFrame::kBody, OpticalFromBody()).child_frame, "far_side_link");
   EXPECT_EQ(WithChild(camera, ExportFrame::kLink, Rigid3d()).child_frame, "far_side_link");
@@ -183,12 +183,12 @@ TEST(ExportFilesTest, LinksAreCalledByTheirCameras) {
 
 // With one arm and one camera, the camera's file has all poses.
 TEST(ExportFilesTest, OnePoseHasNoFileOfAll) {
-  EXPECT_THAT(NamesOf(FilesOf("urdf", RigOf({"robot"}, {{"top", kWorld}}))), ElementsAre("top.camera.urdf"));
+  EXPECT_THAT(NamesOf(FilesOf("urdf", CellOf({"robot"}, {{"top", kWorld}}))), ElementsAre("top.camera.urdf"));
 }
 
 // Inverted, both cameras are the parent of the base.
 TEST(ExportFilesTest, AFrameWithTwoParentsIsRefused) {
-  const RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
+  const RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
   EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf").reason, HasSubstr("base_link would have two"));
   EXPECT_THAT(FileOf(FilesOf("urdf", rig, true), "cameras.urdf.xacro").reason, HasSubstr("base_link would have two"));
   EXPECT_THAT(FileOf(FilesOf("ros2", rig, true), "cameras.launch.py").reason, HasSubstr("base_link would have two"));
@@ -196,7 +196,7 @@ TEST(ExportFilesTest, AFrameWithTwoParentsIsRefused) {
 
 // A file with all cameras is refused if the format cannot hold one of them, by its name.
 TEST(ExportFilesTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
-  RigResult rig = RigOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
+  RunResult rig = CellOf({"robot"}, {{"top", kWorld}, {"side", kWorld}});
   const std::vector<ExportedFile> inverted = FilesOf("kalibr", rig, true);
   EXPECT_THAT(FileOf(inverted, "cameras.camchain.yaml").text, IsEmpty());
   rig.solution.cameras[1] = {"brown5", 640, 480, {600, 600, 320, 240, 0.1, 0, 0, 0, 0.5}};
@@ -206,7 +206,7 @@ TEST(ExportFilesTest, TheFaultOfACameraIsOneOfTheFileWithAll) {
 }
 
 // Adds the kinematics of each arm, of which those of these are estimated.
-RigResult WithArms(RigResult rig, const std::vector<bool>& are_estimated) {
+RunResult WithArms(RunResult rig, const std::vector<bool>& are_estimated) {
   for (const bool is_estimated : are_estimated) {
     RobotSummary& robot = rig.arms.emplace_back(RobotSummary()).value();
     robot.nominal = *FindArm("ur10e");
@@ -221,7 +221,7 @@ RigResult WithArms(RigResult rig, const std::vector<bool>& are_estimated) {
     rig.rig.effects.back() = shared;
     rig.solution.effects.back() = Eigen::VectorXd::Zero(shared->size());
   }
-  rig.solution.covariance.layout = RigUnknowns(rig.rig);
+  rig.solution.covariance.layout = UnknownsOf(rig.rig);
   const Eigen::Index size = rig.solution.covariance.layout.size();
   // The variance of each unknown is its place.
   rig.solution.covariance.matrix = 1e-6 * Eigen::VectorXd::LinSpaced(size, 1, static_cast<double>(size)).asDiagonal();
@@ -236,10 +236,10 @@ double SecondLengthM(const std::string& table) {
 
 TEST(ExportFilesTest, EachEstimatedArmHasAFile) {
   const double nominal_m = FindArm("ur10e")->joints[1].a_m;
-  const std::vector<ExportedFile> one = FilesOf("dh_csv", WithArms(RigOf({"robot"}, {{"top", kWorld}}), {true}));
+  const std::vector<ExportedFile> one = FilesOf("dh_csv", WithArms(CellOf({"robot"}, {{"top", kWorld}}), {true}));
   EXPECT_THAT(NamesOf(one), ElementsAre("arm_dh.csv"));
   EXPECT_NEAR(SecondLengthM(one[0].text), nominal_m + 1e-3, 1e-12);
-  const RigResult rig = WithArms(RigOf({"left", "right", "third"}, {{"top", kWorld}}), {true, false, true});
+  const RunResult rig = WithArms(CellOf({"left", "right", "third"}, {{"top", kWorld}}), {true, false, true});
   const std::vector<ExportedFile> tables = FilesOf("dh_csv", rig);
   EXPECT_THAT(NamesOf(tables), ElementsAre("left.arm_dh.csv", "not right.arm_dh.csv", "third.arm_dh.csv"));
   EXPECT_EQ(tables[1].reason, "the kinematics of the arm right were not estimated (they are not significantly better)");
@@ -253,17 +253,17 @@ TEST(ExportFilesTest, EachEstimatedArmHasAFile) {
 }
 
 TEST(ExportFilesTest, AnArmWithoutEstimatedErrorsHasNoFile) {
-  const std::vector<ExportedFile> files = FilesOf("robot_urdf", RigOf({"robot"}, {{"top", kWorld}}));
+  const std::vector<ExportedFile> files = FilesOf("robot_urdf", CellOf({"robot"}, {{"top", kWorld}}));
   EXPECT_THAT(NamesOf(files), ElementsAre("not robot.urdf"));
   EXPECT_EQ(files[0].reason,
             "the kinematics of the arm robot were not estimated; the config names no model of it (robot.model)");
-  const std::vector<ExportedFile> of_two = FilesOf("robot_urdf", RigOf({"left", "right"}, {{"top", kWorld}}));
+  const std::vector<ExportedFile> of_two = FilesOf("robot_urdf", CellOf({"left", "right"}, {{"top", kWorld}}));
   EXPECT_THAT(of_two[1].reason, HasSubstr("robots.right.model"));
 }
 
 // The errors of the arm are unknowns before those of the cameras: each pose keeps its own covariance.
 TEST(ExportFilesTest, PosesKeepTheirCovariancesBesideTheErrorsOfArms) {
-  const RigResult rig = WithArms(RigOf({"left", "right"}, {{"top", kWorld}, {"side", kWorld}}), {true, true});
+  const RunResult rig = WithArms(CellOf({"left", "right"}, {{"top", kWorld}, {"side", kWorld}}), {true, true});
   const std::vector<ExportRequest> cameras = MakeExportRequests(rig).cameras;
   for (size_t c = 0; c < 2; ++c) {
     ASSERT_TRUE(cameras[c].covariance.has_value());

@@ -294,10 +294,10 @@ void WriteMchec(const fs::path& folder) {
   Write(folder / "GT/gt_cam2.csv", MatrixLines(kGripper, " "));
 }
 
-TEST(ImportRigTest, MatchesTheImagesOfSeveralCamerasByTheirNumbers) {
+TEST(ImportCellTest, MatchesTheImagesOfSeveralCamerasByTheirNumbers) {
   const TempFolder folder;
   WriteMchec(folder.path());
-  const std::optional<ImportedRig> rig = ImportRig(folder.path(), "");
+  const std::optional<ImportedCell> rig = ImportCell(folder.path(), "");
   ASSERT_TRUE(rig.has_value());
   EXPECT_EQ(rig->format, "mchec");
   EXPECT_EQ(rig->setup, Setup::kEyeToHand);
@@ -305,7 +305,7 @@ TEST(ImportRigTest, MatchesTheImagesOfSeveralCamerasByTheirNumbers) {
   EXPECT_EQ(rig->cameras[1].name, "camera2");
   EXPECT_EQ(rig->cameras[1].images, folder / "camera2/image");
   std::vector<std::vector<std::string>> images;
-  for (const ImportedRigCapture& capture : rig->captures) images.push_back(capture.images);
+  for (const ImportedCellCapture& capture : rig->captures) images.push_back(capture.images);
   EXPECT_EQ(images, (std::vector<std::vector<std::string>>{
                         {"0000.png", ""}, {"0001.png", "sample_0001.jpg"}, {"0007.png", ""}, {"", "sample_0009.jpg"}}));
   const int numbers[] = {0, 1, 7, 9};
@@ -321,58 +321,58 @@ TEST(ImportRigTest, MatchesTheImagesOfSeveralCamerasByTheirNumbers) {
 }
 
 // A centre that is counted from the corner or from 1 becomes that of heba's pixels; any other principal point stays.
-TEST(ImportRigTest, ConvertsTheStatedCentreOfTheImage) {
+TEST(ImportCellTest, ConvertsTheStatedCentreOfTheImage) {
   const TempFolder folder;
   WriteMchec(folder.path());
-  const std::optional<ImportedRig> rig = ImportRig(folder.path(), "");
+  const std::optional<ImportedCell> rig = ImportCell(folder.path(), "");
   ASSERT_TRUE(rig.has_value());
   for (const ImportedCamera& camera : rig->cameras) {
     EXPECT_EQ(camera.camera->params, (std::vector<double>{1371, 1371, 959.5, 539.5})) << camera.name;
   }
   for (const char* centre : {"cx: 960\ncy: 540.5\n", "cx: 934.5\ncy: 529.0\n", "cx: 959.5\ncy: 539.5\n"}) {
     Write(folder / "camera1/intrinsic_pars_file.yaml", MchecIntrinsics(centre));
-    const std::vector<double> params = ImportRig(folder.path(), "")->cameras[0].camera->params;
+    const std::vector<double> params = ImportCell(folder.path(), "")->cameras[0].camera->params;
     EXPECT_EQ("cx: " + RoundTrip(params[2]) + "\n", std::string(centre).substr(0, std::string(centre).find('\n') + 1));
   }
 }
 
-TEST(ImportRigTest, ReadsOneCameraFromItsFolder) {
+TEST(ImportCellTest, ReadsOneCameraFromItsFolder) {
   const TempFolder folder;
   WriteMchec(folder.path());
-  EXPECT_FALSE(ImportRig(folder / "camera2", "").has_value());
+  EXPECT_FALSE(ImportCell(folder / "camera2", "").has_value());
   EXPECT_EQ(ImportDataSet(folder / "camera2", "").captures.size(), 2U);
   EXPECT_EQ(ImportDataSet(folder.path(), "").captures.size(), 3U);
 }
 
-TEST(ImportRigTest, RefusesPosesThatContradictEachOther) {
+TEST(ImportCellTest, RefusesPosesThatContradictEachOther) {
   const TempFolder folder;
   WriteMchec(folder.path());
   // The record of another camera may differ by the rounding of its file, not by a millimetre.
   WriteMchecCapture(folder / "camera2", "sample_0001.jpg", "0001.csv", Moved(PoseOfNumber(1), 1e-8));
-  EXPECT_EQ(ImportRig(folder.path(), "")->captures.size(), 4U);
+  EXPECT_EQ(ImportCell(folder.path(), "")->captures.size(), 4U);
   WriteMchecCapture(folder / "camera2", "sample_0001.jpg", "0001.csv", Moved(PoseOfNumber(1), 1e-3));
-  const std::string error = InputErrorOf([&] { ImportRig(folder.path(), ""); });
+  const std::string error = InputErrorOf([&] { ImportCell(folder.path(), ""); });
   EXPECT_THAT(error, testing::HasSubstr("camera2/pose/0001.csv: is 1.0 mm and 0 deg from"));
   EXPECT_THAT(error, testing::HasSubstr("camera1/pose/0001.csv"));
 }
 
-TEST(ImportRigTest, FaultsAreInputErrors) {
+TEST(ImportCellTest, FaultsAreInputErrors) {
   const TempFolder folder;
   WriteMchec(folder.path());
   Write(folder / "camera1/image/left_7.png", "x");
-  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }), testing::HasSubstr("has the same number as"));
+  EXPECT_THAT(InputErrorOf([&] { ImportCell(folder.path(), ""); }), testing::HasSubstr("has the same number as"));
   fs::remove(folder / "camera1/image/left_7.png");
   Write(folder / "camera1/intrinsic_pars_file.yaml", "fx: 0\nfy: 0\ncx: 1\ncy: 1\nimg_width: 2\nimg_height: 2\n");
-  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }),
+  EXPECT_THAT(InputErrorOf([&] { ImportCell(folder.path(), ""); }),
               testing::HasSubstr("the camera camera1: fx and fy must be positive"));
   fs::remove_all(folder / "camera1");
   fs::remove_all(folder / "camera2");
-  EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }),
+  EXPECT_THAT(InputErrorOf([&] { ImportCell(folder.path(), ""); }),
               testing::HasSubstr("no folder cameraN has images with poses"));
   for (const std::string& text :
        {std::string("number_of_cameras: 2\n"), std::string(), With(kMchecInfo, "0.05", "x")}) {
     Write(folder / "CalibrationInfo.yaml", text);
-    EXPECT_THAT(InputErrorOf([&] { ImportRig(folder.path(), ""); }), testing::HasSubstr("CalibrationInfo.yaml"));
+    EXPECT_THAT(InputErrorOf([&] { ImportCell(folder.path(), ""); }), testing::HasSubstr("CalibrationInfo.yaml"));
   }
 }
 
@@ -384,11 +384,11 @@ const char* const kChain =
     "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  - [0.0, 0.0, -1.0, 0.02]\n  - [0.0, 1.0, 0.0, 0.3]\n"
     "  - [0.0, 0.0, 0.0, 1.0]\n";
 
-TEST(ImportRigTest, ReadsTheCamerasOfACamchain) {
+TEST(ImportCellTest, ReadsTheCamerasOfACamchain) {
   const TempFolder folder;
   Write(folder / "bag-camchain.yaml", kChain);
   for (const fs::path& source : {folder.path(), folder / "bag-camchain.yaml"}) {
-    const std::optional<ImportedRig> rig = ImportRig(source, "");
+    const std::optional<ImportedCell> rig = ImportCell(source, "");
     ASSERT_TRUE(rig.has_value()) << source;
     EXPECT_EQ(rig->format, "kalibr");
     ASSERT_EQ(rig->cameras.size(), 2U);
@@ -407,11 +407,11 @@ TEST(ImportRigTest, ReadsTheCamerasOfACamchain) {
   EXPECT_EQ(FindImportFormat(folder.path()), nullptr);
 }
 
-TEST(ImportRigTest, SaysWhatIsWrongWithACamchain) {
+TEST(ImportCellTest, SaysWhatIsWrongWithACamchain) {
   const TempFolder folder;
   const auto error_of = [&](const std::string& text) {
     Write(folder / "chain.yaml", text);
-    return InputErrorOf([&] { ImportRig(folder / "chain.yaml", "kalibr"); });
+    return InputErrorOf([&] { ImportCell(folder / "chain.yaml", "kalibr"); });
   };
   EXPECT_THAT(error_of(With(kChain, "cam1", "cam2")), testing::HasSubstr("where cam1 is expected"));
   EXPECT_THAT(error_of(With(kChain, "T_cn_cnm1", "T_others")), testing::HasSubstr("'T_cn_cnm1' is missing"));

@@ -23,8 +23,8 @@ namespace {
 using ::testing::HasSubstr;
 
 // A result with a closed form, a refinement that failed, and one capture of each role.
-RunResult SmallResult() {
-  RunResult result;
+PairResult SmallResult() {
+  PairResult result;
   result.name = "cell";
   result.target_type = "chessboard";
   for (const std::string_view name : kCaptureRoleNames) {
@@ -45,8 +45,8 @@ RunResult SmallResult() {
 }
 
 // A result whose refinement has estimated the errors of an arm.
-RunResult ResultWithEstimatedArm() {
-  RunResult result = SmallResult();
+PairResult ResultWithEstimatedArm() {
+  PairResult result = SmallResult();
   result.robot.emplace();
   RobotSummary& robot = *result.robot;
   robot.nominal = *FindArm("ur5e");
@@ -57,7 +57,7 @@ RunResult ResultWithEstimatedArm() {
   Estimate& refined = result.estimates.back();
   refined.ok = true;
   refined.camera = {"pinhole", 64, 48, {60, 60, 32, 24}};
-  Solution& solution = refined.solution.emplace();
+  PairSolution& solution = refined.solution.emplace();
   const auto shared = std::make_shared<const SharedEffects>(ArmErrors(robot.nominal, ArmErrorModel::kGeometry));
   robot.errors_name = shared->name;
   solution.shared_effects = shared;
@@ -75,9 +75,9 @@ RunResult ResultWithEstimatedArm() {
 
 class ResultFileTest : public testing::Test {
  protected:
-  RunResult Read(const std::string& text) const {
+  PairResult Read(const std::string& text) const {
     WriteFileAtomically(folder_ / "result.json", text);
-    return ReadResult(folder_ / "result.json");
+    return ReadPairResult(folder_ / "result.json");
   }
   // Returns the error of a result in which the first `from` is replaced.
   std::string ErrorOf(const std::string& from, const std::string& to) const {
@@ -93,8 +93,8 @@ class ResultFileTest : public testing::Test {
 };
 
 TEST_F(ResultFileTest, RolesAndKindsAreReadAsTheyWereWritten) {
-  const RunResult written = SmallResult();
-  const RunResult read = Read(ResultToJson(written));
+  const PairResult written = SmallResult();
+  const PairResult read = Read(ResultToJson(written));
   ASSERT_EQ(read.captures.size(), written.captures.size());
   for (size_t i = 0; i < written.captures.size(); ++i) EXPECT_EQ(read.captures[i].role, written.captures[i].role);
   ASSERT_EQ(read.estimates.size(), 2u);
@@ -109,7 +109,7 @@ TEST_F(ResultFileTest, RefusesUnknownRolesAndKinds) {
               HasSubstr("the kind is unknown; one of: closed_form, refined"));
 }
 
-void ExpectSameArm(const Solution& read, const Solution& written) {
+void ExpectSameArm(const PairSolution& read, const PairSolution& written) {
   ASSERT_NE(read.shared_effects, nullptr);
   EXPECT_EQ(read.shared_effects->num_all, written.shared_effects->num_all);
   EXPECT_EQ(read.shared_effects->Names(), written.shared_effects->Names());
@@ -124,10 +124,10 @@ void ExpectSameArm(const Solution& read, const Solution& written) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
-  const RunResult written = ResultWithEstimatedArm();
-  const RunResult read = Read(ResultToJson(written));
-  const Solution& solution = *read.estimates.back().solution;
-  const Solution& expected = *written.estimates.back().solution;
+  const PairResult written = ResultWithEstimatedArm();
+  const PairResult read = Read(ResultToJson(written));
+  const PairSolution& solution = *read.estimates.back().solution;
+  const PairSolution& expected = *written.estimates.back().solution;
   ExpectSameArm(solution, expected);
   EXPECT_EQ(read.robot->errors_name, written.robot->errors_name);
   EXPECT_EQ(solution.effect_sigmas, expected.effect_sigmas);
@@ -137,16 +137,16 @@ TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadFromResultsWithoutTheirGroups) {
-  const RunResult written = ResultWithEstimatedArm();
+  const PairResult written = ResultWithEstimatedArm();
   nlohmann::ordered_json json = nlohmann::ordered_json::parse(ResultToJson(written));
   ASSERT_EQ(json["estimates"].back()["robot"].erase("estimated"), 1U);
-  const RunResult read = Read(json.dump());
+  const PairResult read = Read(json.dump());
   ExpectSameArm(*read.estimates.back().solution, *written.estimates.back().solution);
 }
 
 // A result of the arm with its masses and the compliances that were estimated.
-RunResult ResultWithArm() {
-  RunResult result = SmallResult();
+PairResult ResultWithArm() {
+  PairResult result = SmallResult();
   RobotSummary robot;
   robot.nominal = *FindArm("ur5e");
   robot.is_estimated = true;
@@ -160,12 +160,12 @@ RunResult ResultWithArm() {
 }
 
 TEST_F(ResultFileTest, CompliancesAndMassesOfAnArmAreReadAsTheyWereWritten) {
-  const RunResult written = ResultWithArm();
+  const PairResult written = ResultWithArm();
   const std::string text = ResultToJson(written);
   EXPECT_THAT(text, HasSubstr("\"joint2.compliance\""));
   EXPECT_THAT(text, HasSubstr("\"rad/(N m)\""));
   EXPECT_THAT(text, testing::Not(HasSubstr("joint3.compliance")));
-  const RunResult read = Read(text);
+  const PairResult read = Read(text);
   ASSERT_TRUE(read.robot.has_value());
   EXPECT_EQ(read.robot->errors, written.robot->errors);
   EXPECT_EQ(read.robot->error_sigmas, written.robot->error_sigmas);
@@ -174,9 +174,9 @@ TEST_F(ResultFileTest, CompliancesAndMassesOfAnArmAreReadAsTheyWereWritten) {
 }
 
 TEST_F(ResultFileTest, ResultsWithoutMassesAreRead) {
-  RunResult written = ResultWithArm();
+  PairResult written = ResultWithArm();
   written.robot->nominal.load = nullptr;
-  const RunResult read = Read(ResultToJson(written));
+  const PairResult read = Read(ResultToJson(written));
   ASSERT_TRUE(read.robot.has_value());
   EXPECT_EQ(read.robot->nominal.load, nullptr);
   std::string text = ResultToJson(ResultWithArm());
@@ -203,8 +203,8 @@ TEST(TruthFileTest, EarlierFilesHaveNoCompliances) {
 Rigid3d Shifted(double x_m) { return {ExpRotation({0.1, 0.2, x_m}), {x_m, 0, 0}}; }
 
 // A rig with a camera and a target on these mounts.
-RigProblem RigOf(const std::vector<std::string>& arms, const std::string& camera, const std::string& target) {
-  RigProblem rig;
+Problem CellOf(const std::vector<std::string>& arms, const std::string& camera, const std::string& target) {
+  Problem rig;
   rig.robots = arms;
   rig.cameras.push_back({"top", *FindMount(arms, camera), {}});
   rig.cameras.back().mount_name = camera;
@@ -213,59 +213,59 @@ RigProblem RigOf(const std::vector<std::string>& arms, const std::string& camera
   return rig;
 }
 
-class RigTruthTest : public testing::Test {
+class CellTruthTest : public testing::Test {
  protected:
   // Writes the truth of a rig, and reads it for another one.
-  RigTruth ReadFor(const RigProblem& rig, const RigProblem& written) {
-    WriteFileAtomically(folder_ / "truth.json", RigTruthToJson(written, TruthOf(written)));
-    return ReadRigTruth(folder_ / "truth.json", rig);
+  CellTruth ReadFor(const Problem& rig, const Problem& written) {
+    WriteFileAtomically(folder_ / "truth.json", TruthToJson(written, TruthOf(written)));
+    return ReadCellTruth(folder_ / "truth.json", rig);
   }
-  static RigTruth TruthOf(const RigProblem& rig) {
-    RigTruth truth{{Shifted(1)}, {Shifted(2)}, {Rigid3d()}, {std::nullopt}};
+  static CellTruth TruthOf(const Problem& rig) {
+    CellTruth truth{{Shifted(1)}, {Shifted(2)}, {Rigid3d()}, {std::nullopt}};
     for (size_t r = 1; r < rig.robots.size(); ++r) truth.world_from_base.emplace_back(Shifted(3));
     return truth;
   }
   const TempFolder folder_;
 };
 
-TEST_F(RigTruthTest, AMountMayHaveAnyOfItsNames) {
-  const RigTruth one = ReadFor(RigOf({"arm"}, "base", "gripper"), RigOf({"arm"}, "world", "arm.gripper"));
+TEST_F(CellTruthTest, AMountMayHaveAnyOfItsNames) {
+  const CellTruth one = ReadFor(CellOf({"arm"}, "base", "gripper"), CellOf({"arm"}, "world", "arm.gripper"));
   EXPECT_THAT(one.mount_from_camera[0], IsNearPose(Shifted(1), 1e-12, 1e-12));
   EXPECT_THAT(*one.mount_from_target[0], IsNearPose(Shifted(2), 1e-12, 1e-12));
-  const RigTruth two =
-      ReadFor(RigOf({"left", "right"}, "left.base", "world"), RigOf({"left", "right"}, "world", "left.base"));
+  const CellTruth two =
+      ReadFor(CellOf({"left", "right"}, "left.base", "world"), CellOf({"left", "right"}, "world", "left.base"));
   EXPECT_THAT(two.mount_from_camera[0], IsNearPose(Shifted(1), 1e-12, 1e-12));
   EXPECT_THAT(*two.world_from_base[1], IsNearPose(Shifted(3), 1e-12, 1e-12));
 }
 
-TEST_F(RigTruthTest, AnotherMountIsRefused) {
-  EXPECT_THAT(InputErrorOf([&] { ReadFor(RigOf({"arm"}, "gripper", "world"), RigOf({"arm"}, "world", "world")); }),
+TEST_F(CellTruthTest, AnotherMountIsRefused) {
+  EXPECT_THAT(InputErrorOf([&] { ReadFor(CellOf({"arm"}, "gripper", "world"), CellOf({"arm"}, "world", "world")); }),
               HasSubstr("cameras: top: pose: is the pose of 'top' in 'world'; that of 'top' in 'gripper' is needed"));
   EXPECT_THAT(InputErrorOf([&] {
-                ReadFor(RigOf({"left", "right"}, "right.base", "world"), RigOf({"left", "right"}, "world", "world"));
+                ReadFor(CellOf({"left", "right"}, "right.base", "world"), CellOf({"left", "right"}, "world", "world"));
               }),
               HasSubstr("that of 'top' in 'right.base' is needed"));
 }
 
 // An unknown pose is read as unknown, and not as the identity.
-TEST_F(RigTruthTest, PosesOfTargetsAndBasesMayBeUnknown) {
-  const RigProblem rig = RigOf({"left", "right"}, "world", "world");
-  RigTruth truth = TruthOf(rig);
+TEST_F(CellTruthTest, PosesOfTargetsAndBasesMayBeUnknown) {
+  const Problem rig = CellOf({"left", "right"}, "world", "world");
+  CellTruth truth = TruthOf(rig);
   truth.mount_from_target[0].reset();
   truth.world_from_base[1].reset();
-  WriteFileAtomically(folder_ / "truth.json", RigTruthToJson(rig, truth));
-  const RigTruth read = ReadRigTruth(folder_ / "truth.json", rig);
+  WriteFileAtomically(folder_ / "truth.json", TruthToJson(rig, truth));
+  const CellTruth read = ReadCellTruth(folder_ / "truth.json", rig);
   EXPECT_FALSE(read.mount_from_target[0].has_value());
   EXPECT_FALSE(read.world_from_base[1].has_value());
   EXPECT_TRUE(read.world_from_base[0].has_value());
 }
 
 // A rig with two arms, of which the errors of the second were estimated, and those of the first declined.
-RigResult ResultWithArms() {
-  RigResult result;
+RunResult ResultWithArms() {
+  RunResult result;
   result.name = "cell";
-  result.rig = RigOf({"left", "right"}, "world", "right.gripper");
-  RigSolution& solution = result.solution;
+  result.rig = CellOf({"left", "right"}, "world", "right.gripper");
+  Solution& solution = result.solution;
   solution.poses = {{Shifted(1)}, {Shifted(2)}, {Rigid3d(), Shifted(3)}};
   solution.cameras = {{"pinhole", 64, 48, {60, 60, 32, 24}}};
   result.rig.cameras[0].camera = solution.cameras[0];
@@ -300,20 +300,20 @@ RigResult ResultWithArms() {
   estimated.errors_name = shared->name;
   estimated.errors = AllEffects(*shared, solution.effects[1]);
   for (const SharedEffect& effect : shared->effects) estimated.error_sigmas[static_cast<size_t>(effect.index)] = 1e-4;
-  solution.covariance.layout = RigUnknowns(result.rig);
+  solution.covariance.layout = UnknownsOf(result.rig);
   const Eigen::Index size = solution.covariance.layout.size();
   const Eigen::MatrixXd root = Eigen::MatrixXd::Identity(size, size) + Eigen::MatrixXd::Constant(size, size, 0.25);
   solution.covariance.matrix = 1e-8 * root * root.transpose();
   return result;
 }
 
-TEST(RigResultFileTest, ErrorsOfArmsAreReadAsTheyWereWritten) {
+TEST(CellResultFileTest, ErrorsOfArmsAreReadAsTheyWereWritten) {
   const TempFolder folder;
-  const RigResult written = ResultWithArms();
-  const std::string text = RigResultToJson(written);
+  const RunResult written = ResultWithArms();
+  const std::string text = ResultToJson(written);
   WriteFileAtomically(folder / "result.json", text);
-  const RigResult read = ReadRigResult(folder / "result.json");
-  EXPECT_EQ(RigResultToJson(read), text);
+  const RunResult read = ReadRunResult(folder / "result.json");
+  EXPECT_EQ(ResultToJson(read), text);
   EXPECT_EQ(FindEstimatedArm(read, 0), nullptr);
   EXPECT_EQ(WhyNotEstimated(read, 0),
             "the kinematics of the arm left were not estimated (they are not significantly better)");
@@ -328,45 +328,45 @@ TEST(RigResultFileTest, ErrorsOfArmsAreReadAsTheyWereWritten) {
   EXPECT_EQ(read.solution.covariance.matrix, written.solution.covariance.matrix);
 }
 
-TEST(RigResultFileTest, AnUnknownParameterOfAnArmIsRefused) {
+TEST(CellResultFileTest, AnUnknownParameterOfAnArmIsRefused) {
   const TempFolder folder;
-  std::string text = RigResultToJson(ResultWithArms());
+  std::string text = ResultToJson(ResultWithArms());
   const size_t at = text.find("\"joint2.offset\"", text.find("\"estimated\": {"));
   ASSERT_NE(at, std::string::npos);
   text.replace(at, 15, "\"joint9.offset\"");
   WriteFileAtomically(folder / "result.json", text);
-  EXPECT_THAT(InputErrorOf([&] { ReadRigResult(folder / "result.json"); }),
+  EXPECT_THAT(InputErrorOf([&] { ReadRunResult(folder / "result.json"); }),
               HasSubstr("'joint9.offset' is estimated, but the arm has no such parameter"));
 }
 
 // A result of either schema is read in one form.
 TEST(WholeResultTest, HasCamerasAndArmsOfEitherSchema) {
   const TempFolder folder;
-  const RunResult one = ResultWithEstimatedArm();
+  const PairResult one = ResultWithEstimatedArm();
   WriteFileAtomically(folder / "one.json", ResultToJson(one));
-  const RigResult whole = ReadWholeResult(folder / "one.json");
+  const RunResult whole = ReadWholeResult(folder / "one.json");
   ASSERT_EQ(whole.rig.cameras.size(), 1U);
   EXPECT_EQ(whole.rig.cameras[0].name, "");
-  EXPECT_EQ(whole.solution.covariance.layout.Names(), RigUnknowns(whole.rig).Names());
+  EXPECT_EQ(whole.solution.covariance.layout.Names(), UnknownsOf(whole.rig).Names());
   EXPECT_EQ(whole.solution.covariance.matrix, one.estimates.back().solution->covariance.matrix);
   ASSERT_NE(FindEstimatedArm(whole, 0), nullptr);
-  const RigResult several = ResultWithArms();
-  WriteFileAtomically(folder / "several.json", RigResultToJson(several));
-  EXPECT_EQ(RigResultToJson(ReadWholeResult(folder / "several.json")), RigResultToJson(several));
+  const RunResult several = ResultWithArms();
+  WriteFileAtomically(folder / "several.json", ResultToJson(several));
+  EXPECT_EQ(ResultToJson(ReadWholeResult(folder / "several.json")), ResultToJson(several));
 }
 
 // Without images, the estimate of the poses stands for the result; without it, there is no result.
 TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
   const TempFolder folder;
-  RunResult result = ResultWithEstimatedArm();
+  PairResult result = ResultWithEstimatedArm();
   Estimate& chain = result.estimates.back();
   chain.method = kChainMethod;
   chain.camera = Camera();
-  Solution& solution = *chain.solution;
+  PairSolution& solution = *chain.solution;
   solution.covariance.layout = HandEyePoses();
   solution.covariance.layout.AddEffects(kRobotBlock, solution.shared_effects->Names());
   WriteFileAtomically(folder / "result.json", ResultToJson(result));
-  const RigResult whole = ReadWholeResult(folder / "result.json");
+  const RunResult whole = ReadWholeResult(folder / "result.json");
   EXPECT_TRUE(whole.solution.cameras[0].params.empty());
   EXPECT_EQ(whole.solution.covariance.matrix, solution.covariance.matrix);
   ASSERT_NE(FindEstimatedArm(whole, 0), nullptr);
@@ -378,13 +378,13 @@ TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
 }
 
 TEST(WholeResultTest, AnArmWithoutANameIsNotNamed) {
-  RunResult result = ResultWithEstimatedArm();
+  PairResult result = ResultWithEstimatedArm();
   result.robot->is_estimated = false;
   result.robot->reason = Failure("they are not significantly better");
-  EXPECT_EQ(WhyNotEstimated(AsRigResult(result), 0),
+  EXPECT_EQ(WhyNotEstimated(AsRunResult(result), 0),
             "the kinematics of the arm were not estimated (they are not significantly better)");
   result.robot.reset();
-  EXPECT_EQ(WhyNotEstimated(AsRigResult(result), 0),
+  EXPECT_EQ(WhyNotEstimated(AsRunResult(result), 0),
             "the kinematics of the arm were not estimated; the config names no arm (robot.model)");
 }
 

@@ -22,7 +22,7 @@ constexpr double kSigmaRad = 2e-4;
 // A UR5e of which only the offset of one joint has an error.
 struct OneError {
   RobotSummary robot;
-  Solution solution;
+  PairSolution solution;
   std::vector<Rigid3d> base_from_gripper;
 };
 
@@ -93,7 +93,7 @@ TEST(ArmUncertaintyTest, SeveralConfigurationsHaveNoFlippedOne) {
 // The gripper's position relative to a target does not depend on an error that moves both alike.
 TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
   OneError one = MakeOneError(0);
-  Solution& solution = one.solution;
+  PairSolution& solution = one.solution;
   solution.hand_eye.target_mount_from_target = Rigid3d(ExpRotation({0.1, 2, -0.3}), {0.4, -0.2, 0.1});
   UnknownLayout layout;
   layout.AddPose(kBoardBlock);
@@ -117,8 +117,8 @@ TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
 
 // The gripper of the second arm of a rig: errors of its base do not move it against a camera on that base, but do
 // against one on the base of the other arm; errors of the camera's pose act over the lever between both.
-TEST(ArmUncertaintyTest, GripperOfARigIsRelativeToTheFixedPart) {
-  RigProblem rig;
+TEST(ArmUncertaintyTest, GripperOfACellIsRelativeToTheFixedPart) {
+  Problem rig;
   rig.robots = {"left", "right"};
   Camera camera;
   camera.model = "pinhole";
@@ -128,12 +128,12 @@ TEST(ArmUncertaintyTest, GripperOfARigIsRelativeToTheFixedPart) {
   const std::optional<FixedPart> fixed = FindFixedPart(rig);
   ASSERT_TRUE(fixed.has_value());
   EXPECT_EQ(fixed->Name(rig), "camera near");
-  RigSolution solution;
+  Solution solution;
   solution.poses.world_from_base = {Rigid3d(), Rigid3d(ExpRotation({0.1, 0.2, 2}), {1, 0.2, 0.1})};
   solution.poses.mount_from_camera = {Rigid3d(), Rigid3d(ExpRotation({1, -1, 0.5}), {0.2, 0.3, 1}),
                                       Rigid3d(ExpRotation({-1, 2, 0.5}), {0.1, -0.3, 1.2})};
   UnknownLayout& layout = solution.covariance.layout;
-  layout = RigUnknowns(rig);
+  layout = UnknownsOf(rig);
   const Rigid3d stated(ExpRotation({0.3, 0.2, 0.1}), {0.5, 0.1, 0.4});
   const auto sigma_m = [&](size_t index) {
     return SigmaM(LocatorOf(rig, solution, 1, {FixedPart::Kind::kCamera, index})(stated).covariance_m2);

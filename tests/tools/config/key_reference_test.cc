@@ -19,7 +19,7 @@
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 #include "tools/config/commented_config.h"
-#include "tools/config/rig_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_config.h"
@@ -102,7 +102,7 @@ class KeyReferenceTest : public testing::Test {
     Names known;
     for (std::vector<std::string> settings : variants) {
       settings.push_back(unknown);
-      known.merge(KeysOfReader([&] { ReadRunConfig(folder_ / "cell.yaml", settings); }));
+      known.merge(KeysOfReader([&] { ReadPairConfig(folder_ / "cell.yaml", settings); }));
     }
     EXPECT_EQ(known, KeysOfTable("config", mapping)) << mapping;
   }
@@ -128,7 +128,7 @@ class KeyReferenceTest : public testing::Test {
 
 TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
   // `base` is taken from the file before its keys are read.
-  Names top = KeysOfReader([&] { ReadRunConfig(folder_ / "cell.yaml", {"unknown_key=1"}); });
+  Names top = KeysOfReader([&] { ReadPairConfig(folder_ / "cell.yaml", {"unknown_key=1"}); });
   top.insert("base");
   EXPECT_EQ(top, KeysOfTable("config", ""));
   ExpectConfigKeys("camera", {{}}, "camera.unknown_key=1");
@@ -150,9 +150,9 @@ TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
   ExpectConfigKeys("evaluate.require[]", {{}}, "evaluate.require=[{within: 1 mm, unknown_key: 1}]");
 }
 
-TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
+TEST_F(KeyReferenceTest, CellHasTheKeysOfItsReader) {
   const auto known = [&](const std::vector<std::string>& settings) {
-    return KeysOfReader([&] { ReadRigConfig(folder_ / "rig.yaml", settings); });
+    return KeysOfReader([&] { ReadRunConfig(folder_ / "rig.yaml", settings); });
   };
   Names top = known({"unknown_key=1"});
   top.insert("base");
@@ -173,7 +173,7 @@ TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
   for (const std::string& key : KeysOfTable("rig", "captures")) EXPECT_TRUE(of_captures.contains(key)) << key;
 }
 
-TEST_F(KeyReferenceTest, RigSceneHasTheKeysOfItsReader) {
+TEST_F(KeyReferenceTest, CellSceneHasTheKeysOfItsReader) {
   const auto known = [&](const std::vector<std::string>& settings) {
     return KeysOfReader([&] { ReadSceneConfig(folder_ / "rig_scene.yaml", settings); });
   };
@@ -282,14 +282,14 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
     if (entry.HasDefault()) left.insert(std::string(entry.document) + " " + entry.key);
   }
   const std::string folder = (folder_ / "").string();
-  const RunConfig config = ReadRunConfig(folder_ / "cell.yaml", {"evaluate.require=[{within: 1 mm}]"});
+  const PairConfig config = ReadPairConfig(folder_ / "cell.yaml", {"evaluate.require=[{within: 1 mm}]"});
   ExpectDefaults("config", YAML::Load(config.used), &left);
   for (const std::vector<std::string>& settings :
        {std::vector<std::string>{"captures.pose_format=joints", "captures.robot=" + folder + "arm.urdf",
                                  "captures.poses=" + folder + "angles.csv"},
         {"captures.pose_format="},
         {"captures.joints=" + folder + "joints.csv"}}) {
-    ExpectDefaults("config", YAML::Load(ReadRunConfig(folder_ / "cell.yaml", settings).used), &left);
+    ExpectDefaults("config", YAML::Load(ReadPairConfig(folder_ / "cell.yaml", settings).used), &left);
   }
   // The config as used states what is required, but not the probability that it omits.
   EXPECT_EQ(config.options.requirements.at(0).confidence, 0.95);
@@ -305,7 +305,7 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
   };
   expect_target_defaults("circle_grid", "rows: 6, columns: 7, spacing: 30 mm");
   for (const auto& [type, keys] : kTargets) expect_target_defaults(type, keys);
-  const RigConfig rig = ReadRigConfig(
+  const RunConfig rig = ReadRunConfig(
       folder_ / "rig.yaml", {"captures=", "robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.model=ur5e",
                              "robots.NAME.joints=" + folder + "joints.csv", "evaluate.require=[{within: 1 mm}]"});
   ExpectDefaults("rig", YAML::Load(rig.used), &left);
@@ -345,7 +345,7 @@ TEST_F(KeyReferenceTest, CommentsOfANewConfigCanBeRead) {
   }
   EXPECT_EQ(num_keys, 15);
   Write("new.yaml", text);
-  const RunConfig config = ReadRunConfig(folder_ / "new.yaml");
+  const PairConfig config = ReadPairConfig(folder_ / "new.yaml");
   EXPECT_EQ(config.data.captures.size(), 2U);  // One is excluded.
   EXPECT_EQ(config.output, folder_ / "runs/cell");
 }

@@ -1,185 +1,300 @@
 #include "tools/config/run_config.h"
 
-#include <fstream>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heba/base/files.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
+#include "tools/config/scene_config.h"
 
 namespace heba {
 namespace {
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
-// A data set of two poses, whose images are never opened here.
-class RunConfigTest : public testing::Test {
+constexpr const char* kTarget =
+    "{type: charuco, rows: 6, columns: 8, square: 22 mm, marker: 16 mm, dictionary: DICT_4X4_250}";
+
+// Two arms with poses that differ in x, and the images of two cameras, which are never opened here.
+class CellConfigTest : public testing::Test {
  protected:
-  RunConfigTest() {
-    std::filesystem::create_directory(folder_ / "images");
-    Write("images/a.png", "x");
-    Write("images/b.png", "x");
-    Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\n");
-    Write("cell.yaml", kCell);
-  }
-  void Write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
-  RunConfig Read(const std::string& name, const std::vector<std::string>& settings = {}) const {
-    return ReadRunConfig(folder_ / name, settings);
-  }
-  std::string ErrorOf(const std::string& text) const {
-    Write("wrong.yaml", text);
-    return InputErrorOf([&] { Read("wrong.yaml"); });
+  CellConfigTest() {
+    for (const char* camera : {"top", "side"}) {
+      for (const char* image : {"1.png", "2.png", "3.png"}) Write(std::string(camera) + "/" + image, "x");
+    }
+    Write("cell.yaml",
+          "robots:\n  left: {poses: left.csv}\n  right: {poses: right.csv}\n"
+          "cameras:\n  top: {mount: world, images: top}\n  side: {mount: world, images: side}\n"
+          "targets:\n  plate: {mount: left.gripper, target: " +
+              std::string(kTarget) + "}\n");
   }
 
-  static constexpr const char* kCell =
-      "setup: eye_in_hand\n"
-      "target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"
-      "captures: {images: images, poses: poses.csv, pose_format: ros}\n";
-  TempFolder folder_;
+  void Write(const std::string& name, const std::string& text) {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    WriteFileAtomically(folder_ / name, text);
+  }
+  // Writes a poses file: each row has the texts of `columns`, and x.
+  void WritePoses(const std::string& name, const std::string& columns,
+                  const std::vector<std::pair<std::string, int>>& rows) {
+    std::string text = (columns.empty() ? "" : columns + ",") + "x,y,z,qx,qy,qz,qw\n";
+    for (const auto& [texts, x] : rows) {
+      text += (texts.empty() ? "" : texts + ",") + std::to_string(x) + ",0,0,0,0,0,1\n";
+    }
+    Write(name, text);
+  }
+  RunConfig Read(const std::vector<std::string>& settings = {}) {
+    return ReadRunConfig(folder_ / "cell.yaml", settings);
+  }
+  // Returns x of an arm in each capture.
+  static std::vector<double> XOf(const RunConfig& config, size_t arm) {
+    std::vector<double> all;
+    for (const Recording& capture : config.data.captures) {
+      all.push_back(capture.base_from_gripper[arm].translation.x());
+    }
+    return all;
+  }
+  static std::vector<std::string> LeftOutOf(const RunConfig& config) {
+    std::vector<std::string> texts;
+    for (const LeftOutImages& entry : config.data.left_out) texts.push_back(entry.name + ": " + entry.reason);
+    return texts;
+  }
+
+  const TempFolder folder_;
 };
 
-TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
-  const std::string cell = kCell;
-  const auto with = [&](const std::string& model, const std::string& parts) {
-    return cell + "robot: {model: " + model + "}\nrefine: {kinematics: " + parts + "}\n";
+TEST_F(CellConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+  WritePoses("right.csv", "image", {{"1.png", 10}, {"2.png", 20}, {"3.png", 30}});
+  const std::string camera = "model: pinhole\nimage_size: [640, 480]\nfx: 600\nfy: 601\ncx: 320\ncy: 240\n";
+  Write("plain.yaml", camera);
+  Write("sigmas.yaml", camera + "std: {fx: 1.5, fy: 1.4, cx: 2.5, cy: 2.4}\n");
+  const std::string plain = "cameras.top.intrinsics=" + (folder_ / "plain.yaml").string();
+  const std::string with_sigmas = "cameras.side.intrinsics=" + (folder_ / "sigmas.yaml").string();
+  const auto priors = [&](std::vector<std::string> settings) {
+    settings.insert(settings.begin(), {plain, with_sigmas});
+    const RunConfig config = Read(settings);
+    std::vector<bool> has_prior;
+    for (const ProblemCamera& of_rig : config.data.rig.cameras) has_prior.push_back(of_rig.prior.has_value());
+    return has_prior;
   };
-  Write("gravity.yaml", with("ur5e", "[offsets, geometry, gravity]"));
-  EXPECT_EQ(Read("gravity.yaml").options.kinematics, Kinematics::kGravity);
-  EXPECT_THAT(ErrorOf(with("ur30", "[offsets, geometry, gravity]")),
-              HasSubstr("wrong.yaml:5: refine.kinematics: gravity needs the masses of the links of the arm ur30"));
-  EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, gravity]")), HasSubstr("gravity needs geometry beside it"));
-  EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, offsets]")), HasSubstr("'offsets' is listed twice"));
+  const RunConfig config = Read({plain, with_sigmas});
+  ASSERT_TRUE(config.data.rig.cameras[1].prior.has_value());
+  EXPECT_THAT(config.data.rig.cameras[1].prior->params, ElementsAre(600, 601, 320, 240));
+  EXPECT_THAT(config.data.rig.cameras[1].prior->sigmas, ElementsAre(1.5, 1.4, 2.5, 2.4));
+  EXPECT_THAT(config.used, HasSubstr("intrinsics_prior: file"));
+  EXPECT_THAT(priors({}), ElementsAre(false, true));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=file"}), ElementsAre(false, true));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=none"}), ElementsAre(false, false));
+  EXPECT_THAT(priors({"cameras.side.refine.intrinsics_prior=none"}), ElementsAre(false, false));
+  EXPECT_THAT(priors({"refine.intrinsics_prior=none", "cameras.side.refine.intrinsics_prior=file"}),
+              ElementsAre(false, true));
+  EXPECT_THAT(priors({"cameras.side.refine.intrinsics=[]"}), ElementsAre(false, false));
+  EXPECT_THAT(
+      InputErrorOf([&] { priors({"cameras.top.refine.intrinsics_prior=file"}); }),
+      HasSubstr("cameras.top.refine.intrinsics_prior: needs sigmas, which " + (folder_ / "plain.yaml").string()));
+  EXPECT_THAT(InputErrorOf([&] { Read({"cameras.top.refine.intrinsics_prior=file"}); }),
+              HasSubstr("needs a camera file (cameras.top.intrinsics)"));
+  EXPECT_THAT(InputErrorOf([&] { Read({"refine.intrinsics_prior=file"}); }),
+              HasSubstr("refine.intrinsics_prior: no file of a camera with free intrinsics has sigmas (std)"));
+  // The only prior may be switched off, and parameters that the file's model does not have are unknown.
+  EXPECT_THAT(priors({"refine.intrinsics_prior=file", "cameras.side.refine.intrinsics_prior=none"}),
+              ElementsAre(false, false));
+  const RunConfig converted = Read({with_sigmas, "cameras.side.model=brown4"});
+  ASSERT_TRUE(converted.data.rig.cameras[1].prior.has_value());
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(converted.data.rig.cameras[1].prior->sigmas,
+              ElementsAre(1.5, 1.4, 2.5, 2.4, kUnknown, kUnknown, kUnknown, kUnknown));
 }
 
-TEST_F(RunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
-  const auto entry = [](const std::string& focal) {
-    return "{intrinsics: [" + focal +
-           ", 500, 320, 240], distortion_model: radtan, distortion_coeffs: [0.1, 0, 0, 0], "
-           "resolution: [640, 480]}\n";
+TEST_F(CellConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+  WritePoses("right.csv", "image", {{"3.png", 30}, {"1.png", 10}, {"2.png", 20}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
+}
+
+TEST_F(CellConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
+  WritePoses("left.csv", "image.top,image.side", {{"1.png,2.png", 1}, {"2.png,3.png", 2}, {"3.png,1.png", 3}});
+  WritePoses("right.csv", "image.top,image.side", {{"3.png,1.png", 30}, {"2.png,3.png", 20}, {"1.png,2.png", 10}});
+  const RunConfig config = Read();
+  EXPECT_THAT(XOf(config, 0), ElementsAre(1, 2, 3));
+  EXPECT_THAT(XOf(config, 1), ElementsAre(10, 20, 30));
+  EXPECT_THAT(LeftOutOf(config), IsEmpty());
+}
+
+// The first arm has no names, so that its rows have the images by order; the other names them.
+TEST_F(CellConfigTest, RowsThatNameImagesBelongToThem) {
+  WritePoses("left.csv", "", {{"", 1}, {"", 2}, {"", 3}});
+  WritePoses("right.csv", "image", {{"3.png", 30}, {"2.png", 20}, {"1.png", 10}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
+}
+
+TEST_F(CellConfigTest, RowsWithoutNamesBelongTogetherByOrder) {
+  WritePoses("left.csv", "image", {{"2.png", 2}, {"1.png", 1}, {"3.png", 3}});
+  WritePoses("right.csv", "", {{"", 20}, {"", 10}, {"", 30}});
+  EXPECT_THAT(XOf(Read(), 1), ElementsAre(20, 10, 30));
+  WritePoses("right.csv", "", {{"", 20}, {"", 10}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv: has 2 rows, but"));
+}
+
+TEST_F(CellConfigTest, RowsThatNameOtherImagesAreRefused) {
+  WritePoses("left.csv", "image.top,image.side", {{"1.png,1.png", 1}, {"2.png,2.png", 2}});
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"3.png,3.png", 30}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }),
+              HasSubstr("right.csv: has no row for the capture 2.png of " + (folder_ / "left.csv").string()));
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,2.png", 10}, {"2.png,1.png", 20}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:2: names the image 2.png, but the capture of " +
+                                                       (folder_ / "left.csv").string() + ":2 has 1.png"));
+  WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"1.png,2.png", 20}});
+  EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:3: names the image 1.png again, after"));
+}
+
+TEST_F(CellConfigTest, WhatBelongsToNoCaptureIsListed) {
+  WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"9.png", 9}});
+  WritePoses("right.csv", "image", {{"8.png", 80}, {"1.png", 10}, {"2.png", 20}});
+  const RunConfig config = Read({"captures.exclude=[2.png]"});
+  EXPECT_THAT(XOf(config, 1), ElementsAre(10));
+  EXPECT_THAT(
+      LeftOutOf(config),
+      ElementsAre("top/3.png: the robot's pose is not in the poses file",
+                  "side/3.png: the robot's pose is not in the poses file", "2.png: left out by captures.exclude",
+                  "9.png: no camera has an image of it", "right.csv:2: the pose belongs to no capture of left.csv"));
+  const LeftOutImages& excluded = config.data.left_out[2];
+  EXPECT_EQ(excluded.capture, "2.png");
+  EXPECT_THAT(excluded.images, ElementsAre(folder_ / "top/2.png", folder_ / "side/2.png"));
+}
+
+// Each file is named after the key that asks for it, and the likely name follows.
+TEST_F(CellConfigTest, FilesThatDoNotExistAreNamedWithTheirKeys) {
+  WritePoses("left.csv", "image", {{"1.png", 1}});
+  WritePoses("right.csv", "image", {{"1.png", 10}});
+  Write("missing.yaml",
+        "robots:\n  left: {poses: left.csv}\n  right: {poses: rigth.csv}\n"
+        "cameras:\n  top: {mount: world, images: top}\n"
+        "targets:\n  plate: {mount: left.gripper, target: " +
+            std::string(kTarget) + "}\n");
+  const std::string folder = (folder_ / "").string();
+  EXPECT_EQ(InputErrorOf([&] { ReadRunConfig(folder_ / "missing.yaml", std::vector<std::string>()); }),
+            folder + "missing.yaml:3: robots.right.poses: " + folder +
+                "rigth.csv: there is no such file; did you mean 'right.csv'?");
+  for (const auto& [key, name] :
+       {std::pair{"robots.left.poses", "none.csv"}, std::pair{"cameras.top.images", "none"},
+        std::pair{"cameras.top.intrinsics", "none.yaml"}, std::pair{"cameras.top.intrinsics.file", "none.yaml"},
+        std::pair{"targets.plate.target", "none.yaml"}}) {
+    std::vector<std::string> settings = {std::string(key) + "=" + folder + name};
+    if (std::string(key).ends_with(".file")) settings.emplace_back("cameras.top.intrinsics.camera=cam0");
+    EXPECT_THAT(InputErrorOf([&] { Read(settings); }),
+                testing::AllOf(testing::StartsWith("--set: " + std::string(key) + ": "), HasSubstr("there is no "),
+                               HasSubstr(folder + name)));
+  }
+}
+
+TEST_F(CellConfigTest, NamesThatMakeOneFrameAreRefused) {
+  WritePoses("left.csv", "image", {{"1.png", 1}});
+  WritePoses("right.csv", "image", {{"1.png", 10}});
+  EXPECT_THAT(InputErrorOf([&] {
+                Read({"cameras.side-a={mount: world, images: " + (folder_ / "side").string() + "}",
+                      "cameras.side_a={mount: world, images: " + (folder_ / "side").string() + "}"});
+              }),
+              HasSubstr("by - and _ only"));
+  EXPECT_THAT(
+      InputErrorOf([&] { Read({"cameras.cameras={mount: world, images: " + (folder_ / "side").string() + "}"}); }),
+      HasSubstr("cameras.cameras: a camera cannot have this name"));
+}
+
+// Two arms with kinematics, of which the first has recorded joints.
+class CellArmConfigTest : public CellConfigTest {
+ protected:
+  CellArmConfigTest() {
+    WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
+    WritePoses("right.csv", "image", {{"1.png", 10}, {"2.png", 20}, {"3.png", 30}});
+    Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\n2.png,20,0,0,0,0,0\n1.png,10,0,0,0,0,0\n3.png,30,0,0,0,0,0\n");
+  }
+
+  // Returns the message about a config with these settings.
+  std::string ErrorOf(const std::vector<std::string>& settings) {
+    return InputErrorOf([&] { Read(settings); });
+  }
+  // The settings of the first arm's joints.
+  std::vector<std::string> WithJoints(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> settings = {"robots.left.model=ur10e",
+                                         "robots.left.joints=" + (folder_ / "joints.csv").string(),
+                                         "robots.left.joint_angle=deg"};
+    settings.insert(settings.end(), more.begin(), more.end());
+    return settings;
+  }
+};
+
+TEST_F(CellArmConfigTest, JointsBelongToTheRowsOfTheirArm) {
+  const RunConfig config = Read(WithJoints({"robots.right.model=ur5e"}));
+  ASSERT_EQ(config.data.captures.size(), 3);
+  EXPECT_NEAR(config.data.captures[1].joints[0][0], 20 * std::numbers::pi / 180, 1e-12);
+  EXPECT_THAT(config.data.captures[1].joints[1], IsEmpty());
+  EXPECT_EQ(config.data.arms[0]->arm.name, "ur10e");
+  EXPECT_EQ(config.data.arms[1]->arm.name, "ur5e");
+  EXPECT_TRUE(config.arms[0].joints_are_deg);
+  EXPECT_FALSE(config.arms[1].joints_are_deg);
+  for (const std::optional<RobotArm>& arm : Read().data.arms) EXPECT_FALSE(arm);
+}
+
+TEST_F(CellArmConfigTest, ErrorsNameTheFileAndTheKeyOfTheArm) {
+  EXPECT_THAT(ErrorOf({"robots.right.model=ur99"}),
+              HasSubstr("robots.right.model: 'ur99' is unknown; did you mean 'ur3'? One of: ur3,"));
+  EXPECT_THAT(ErrorOf({"robots.right.joints=" + (folder_ / "joints.csv").string()}),
+              HasSubstr("robots.right.joints: needs an arm (robots.right.model)"));
+  EXPECT_THAT(ErrorOf({"robots.right.model=ur5e", "robots.right.joint_angle=deg"}),
+              HasSubstr("robots.right.joint_angle: needs a file of joints (robots.right.joints)"));
+  EXPECT_THAT(ErrorOf({"robot.model=ur5e"}),
+              HasSubstr("robot: with 'robots', the keys of an arm are beside its poses: robots.NAME.model"));
+  EXPECT_THAT(ErrorOf({"refine.kinematics=[offsets]"}),
+              HasSubstr("refine.kinematics: needs an arm (robots.NAME.model)"));
+  EXPECT_THAT(ErrorOf(WithJoints({"robots.right.model=fanuc_m10ia", "refine.kinematics=[offsets, geometry, gravity]"})),
+              HasSubstr("refine.kinematics: gravity needs the masses of the links of the arm fanuc_m10ia"));
+  Write("joints.csv", "image,j1,j2,j3,j4,j5\n1.png,10,0,0,0,0\n2.png,20,0,0,0,0\n3.png,30,0,0,0,0\n");
+  EXPECT_THAT(ErrorOf(WithJoints()), HasSubstr("joints.csv:1: column 'j6' is missing"));
+  Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\n1.png,10,0,0,0,0,0\n");
+  EXPECT_THAT(ErrorOf(WithJoints()), HasSubstr("joints.csv: has no row for the capture 2.png"));
+}
+
+// The only arm of a config without `robots` is described as that of a single camera.
+TEST_F(CellArmConfigTest, TheOnlyArmHasASectionOfItsOwn) {
+  const std::vector<std::string> only = {"robots=", "captures.poses=" + (folder_ / "left.csv").string(),
+                                         "targets.plate.mount=gripper"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), only.begin(), only.end());
+    return more;
   };
-  Write("chain.yaml", "cam0: " + entry("500") + "cam1: " + entry("510"));
-  const std::string cell = kCell;
-  Write("named.yaml", cell + "camera: {intrinsics: {file: chain.yaml, camera: cam1}}\n");
-  const RunConfig named = Read("named.yaml");
-  EXPECT_EQ(named.data.camera->params[0], 510);
-  EXPECT_EQ(named.data.camera->model, "brown4");
-  // The config as used names it too.
-  Write("used.yaml", named.used);
-  EXPECT_EQ(Read("used.yaml").data.camera->params[0], 510);
-  EXPECT_EQ(Read("named.yaml", {"camera.intrinsics.camera=cam0"}).data.camera->params[0], 500);
-  EXPECT_EQ(Read("named.yaml", {"camera.model=brown5"}).data.camera->params.size(), 9U);
-  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: chain.yaml}\n"), HasSubstr("several cameras, cam0, cam1"));
-  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: {file: chain.yaml}}\n"),
-              HasSubstr("wrong.yaml:4: camera.intrinsics: 'camera' is missing"));
-  EXPECT_THAT(ErrorOf(cell + "camera: {intrinsics: {file: chain.yaml, camera: cam1, cam: 1}}\n"),
-              HasSubstr("unknown key 'cam'"));
+  const std::string joints = "captures.joints=" + (folder_ / "joints.csv").string();
+  const RunConfig config = Read(with({"robot.model=ur10e", joints}));
+  EXPECT_EQ(config.data.arms[0]->arm.name, "ur10e");
+  EXPECT_EQ(config.data.captures[2].joints[0][0], 30);
+  EXPECT_THAT(ErrorOf(with({joints})), HasSubstr("captures.joints: needs an arm (robot.model)"));
+  EXPECT_THAT(ErrorOf(with({"captures.model=ur10e"})),
+              HasSubstr("captures.model: the kinematics of the only arm are in a section of their own: robot.model"));
+  EXPECT_THAT(ErrorOf(with({"robot.model=ur10e", "captures.joint_angle=deg"})),
+              HasSubstr("captures.joint_angle: needs a file of joints (captures.joints)"));
+  EXPECT_THAT(ErrorOf(with({"refine.kinematics=[offsets]"})),
+              HasSubstr("refine.kinematics: needs an arm (robot.model)"));
 }
 
-TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
-  const std::string cell = kCell;
-  const auto with = [&](const std::string& noise, const std::string& robot = "") {
-    Write("noise.yaml", cell + robot + "refine: {robot_noise: " + noise + "}\n");
-    return Read("noise.yaml").options;
-  };
-  EXPECT_EQ(with("auto").smooth, SmoothPoseErrors::kAuto);
-  EXPECT_TRUE(with("white").choose.robot_noise);
-  EXPECT_EQ(with("white").smooth, SmoothPoseErrors::kNone);
-  EXPECT_EQ(with("none").smooth, SmoothPoseErrors::kNone);
-  EXPECT_EQ(with("{rotation: 0.02 deg, translation: 0.1 mm}").smooth, SmoothPoseErrors::kNone);
-  const RunOptions smooth = with("smooth");
-  EXPECT_EQ(smooth.smooth, SmoothPoseErrors::kAlways);
-  EXPECT_FALSE(smooth.choose.robot_noise);
-  EXPECT_EQ(smooth.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
-  const RunOptions joints = with("{joints: auto}", "robot: {model: ur5e}\n");
-  EXPECT_TRUE(joints.joint_noise);
-  EXPECT_EQ(joints.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
-  EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: {joints: auto}}\n"),
-              HasSubstr("wrong.yaml:4: refine.robot_noise: the noise of joints needs an arm (robot.model)"));
-  EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: smoth}\n"), HasSubstr("smooth"));
-  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur5e}\nrefine: {robot_noise: {joint: auto}}\n"),
-              HasSubstr("{joints: auto}"));
-}
-
-TEST_F(RunConfigTest, ReadsThePayload) {
-  const std::string cell = kCell;
-  Write("payload.yaml", cell + "robot: {model: ur5e, payload: {mass: 1.2 kg, centre: [0 mm, 10 mm, 80 mm]}}\n");
-  const Arm arm = Read("payload.yaml").data.robot->arm;
-  EXPECT_DOUBLE_EQ(arm.load->links.back().mass_kg, 0.365 + 1.2);
-  EXPECT_DOUBLE_EQ(arm.load->links.back().centre_m.y(), 1.2 * 0.01 / (0.365 + 1.2));
-  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur30, payload: {mass: 1.2 kg, centre: [0 m, 0 m, 0 m]}}\n"),
-              HasSubstr("wrong.yaml:4: robot.payload: the masses of the links of the arm ur30 are not known"));
-  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur5e, payload: {mass: 1.2, centre: [0 m, 0 m, 0 m]}}\n"),
-              HasSubstr("write a mass such as '1.2 kg'"));
-}
-
-TEST_F(RunConfigTest, FillsInDefaults) {
-  const RunConfig config = Read("cell.yaml");
-  EXPECT_EQ(config.data.name, "cell");
-  EXPECT_EQ(config.data.setup, Setup::kEyeInHand);
-  EXPECT_EQ(config.data.captures.size(), 2u);
-  EXPECT_EQ(config.options.bundle.loss, LossKind::kTruncated);
-  EXPECT_TRUE(config.options.choose.robot_noise);
-  EXPECT_TRUE(config.options.choose.target_shape);
-  EXPECT_TRUE(config.options.choose_camera_model);
-  EXPECT_EQ(config.options.folds, 5);
-  EXPECT_FALSE(config.data.camera.has_value());
-}
-
-TEST_F(RunConfigTest, MethodsAreAllOrAList) {
-  EXPECT_TRUE(Read("cell.yaml").options.methods.empty());
-  EXPECT_THAT(Read("cell.yaml").used, HasSubstr("methods: all\n"));
-  EXPECT_TRUE(Read("cell.yaml", {"methods=all"}).options.methods.empty());
-  EXPECT_EQ(Read("cell.yaml", {"methods=[tsai, park]"}).options.methods, (std::vector<std::string>{"tsai", "park"}));
-}
-
-// The config as used states every default: reading it again gives the same config.
-TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
-  const RunConfig config = Read("cell.yaml");
-  Write("used.yaml", config.used);
-  EXPECT_EQ(Read("used.yaml").used, config.used);
-}
-
-TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
-  Write("next.yaml", "base: cell.yaml\nrefine: {loss: huber}\nevaluate: {folds: 3}\n");
-  EXPECT_EQ(Read("next.yaml").options.bundle.loss, LossKind::kHuber);
-  const RunConfig config = Read("next.yaml", {"refine.loss=cauchy", "refine.robot_noise=none"});
-  EXPECT_EQ(config.options.bundle.loss, LossKind::kCauchy);
-  EXPECT_EQ(config.options.folds, 3);
-  EXPECT_FALSE(config.options.choose.robot_noise);
-}
-
-TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
-  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\ngone.png,0,0,1,0,0,0,1\n");
-  Write("some.yaml", "base: cell.yaml\ncaptures: {exclude: [b.png]}\n");
-  const RunConfig config = Read("some.yaml");
-  ASSERT_EQ(config.data.captures.size(), 1u);
-  EXPECT_EQ(config.data.captures[0].name, "a.png");
-  EXPECT_EQ(config.data.left_out.size(), 2u);
-}
-
-// Keys that are set one by one are merged with those of a mapping, but not with those of a file.
-TEST_F(RunConfigTest, SingleKeysOfATargetFileCannotBeSet) {
-  Write("sheet.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
-  Write("with_file.yaml",
-        "setup: eye_in_hand\ntarget: sheet.yaml\ncaptures: {images: images, poses: poses.csv, pose_format: ros}\n");
-  EXPECT_EQ(
-      InputErrorOf([&] { Read("with_file.yaml", {"target.square=25 mm"}); }),
-      "--set: target: the target is the file " + (folder_ / "sheet.yaml").string() + ", whose keys are edited there");
-  EXPECT_EQ(Read("cell.yaml", {"target.square=25 mm"}).data.target->points()[1].in_target.x(), 0.025);
-  EXPECT_EQ(Read("with_file.yaml", {"target={type: chessboard, rows: 5, columns: 8, square: 25 mm}"})
-                .data.target->points()[1]
-                .in_target.x(),
-            0.025);
-}
-
-TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {
-  const std::string unknown = ErrorOf(std::string(kCell) + "refne: {}\n");
-  EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: unknown key 'refne'"));
-  EXPECT_THAT(unknown, HasSubstr("did you mean 'refine'"));
-  EXPECT_THAT(ErrorOf(std::string(kCell) + "seed: tsay\n"), HasSubstr("did you mean 'tsai'"));
-  EXPECT_THAT(ErrorOf(std::string(kCell) + "evaluate: {folds: 1}\n"), HasSubstr("evaluate.folds"));
-  EXPECT_THAT(ErrorOf("target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"),
-              HasSubstr("'captures' is missing"));
+// The file of a camera that is called config would be that of the data set's config.
+TEST_F(CellConfigTest, ASceneHasNoCameraWithTheNameOfItsConfig) {
+  Write(
+      "scene.yaml",
+      "cameras:\n  config:\n    mount: world\n    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, "
+      "175 deg]}\n    camera: {model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}\n"
+      "targets:\n  plate:\n    mount: gripper\n    pose: {translation: [0 mm, 0 mm, 80 mm], rpy: [0 deg, 0 deg, 0 "
+      "deg]}\n    target: " +
+          std::string(kTarget) + "\nmotion: {captures: 3, distance: 600 mm, tilt: 30 deg}\n");
+  EXPECT_THAT(InputErrorOf([&] { ReadSceneConfig(folder_ / "scene.yaml"); }),
+              HasSubstr("cameras.config: a camera cannot have this name"));
 }
 
 }  // namespace

@@ -81,7 +81,7 @@ TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
   EXPECT_EQ(study.num_trials, 20);
   EXPECT_EQ(study.seed, 9u);
   EXPECT_EQ(study.output, folder_ / "results" / "sweep");
-  const CalibrationOptions& options = CameraCell(study, 0).options;
+  const PairCalibrationOptions& options = CameraCell(study, 0).options;
   EXPECT_THAT(options.methods, ElementsAre("tsai", "park"));
   EXPECT_EQ(options.seed, "park");
   EXPECT_EQ(options.bundle.loss, LossKind::kHuber);
@@ -258,7 +258,7 @@ TEST_F(StudyConfigTest, StudyAsUsedCanBeReadFromItsOutputFolder) {
 }
 
 // Two cameras beside an arm, whose first one may have more keys.
-std::string RigSceneWith(const std::string& of_left = "") {
+std::string CellSceneWith(const std::string& of_left = "") {
   const std::string camera = "camera: {model: pinhole, image_size: [1280, 960], fx: 1200, fy: 1200, cx: 640, cy: 480}";
   return "{cameras: {left: {mount: world, pose: {translation: [500 mm, 0 mm, 900 mm], rpy: [180 deg, 0 deg, 0 deg]}, " +
          camera + of_left +
@@ -268,16 +268,16 @@ std::string RigSceneWith(const std::string& of_left = "") {
          "rows: 5, columns: 8, square: 20 mm}}}, motion: {captures: 6, distance: 600 mm}}\n";
 }
 
-class RigStudyConfigTest : public StudyConfigTest {
+class CellStudyConfigTest : public StudyConfigTest {
  protected:
-  StudyConfig ReadRig(const std::string& more, const std::string& scene = RigSceneWith()) const {
+  StudyConfig ReadLongForm(const std::string& more, const std::string& scene = CellSceneWith()) const {
     Write("rig.yaml", "scenes:\n  pair: " + scene + more);
     return ReadStudyConfig(folder_ / "rig.yaml");
   }
 };
 
-TEST_F(RigStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
-  const StudyConfig study = ReadRig(
+TEST_F(CellStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
+  const StudyConfig study = ReadLongForm(
       "captures: [4, 5]\npixel_noise: [0.1 px, 0.2 px]\nrobot_noise: {translation: 1 mm, rotation: 0.1 deg}\n"
       "intrinsics: [[], [focal]]\nestimators: one_by_one\nrobot_model: given\nshape_model: none\nloss: none\n"
       "give_camera: false\n");
@@ -298,7 +298,7 @@ TEST_F(RigStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
     EXPECT_FALSE(cell.options.choose.target_shape);
     EXPECT_FALSE(cell.gives_cameras);
     EXPECT_THAT(cell.estimators, ElementsAre(StudyEstimator::kOneByOne));
-    for (const RigCamera& camera : cell.problem.cameras) {
+    for (const ProblemCamera& camera : cell.problem.cameras) {
       EXPECT_EQ(camera.free_intrinsics.size(), i % 2);
       EXPECT_EQ(camera.free_intrinsics, labels.free_intrinsics);
     }
@@ -306,9 +306,9 @@ TEST_F(RigStudyConfigTest, CellsAreAllCombinationsOfTheLists) {
 }
 
 // The scene in the study as used needs no other file, and a study of both kinds of scenes can be read.
-TEST_F(RigStudyConfigTest, TheStudyAsUsedReadsBackAsTheSame) {
+TEST_F(CellStudyConfigTest, TheStudyAsUsedReadsBackAsTheSame) {
   Write("plate.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
-  std::string scene = RigSceneWith();
+  std::string scene = CellSceneWith();
   const std::string target = "{type: chessboard, rows: 5, columns: 8, square: 20 mm}";
   scene.replace(scene.find(target), target.size(), "plate.yaml");
   Write("pair.yaml", scene);
@@ -333,12 +333,12 @@ TEST_F(RigStudyConfigTest, TheStudyAsUsedReadsBackAsTheSame) {
   }
 }
 
-TEST_F(RigStudyConfigTest, HasTheErrorsOfASingleCamera) {
-  std::string repeated = RigSceneWith();
+TEST_F(CellStudyConfigTest, HasTheErrorsOfASingleCamera) {
+  std::string repeated = CellSceneWith();
   repeated.replace(repeated.find("captures: 6"), 11, "captures: 6, repeats: 2");
   repeated.insert(1, "image: {noise: 1 grey}, ");
   const StudyConfig study =
-      ReadRig("outlier_points: 0.1\nwrong_captures: [0, 0.2]\ntarget_shape: {scale_x: 1.01}\n", repeated);
+      ReadLongForm("outlier_points: 0.1\nwrong_captures: [0, 0.2]\ntarget_shape: {scale_x: 1.01}\n", repeated);
   ASSERT_THAT(study.cells, SizeIs(2));
   EXPECT_EQ(study.cells[1].num_repeats, 2);
   EXPECT_EQ(study.cells[1].outlier_points, 0.1);
@@ -347,21 +347,21 @@ TEST_F(RigStudyConfigTest, HasTheErrorsOfASingleCamera) {
   EXPECT_THAT(study.cells[1].shape_params, ElementsAre(1.01, 1, 0, 0, 0, 0, 0, 0, 0));
 }
 
-TEST_F(RigStudyConfigTest, RefusesWhatARigDoesNotHave) {
-  const auto error_of = [&](const std::string& more, const std::string& scene = RigSceneWith()) {
-    return InputErrorOf([&] { ReadRig(more, scene); });
+TEST_F(CellStudyConfigTest, RefusesWhatACellDoesNotHave) {
+  const auto error_of = [&](const std::string& more, const std::string& scene = CellSceneWith()) {
+    return InputErrorOf([&] { ReadLongForm(more, scene); });
   };
   for (const char* line : {"kinematics: offsets", "methods: [tsai]", "start: park"}) {
     const std::string key = std::string(line).substr(0, std::string(line).find(':'));
     EXPECT_THAT(error_of(std::string(line) + "\n"),
                 HasSubstr("rig.yaml:3: " + key + ": is for scenes of one camera; scene 'pair' is a rig"));
   }
-  EXPECT_THAT(error_of("", RigSceneWith(", moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}")),
+  EXPECT_THAT(error_of("", CellSceneWith(", moved: {from: 3, by: {translation: [1 mm, 0 mm, 0 mm]}}")),
               HasSubstr("rig.yaml:2: scenes.pair: moves camera left during the captures, which a study does not"));
-  std::string near = RigSceneWith();
+  std::string near = CellSceneWith();
   near.replace(near.find("distance: 600 mm"), 16, "distance: 60 mm");
   EXPECT_THAT(error_of("", near), HasSubstr("rig.yaml:2: scenes.pair: the target does not fit into the image"));
-  std::string loose = RigSceneWith();
+  std::string loose = CellSceneWith();
   loose.replace(loose.find("mount: gripper"), 14, "mount: griper");
   EXPECT_THAT(error_of("", loose), HasSubstr("scenes.pair.targets.plate.mount: 'griper' is unknown"));
 }
@@ -406,7 +406,7 @@ INSTANTIATE_TEST_SUITE_P(
         WrongStudy{"Intrinsics", "intrinsics: [focus]\n", "intrinsics[0]: 'focus' is unknown"},
         WrongStudy{"VariedIntrinsics", "intrinsics: [[focal], [focus]]\n", "intrinsics[1][0]: 'focus' is unknown"},
         WrongStudy{"MixedIntrinsics", "intrinsics: [[focal], focal]\n", "intrinsics[1]: a list is needed"},
-        WrongStudy{"EstimatorsWithoutARig", "estimators: [jointly]\n", "estimators: is for rigs; no scene has"},
+        WrongStudy{"EstimatorsWithoutACell", "estimators: [jointly]\n", "estimators: is for rigs; no scene has"},
         WrongStudy{"Estimator", "estimators: [joint]\n", "estimators[0]: 'joint' is unknown"},
         WrongStudy{"RepeatedEstimator", "estimators: [jointly, jointly]\n", "estimators[1]: is listed twice"}),
     [](const auto& wrong) { return wrong.param.name; });

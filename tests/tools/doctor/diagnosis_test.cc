@@ -15,9 +15,9 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 // Returns a data set that consists of the robot's and the target's poses, without images.
-RunConfig PosesOnly(const SimulatedSetOptions& options = {}) {
+PairConfig PosesOnly(const SimulatedSetOptions& options = {}) {
   const TestScene scene = MakeChessboardScene(options);
-  RunConfig config = ExaminationOf(scene, options.setup).config;
+  PairConfig config = ExaminationOf(scene, options.setup).config;
   config.data.given_detections.clear();
   config.data.camera.reset();
   for (const PosePair& pair : scene.pairs) config.data.target_poses.push_back(pair.camera_from_target);
@@ -43,7 +43,7 @@ TEST(DiagnosisTest, GoodDetectionsHaveNoFault) {
 }
 
 TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
-  RunConfig config = CleanExamination().config;
+  PairConfig config = CleanExamination().config;
   config.data.given_detections[5].detection = Detection();
   const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet, Examine::kInputs);
   EXPECT_EQ(diagnosis.num_captures, 12);
@@ -54,7 +54,7 @@ TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
 TEST(DiagnosisTest, FindingsThatAnotherCheckReportedAreNotRepeated) {
   SimulatedSetOptions options;
   options.num_captures = 7;
-  RunConfig config = CleanExamination(options).config;
+  PairConfig config = CleanExamination(options).config;
   config.options.bundle.free_intrinsics = {};
   const std::vector<std::string> codes = CodesOf(Diagnose(config, 1, Verbosity::kQuiet).symptoms);
   EXPECT_EQ(std::count(codes.begin(), codes.end(), "remark few_captures"), 1);
@@ -62,7 +62,7 @@ TEST(DiagnosisTest, FindingsThatAnotherCheckReportedAreNotRepeated) {
 
 // The fault of the poses is corrected before the captures are checked, which then fit.
 TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
-  RunConfig config = PosesOnly();
+  PairConfig config = PosesOnly();
   for (Capture& capture : config.data.captures) capture.base_from_gripper = Inverse(capture.base_from_gripper);
   for (size_t i = 0; i < config.data.captures.size(); ++i) {
     config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, config.data.captures[i].base_from_gripper);
@@ -76,7 +76,7 @@ TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
 TEST(DiagnosisTest, FaultsPrecedeRemarks) {
   SimulatedSetOptions options;
   options.num_captures = 7;
-  RunConfig config = PosesOnly(options);
+  PairConfig config = PosesOnly(options);
   std::swap(config.data.captures[1].base_from_gripper, config.data.captures[4].base_from_gripper);
   std::swap(config.pose_numbers[1], config.pose_numbers[4]);
   const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);

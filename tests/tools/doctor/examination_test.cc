@@ -78,7 +78,7 @@ TEST(ExamineViewsTest, ASymmetricTargetHasTwiceAsManyCandidates) {
 }
 
 TEST(ViewsOfPosesTest, GivenPosesAreTheOnlyCandidates) {
-  RunConfig config;
+  PairConfig config;
   config.data.setup = Setup::kEyeToHand;
   const Rigid3d base_from_gripper(ExpRotation({0.1, 0, 0}), {1, 0, 0});
   const Rigid3d camera_from_target(ExpRotation({0, 0.2, 0}), {0, 0, 0.5});

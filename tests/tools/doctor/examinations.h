@@ -55,7 +55,7 @@ inline void ExamineAgain(Examination* examination) {
 // camera of the scene.
 inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
   Examination examination;
-  RunConfig& config = examination.config;
+  PairConfig& config = examination.config;
   config.file = "cell.yaml";
   config.data = DatasetOf(scene, setup, TargetOfYaml(kChessboardYaml));
   config.target_used = kChessboardYaml;
@@ -83,7 +83,7 @@ inline Examination CleanExamination(const SimulatedSetOptions& options = {}) {
 
 // Replaces the robot's poses, base_from_gripper, of all captures.
 inline void SetPoses(const std::vector<Rigid3d>& poses, Examination* examination) {
-  RunConfig& config = examination->config;
+  PairConfig& config = examination->config;
   for (size_t i = 0; i < poses.size(); ++i) {
     config.data.captures[i].base_from_gripper = poses[i];
     config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, poses[i]);
@@ -99,7 +99,7 @@ inline std::vector<Rigid3d> PosesOf(const Examination& examination) {
 
 // Writes the numbers of all poses in one format and reads them in another, as a config does that names the wrong one.
 inline void MisreadPoses(const PoseFormat& written, const PoseFormat& read, Examination* examination) {
-  RunConfig& config = examination->config;
+  PairConfig& config = examination->config;
   config.pose_reading.format = read;
   for (size_t i = 0; i < config.data.captures.size(); ++i) {
     config.pose_numbers[i] = NumbersFromPose(written, config.data.captures[i].base_from_gripper);

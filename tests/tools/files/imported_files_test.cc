@@ -8,7 +8,7 @@
 #include "heba/io/result_file.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
-#include "tools/config/rig_config.h"
+#include "tools/config/run_config.h"
 
 namespace heba {
 namespace {
@@ -25,8 +25,8 @@ void WriteFiles(const ImportedFiles& made, const fs::path& output) {
 }
 
 // Three captures of two cameras; each lacks an image in one. `names` are the names of the second camera's images.
-ImportedRig RigIn(const fs::path& folder, const std::vector<std::string>& names) {
-  ImportedRig rig;
+ImportedCell CellIn(const fs::path& folder, const std::vector<std::string>& names) {
+  ImportedCell rig;
   rig.format = "mchec";
   rig.setup = Setup::kEyeToHand;
   rig.target_name = "chessboard";
@@ -37,7 +37,7 @@ ImportedRig RigIn(const fs::path& folder, const std::vector<std::string>& names)
   rig.captures = {{Rigid3d(ExpRotation({0.5, 0, 0}), {0.1, 0, 0}), {"1.png", ""}},
                   {Rigid3d(ExpRotation({0, 0.5, 0}), {0.2, 0, 0}), {"2.png", names[0]}},
                   {Rigid3d(ExpRotation({0, 0, 0.5}), {0.3, 0, 0}), {"", names[1]}}};
-  for (const ImportedRigCapture& capture : rig.captures) {
+  for (const ImportedCellCapture& capture : rig.captures) {
     for (size_t c = 0; c < 2; ++c) {
       if (!capture.images[c].empty()) Write(rig.cameras[c].images / capture.images[c], "x");
     }
@@ -45,11 +45,11 @@ ImportedRig RigIn(const fs::path& folder, const std::vector<std::string>& names)
   return rig;
 }
 
-void ExpectRead(const TempFolder& folder, const ImportedRig& rig) {
+void ExpectRead(const TempFolder& folder, const ImportedCell& rig) {
   const fs::path output = folder / "a/b";
   WriteFiles(FilesOf(rig, output), output);
-  const RigConfig config = ReadRigConfig(output / "config.yaml");
-  const RigProblem& read = config.data.rig;
+  const RunConfig config = ReadRunConfig(output / "config.yaml");
+  const Problem& read = config.data.rig;
   ASSERT_EQ(read.cameras.size(), 2U);
   ASSERT_EQ(read.targets.size(), 1U);
   EXPECT_EQ(read.cameras[0].mount, (Mount{0, Mount::Part::kBase}));
@@ -58,41 +58,41 @@ void ExpectRead(const TempFolder& folder, const ImportedRig& rig) {
   EXPECT_EQ(config.data.has_camera, (std::vector<bool>{true, false}));
   ASSERT_EQ(config.data.captures.size(), rig.captures.size());
   for (size_t i = 0; i < rig.captures.size(); ++i) {
-    const RigRecording& capture = config.data.captures[i];
+    const Recording& capture = config.data.captures[i];
     EXPECT_LT(DistanceM(capture.base_from_gripper[0], rig.captures[i].base_from_gripper), 1e-12);
     EXPECT_LT(AngleRad(capture.base_from_gripper[0], rig.captures[i].base_from_gripper), 1e-7);
     for (size_t c = 0; c < 2; ++c) EXPECT_EQ(capture.images[c].filename(), rig.captures[i].images[c]);
   }
   ASSERT_TRUE(config.truth.has_value());
-  const RigTruth truth = ReadRigTruth(*config.truth, read);
+  const CellTruth truth = ReadCellTruth(*config.truth, read);
   for (size_t c = 0; c < 2; ++c) {
     EXPECT_LT(DistanceM(truth.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-12);
     EXPECT_LT(AngleRad(truth.mount_from_camera[c], *rig.cameras[c].mount_from_camera), 1e-7);
   }
 }
 
-TEST(ImportedRigFilesTest, AreReadByARun) {
+TEST(ImportedCellFilesTest, AreReadByARun) {
   const TempFolder folder;
-  ExpectRead(folder, RigIn(folder.path(), {"2.png", "3.png"}));
+  ExpectRead(folder, CellIn(folder.path(), {"2.png", "3.png"}));
 }
 
-TEST(ImportedRigFilesTest, HaveAColumnForEachCameraIfTheNamesOfItsImagesDiffer) {
+TEST(ImportedCellFilesTest, HaveAColumnForEachCameraIfTheNamesOfItsImagesDiffer) {
   const TempFolder folder;
-  ExpectRead(folder, RigIn(folder.path(), {"right 2.jpg", "right, 3.jpg"}));
+  ExpectRead(folder, CellIn(folder.path(), {"right 2.jpg", "right, 3.jpg"}));
 }
 
-TEST(ImportedRigFilesTest, HaveNoTruthUnlessItIsKnownOfAllCameras) {
+TEST(ImportedCellFilesTest, HaveNoTruthUnlessItIsKnownOfAllCameras) {
   const TempFolder folder;
-  ImportedRig rig = RigIn(folder.path(), {"2.png", "3.png"});
+  ImportedCell rig = CellIn(folder.path(), {"2.png", "3.png"});
   rig.cameras[1].mount_from_camera.reset();
   WriteFiles(FilesOf(rig, folder / "out"), folder / "out");
-  EXPECT_FALSE(ReadRigConfig(folder / "out/config.yaml").truth.has_value());
+  EXPECT_FALSE(ReadRunConfig(folder / "out/config.yaml").truth.has_value());
 }
 
 // A set of cameras alone is to be completed: a run names the first key that is missing, and none that is not.
-TEST(ImportedRigFilesTest, OfCamerasAloneLackWhatTheUserAdds) {
+TEST(ImportedCellFilesTest, OfCamerasAloneLackWhatTheUserAdds) {
   const TempFolder folder;
-  ImportedRig rig = RigIn(folder.path(), {"2.png", "3.png"});
+  ImportedCell rig = CellIn(folder.path(), {"2.png", "3.png"});
   rig.setup.reset();
   rig.captures.clear();
   rig.target.clear();
@@ -108,7 +108,7 @@ TEST(ImportedRigFilesTest, OfCamerasAloneLackWhatTheUserAdds) {
       {"'targets' is missing", ""}};
   Write(folder / "poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,0,0,0,0,0,0,1\n2.png,0,0,0,0,0,0,1\n");
   for (const auto& [missing, setting] : steps) {
-    EXPECT_THAT(InputErrorOf([&] { ReadRigConfig(config, settings); }), testing::HasSubstr(missing));
+    EXPECT_THAT(InputErrorOf([&] { ReadRunConfig(config, settings); }), testing::HasSubstr(missing));
     settings.push_back(setting);
   }
 }

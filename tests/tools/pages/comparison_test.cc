@@ -26,7 +26,7 @@ using ::testing::StartsWith;
 constexpr double kSigmaM = 1e-3;
 constexpr double kSigmaRad = 2e-3;
 
-struct RunOptions {
+struct PairRunOptions {
   Rigid3d hand_eye = {};
   double refined_px = 0.2;
   double closed_px = 0.3;
@@ -35,8 +35,8 @@ struct RunOptions {
 };
 
 // The run of one camera alone.
-RunResult RunOf(const std::string& name, const RunOptions& options) {
-  RunResult result;
+PairResult RunOf(const std::string& name, const PairRunOptions& options) {
+  PairResult result;
   result.name = name;
   result.setup = options.setup;
   result.target_type = options.target_type;
@@ -69,9 +69,9 @@ RunResult RunOf(const std::string& name, const RunOptions& options) {
 
 Rigid3d Shifted(double x_m) { return {Eigen::Quaterniond::Identity(), {x_m, 0, 0}}; }
 
-Comparison Compare(const std::vector<RunResult>& results) {
+Comparison Compare(const std::vector<PairResult>& results) {
   std::vector<ComparedRun> runs;
-  for (const RunResult& result : results) runs.push_back(ComparedRunOf(result.name, result));
+  for (const PairResult& result : results) runs.push_back(ComparedRunOf(result.name, result));
   return CompareRuns(std::move(runs));
 }
 
@@ -99,8 +99,8 @@ TEST(CompareRunsTest, ChanceIsThatOfAChiSquareIfTheNoiseIsKnown) {
 }
 
 TEST(CompareRunsTest, ChanceUsesTheSmallerNumberOfDegreesOfFreedom) {
-  RunResult first = RunOf("a", {});
-  RunResult second = RunOf("b", {.hand_eye = Shifted(5e-3)});
+  PairResult first = RunOf("a", {});
+  PairResult second = RunOf("b", {.hand_eye = Shifted(5e-3)});
   first.estimates.back().solution->covariance_dof = 100;
   second.estimates.back().solution->covariance_dof = 10;
   const double statistic = 25e-6 / (2 * kSigmaM * kSigmaM);
@@ -116,12 +116,12 @@ TEST(CompareRunsTest, EveryPairIsComparedOnce) {
 
 TEST(CompareRunsTest, RunsWithoutAComparablePoseHaveNoPair) {
   EXPECT_THAT(Compare({RunOf("a", {}), RunOf("b", {.setup = Setup::kEyeInHand})}).differences, SizeIs(0));
-  RunResult failed = RunOf("b", {});
+  PairResult failed = RunOf("b", {});
   failed.estimates.back().ok = false;
   EXPECT_THAT(Compare({RunOf("a", {}), failed}).differences, SizeIs(0));
-  RunResult held = RunOf("b", {});
-  RunResult also_held = RunOf("c", {});
-  for (RunResult* run : {&held, &also_held}) run->estimates.back().solution->covariance.matrix.setZero();
+  PairResult held = RunOf("b", {});
+  PairResult also_held = RunOf("c", {});
+  for (PairResult* run : {&held, &also_held}) run->estimates.back().solution->covariance.matrix.setZero();
   EXPECT_THAT(Compare({held, also_held}).differences, SizeIs(0));
 }
 
@@ -136,7 +136,7 @@ TEST(FindingsTest, StateTheGainOverTheBestClosedForm) {
 }
 
 TEST(FindingsTest, SayThatNoRunHasHoldOutFigures) {
-  RunResult run = RunOf("a", {});
+  PairResult run = RunOf("a", {});
   for (Estimate& estimate : run.estimates) estimate.errors.holdout_rms_px.reset();
   EXPECT_EQ(Compare({run}).findings.at(0), "no run has hold-out figures for comparing methods (evaluate.folds)");
 }
@@ -159,7 +159,7 @@ TEST(FindingsTest, DistinguishTypesOfTargets) {
 }
 
 TEST(FindingsTest, StateTrueErrorsIfThereIsATruth) {
-  RunResult run = RunOf("a", {});
+  PairResult run = RunOf("a", {});
   EXPECT_THAT(Compare({run}).findings, Not(Contains(HasSubstr("true error"))));
   for (Estimate& estimate : run.estimates) estimate.errors.truth = TruthErrors{};
   run.estimates[1].errors.truth->hand_eye_mm = 0.6;
@@ -174,7 +174,7 @@ TEST(FindingsTest, StateTrueErrorsIfThereIsATruth) {
 }
 
 TEST(FindingsTest, WarnThatRobotNoiseHidesTheGain) {
-  RunResult run = RunOf("a", {});
+  PairResult run = RunOf("a", {});
   EXPECT_THAT(Compare({run}).findings, Not(Contains(StartsWith("if robot noise is modelled"))));
   run.estimates.back().solution->robot_noise = RobotNoise{1e-4, 1e-4};
   EXPECT_THAT(Compare({run}).findings, Contains(StartsWith("if robot noise is modelled")));
@@ -196,7 +196,7 @@ TEST(ComparisonTableTest, CutsLongNamesBetweenCharacters) {
 }
 
 TEST(ComparisonTableTest, NamesTheTenLeastLikelyPairs) {
-  std::vector<RunResult> runs;
+  std::vector<PairResult> runs;
   for (int i = 0; i < 6; ++i) runs.push_back(RunOf("r" + std::to_string(i), {.hand_eye = Shifted(1e-3 * i * i)}));
   const std::string table = ComparisonTable(Compare(runs));
   EXPECT_THAT(table, HasSubstr("and 5 more pairs\n"));
@@ -219,7 +219,7 @@ TEST(ComparisonCsvTest, HasTheFiguresInFullPrecision) {
 }
 
 TEST(ComparisonCsvTest, MissingFiguresAreEmpty) {
-  RunResult run = RunOf("a", {});
+  PairResult run = RunOf("a", {});
   run.estimates.clear();
   EXPECT_THAT(ComparisonRunsCsv(Compare({run})), HasSubstr("\na,eye_to_hand,chessboard,,,,,,,,1.5\n"));
 }
@@ -232,7 +232,7 @@ TEST(ComparisonPageTest, EscapesNamesAndFindings) {
   EXPECT_THAT(page, Not(HasSubstr("<b>x")));
 }
 
-struct RigOptions {
+struct AdjustmentOptions {
   std::vector<std::string> arms = {"robot"};
   Rigid3d world_from_camera = {};
   Rigid3d world_from_second_base = {};
@@ -241,20 +241,20 @@ struct RigOptions {
 
 // A rig with a camera `top` on the world, a camera `side` on the base of the last arm, and a target `plate` on the
 // gripper of the first. All poses have the same sigmas and are not correlated.
-RigResult RigOf(const RigOptions& options) {
-  RigResult result;
-  RigProblem& rig = result.rig;
+RunResult CellOf(const AdjustmentOptions& options) {
+  RunResult result;
+  Problem& rig = result.rig;
   rig.robots = options.arms;
   rig.cameras.push_back({"top", {0, Mount::Part::kBase}, {}});
   rig.cameras.push_back({"side", {options.arms.size() - 1, Mount::Part::kBase}, {}});
   rig.targets.push_back({"plate", {0, Mount::Part::kGripper}, {}});
-  for (RigCamera& camera : rig.cameras) camera.camera = {"pinhole", 640, 480, {600, 600, 320, 240}};
-  RigSolution& solution = result.solution;
+  for (ProblemCamera& camera : rig.cameras) camera.camera = {"pinhole", 640, 480, {600, 600, 320, 240}};
+  Solution& solution = result.solution;
   solution.poses.mount_from_camera = {options.world_from_camera, Rigid3d()};
   solution.poses.mount_from_target = {Rigid3d()};
   solution.poses.world_from_base.assign(options.arms.size(), Rigid3d());
   if (options.arms.size() > 1) solution.poses.world_from_base[1] = options.world_from_second_base;
-  solution.covariance.layout = RigUnknowns(rig);
+  solution.covariance.layout = UnknownsOf(rig);
   const int size = solution.covariance.layout.size();
   solution.covariance.matrix = Eigen::MatrixXd::Zero(size, size);
   for (int i = 0; i < size; ++i) {
@@ -268,8 +268,8 @@ RigResult RigOf(const RigOptions& options) {
   return result;
 }
 
-Comparison CompareTwo(const RigOptions& first, const RigOptions& second) {
-  return CompareRuns({ComparedRunOf("a", RigOf(first)), ComparedRunOf("b", RigOf(second))});
+Comparison CompareTwo(const AdjustmentOptions& first, const AdjustmentOptions& second) {
+  return CompareRuns({ComparedRunOf("a", CellOf(first)), ComparedRunOf("b", CellOf(second))});
 }
 
 const RunDifference& Find(const Comparison& comparison, const std::string& name) {
@@ -306,7 +306,7 @@ TEST(CompareRigsTest, ChanceUsesTheSmallerNumberOfDegreesOfFreedom) {
 // the rotation of the base by its distance.
 TEST(CompareRigsTest, PosesInTheWorldHaveTheUncertaintyOfTheBase) {
   const double distance_m = 0.5;
-  RigResult rig = RigOf({.arms = {"left", "right"}});
+  RunResult rig = CellOf({.arms = {"left", "right"}});
   rig.solution.poses.mount_from_camera[1] = Shifted(distance_m);
   const ComparedRun run = ComparedRunOf("a", rig);
   ASSERT_THAT(run.cameras, SizeIs(2));
@@ -329,12 +329,12 @@ TEST(CompareRigsTest, BasesOfArmsAreCompared) {
 TEST(CompareRigsTest, OrderOfTheCamerasDoesNotMatter) {
   const Rigid3d moved(ExpRotation({0.3, -0.2, 0.5}), {0.2, 0.1, -0.3});
   const Rigid3d other = moved * Rigid3d(ExpRotation({0.001, 0, 0}), {0.001, 0, 0});
-  const ComparedRun first = ComparedRunOf("a", RigOf({.world_from_camera = moved}));
-  RigResult swapped = RigOf({.world_from_camera = other});
+  const ComparedRun first = ComparedRunOf("a", CellOf({.world_from_camera = moved}));
+  RunResult swapped = CellOf({.world_from_camera = other});
   std::swap(swapped.rig.cameras[0], swapped.rig.cameras[1]);
   std::swap(swapped.solution.poses.mount_from_camera[0], swapped.solution.poses.mount_from_camera[1]);
   swapped.relative_cameras = RelativeCameraPoses(swapped.rig, swapped.solution);
-  const Comparison same = CompareRuns({first, ComparedRunOf("b", RigOf({.world_from_camera = other}))});
+  const Comparison same = CompareRuns({first, ComparedRunOf("b", CellOf({.world_from_camera = other}))});
   const Comparison inverted = CompareRuns({first, ComparedRunOf("b", swapped)});
   const RunDifference& a = Find(same, "camera side in camera top");
   const RunDifference& b = Find(inverted, "camera side in camera top");
@@ -347,7 +347,7 @@ TEST(CompareRigsTest, OrderOfTheCamerasDoesNotMatter) {
 
 TEST(CompareRigsTest, TheRunOfOneCameraIsComparedByItsName) {
   const Comparison comparison =
-      CompareRuns({ComparedRunOf("a", RigOf({})), ComparedRunOf("alone", RunOf("top", {.hand_eye = Shifted(0.02)}))});
+      CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", RunOf("top", {.hand_eye = Shifted(0.02)}))});
   ASSERT_THAT(comparison.differences, SizeIs(1));
   EXPECT_NEAR(Find(comparison, "camera top in world").distance_mm, 20, 1e-9);
   // The other poses are not expected in it.
@@ -355,7 +355,7 @@ TEST(CompareRigsTest, TheRunOfOneCameraIsComparedByItsName) {
 }
 
 TEST(CompareRigsTest, TheRunOfOneCameraStatesTheGainOfItsRefinement) {
-  const Comparison comparison = CompareRuns({ComparedRunOf("a", RigOf({})), ComparedRunOf("alone", RunOf("top", {}))});
+  const Comparison comparison = CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", RunOf("top", {}))});
   EXPECT_THAT(comparison.findings, Contains(StartsWith("hold-out error in px: the refinement is better than the best "
                                                        "closed form in 1 of 1 runs")));
   EXPECT_THAT(ComparisonPage(comparison), HasSubstr("best closed form"));
@@ -367,7 +367,7 @@ TEST(CompareRigsTest, TheRunOfOneCameraStatesTheGainOfItsRefinement) {
 
 TEST(CompareRigsTest, RunsThatCannotBeComparedAreRefused) {
   EXPECT_THAT(InputErrorOf([] {
-                CompareRuns({ComparedRunOf("a", RigOf({})), ComparedRunOf("alone", RunOf("front", {}))});
+                CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", RunOf("front", {}))});
               }),
               StartsWith("alone: is the run of one camera; a rig beside it needs a camera front in world"));
   EXPECT_THAT(
@@ -375,32 +375,32 @@ TEST(CompareRigsTest, RunsThatCannotBeComparedAreRefused) {
         CompareTwo({.arms = {"left", "right"}}, {.arms = {"right", "left"}});
       }),
       AllOf(StartsWith("b: its world is the base of arm right"), HasSubstr("that of a is the base of arm left")));
-  EXPECT_THAT(
-      InputErrorOf([] {
-        CompareRuns({ComparedRunOf("a", RigOf({.arms = {"left", "right"}})), ComparedRunOf("alone", RunOf("top", {}))});
-      }),
-      StartsWith("alone: its world is the base of an arm without a name"));
-  RunResult failed = RunOf("top", {});
+  EXPECT_THAT(InputErrorOf([] {
+                CompareRuns({ComparedRunOf("a", CellOf({.arms = {"left", "right"}})),
+                             ComparedRunOf("alone", RunOf("top", {}))});
+              }),
+              StartsWith("alone: its world is the base of an arm without a name"));
+  PairResult failed = RunOf("top", {});
   failed.estimates.clear();
   EXPECT_THAT(InputErrorOf([&] {
-                CompareRuns({ComparedRunOf("a", RigOf({})), ComparedRunOf("alone", failed)});
+                CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", failed)});
               }),
               StartsWith("alone: has no refined estimate"));
 }
 
-TEST(RigFindingsTest, SayWhetherThePosesAgreeAndWhatIsMissing) {
+TEST(CellFindingsTest, SayWhetherThePosesAgreeAndWhatIsMissing) {
   EXPECT_THAT(CompareTwo({}, {.world_from_camera = Shifted(1e-3)}).findings,
               Contains(StartsWith("poses of cameras agree within their uncertainties in all 2 pairs; the least likely: "
                                   "camera top in world: a and b are 1.0 mm and 0 deg apart")));
-  RigResult renamed = RigOf({});
+  RunResult renamed = CellOf({});
   renamed.rig.cameras[1].name = "front";
-  renamed.solution.covariance.layout = RigUnknowns(renamed.rig);
+  renamed.solution.covariance.layout = UnknownsOf(renamed.rig);
   renamed.relative_cameras = RelativeCameraPoses(renamed.rig, renamed.solution);
-  EXPECT_THAT(CompareRuns({ComparedRunOf("a", RigOf({})), ComparedRunOf("b", renamed)}).findings,
+  EXPECT_THAT(CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("b", renamed)}).findings,
               Contains("not in all rigs: camera side in world (not in b), camera front in world (not in a)"));
 }
 
-TEST(RigComparisonOutputTest, TablesAndFilesHaveEveryFigure) {
+TEST(CellComparisonOutputTest, TablesAndFilesHaveEveryFigure) {
   const Comparison comparison = CompareTwo({}, {.world_from_camera = Shifted(0.02)});
   const std::string table = ComparisonTable(comparison);
   EXPECT_THAT(table, HasSubstr("\na                    top                 0.200    0.300    0.400    1.73   0.198\n"));
@@ -419,10 +419,10 @@ TEST(RigComparisonOutputTest, TablesAndFilesHaveEveryFigure) {
   EXPECT_THAT(pairs, HasSubstr("\na,b,target,gripper,plate,0,0,"));
 }
 
-TEST(RigComparisonOutputTest, TheTerminalShowsTheThreePairsThatDifferMost) {
+TEST(CellComparisonOutputTest, TheTerminalShowsTheThreePairsThatDifferMost) {
   std::vector<ComparedRun> runs;
   for (int i = 0; i < 4; ++i) {
-    runs.push_back(ComparedRunOf("r" + std::to_string(i), RigOf({.world_from_camera = Shifted(2e-3 * i * i)})));
+    runs.push_back(ComparedRunOf("r" + std::to_string(i), CellOf({.world_from_camera = Shifted(2e-3 * i * i)})));
   }
   const std::string table = ComparisonTable(CompareRuns(std::move(runs)));
   EXPECT_THAT(table, HasSubstr("and 3 more pairs of runs\n"));
@@ -430,8 +430,8 @@ TEST(RigComparisonOutputTest, TheTerminalShowsTheThreePairsThatDifferMost) {
   EXPECT_THAT(table, Not(HasSubstr("\nr0 and r1\n")));
 }
 
-TEST(RigComparisonOutputTest, ThePageEscapesNames) {
-  RigResult rig = RigOf({});
+TEST(CellComparisonOutputTest, ThePageEscapesNames) {
+  RunResult rig = CellOf({});
   const std::string page = ComparisonPage(CompareRuns({ComparedRunOf("<b>x</b>", rig), ComparedRunOf("y", rig)}));
   EXPECT_THAT(page, HasSubstr("<h1>Comparison of 2 runs</h1>"));
   EXPECT_THAT(page, HasSubstr("&lt;b&gt;x&lt;/b&gt;"));

@@ -13,8 +13,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-RunResult SingleResult() {
-  RunResult result;
+PairResult SingleResult() {
+  PairResult result;
   result.target_type = "chessboard";
   result.num_target_points = 48;
   Estimate closed;
@@ -37,19 +37,19 @@ RunResult SingleResult() {
   return result;
 }
 
-RigResult TwoCameras() {
-  RigResult result;
+RunResult TwoCameras() {
+  RunResult result;
   result.rig.robots = {"robot"};
   result.target_types = {"charuco", "tag"};
   for (const char* const name : {"left", "right"}) {
-    RigCamera& camera = result.rig.cameras.emplace_back();
+    ProblemCamera& camera = result.rig.cameras.emplace_back();
     camera.name = name;
     camera.camera = {"pinhole", 640, 480, {600, 600, 320, 240}};
   }
   result.errors.resize(2);
   result.errors[0].holdout_rms_px = 0.3;
   result.errors[1].holdout_rms_px = 0.4;
-  result.solution.covariance.layout = RigUnknowns(result.rig);
+  result.solution.covariance.layout = UnknownsOf(result.rig);
   result.solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(12, 12);
   result.images = {{"001", "left", "", true, "", {}},
                    {"001", "right", "", true, "", {}},
@@ -77,7 +77,7 @@ TEST(SummaryTest, TheFileHasALineForEachMethodAndCamera) {
   }
 }
 
-TEST(SummaryTest, TheTerminalShowsTheWorstCameraOfARig) {
+TEST(SummaryTest, TheTerminalShowsTheWorstCameraOfACell) {
   const std::string table = SummaryTable(Runs());
   EXPECT_THAT(table, StartsWith("run                      target or rig  captures       hold-out px  sigma mm\n"
                                 "                                                   closed  refined\n"));

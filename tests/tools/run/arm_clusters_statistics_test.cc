@@ -1,4 +1,4 @@
-// How often a run leaves out right captures of an arm in three configurations, of which one is rare: heba/run.h.
+// How often a run leaves out right captures of an arm in three configurations, of which one is rare: heba/pair_run.h.
 #include <algorithm>
 #include <atomic>
 #include <string>
@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/parallel.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tests/support/datasets.h"
 
 namespace heba {
@@ -28,14 +28,14 @@ TEST_P(ArmClustersStatisticsTest, RareConfigurationIsLeftOutInLessThanTwoOfAHund
   scene.offset_rad *= factor;
   scene.length_m *= factor;
   scene.angle_rad *= factor;
-  RunOptions options;
+  PairRunOptions options;
   options.bundle.free_intrinsics = {};
   options.folds = 0;
   constexpr int kNumSeeds = 100;
   std::atomic<int> num_with_loss = 0;
   ParallelFor(kNumSeeds, static_cast<int>(std::thread::hardware_concurrency()), [&](int i) {
     const ArmDataset made = ThreeConfigurations(static_cast<uint64_t>(i + 1), scene, 40, 4);
-    const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+    const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
     EXPECT_TRUE(run) << run.reason();
     if (!run) return;
     const std::vector<std::string> left_out = LeftOutOf(run->result);

@@ -1,4 +1,4 @@
-// Tests of runs whose captures are in several configurations of an arm: heba/run.h.
+// Tests of runs whose captures are in several configurations of an arm: heba/pair_run.h.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tests/support/datasets.h"
 
 namespace heba {
@@ -25,8 +25,8 @@ ArmSceneOptions LargeErrors() {
   return options;
 }
 
-RunOptions FixedCamera() {
-  RunOptions options;
+PairRunOptions FixedCamera() {
+  PairRunOptions options;
   options.bundle.free_intrinsics = {};
   return options;
 }
@@ -34,7 +34,7 @@ RunOptions FixedCamera() {
 TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
   for (const uint64_t seed : {1, 2, 3}) {
     const ArmDataset made = ThreeConfigurations(seed, LargeErrors(), 40, 4);
-    const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
+    const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
     EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
@@ -56,9 +56,9 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
   }
   // The poses are wrong, so that the joints do not belong to them.
   made.dataset.robot.reset();
-  RunOptions run_options = FixedCamera();
+  PairRunOptions run_options = FixedCamera();
   run_options.folds = 0;
-  const Outcome<RunOutput> run = heba::Run(made.dataset, run_options);
+  const Outcome<PairRunOutput> run = heba::Run(made.dataset, run_options);
   ASSERT_TRUE(run) << run.reason();
   const std::vector<std::string> left_out = LeftOutOf(run->result);
   for (const std::string& name : wrong) EXPECT_THAT(left_out, Contains(name));
@@ -70,7 +70,7 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
   std::vector<std::vector<double>> joints;
   for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
-  const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
+  const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.robot;
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -89,12 +89,12 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   }
   made.dataset.target_poses = made.camera_from_target;
   made.dataset.given_detections.clear();
-  RunOptions options;
+  PairRunOptions options;
   options.folds = 0;
-  const Outcome<RunOutput> with_joints = heba::Run(made.dataset, options);
+  const Outcome<PairRunOutput> with_joints = heba::Run(made.dataset, options);
   ASSERT_TRUE(with_joints) << with_joints.reason();
   for (Capture& capture : made.dataset.captures) capture.joints.clear();
-  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.robot;
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -109,7 +109,7 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     options.has_several_configurations = false;
     options.num_captures = 40;
     const ArmScene scene = MakeArmScene(seed, options);
-    Dataset dataset =
+    PairDataset dataset =
         DatasetOf(scene.scene, options.setup, ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"));
     dataset.given_detections.clear();
     dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
@@ -119,9 +119,9 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
       const Eigen::Vector3d translation_m(3e-4 * rng.Normal(), 3e-4 * rng.Normal(), 3e-4 * rng.Normal());
       dataset.target_poses.push_back(pair.camera_from_target * Rigid3d(ExpRotation(rotation_rad), translation_m));
     }
-    RunOptions run_options;
+    PairRunOptions run_options;
     run_options.folds = 0;
-    const Outcome<RunOutput> run = heba::Run(dataset, run_options);
+    const Outcome<PairRunOutput> run = heba::Run(dataset, run_options);
     ASSERT_TRUE(run) << run.reason();
     EXPECT_NE(run->result.robot->configuration, "") << "seed " << seed << ": several";
   }
@@ -130,9 +130,9 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
 TEST(ArmClustersTest, CaptureWithWrongJointsIsLeftOutAndTheArmIsEstimated) {
   ArmDataset made = ThreeConfigurations(8, ArmSceneOptions(), 30, 10);
   made.dataset.captures[4].joints[2] = 1e9;
-  RunOptions options = FixedCamera();
+  PairRunOptions options = FixedCamera();
   options.folds = 0;
-  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
   EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
   EXPECT_THAT(LeftOutOf(run->result), testing::ElementsAre(made.dataset.captures[4].name));

@@ -34,8 +34,8 @@ std::vector<Eigen::VectorXd> JointsWithSingularCapture() {
   return all;
 }
 
-Dataset DatasetOf(const std::vector<Eigen::VectorXd>& joints, bool records_joints) {
-  Dataset dataset;
+PairDataset DatasetOf(const std::vector<Eigen::VectorXd>& joints, bool records_joints) {
+  PairDataset dataset;
   dataset.robot = RobotArm{*FindArm("ur5e"), Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.01, 0.02, 0.15}), {}};
   for (const Eigen::VectorXd& of_capture : joints) {
     Capture capture;
@@ -57,7 +57,7 @@ double DistanceRad(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
 
 TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const Dataset dataset = DatasetOf(joints, false);
+  const PairDataset dataset = DatasetOf(joints, false);
   const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
   EXPECT_EQ(setup.reason.ToString(), "");
   const std::string name = NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
@@ -83,7 +83,7 @@ TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
 TEST(ArmSetupTest, RegularCaptureIsOutOfReachOfConfigurationsThatItLacks) {
   std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   joints.erase(joints.begin() + kSingular);
-  const Dataset dataset = DatasetOf(joints, false);
+  const PairDataset dataset = DatasetOf(joints, false);
   const Arm& arm = dataset.robot->arm;
   std::vector<Rigid3d> tips;
   std::vector<std::vector<Eigen::VectorXd>> postures;
@@ -106,7 +106,7 @@ TEST(ArmSetupTest, RegularCaptureIsOutOfReachOfConfigurationsThatItLacks) {
 
 TEST(ArmSetupTest, ScatterOfTheToolIsExplainedByErrorsOfTheArmOrContradicts) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  Dataset dataset = DatasetOf(joints, true);
+  PairDataset dataset = DatasetOf(joints, true);
   // The controller uses the parameters of this very arm.
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(dataset.robot->arm.num_params());
   errors[ArmParamPlace(1, ArmParam::kA)] = 1e-3;
@@ -127,7 +127,7 @@ TEST(ArmSetupTest, ScatterOfTheToolIsExplainedByErrorsOfTheArmOrContradicts) {
 
 TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const Dataset dataset = DatasetOf(joints, true);
+  const PairDataset dataset = DatasetOf(joints, true);
   const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
   ASSERT_EQ(setup.branches.size(), 1U);
   EXPECT_TRUE(setup.is_recorded);
@@ -145,7 +145,7 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
   for (const Case& one :
        {Case{true, true, Grade::kGood}, {false, false, Grade::kGood}, {false, true, Grade::kDoubtful}}) {
     const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-    const Dataset dataset = DatasetOf(joints, one.records_joints);
+    const PairDataset dataset = DatasetOf(joints, one.records_joints);
     ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
     const std::string name =
         one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
@@ -160,7 +160,7 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
 
 TEST(ArmSetupTest, MissingJointsHaveNoEffect) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const Dataset dataset = DatasetOf(joints, true);
+  const PairDataset dataset = DatasetOf(joints, true);
   ArmBranch branch = SetUpArm(dataset, Kinematics::kAuto).branches[0];
   EXPECT_THAT(SingularCaptures(dataset.robot->arm, {branch.name, {joints[0]}}), IsEmpty());
   branch.joints[1] = Eigen::VectorXd();
@@ -175,7 +175,7 @@ TEST(ArmSetupTest, GivenConfigurationThatDoesNotReachTheFirstPoseIsRefused) {
   joints.erase(joints.begin() + kSingular);
   // The arm is nearly stretched, which only one sign of the wrist allows.
   joints.front() << 0.3, -0.6, 0.03, 0, -1.4, 0.2;
-  Dataset dataset = DatasetOf(joints, false);
+  PairDataset dataset = DatasetOf(joints, false);
   EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason.ToString(), "");
   dataset.robot->joints_near = joints[1];
   dataset.robot->joints_near[4] *= -1;
@@ -185,7 +185,7 @@ TEST(ArmSetupTest, GivenConfigurationThatDoesNotReachTheFirstPoseIsRefused) {
 
 TEST(ArmSetupTest, FewJointsThatContradictTheirPosesAreFound) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  Dataset dataset = DatasetOf(joints, true);
+  PairDataset dataset = DatasetOf(joints, true);
   EXPECT_TRUE(FindContradictingJoints(dataset).empty());
   dataset.captures[5].joints[1] = 1e9;
   std::swap(dataset.captures[0].joints, dataset.captures[1].joints);

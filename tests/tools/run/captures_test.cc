@@ -31,8 +31,8 @@ CaptureDetection DetectionOf(int width_px, int height_px, const std::vector<int>
 }
 
 // Returns a data set of captures whose detections are given.
-Dataset DatasetOf(const std::vector<CaptureDetection>& detections) {
-  Dataset dataset;
+PairDataset DatasetOf(const std::vector<CaptureDetection>& detections) {
+  PairDataset dataset;
   dataset.target = ParseTarget(kTarget);
   dataset.given_detections = detections;
   dataset.detections_source = "detections.json";
@@ -46,14 +46,14 @@ Dataset DatasetOf(const std::vector<CaptureDetection>& detections) {
 }
 
 TEST(DetectCapturesTest, GivenDetectionsAreReturnedAsTheyAre) {
-  const Dataset dataset = DatasetOf({DetectionOf(640, 480, {0, 1}), DetectionOf(640, 480)});
+  const PairDataset dataset = DatasetOf({DetectionOf(640, 480, {0, 1}), DetectionOf(640, 480)});
   const std::vector<CaptureDetection> detections = DetectCaptures(dataset, {}, 1, nullptr);
   ASSERT_THAT(detections, SizeIs(2));
   EXPECT_THAT(detections[0].detection.ids, ElementsAre(0, 1));
 }
 
 TEST(DetectCapturesTest, AnUnknownSizeIsThatOfTheCamera) {
-  Dataset dataset = DatasetOf({DetectionOf(0, 0, {0})});
+  PairDataset dataset = DatasetOf({DetectionOf(0, 0, {0})});
   EXPECT_THAT(InputErrorOf([&] { DetectCaptures(dataset, {}, 1, nullptr); }),
               HasSubstr("detections.json: does not state the image size; provide a camera that does"));
   dataset.camera = Camera{"pinhole", 800, 600, {600, 600, 400, 300}};
@@ -70,7 +70,7 @@ TEST(DetectCapturesTest, AllImagesHaveOneSize) {
 }
 
 TEST(FitCameraToImagesTest, FillsInASizeThatTheFileDoesNotState) {
-  Dataset dataset = DatasetOf({DetectionOf(640, 480)});
+  PairDataset dataset = DatasetOf({DetectionOf(640, 480)});
   FitCameraToImages({DetectionOf(640, 480)}, &dataset);
   EXPECT_FALSE(dataset.camera.has_value());
   dataset.camera = Camera{"pinhole", 0, 0, {600, 600, 320, 240}};
@@ -80,7 +80,7 @@ TEST(FitCameraToImagesTest, FillsInASizeThatTheFileDoesNotState) {
 }
 
 TEST(FitCameraToImagesTest, RefusesTheCameraOfAnotherSize) {
-  Dataset dataset = DatasetOf({DetectionOf(640, 480)});
+  PairDataset dataset = DatasetOf({DetectionOf(640, 480)});
   dataset.camera = Camera{"pinhole", 640, 400, {600, 600, 320, 200}};
   EXPECT_EQ(InputErrorOf([&] { FitCameraToImages({DetectionOf(640, 480)}, &dataset); }),
             "camera.yaml: is for images of 640 x 400 px, but 0.png is 640 x 480 px; provide the intrinsics of that "
@@ -90,14 +90,14 @@ TEST(FitCameraToImagesTest, RefusesTheCameraOfAnotherSize) {
 TEST(CheckCamerasByHeaderTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
   const TempFolder folder;
   cv::imwrite((folder / "empty.png").string(), cv::Mat(48, 64, CV_8UC1, cv::Scalar(128)));
-  Dataset dataset = DatasetOf({DetectionOf(64, 48)});
+  PairDataset dataset = DatasetOf({DetectionOf(64, 48)});
   dataset.given_detections.clear();
   dataset.captures[0].image = folder / "empty.png";
   dataset.camera = Camera{"pinhole", 0, 0, {600, 600, 32, 24}};
-  CheckCamerasByHeader(AsRigDataset(dataset));
+  CheckCamerasByHeader(AsDataset(dataset));
   EXPECT_EQ(dataset.camera->width_px, 0);
   dataset.camera->width_px = dataset.camera->height_px = 64;
-  EXPECT_THAT(InputErrorOf([&] { CheckCamerasByHeader(AsRigDataset(dataset)); }),
+  EXPECT_THAT(InputErrorOf([&] { CheckCamerasByHeader(AsDataset(dataset)); }),
               HasSubstr("is for images of 64 x 64 px, but 0.png is 64 x 48 px"));
   // The images are searched all the same: the doctor names the fault of the camera.
   const DetectFunction detect = [](const std::filesystem::path&, const std::optional<ImageSize>&) {
@@ -107,7 +107,7 @@ TEST(CheckCamerasByHeaderTest, TheHeaderOfTheFirstImageShowsTheWrongCamera) {
 }
 
 TEST(ViewsTest, ViewsAreThoseOfTheCapturesInWhichTheTargetWasSeen) {
-  Dataset dataset = DatasetOf({DetectionOf(640, 480), DetectionOf(640, 480, {0, 5})});
+  PairDataset dataset = DatasetOf({DetectionOf(640, 480), DetectionOf(640, 480, {0, 5})});
   const std::vector<View> views = ViewsOf(dataset, dataset.given_detections);
   ASSERT_THAT(views, SizeIs(1));
   EXPECT_EQ(views[0].name, "1.png");
@@ -120,22 +120,22 @@ TEST(ViewsTest, ViewsAreThoseOfTheCapturesInWhichTheTargetWasSeen) {
 }
 
 TEST(ViewsTest, TheMountOfAnEyeInHandCameraIsTheGripper) {
-  Dataset dataset = DatasetOf({DetectionOf(640, 480, {0})});
+  PairDataset dataset = DatasetOf({DetectionOf(640, 480, {0})});
   dataset.setup = Setup::kEyeInHand;
   EXPECT_THAT(ViewOf(dataset, 0, {}).camera_mount_from_target_mount,
               IsNearPose(Inverse(dataset.captures[0].base_from_gripper), 1e-12, 1e-12));
 }
 
 TEST(OptionsOfTest, OptionsAreThoseOfTheRun) {
-  Dataset dataset = DatasetOf({DetectionOf(640, 480)});
-  RunOptions run;
+  PairDataset dataset = DatasetOf({DetectionOf(640, 480)});
+  PairRunOptions run;
   dataset.setup = Setup::kEyeInHand;
   run.methods = {"park"};
   run.seed = "park";
   run.bundle.loss = LossKind::kHuber;
   run.choose.robot_noise = true;
   run.camera_model = "brown5";
-  const CalibrationOptions options = OptionsOf(dataset, run, 640, 480);
+  const PairCalibrationOptions options = OptionsOf(dataset, run, 640, 480);
   EXPECT_EQ(options.setup, Setup::kEyeInHand);
   EXPECT_THAT(options.methods, ElementsAre("park"));
   EXPECT_EQ(options.seed, "park");

@@ -17,7 +17,7 @@ using ::testing::SizeIs;
 
 // Captures with the given digests. Captures of one digest have the same pose, all others stand 100 mm apart.
 struct Set {
-  Dataset dataset;
+  PairDataset dataset;
   std::vector<CaptureDetection> detections;
 
   explicit Set(const std::vector<std::string>& digests) {

@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "heba/data/prediction.h"
-#include "heba/rig_adjustment.h"
-#include "heba/rig_location.h"
-#include "tests/support/rig_scenes.h"
+#include "heba/location.h"
+#include "heba/refinement.h"
+#include "tests/support/cell_scenes.h"
 
 namespace heba {
 namespace {
@@ -17,20 +17,20 @@ namespace {
 // A place in the middle of the cell, in view of the cameras left and right.
 const Eigen::Vector3d kPlace(0.5, 0.0, 0.4);
 
-std::vector<RigRequirement> Reached(const RigScene& scene, const RigSolution& solution,
-                                    const PlacedRequirement& required) {
+std::vector<CameraRequirement> Reached(const CellScene& scene, const Solution& solution,
+                                       const PlacedRequirement& required) {
   return ReachedAccuracies({required}, scene.problem, solution, WorkingPointsOf(scene.problem, solution, {}));
 }
 
-std::vector<size_t> CamerasOf(const std::vector<RigRequirement>& all) {
+std::vector<size_t> CamerasOf(const std::vector<CameraRequirement>& all) {
   std::vector<size_t> cameras;
-  for (const RigRequirement& entry : all) cameras.push_back(entry.camera);
+  for (const CameraRequirement& entry : all) cameras.push_back(entry.camera);
   std::sort(cameras.begin(), cameras.end());
   return cameras;
 }
 
 // The error of the position that a camera gives a target at `place`, if its image is exact.
-double ErrorM(const RigScene& scene, const RigSolution& solution, size_t camera, const Eigen::Vector3d& place) {
+double ErrorM(const CellScene& scene, const Solution& solution, size_t camera, const Eigen::Vector3d& place) {
   const Rigid3d& truth = scene.truth.mount_from_camera[camera];
   const Camera& lens = scene.problem.cameras[camera].camera;
   Observations seen;
@@ -40,7 +40,7 @@ double ErrorM(const RigScene& scene, const RigSolution& solution, size_t camera,
   Rigid3d camera_from_target(ExpRotation({0.3, 0.2, 0.1}), Eigen::Vector3d::Zero());
   camera_from_target.translation = Inverse(truth) * place - camera_from_target * middle;
   CHECK(Predict(lens.Model(), lens.params.data(), camera_from_target, seen, &seen.pixels, nullptr));
-  const Outcome<LocatedTarget> located = LocateInRig(scene.problem, solution, {{camera, seen}}, {Rigid3d()});
+  const Outcome<LocatedTarget> located = LocateInCell(scene.problem, solution, {{camera, seen}}, {Rigid3d()});
   CHECK(located.ok()) << located.reason();
   return (located->world_from_target * middle - place).norm();
 }
@@ -55,10 +55,10 @@ TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) {
   int num_inside = 0;
   constexpr int kSeeds = 100;
   for (int seed = 1; seed <= kSeeds; ++seed) {
-    const RigScene scene = FourCameraRig(static_cast<uint64_t>(seed), {20});
-    const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
+    const CellScene scene = FourCameraCell(static_cast<uint64_t>(seed), {20});
+    const Outcome<Solution> solution = RefineProblem(scene.problem, scene.truth, AdjustmentOptions());
     ASSERT_TRUE(solution) << solution.reason();
-    const std::vector<RigRequirement> reached = Reached(scene, *solution, required);
+    const std::vector<CameraRequirement> reached = Reached(scene, *solution, required);
     ASSERT_EQ(reached.size(), 1U);
     EXPECT_EQ(reached[0].camera, 0U);
     EXPECT_EQ(reached[0].requirement.place, "the middle");
@@ -70,8 +70,8 @@ TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) {
 }
 
 TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
-  const RigScene scene = MixedRig(1);
-  const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
+  const CellScene scene = MixedCell(1);
+  const Outcome<Solution> solution = RefineProblem(scene.problem, scene.truth, AdjustmentOptions());
   ASSERT_TRUE(solution) << solution.reason();
   PlacedRequirement required;
   EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{0, 1, 2}));
@@ -80,7 +80,7 @@ TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
   required.camera.clear();
   required.places_in_base_m = {kPlace};
   required.text = "a place";
-  for (const RigRequirement& entry : Reached(scene, *solution, required)) {
+  for (const CameraRequirement& entry : Reached(scene, *solution, required)) {
     // The camera on the gripper can be moved anywhere.
     EXPECT_EQ(entry.requirement.place, entry.camera == 2 ? "the working point" : "a place");
     EXPECT_TRUE(entry.requirement.reached_m.has_value());
@@ -91,18 +91,18 @@ TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
   EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{0, 2}));
   // Each camera is judged at the corners of a box that it sees, if all are seen.
   required.places_in_base_m.push_back(kPlace);
-  const std::vector<RigRequirement> of_box = Reached(scene, *solution, required);
+  const std::vector<CameraRequirement> of_box = Reached(scene, *solution, required);
   EXPECT_EQ(CamerasOf(of_box), (std::vector<size_t>{0, 1, 2}));
-  for (const RigRequirement& entry : of_box) EXPECT_TRUE(entry.requirement.reached_m.has_value());
+  for (const CameraRequirement& entry : of_box) EXPECT_TRUE(entry.requirement.reached_m.has_value());
   // A place that none of them sees is a failure of both.
   required.places_in_base_m.push_back({50, 0, 0});
-  for (const RigRequirement& entry : Reached(scene, *solution, required)) {
+  for (const CameraRequirement& entry : Reached(scene, *solution, required)) {
     EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
   }
   required.places_in_base_m = {{50, 0, 0}};
-  const std::vector<RigRequirement> none = Reached(scene, *solution, required);
+  const std::vector<CameraRequirement> none = Reached(scene, *solution, required);
   EXPECT_EQ(CamerasOf(none), (std::vector<size_t>{0, 1, 2}));
-  for (const RigRequirement& entry : none) EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
+  for (const CameraRequirement& entry : none) EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
 }
 
 }  // namespace

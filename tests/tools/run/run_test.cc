@@ -1,6 +1,9 @@
 // Tests of heba/run.h.
 #include "heba/run.h"
 
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -8,245 +11,386 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heba/base/files.h"
 #include "heba/base/units.h"
-#include "tests/support/datasets.h"
-#include "tests/support/input_error.h"
+#include "heba/io/result_file.h"
+#include "tests/support/cell_arm_scenes.h"
+#include "tests/support/cell_scenes.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temp_folder.h"
+#include "tools/pages/report.h"
+#include "tools/text/result_table.h"
+#include "tools/text/run_notes.h"
 
 namespace heba {
 namespace {
-using ::testing::Each;
-using ::testing::ElementsAre;
+namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
-using ::testing::Matcher;
 using ::testing::Not;
-using ::testing::SizeIs;
-using ::testing::Truly;
+using ::testing::StartsWith;
 
-// A carried camera, with a noise of 0.1 px.
-TestSceneOptions SimulatedOptions(const Target& target) {
-  TestSceneOptions options;
-  options.setup = Setup::kEyeInHand;
-  options.camera = {"pinhole", 1280, 960, {1000, 1000, 640, 480}};
-  options.num_captures = 14;
-  options.noise_px = 0.1;
-  options.points = AllPoints(target).points_in_target;
-  return options;
-}
+constexpr const char* kTargets[] = {
+    "{type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250}",
+    "{type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250, first_marker: 100}"};
 
-TestScene SimulatedScene(const Target& target) { return MakeTestScene(5, SimulatedOptions(target)); }
-
-std::shared_ptr<const Target> Chessboard() {
-  return ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
-}
-
-// Returns the data set of a scene, with images named 0.png, 1.png, ... that have different digests.
-Dataset NamedDatasetOf(const TestScene& scene, const std::shared_ptr<const Target>& target) {
-  Dataset dataset = DatasetOf(scene, Setup::kEyeInHand, target);
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
+// A simulated rig whose detections are known, so that no image is searched.
+class CellRunTest : public testing::Test {
+ protected:
+  // Fixed cameras `left` and `right`, a target `plate` on the gripper of the first arm, and a target `wall` on the
+  // world or, with two arms, on the gripper of the second.
+  CellScene MakeScene(size_t num_arms) {
+    Rng rng(4);
+    CellScene scene;
+    CellSceneSetting setting;
+    setting.has_free_intrinsics = false;
+    scene.problem.robots = {"one"};
+    scene.truth.world_from_base = {Rigid3d()};
+    if (num_arms == 2) {
+      scene.problem.robots.emplace_back("two");
+      scene.truth.world_from_base.emplace_back(ExpRotation({0.05, -0.02, 3.0}), Eigen::Vector3d(1.1, 0.1, 0.02));
+    }
+    const Eigen::Vector3d middle(0.55, 0, 0.4);
+    AddCamera("left", {0, Mount::Part::kBase}, LookingAt({0.5, 0.1, 1.3}, middle, 0.3), setting, &scene);
+    AddCamera("right", {0, Mount::Part::kBase}, LookingAt({0.7, 0.3, 1.2}, middle, -0.4), setting, &scene);
+    AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation({0.3, 0.2, 0.1}), {0.02, 0, 0.1}), &scene);
+    const Rigid3d on_world(ExpRotation({kPi, 0, 0}), {0.6, 0, 0.35});
+    const Rigid3d on_gripper(ExpRotation({-0.2, 0.3, 0.1}), {0, 0.03, 0.08});
+    AddTarget("wall", {num_arms - 1, num_arms == 2 ? Mount::Part::kGripper : Mount::Part::kBase},
+              num_arms == 2 ? on_gripper : on_world, &scene);
+    for (size_t t = 0; t < 2; ++t) {
+      scene.targets[t].points_in_target = AllPoints(*targets_[t]).points_in_target;
+      scene.problem.targets[t].shape = DesignedShape(scene.targets[t].points_in_target);
+    }
+    setting.num_captures = 16;
+    Simulate(setting, &rng, &scene);
+    return scene;
   }
-  return dataset;
-}
 
-Dataset SimulatedDataset() {
-  const std::shared_ptr<const Target> target = Chessboard();
-  return NamedDatasetOf(SimulatedScene(*target), target);
-}
-
-HandEye TrueHandEye() { return SimulatedScene(*Chessboard()).hand_eye; }
-
-RunOptions FixedCamera() {
-  RunOptions options;
-  options.bundle.free_intrinsics = {};
-  return options;
-}
-
-// Writes down what it is told.
-class Recorder : public RunObserver {
- public:
-  void OnStage(RunStage stage, int total) override {
-    events.push_back("stage " + std::to_string(static_cast<int>(stage)) + " of " + std::to_string(total));
+  Dataset DatasetOf(const CellScene& scene) {
+    Dataset dataset;
+    dataset.name = "cell";
+    dataset.rig = scene.problem;
+    dataset.rig.captures.clear();
+    for (const ProblemCamera& camera : scene.problem.cameras) {
+      dataset.has_camera.push_back(true);
+      dataset.camera_sources.push_back(camera.name + ".yaml");
+    }
+    dataset.targets = targets_;
+    CellTruth truth{scene.truth.mount_from_camera,
+                    {scene.truth.mount_from_target.begin(), scene.truth.mount_from_target.end()},
+                    {scene.truth.world_from_base.begin(), scene.truth.world_from_base.end()},
+                    std::vector<std::optional<Camera>>(scene.problem.cameras.size())};
+    dataset.truth = truth;
+    for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
+      Recording capture{"capture" + std::to_string(i), scene.problem.captures[i].base_from_gripper, {}};
+      for (const ProblemCamera& camera : scene.problem.cameras) {
+        capture.images.push_back(folder_ / (camera.name + "_" + std::to_string(i) + ".png"));
+      }
+      dataset.captures.push_back(std::move(capture));
+    }
+    return dataset;
   }
-  void OnStep(RunStage /*stage*/) override { ++num_steps; }
-  void OnStageEnd(RunStage stage) override { events.push_back("end " + std::to_string(static_cast<int>(stage))); }
-  void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override {
-    events.push_back("seen " + std::to_string(num_seen) + " of " + std::to_string(num_images) + ", left out " +
-                     std::to_string(left_out.indices.size()));
-  }
-  void OnCalibrated(const Calibration& calibration) override {
-    events.emplace_back(calibration.refined ? "calibrated" : "failed");
-  }
-  void OnHoldOuts(const std::vector<HoldOut>& hold_outs) override {
-    events.emplace_back(hold_outs.empty() ? "no hold-outs" : "hold-outs");
-  }
-  bool IsCancelled() override { return num_steps >= cancel_after; }
 
-  std::vector<std::string> events;
-  int num_steps = 0;
-  int cancel_after = 1000;
+  // Returns the observations of a scene as given detections.
+  static std::vector<TargetDetection> DetectionsOf(const CellScene& scene) {
+    std::vector<TargetDetection> detections;
+    for (size_t i = 0; i < scene.problem.captures.size(); ++i) {
+      for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+        const Camera& camera = scene.problem.cameras[c].camera;
+        for (size_t t = 0; t < scene.problem.targets.size(); ++t) {
+          TargetDetection& found = detections.emplace_back(TargetDetection{i, c, t, {}});
+          found.detection.width_px = camera.width_px;
+          found.detection.height_px = camera.height_px;
+          for (const ProblemImage& image : scene.problem.captures[i].images) {
+            if (image.camera != c || image.target != t) continue;
+            found.detection.detection.ids = image.observations.ids;
+            for (Eigen::Index p = 0; p < image.observations.pixels.cols(); ++p) {
+              found.detection.detection.pixels.emplace_back(image.observations.pixels.col(p));
+            }
+          }
+        }
+      }
+    }
+    return detections;
+  }
+
+  static Outcome<RunOutput> RunOn(Dataset dataset, const CellScene& scene, int folds = 0) {
+    dataset.given_detections = DetectionsOf(scene);
+    RunOptions options;
+    options.folds = folds;
+    return heba::Run(dataset, options);
+  }
+
+  // Returns the observations of a target by a camera in a capture.
+  static Observations& ImageOf(CellScene* scene, size_t capture, size_t camera, size_t target) {
+    for (ProblemImage& image : scene->problem.captures[capture].images) {
+      if (image.camera == camera && image.target == target) return image.observations;
+    }
+    throw InputError("the camera does not see this target");
+  }
+
+  static const ImageResult& ResultOf(const RunResult& result, const std::string& capture, const std::string& camera) {
+    const auto found = std::find_if(result.images.begin(), result.images.end(), [&](const ImageResult& image) {
+      return image.capture == capture && image.camera == camera;
+    });
+    if (found == result.images.end()) throw InputError("the result has no image " + camera + " of " + capture);
+    return *found;
+  }
+
+  RunResult WrittenAndRead(const RunResult& result) {
+    WriteFileAtomically(folder_ / "result.json", ResultToJson(result));
+    return ReadRunResult(folder_ / "result.json");
+  }
+
+  const TempFolder folder_;
+  const std::vector<std::shared_ptr<const Target>> targets_ = {ParseTarget(kTargets[0]), ParseTarget(kTargets[1])};
 };
 
-// The camera is moved by 4 mm on the gripper after 12 of 20 captures.
-TEST(RunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
-  constexpr size_t kFirstAfter = 12;
-  const std::shared_ptr<const Target> target = Chessboard();
-  TestSceneOptions scene_options = SimulatedOptions(*target);
-  scene_options.num_captures = 20;
-  const TestScene scene = MakeTestScene(5, scene_options);
-  Dataset dataset = NamedDatasetOf(scene, target);
-  RunOptions options = FixedCamera();
-  options.folds = 0;
-  const Outcome<RunOutput> still = heba::Run(dataset, options);
-  ASSERT_TRUE(still.ok()) << still.reason();
-  EXPECT_THAT(still->result.verdict.findings,
-              Each(Truly([](const Finding& finding) { return finding.code != "camera_moved"; })));
-
-  // The images are the same if the gripper is where the motion is undone.
-  const Rigid3d motion(ExpRotation({0, 0.002, 0}), {0.004, 0, 0});
-  for (size_t i = kFirstAfter; i < dataset.captures.size(); ++i) {
-    dataset.captures[i].base_from_gripper = dataset.captures[i].base_from_gripper * Inverse(motion);
+// Counts the folds, and then ends the run.
+class FoldCounter : public RunObserver {
+ public:
+  void OnStage(RunStage stage, int num_steps) override {
+    if (stage == RunStage::kHoldOut) num_folds_ = num_steps;
   }
-  const Outcome<RunOutput> moved = heba::Run(dataset, options);
-  ASSERT_TRUE(moved.ok()) << moved.reason();
-  const RunResult& result = moved->result;
-  EXPECT_EQ(result.verdict.grade, Grade::kBad);
-  ASSERT_FALSE(result.verdict.findings.empty());
-  const Finding& finding = result.verdict.findings.front();
-  EXPECT_EQ(finding.code, "camera_moved");
-  EXPECT_EQ(finding.Name("last_capture"), "11.png");
-  EXPECT_EQ(finding.Name("first_capture"), "12.png");
-  EXPECT_NEAR(finding.Number("moved_mm").value_or(0), 4, 0.3);
-  EXPECT_NEAR(finding.Number("moved_deg").value_or(0), RadToDeg(0.002), 0.02);
-  EXPECT_LT((FindRefined(result)->hand_eye.camera_mount_from_camera.translation -
-             scene.hand_eye.camera_mount_from_camera.translation)
-                .norm(),
-            2e-4);
-  for (size_t i = 0; i < result.captures.size(); ++i) {
-    EXPECT_EQ(result.captures[i].used, i < kFirstAfter) << i;
-    const Matcher<std::string> expected = i < kFirstAfter ? Matcher<std::string>("") : HasSubstr("moved before");
-    EXPECT_THAT(result.captures[i].reason, expected);
-  }
-}
+  bool IsCancelled() override { return num_folds_ > 0; }
+  int num_folds() const { return num_folds_; }
 
-TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
-  Dataset dataset = SimulatedDataset();
-  dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
-  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera());
-  ASSERT_TRUE(run.ok()) << run.reason();
-  const Estimate* const refined = FindRefined(run->result);
-  ASSERT_NE(refined, nullptr);
-  EXPECT_THAT(refined->hand_eye.camera_mount_from_camera,
-              IsNearPose(TrueHandEye().camera_mount_from_camera, 5e-4, 1e-3));
-  ASSERT_TRUE(refined->errors.truth.has_value());
-  EXPECT_LT(refined->errors.truth->hand_eye_mm, 0.5);
-  EXPECT_GT(refined->errors.truth->hand_eye_mm, 0);
-  ASSERT_TRUE(refined->errors.holdout_rms_px.has_value());
-  EXPECT_NEAR(*refined->errors.holdout_rms_px, 0.141, 0.02);  // 0.1 px in each of two coordinates.
-  EXPECT_EQ(run->result.name, "cell");
-  EXPECT_THAT(run->result.captures, SizeIs(14));
-  EXPECT_FALSE(run->result.verdict.findings.empty());
-  EXPECT_GT(run->result.timing.total_s, 0);
-}
+ private:
+  int num_folds_ = 0;
+};
 
-TEST(RunTest, TellsItsObserverWhatItDoes) {
-  Recorder recorder;
-  RunOptions options = FixedCamera();
-  options.folds = 4;
-  ASSERT_TRUE(heba::Run(SimulatedDataset(), options, &recorder).ok());
-  EXPECT_THAT(recorder.events,
-              ElementsAre("seen 14 of 14, left out 0", "calibrated", "stage 2 of 4", "end 2", "hold-outs"));
-  EXPECT_EQ(recorder.num_steps, 4);
-}
-
-TEST(RunTest, EndsWhenItIsCancelled) {
-  Recorder recorder;
-  recorder.cancel_after = 2;
-  const Outcome<RunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
-  EXPECT_FALSE(run.ok());
+TEST_F(CellRunTest, HasNoMoreFoldsThanCaptures) {
+  const CellScene scene = MakeScene(1);
+  Dataset dataset = DatasetOf(scene);
+  dataset.given_detections = DetectionsOf(scene);
+  RunOptions options;
+  options.folds = 1000;
+  FoldCounter counter;
+  const Outcome<RunOutput> run = heba::Run(dataset, options, &counter);
   EXPECT_EQ(run.failure().code, kCancelled);
-  EXPECT_THAT(recorder.events, Not(testing::Contains("hold-outs")));
-  recorder.cancel_after = 0;
-  recorder.events.clear();
-  EXPECT_EQ(heba::Run(SimulatedDataset(), FixedCamera(), &recorder).failure().code, kCancelled);
-  EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
+  EXPECT_EQ(counter.num_folds(), 16);
 }
 
-TEST(RunTest, CapturesWithOneImageCountOnce) {
-  Dataset dataset = SimulatedDataset();
-  dataset.captures.push_back(dataset.captures[3]);
-  dataset.captures.back().name = "again.png";
-  dataset.given_detections.push_back(dataset.given_detections[3]);
-  Recorder recorder;
-  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
-  ASSERT_TRUE(run.ok()) << run.reason();
-  EXPECT_EQ(recorder.events.front(), "seen 14 of 14, left out 1");
-  EXPECT_THAT(run->result.captures, SizeIs(15));
-  EXPECT_EQ(run->result.captures.back().repeat_of, "3.png");
-  EXPECT_THAT(run->dataset.captures, SizeIs(14));
-  EXPECT_THAT(run->detections, SizeIs(14));
+// A rejected point belongs neither to the error of the camera nor to that of the image.
+TEST_F(CellRunTest, RejectedPointsAreNoErrorsInSample) {
+  CellScene scene = MakeScene(1);
+  const Outcome<RunOutput> clean = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(clean) << clean.reason();
+  ImageOf(&scene, 5, 0, 0).pixels.col(7) += Eigen::Vector2d(40, 20);
+  const Outcome<RunOutput> run = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(run) << run.reason();
+  const ImageResult& image = ResultOf(run->result, "capture5", "left");
+  EXPECT_TRUE(image.used);
+  ASSERT_FALSE(image.targets.empty());
+  EXPECT_EQ(image.targets[0].num_rejected, 1);
+  EXPECT_NEAR(*image.targets[0].rms_px, *ResultOf(clean->result, "capture5", "left").targets[0].rms_px, 0.05);
+  EXPECT_NEAR(*run->result.errors[0].reprojection_rms_px, *clean->result.errors[0].reprojection_rms_px, 0.01);
 }
 
-TEST(RunTest, CalibratesFromPosesOfTheTarget) {
-  Dataset dataset = SimulatedDataset();
-  for (const Capture& capture : dataset.captures) {
-    dataset.target_poses.push_back(
-        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+// Each target that is not used has its own reason, after its name.
+TEST_F(CellRunTest, EveryTargetOfAnImageHasItsReason) {
+  CellScene scene = MakeScene(1);
+  // The plate of another capture, and a single point of the wall that is elsewhere.
+  ImageOf(&scene, 6, 0, 0).pixels = ImageOf(&scene, 7, 0, 0).pixels;
+  ImageOf(&scene, 6, 0, 0).ids = ImageOf(&scene, 7, 0, 0).ids;
+  Observations& wall = ImageOf(&scene, 6, 0, 1);
+  const Points2 pixel = wall.pixels.leftCols<1>().array() + 60;
+  wall.pixels = pixel;
+  wall.ids.resize(1);
+  const Outcome<RunOutput> run = RunOn(DatasetOf(scene), scene);
+  ASSERT_TRUE(run) << run.reason();
+  const ImageResult& image = ResultOf(run->result, "capture6", "left");
+  EXPECT_FALSE(image.used);
+  EXPECT_THAT(image.reason, AllOf(StartsWith("target plate: "),
+                                  HasSubstr("; target wall: none of its points is where the estimate predicts it")));
+}
+
+// One image at two poses is named and not used; the other camera's images of these captures are.
+TEST_F(CellRunTest, AnImageAtTwoPosesIsNotUsed) {
+  const CellScene scene = MakeScene(1);
+  Dataset dataset = DatasetOf(scene);
+  dataset.given_detections = DetectionsOf(scene);
+  for (TargetDetection& detection : dataset.given_detections) {
+    const bool is_copied = detection.camera == 0 && (detection.capture == 3 || detection.capture == 9);
+    if (is_copied) detection.detection.image_digest = "copied";
   }
-  dataset.given_detections.clear();
-  dataset.camera.reset();
-  dataset.target.reset();
   const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
-  ASSERT_TRUE(run.ok()) << run.reason();
-  ASSERT_TRUE(run->calibration.chain.ok());
-  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
-              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
-  EXPECT_THAT(run->detections, SizeIs(0));
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_THAT(ResultOf(run->result, "capture3", "left").reason,
+              StartsWith("the same image as capture9, byte by byte, but with another pose of the robot"));
+  EXPECT_FALSE(ResultOf(run->result, "capture9", "left").used);
+  EXPECT_TRUE(ResultOf(run->result, "capture3", "right").used);
+  EXPECT_TRUE(ResultOf(run->result, "capture9", "right").used);
 }
 
-TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
-  Dataset dataset = SimulatedDataset();
-  for (const Capture& capture : dataset.captures) {
-    dataset.target_poses.push_back(
-        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
-  }
-  // One of the two poses of a flat target, turned.
-  dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}), Eigen::Vector3d::Zero());
-  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
-  ASSERT_TRUE(run.ok()) << run.reason();
-  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
-              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
-  ASSERT_THAT(run->result.captures, SizeIs(14));
-  for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.captures[i].used, i != 6) << i;
-  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("contradicts the other captures"));
-  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("29 deg from where they predict it"));
-}
-
-TEST(RunTest, FailsWhereNothingWasDetected) {
-  Dataset dataset = SimulatedDataset();
-  for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
-  EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("nothing_detected (images 14, image "));
-}
-
-TEST(RunTest, RefusesAnIncompleteDataset) {
-  const auto error_of = [](const auto& spoil) {
-    Dataset dataset = SimulatedDataset();
-    spoil(&dataset);
-    return InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); });
+// Images of one camera that were left out for one reason have one line.
+TEST(LeftOutNotesTest, NameTheFirstAndTheLastImage) {
+  const auto image = [](const std::string& capture, const std::string& camera, const std::string& target,
+                        const std::string& reason) {
+    ImageResult result{capture, camera, capture, false, reason.empty() ? "" : "target " + target + ": " + reason, {}};
+    TargetInImage& seen = result.targets.emplace_back();
+    seen.target = target;
+    seen.reason = reason;
+    return result;
   };
-  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->captures.clear(); }), "the data set has no captures");
-  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->target.reset(); }), "the data set has no target");
-  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->given_detections.pop_back(); }),
-            "the data set has 14 captures, but 13 detections");
-  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->target_poses.resize(3); }),
-            "the data set has 14 captures, but 3 poses of the target");
+  ImageResult unseen{"9.png", "left", "9.png", false, "no target was detected", {}};
+  EXPECT_THAT(LeftOutNotes({image("1.png", "left", "plate", "was moved"), image("1.png", "right", "plate", "is wrong"),
+                            image("2.png", "left", "plate", ""), image("3.png", "left", "wall", "was moved"),
+                            image("3.png", "right", "plate", "was moved"), image("4.png", "left", "plate", "was moved"),
+                            unseen}),
+              testing::ElementsAre("camera left: 3 images, from 1.png to 4.png: targets plate, wall: was moved",
+                                   "1.png, camera right: target plate: is wrong",
+                                   "3.png, camera right: target plate: was moved"));
 }
 
-TEST(RunTest, RefusesACameraOfAnotherSize) {
-  Dataset dataset = SimulatedDataset();
-  dataset.camera->width_px = 640;
-  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); }),
-              HasSubstr("camera: is for images of 640 x 960 px"));
+// The errors of targets and bases by the truth are in the result, in its file and in the table.
+TEST_F(CellRunTest, TruthOfTargetsAndBasesIsCompared) {
+  const CellScene scene = MakeScene(2);
+  Dataset dataset = DatasetOf(scene);
+  const Rigid3d off(Eigen::Quaterniond::Identity(), {0.05, 0, 0});
+  dataset.truth->mount_from_target[1] = *dataset.truth->mount_from_target[1] * off;
+  const Outcome<RunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  for (const RunResult& result : {run->result, WrittenAndRead(run->result)}) {
+    const CellPoses& poses = result.solution.poses;
+    ASSERT_EQ(result.truth.targets.size(), 2U);
+    EXPECT_NEAR(result.truth.targets[0]->mm,
+                1000 * DistanceM(poses.mount_from_target[0], scene.truth.mount_from_target[0]), 1e-6);
+    EXPECT_NEAR(result.truth.targets[1]->mm, 50, 1);
+    ASSERT_EQ(result.truth.bases.size(), 2U);
+    EXPECT_FALSE(result.truth.bases[0].has_value());
+    EXPECT_NEAR(result.truth.bases[1]->mm, 1000 * DistanceM(poses.world_from_base[1], scene.truth.world_from_base[1]),
+                1e-6);
+    EXPECT_LT(result.truth.bases[1]->mm, 2);
+    EXPECT_GT(result.truth.bases[1]->mm, 0);
+    ASSERT_EQ(result.truth.relative_cameras.size(), 1U);
+    EXPECT_LT(result.truth.relative_cameras[0]->mm, 2);
+  }
+  const std::string table = ResultTable(run->result, Colour::kPlain);
+  const std::string base = table.substr(table.find("base of arm two in world"));
+  EXPECT_THAT(base.substr(0, base.find("camera ")), HasSubstr("\n  true error "));
+}
+
+// A pose that the truth does not know has no error.
+TEST_F(CellRunTest, UnknownTruthIsNoError) {
+  const CellScene scene = MakeScene(2);
+  Dataset dataset = DatasetOf(scene);
+  dataset.truth->mount_from_target[0].reset();
+  dataset.truth->world_from_base[1].reset();
+  const Outcome<RunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_FALSE(run->result.truth.targets[0].has_value());
+  EXPECT_TRUE(run->result.truth.targets[1].has_value());
+  EXPECT_FALSE(run->result.truth.bases[1].has_value());
+}
+
+// An image with fewer points than determine a pose does not count as one that shows the target.
+TEST_F(CellRunTest, NotesCountImagesThatDetermineAPose) {
+  const Dataset dataset = DatasetOf(MakeScene(1));
+  std::vector<TargetDetection> detections;
+  for (size_t i = 0; i < 5; ++i) {
+    TargetDetection& found = detections.emplace_back(TargetDetection{i, 1, 0, {}});
+    for (int id = 0; id <= static_cast<int>(i); ++id) {
+      found.detection.detection.ids.push_back(id);
+      found.detection.detection.pixels.emplace_back(10 * id, 20);
+    }
+  }
+  EXPECT_THAT(DetectionNotes(dataset, detections),
+              testing::ElementsAre("cell: camera left sees target plate in 0 of 0 images",
+                                   "cell: camera left sees target wall in 0 of 0 images",
+                                   "cell: camera right sees target plate in 2 of 5 images",
+                                   "cell: camera right sees target wall in 0 of 0 images"));
+}
+
+TEST_F(CellRunTest, WhatIsLeftOutIsListed) {
+  const CellScene scene = MakeScene(1);
+  Dataset dataset = DatasetOf(scene);
+  const size_t num_images = 2 * dataset.captures.size();
+  dataset.left_out = {
+      {"extra", "left out by captures.exclude", "extra", {folder_ / "left_extra.png", folder_ / "right_extra.png"}},
+      {"right/late.png", "the robot's pose is not in the poses file", "", {{}, folder_ / "late.png"}},
+      {"two.csv:9", "the pose belongs to no capture of one.csv", "", {}}};
+  const Outcome<RunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  for (const RunResult& result : {run->result, WrittenAndRead(run->result)}) {
+    ASSERT_EQ(result.images.size(), num_images + 4);
+    const auto expect = [&](size_t place, const char* capture, const char* camera, const char* image,
+                            const char* reason) {
+      const ImageResult& entry = result.images[num_images + place];
+      EXPECT_EQ(entry.capture, capture);
+      EXPECT_EQ(entry.camera, camera);
+      EXPECT_EQ(entry.image, image);
+      EXPECT_EQ(entry.reason, reason);
+      EXPECT_FALSE(entry.used);
+    };
+    expect(0, "extra", "left", "left_extra.png", "left out by captures.exclude");
+    expect(1, "extra", "right", "right_extra.png", "left out by captures.exclude");
+    expect(2, "", "right", "late.png", "the robot's pose is not in the poses file");
+    expect(3, "two.csv:9", "", "", "the pose belongs to no capture of one.csv");
+    // They are no images that the run could have used.
+    EXPECT_EQ(CountImages(result, "left"), std::pair(16, 16));
+  }
+  const std::string page = ReportPage(ReportDataOf(*run), {"", "", "", ""});
+  EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
+  EXPECT_THAT(page, HasSubstr("late.png"));
+}
+
+// One row of joints belongs to another capture.
+TEST_F(CellRunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
+  CellSceneSetting setting;
+  setting.num_captures = 20;
+  setting.has_free_intrinsics = false;
+  CellScene rig = ReachableCell(11, setting);
+  for (size_t t = 0; t < targets_.size(); ++t) {
+    rig.targets[t].points_in_target = AllPoints(*targets_[t]).points_in_target;
+    rig.problem.targets[t].shape = DesignedShape(rig.targets[t].points_in_target);
+  }
+  const CellArmScene scene = WithArms(std::move(rig), setting, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, 12);
+  Dataset dataset = DatasetOf(scene.rig);
+  dataset.truth.reset();
+  dataset.arms = {RobotArm{scene.arms.front()->nominal, scene.arms.front()->tip_from_gripper, {}}};
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const Eigen::VectorXd& joints = scene.joints[i].front();
+    dataset.captures[i].joints = {{joints.begin(), joints.end()}};
+  }
+  dataset.captures[4].joints = dataset.captures[9].joints;
+  const Outcome<RunOutput> run = RunOn(dataset, scene.rig);
+  ASSERT_TRUE(run) << run.reason();
+  EXPECT_EQ(run->dataset.captures.size(), dataset.captures.size() - 1);
+  const ImageResult& left_out = ResultOf(run->result, "capture4", "left");
+  EXPECT_FALSE(left_out.used);
+  EXPECT_THAT(left_out.reason, HasSubstr("its joints or its pose are wrong"));
+  ASSERT_TRUE(run->result.arms.front().has_value());
+  EXPECT_TRUE(run->result.arms.front()->is_estimated) << run->result.arms.front()->reason.ToString();
+  // The later captures keep their images.
+  EXPECT_TRUE(ResultOf(run->result, "capture5", "left").used);
+  for (const TargetDetection& detection : run->detections) EXPECT_LT(detection.capture, run->dataset.captures.size());
+}
+
+TEST_F(CellRunTest, HoldOutsOfImagesAddUpToThoseOfTheirCamera) {
+  const CellScene scene = MakeScene(1);
+  const Outcome<RunOutput> run = RunOn(DatasetOf(scene), scene, 4);
+  ASSERT_TRUE(run) << run.reason();
+  for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+    double squares_mm2 = 0;
+    int num_targets = 0;
+    for (const ImageResult& image : run->result.images) {
+      if (image.camera != scene.problem.cameras[c].name || !image.used) continue;
+      ASSERT_TRUE(image.holdout_target_mm.has_value()) << image.capture;
+      const auto number = static_cast<int>(image.targets.size());
+      squares_mm2 += number * *image.holdout_target_mm * *image.holdout_target_mm;
+      num_targets += number;
+    }
+    const double of_camera_mm = *run->result.errors[c].holdout_target_mm;
+    EXPECT_NEAR(std::sqrt(squares_mm2 / num_targets), of_camera_mm, 1e-9 * of_camera_mm);
+  }
+  const fs::path file = folder_ / "result.json";
+  WriteFileAtomically(file, ResultToJson(run->result));
+  const RunResult read = ReadRunResult(file);
+  for (size_t e = 0; e < read.images.size(); ++e) {
+    EXPECT_EQ(read.images[e].holdout_target_mm, run->result.images[e].holdout_target_mm);
+  }
 }
 
 }  // namespace

@@ -22,8 +22,8 @@ constexpr const char* kTarget =
 // Six rendered images of two cameras, detected, and where they were rendered.
 struct RenderedCell {
   TempFolder folder;
-  RigDataset dataset;
-  std::vector<RigDetection> detections;
+  Dataset dataset;
+  std::vector<TargetDetection> detections;
   PredictedImages predicted;
 
   RenderedCell() {
@@ -35,7 +35,7 @@ struct RenderedCell {
     const TargetShape shape = DesignedShape(AllPoints(target).points_in_target);
     predicted = {{ImageCamera(), ImageCamera()}, {shape}, {}, {0.2, 0.2}};
     for (size_t i = 0; i < 6; ++i) {
-      RigRecording& capture = dataset.captures.emplace_back();
+      Recording& capture = dataset.captures.emplace_back();
       for (size_t c = 0; c < 2; ++c) {
         const Rigid3d pose = RandomView(target.Draw(), 0.6, 0.4, 3, rng);
         capture.images.push_back(folder / (std::to_string(2 * i + c) + ".png"));
@@ -56,7 +56,7 @@ class SecondDetectionTest : public testing::Test {
  protected:
   // Removes the points with the first ids from the detections of a camera, or of all cameras.
   void Forget(int num_ids, std::optional<size_t> camera) {
-    for (RigDetection& of_image : detections_) {
+    for (TargetDetection& of_image : detections_) {
       if (camera && of_image.camera != *camera) continue;
       Detection kept = of_image.detection.detection;
       Detection& all = of_image.detection.detection;
@@ -73,15 +73,15 @@ class SecondDetectionTest : public testing::Test {
     }
   }
 
-  RigDataset dataset_ = Rendered().dataset;
-  std::vector<RigDetection> detections_ = Rendered().detections;
+  Dataset dataset_ = Rendered().dataset;
+  std::vector<TargetDetection> detections_ = Rendered().detections;
   PredictedImages predicted_ = Rendered().predicted;
 };
 
 TEST_F(SecondDetectionTest, FindsPointsInTheImagesOfEveryCamera) {
-  const std::vector<RigDetection> complete = detections_;
+  const std::vector<TargetDetection> complete = detections_;
   Forget(6, std::nullopt);
-  const std::optional<std::vector<RigDetection>> again = DetectAgain(dataset_, detections_, predicted_, 2, nullptr);
+  const std::optional<std::vector<TargetDetection>> again = DetectAgain(dataset_, detections_, predicted_, 2, nullptr);
   ASSERT_TRUE(again);
   ASSERT_THAT(*again, SizeIs(complete.size()));
   for (size_t i = 0; i < complete.size(); ++i) {

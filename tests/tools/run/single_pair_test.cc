@@ -10,7 +10,6 @@
 #include <gtest/gtest.h>
 
 #include "heba/evaluation/verdict.h"
-#include "heba/rig_run.h"
 #include "heba/run.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/datasets.h"
@@ -28,19 +27,19 @@ struct Case {
   Setup setup;
   bool is_camera_given = true;
   double noise_of_arm_m = 0;  // One sigma of each coordinate.
-  void (*spoil)(Dataset* dataset) = [](Dataset*) {};
+  void (*spoil)(PairDataset* dataset) = [](PairDataset*) {};
 };
 
-void GiveWrongPose(Dataset* dataset) { dataset->captures[3].base_from_gripper.translation.x() += 0.02; }
+void GiveWrongPose(PairDataset* dataset) { dataset->captures[3].base_from_gripper.translation.x() += 0.02; }
 
-void RepeatImage(Dataset* dataset) {
+void RepeatImage(PairDataset* dataset) {
   dataset->given_detections[5] = dataset->given_detections[4];
   dataset->captures[5].base_from_gripper = dataset->captures[4].base_from_gripper;
 }
 
-void HideTarget(Dataset* dataset) { dataset->given_detections[2].detection = Detection(); }
+void HideTarget(PairDataset* dataset) { dataset->given_detections[2].detection = Detection(); }
 
-void KeepFew(Dataset* dataset) {
+void KeepFew(PairDataset* dataset) {
   dataset->captures.resize(5);
   dataset->given_detections.resize(5);
 }
@@ -56,7 +55,7 @@ const Case kCases[] = {
     {"few_captures", Setup::kEyeInHand, true, 1e-4, KeepFew},
 };
 
-Dataset DatasetOf(const Case& of) {
+PairDataset DatasetOf(const Case& of) {
   const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
   TestSceneOptions options;
   options.setup = of.setup;
@@ -65,7 +64,7 @@ Dataset DatasetOf(const Case& of) {
   options.noise_px = 0.1;
   options.robot_translation_m = of.noise_of_arm_m;
   options.points = AllPoints(*target).points_in_target;
-  Dataset dataset = heba::DatasetOf(MakeTestScene(7, options), of.setup, target);
+  PairDataset dataset = heba::DatasetOf(MakeTestScene(7, options), of.setup, target);
   if (!of.is_camera_given) dataset.camera.reset();
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
@@ -75,7 +74,7 @@ Dataset DatasetOf(const Case& of) {
   return dataset;
 }
 
-RigDataset Named(RigDataset dataset) {
+Dataset Named(Dataset dataset) {
   dataset.rig.cameras[0].name = "top";
   dataset.rig.targets[0].name = "plate";
   dataset.rig.robots[0] = "robot";
@@ -93,22 +92,22 @@ std::vector<std::string> CodesOf(const Verdict& verdict) {
 class SinglePairTest : public ::testing::TestWithParam<Case> {};
 
 TEST_P(SinglePairTest, IsTheSingleCamera) {
-  const Dataset dataset = DatasetOf(GetParam());
-  RunOptions options;
+  const PairDataset dataset = DatasetOf(GetParam());
+  PairRunOptions options;
   options.camera_model = "pinhole";
   options.choose_camera_model = false;
-  RigRunOptions of_rig;
-  RigDataset rig = Named(AsRigDataset(dataset));
+  RunOptions of_rig;
+  Dataset rig = Named(AsDataset(dataset));
   rig.rig.cameras[0].free_intrinsics = options.bundle.free_intrinsics;
   if (!dataset.camera) rig.rig.cameras[0].camera.model = "pinhole";
 
-  const Outcome<RunOutput> single = heba::Run(dataset, options);
-  const Outcome<RigRunOutput> pair = RunRig(rig, of_rig);
+  const Outcome<PairRunOutput> single = heba::Run(dataset, options);
+  const Outcome<RunOutput> pair = heba::Run(rig, of_rig);
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
 
   const Estimate& refined = *FindRefined(single->result);
-  const RigResult& result = pair->result;
+  const RunResult& result = pair->result;
   const Rigid3d& pose = result.solution.poses.mount_from_camera[0];
   EXPECT_LT(DistanceM(pose, refined.hand_eye.camera_mount_from_camera), 1e-12);
   EXPECT_LT(AngleRad(pose, refined.hand_eye.camera_mount_from_camera), 1e-7);
@@ -144,23 +143,23 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   scene_options.setup = Setup::kEyeInHand;
   scene_options.points = AllPoints(*target).points_in_target;
   const ArmScene scene = MakeArmScene(3, scene_options);
-  Dataset dataset = heba::DatasetOf(scene.scene, scene_options.setup, target);
+  PairDataset dataset = heba::DatasetOf(scene.scene, scene_options.setup, target);
   dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
   for (size_t i = 0; i < scene.joints.size(); ++i) {
     dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
     dataset.captures[i].image = dataset.captures[i].name;
   }
-  const RigDataset rig = Named(AsRigDataset(dataset));
-  RunOptions options;
+  const Dataset rig = Named(AsDataset(dataset));
+  PairRunOptions options;
   options.bundle.free_intrinsics = {};
   options.folds = 0;
-  RigRunOptions of_rig;
+  RunOptions of_rig;
   of_rig.calibration.adjustment.num_threads = 1;
   of_rig.folds = 0;
-  const Outcome<RunOutput> single = heba::Run(dataset, options);
-  RigDataset held = rig;
+  const Outcome<PairRunOutput> single = heba::Run(dataset, options);
+  Dataset held = rig;
   held.rig.cameras[0].free_intrinsics = {};
-  const Outcome<RigRunOutput> pair = RunRig(held, of_rig);
+  const Outcome<RunOutput> pair = heba::Run(held, of_rig);
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
   ASSERT_TRUE(pair->result.arms[0]->is_estimated) << pair->result.arms[0]->reason.ToString();

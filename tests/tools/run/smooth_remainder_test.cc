@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/datasets.h"
 
@@ -26,7 +26,7 @@ Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseE
   scene_options.num_captures = 30;
   scene_options.points = AllPoints(*target).points_in_target;
   scene_options.joint_ripple_rad = joint_ripple_rad;
-  RunOptions options;
+  PairRunOptions options;
   options.bundle.free_intrinsics = {};
   options.folds = 0;
   options.smooth = smooth;
@@ -34,19 +34,19 @@ Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseE
   double sum = 0;
   for (const uint64_t seed : {2, 3, 4, 5}) {
     const ArmScene scene = MakeArmScene(seed, scene_options);
-    Dataset dataset = DatasetOf(scene.scene, scene_options.setup, target);
+    PairDataset dataset = DatasetOf(scene.scene, scene_options.setup, target);
     dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
     for (size_t i = 0; i < scene.joints.size(); ++i) {
       dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
     }
-    const Outcome<RunOutput> run = Run(dataset, options);
+    const Outcome<PairRunOutput> run = Run(dataset, options);
     EXPECT_TRUE(run) << run.reason();
     if (!run || !run->result.robot->is_estimated) continue;
     ++figures.num_runs;
     const std::vector<Finding>& findings = run->result.verdict.findings;
     figures.num_named += std::any_of(findings.begin(), findings.end(),
                                      [](const Finding& finding) { return finding.Name("beside") == "errors_of_arm"; });
-    const Solution& solution = *run->calibration.refined;
+    const PairSolution& solution = *run->calibration.refined;
     const Tangent6 error =
         LocalCoordinates(scene.scene.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
     sum += error.dot(SolveSymmetric(solution.covariance.matrix.topLeftCorner<6, 6>(), error)) / 6;

@@ -69,7 +69,7 @@ std::vector<CellResult> ResultOf(int cell) {
   return {result};
 }
 
-StudyCell& RigCell(StudyConfig* study) { return study->cells[2]; }
+StudyCell& StudyCellOf(StudyConfig* study) { return study->cells[2]; }
 
 class StudyCellsTest : public testing::Test {
  protected:
@@ -183,7 +183,7 @@ INSTANTIATE_TEST_SUITE_P(
         Change{"GivenCamera", [](StudyConfig* study) { CameraCell(study).gives_cameras = false; }}),
     [](const auto& change) { return change.param.name; });
 
-TEST_F(StudyCellsTest, FindsThePosesOfARigInTheirOrder) {
+TEST_F(StudyCellsTest, FindsThePosesOfACellInTheirOrder) {
   const StudyCells cells(folder_ / "study", study_);
   std::vector<CellResult> results;
   for (const char* pose : {"camera top in world", "camera side in camera top"}) {
@@ -203,9 +203,9 @@ TEST_F(StudyCellsTest, FindsThePosesOfARigInTheirOrder) {
   EXPECT_FALSE(found->at(0).bound->board_m.has_value());
 }
 
-class ChangedRigStudyTest : public StudyCellsTest, public testing::WithParamInterface<Change> {};
+class ChangedCellStudyTest : public StudyCellsTest, public testing::WithParamInterface<Change> {};
 
-TEST_P(ChangedRigStudyTest, DoesNotReuseTheCell) {
+TEST_P(ChangedCellStudyTest, DoesNotReuseTheCell) {
   StudyCells(folder_ / "study", study_).Keep(ResultOf(2));
   ASSERT_TRUE(StudyCells(folder_ / "study", study_).Find(2).has_value());
   GetParam().apply(&study_);
@@ -213,27 +213,31 @@ TEST_P(ChangedRigStudyTest, DoesNotReuseTheCell) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    , ChangedRigStudyTest,
+    , ChangedCellStudyTest,
     testing::Values(
-        Change{"PixelNoise", [](StudyConfig* study) { RigCell(study).pixel_sigma_px = 0.2; }},
-        Change{"RobotNoise", [](StudyConfig* study) { RigCell(study).robot_noise.rotation_rad = 1e-9; }},
-        Change{"Margin", [](StudyConfig* study) { RigCell(study).margin_px += 1; }},
-        Change{"Camera", [](StudyConfig* study) { RigCell(study).problem.cameras[0].camera.params[0] += 1e-6; }},
-        Change{"Name", [](StudyConfig* study) { RigCell(study).problem.cameras[0].name = "side"; }},
-        Change{"Mount", [](StudyConfig* study) { RigCell(study).problem.targets[0].mount.part = Mount::Part::kBase; }},
-        Change{"CameraPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_camera[0].translation.x() = 1; }},
-        Change{"TargetPose", [](StudyConfig* study) { RigCell(study).poses.mount_from_target[0].translation.x() = 1; }},
-        Change{"Arm", [](StudyConfig* study) { RigCell(study).captures[1].arms[0].translation.x() = 1; }},
-        Change{"Points", [](StudyConfig* study) { RigCell(study).targets[0].points.points_in_target(0, 0) = 1; }},
-        Change{
-            "Intrinsics",
-            [](StudyConfig* study) { RigCell(study).problem.cameras[0].free_intrinsics = {ParameterGroup::kFocal}; }},
-        Change{"GivenCamera", [](StudyConfig* study) { RigCell(study).gives_cameras = false; }},
+        Change{"PixelNoise", [](StudyConfig* study) { StudyCellOf(study).pixel_sigma_px = 0.2; }},
+        Change{"RobotNoise", [](StudyConfig* study) { StudyCellOf(study).robot_noise.rotation_rad = 1e-9; }},
+        Change{"Margin", [](StudyConfig* study) { StudyCellOf(study).margin_px += 1; }},
+        Change{"Camera", [](StudyConfig* study) { StudyCellOf(study).problem.cameras[0].camera.params[0] += 1e-6; }},
+        Change{"Name", [](StudyConfig* study) { StudyCellOf(study).problem.cameras[0].name = "side"; }},
+        Change{"Mount",
+               [](StudyConfig* study) { StudyCellOf(study).problem.targets[0].mount.part = Mount::Part::kBase; }},
+        Change{"CameraPose",
+               [](StudyConfig* study) { StudyCellOf(study).poses.mount_from_camera[0].translation.x() = 1; }},
+        Change{"TargetPose",
+               [](StudyConfig* study) { StudyCellOf(study).poses.mount_from_target[0].translation.x() = 1; }},
+        Change{"Arm", [](StudyConfig* study) { StudyCellOf(study).captures[1].arms[0].translation.x() = 1; }},
+        Change{"Points", [](StudyConfig* study) { StudyCellOf(study).targets[0].points.points_in_target(0, 0) = 1; }},
+        Change{"Intrinsics",
+               [](StudyConfig* study) {
+                 StudyCellOf(study).problem.cameras[0].free_intrinsics = {ParameterGroup::kFocal};
+               }},
+        Change{"GivenCamera", [](StudyConfig* study) { StudyCellOf(study).gives_cameras = false; }},
         Change{"RobotModel",
-               [](StudyConfig* study) { RigCell(study).options.bundle.robot = BundleOptions::Robot::kGivenNoise; }},
-        Change{"Loss", [](StudyConfig* study) { RigCell(study).options.bundle.loss = LossKind::kNone; }},
-        Change{"Shape", [](StudyConfig* study) { RigCell(study).options.choose.target_shape = false; }},
-        Change{"Estimators", [](StudyConfig* study) { RigCell(study).estimators = {StudyEstimator::kOneByOne}; }}),
+               [](StudyConfig* study) { StudyCellOf(study).options.bundle.robot = BundleOptions::Robot::kGivenNoise; }},
+        Change{"Loss", [](StudyConfig* study) { StudyCellOf(study).options.bundle.loss = LossKind::kNone; }},
+        Change{"Shape", [](StudyConfig* study) { StudyCellOf(study).options.choose.target_shape = false; }},
+        Change{"Estimators", [](StudyConfig* study) { StudyCellOf(study).estimators = {StudyEstimator::kOneByOne}; }}),
     [](const auto& change) { return change.param.name; });
 
 // The content of a cell decides, not its neighbours.

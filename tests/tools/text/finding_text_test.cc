@@ -162,7 +162,7 @@ TEST(FindingTextTest, SuggestedCapturesAreTheRemedyOfAWeakDirection) {
   EXPECT_THAT(ActionOf(weak), StartsWith("take many more captures: no pair"));
 }
 
-TEST(FindingTextTest, SuggestedCapturesOfARigNameWhereTheyStartAndWhatIsSeen) {
+TEST(FindingTextTest, SuggestedCapturesOfACellNameWhereTheyStartAndWhatIsSeen) {
   Finding weak = WeakFocalLength();
   weak.names = {{"of_camera", "left"}};
   Finding& suggested = weak.parts.back();

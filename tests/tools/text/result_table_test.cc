@@ -22,8 +22,8 @@ Estimate EstimateOf(const std::string& method, double rms_px) {
   return estimate;
 }
 
-RunResult ResultOf(std::vector<Estimate> estimates) {
-  RunResult result;
+PairResult ResultOf(std::vector<Estimate> estimates) {
+  PairResult result;
   result.name = "cell";
   result.target_type = "chessboard";
   result.estimates = std::move(estimates);
@@ -75,7 +75,7 @@ TEST(ResultTableTest, MethodsForAnotherMotionAreListedIfAskedFor) {
   Estimate two_step = EstimateOf("two_step", 0.5);
   two_step.ok = false;
   two_step.reason = Failure("no capture has the role home");
-  const RunResult result = ResultOf({two_step, EstimateOf("shah", 1)});
+  const PairResult result = ResultOf({two_step, EstimateOf("shah", 1)});
   EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("two_step")));
   EXPECT_THAT(ResultTable(result, Colour::kPlain, {"two_step", "shah"}),
               HasSubstr("\ntwo_step: no result, no capture has the role home\n"));
@@ -89,34 +89,34 @@ TEST(ResultTableTest, TrueErrorsAreThereOnlyWithATruth) {
 }
 
 TEST(ResultTableTest, PlainTextHasNoEscapeSequences) {
-  const RunResult result = ResultOf({EstimateOf("shah", 1)});
+  const PairResult result = ResultOf({EstimateOf("shah", 1)});
   EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("\x1b")));
   EXPECT_THAT(ResultTable(result, Colour::kAnsi), HasSubstr("\x1b[1mshah"));
 }
 
 // A rig with a camera on the base of its only arm, and a target on the gripper.
-RigResult RigOf(const std::string& camera) {
-  RigResult result;
+RunResult CellOf(const std::string& camera) {
+  RunResult result;
   result.name = "cell";
   result.rig.robots = {"robot"};
   result.rig.cameras.push_back({camera, {0, Mount::Part::kBase}, {"pinhole", 640, 480, {600, 600, 320, 240}}});
   result.rig.targets.push_back({"plate", {0, Mount::Part::kGripper}, {}});
-  RigSolution& solution = result.solution;
+  Solution& solution = result.solution;
   solution.poses = {{Rigid3d()}, {Rigid3d()}, {Rigid3d()}};
   solution.cameras = {result.rig.cameras.front().camera};
   solution.shapes.resize(1);
   solution.pixel_sigmas_px = {0.05};
   solution.robot_noise = {RobotNoise{1e-4, 1e-3, 2e-3}};
   solution.smooth_noise = {RobotNoise{3e-4, 1e-3}};
-  solution.covariance.layout = RigUnknowns(result.rig);
+  solution.covariance.layout = UnknownsOf(result.rig);
   const Eigen::Index size = solution.covariance.layout.size();
   solution.covariance.matrix = 1e-6 * Eigen::MatrixXd::Identity(size, size);
   result.errors = {{0.2, 0.3, 0.4, 0.05}};
   return result;
 }
 
-TEST(ResultTableTest, OfARigHasALineForEachCamera) {
-  const std::string table = ResultTable(RigOf("top"), Colour::kPlain);
+TEST(ResultTableTest, OfACellHasALineForEachCamera) {
+  const std::string table = ResultTable(CellOf("top"), Colour::kPlain);
   EXPECT_THAT(table, HasSubstr("cell: 1 camera, 1 target, 1 arm\n"));
   EXPECT_THAT(table, HasSubstr("\ntop                 0/0      0.200     0.300     0.400   0.050   0.0500\n"));
   EXPECT_THAT(table, HasSubstr("\ncamera top in base\n  [0.0, 0.0, 0.0] mm"));
@@ -124,8 +124,8 @@ TEST(ResultTableTest, OfARigHasALineForEachCamera) {
 }
 
 // The noise of an arm is described as that of the robot of a single camera.
-TEST(ResultTableTest, OfARigDescribesTheNoiseOfTheJointsAndSmoothErrors) {
-  EXPECT_THAT(ResultTable(RigOf("top"), Colour::kPlain),
+TEST(ResultTableTest, OfACellDescribesTheNoiseOfTheJointsAndSmoothErrors) {
+  EXPECT_THAT(ResultTable(CellOf("top"), Colour::kPlain),
               HasSubstr("\narm robot: noise 0.10 mm and 0.057 deg, each joint 0.11 deg, smooth errors 0.30 mm and "
                         "0.057 deg\n"));
 }

@@ -21,10 +21,10 @@ namespace heba {
 namespace {
 
 // Returns the images of the arguments: paths or, of several cameras, CAMERA=PATH.
-std::vector<SessionImage> ImagesOf(const RigProblem& rig, const std::vector<std::string>& arguments) {
+std::vector<SessionImage> ImagesOf(const Problem& rig, const std::vector<std::string>& arguments) {
   std::vector<SessionImage> images;
   std::vector<std::string> names;
-  for (const RigCamera& camera : rig.cameras) names.push_back(camera.name);
+  for (const ProblemCamera& camera : rig.cameras) names.push_back(camera.name);
   for (const std::string& text : arguments) {
     const auto [camera, path] = NamedValue("an image", text, names, "CAMERA=IMAGE");
     images.push_back({camera, path});
@@ -82,7 +82,7 @@ int RunCommand_check(const std::vector<std::string>& arguments) {
   const std::vector<SessionImage> images = ImagesOf(run.result.rig, paths);
   const Session session = ReadSession(run, images, PosesOfFlags(run, images), NumThreads());
   for (const std::string& note : session.notes) std::cerr << "heba: warning: " << note << std::endl;
-  const RigProblem& rig = session.problem;
+  const Problem& rig = session.problem;
   const Outcome<SessionCheck> check = CheckSession(rig, run.result.solution, SessionOptionsOf(run, is_in_place));
   if (!check && check.failure().code == "hidden_point") {
     return Undecided(

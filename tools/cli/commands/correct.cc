@@ -112,7 +112,7 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
     throw InputError("--out: " + FLAGS_out + " would replace the poses or a file of the run; name another file");
   }
   const fs::path file = run / "result.json";
-  const RigResult result = ReadWholeResult(file);
+  const RunResult result = ReadWholeResult(file);
   const size_t index = FindArm(result.rig.robots);
   const RobotSummary* const arm = FindEstimatedArm(result, index);
   if (arm == nullptr) {

@@ -16,7 +16,7 @@
 #include "tools/cli/command.h"
 #include "tools/cli/detect_any.h"
 #include "tools/cli/flags.h"
-#include "tools/config/rig_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
@@ -138,9 +138,9 @@ struct SearchedImages {
 };
 
 // Detects the target in the images of a config of one camera, and writes detections.json into the folder.
-SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
-  Dataset data = config.data;
-  CheckCamerasByHeader(AsRigDataset(data));
+SearchedImages Search(const PairConfig& config, const fs::path& folder, RunObserver* observer) {
+  PairDataset data = config.data;
+  CheckCamerasByHeader(AsDataset(data));
   const std::vector<CaptureDetection> detections =
       DetectCaptures(data, CachedDetection(data, config.target_used), NumThreads(), observer);
   FitCameraToImages(detections, &data);
@@ -155,15 +155,15 @@ SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserv
 }
 
 // Detects all targets in the images of all cameras of a rig, and writes the folder detections into the folder.
-SearchedImages Search(const RigConfig& config, const fs::path& folder, RunObserver* observer) {
-  const RigDataset& data = config.data;
+SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
+  const Dataset& data = config.data;
   std::vector<DetectFunction> detect;
   for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
   CheckCamerasByHeader(data);
-  const std::vector<RigDetection> detections = DetectRig(data, detect, NumThreads(), observer);
-  RigProblem rig = data.rig;
+  const std::vector<TargetDetection> detections = DetectDataset(data, detect, NumThreads(), observer);
+  Problem rig = data.rig;
   FitCamerasToImages(data, detections, &rig);
-  WriteRigDetections(data, detections, folder / "detections");
+  WriteDetections(data, detections, folder / "detections");
   SearchedImages searched{data.targets, {}, {}};
   for (size_t t = 0; t < data.targets.size(); ++t) {
     searched.target_names.push_back({rig.targets[t].name, data.targets[t]->points().size()});
@@ -174,7 +174,7 @@ SearchedImages Search(const RigConfig& config, const fs::path& folder, RunObserv
     camera.model = rig.cameras[c].camera.model;
     if (data.has_camera[c]) camera.given = rig.cameras[c].camera;
   }
-  for (const RigDetection& detection : detections) {
+  for (const TargetDetection& detection : detections) {
     SearchedCamera& camera = searched.cameras[detection.camera];
     // The detections of the targets in one image follow one another.
     if (detection.target == 0) {
@@ -218,14 +218,14 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   if (FLAGS_any) return DetectAny(arguments);
   if (arguments.size() > 1) throw InputError("'heba detect' takes one CONFIG, or images with --any");
   const std::string& path = arguments[0];
-  if (IsRigConfig(path, Settings())) {
-    const RigConfig config = ReadRigConfig(path, Settings());
+  if (IsLongConfig(path, Settings())) {
+    const RunConfig config = ReadRunConfig(path, Settings());
     if (!config.data.given_detections.empty()) {
       throw InputError(path + ": has points that were detected before (captures.detections), and no images to search");
     }
     return DetectByConfig(path, config);
   }
-  const RunConfig config = ReadRunConfig(path, Settings());
+  const PairConfig config = ReadPairConfig(path, Settings());
   for (const Capture& capture : config.data.captures) {
     if (capture.image.empty()) throw InputError(path + ": capture " + capture.name + " has no image");
   }

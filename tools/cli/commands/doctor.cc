@@ -7,11 +7,11 @@
 #include "heba/base/error.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/config/rig_config.h"
+#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
+#include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/diagnosis_output.h"
 #include "tools/doctor/pose_guess.h"
-#include "tools/doctor/rig_doctor.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -41,15 +41,15 @@ void Print(const std::string& name, const Diagnosis& diagnosis) {
 
 int RunCommand_doctor(const std::vector<std::string>& arguments) {
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
-  if (IsRigConfig(arguments[0], Settings())) {
-    const RigConfig rig = ReadRigConfig(arguments[0], Settings());
+  if (IsLongConfig(arguments[0], Settings())) {
+    const RunConfig rig = ReadRunConfig(arguments[0], Settings());
     Print(rig.data.name, Diagnose(rig, NumThreads(), verbosity));
     return kDone;
   }
-  std::optional<RunConfig> config;
+  std::optional<PairConfig> config;
   std::string fault;
   try {
-    config = ReadRunConfig(arguments[0], Settings());
+    config = ReadPairConfig(arguments[0], Settings());
   } catch (const InputError& error) {
     fault = error.what();
   }

@@ -32,7 +32,7 @@ const ExportFormat& FormatAskedFor() {
 
 // A result of one camera or of several, with the estimate of one method.
 struct ResultOfMethod {
-  RigResult result;
+  RunResult result;
   std::string method;
 };
 
@@ -54,19 +54,19 @@ void CheckFlagsOfSeveral() {
 
 // Returns the result; of one camera that of the refined estimate, or of the one that --method names.
 ResultOfMethod ReadResultAskedFor(const fs::path& file) {
-  if (IsRigResult(file)) {
-    const RigResult result = ReadRigResult(file);
+  if (IsLongResult(file)) {
+    const RunResult result = ReadRunResult(file);
     if (result.rig.cameras.size() > 1) CheckFlagsOfSeveral();
     if (!FLAGS_method.empty() && FLAGS_method != kBundleMethod) throw NoEstimate(file.string(), {kBundleMethod});
     return {result, kBundleMethod};
   }
-  const RunResult result = ReadResult(file);
+  const PairResult result = ReadPairResult(file);
   const Estimate* const found = FindFinal(result);
-  if (FLAGS_method.empty() && found != nullptr) return {AsRigResult(result, *found), found->method};
+  if (FLAGS_method.empty() && found != nullptr) return {AsRunResult(result, *found), found->method};
   std::vector<std::string> names;
   for (const Estimate& estimate : result.estimates) {
     if (!estimate.ok) continue;
-    if (estimate.method == FLAGS_method) return {AsRigResult(result, estimate), estimate.method};
+    if (estimate.method == FLAGS_method) return {AsRunResult(result, estimate), estimate.method};
     names.push_back(estimate.method);
   }
   throw NoEstimate(file.string(), names);
@@ -154,7 +154,7 @@ ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from)
 }
 
 // Warns of arms that are exported with errors that no arm has.
-void WarnOfImplausibleArms(const RigResult& result) {
+void WarnOfImplausibleArms(const RunResult& result) {
   for (size_t r = 0; r < result.arms.size(); ++r) {
     const std::string errors = result.arms[r] ? ImplausibleArmText(*result.arms[r]) : "";
     if (errors.empty()) continue;

@@ -85,7 +85,7 @@ int WriteSet(const ImportedSet& set, const fs::path& source, const fs::path& out
   return Write(made, output, report);
 }
 
-int WriteRig(const ImportedRig& rig, const fs::path& source, const fs::path& output) {
+int WriteCell(const ImportedCell& rig, const fs::path& source, const fs::path& output) {
   std::vector<fs::path> kept = rig.files;
   for (const ImportedCamera& camera : rig.cameras) {
     if (!camera.images.empty()) kept.push_back(camera.images);
@@ -114,7 +114,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
     return ImportRawFolder(source, output);
   }
   if (!FLAGS_target.empty()) throw InputError("--target: a data set in a known format describes its own target");
-  if (const std::optional<ImportedRig> rig = ImportRig(source, FLAGS_format)) return WriteRig(*rig, source, output);
+  if (const std::optional<ImportedCell> rig = ImportCell(source, FLAGS_format)) return WriteCell(*rig, source, output);
   return WriteSet(ImportDataSet(source, FLAGS_format), source, output);
 }
 

@@ -128,7 +128,7 @@ std::string WhyNoConfig(const RawConfig& made) {
 // Returns whether a data set of another project has several cameras. One that cannot be read has none.
 bool HasSeveralCameras(const fs::path& folder, const ImportFormat& format) {
   try {
-    return format.reader.read_rig != nullptr && ImportRig(folder, format.name).has_value();
+    return format.reader.read_rig != nullptr && ImportCell(folder, format.name).has_value();
   } catch (const InputError&) {
     return false;
   }

@@ -79,7 +79,7 @@ std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run) {
 
 // Returns the poses of the arms for images of these cameras.
 std::vector<ArmPose> PosesFor(const FinishedRun& run, const std::vector<size_t>& cameras, size_t num_images) {
-  const RigProblem& rig = run.result.rig;
+  const Problem& rig = run.result.rig;
   if (IsSingleCamera(rig) && rig.cameras.front().mount.part == Mount::Part::kGripper &&
       (FLAGS_pose.empty() || num_images > 1)) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +
@@ -98,7 +98,7 @@ std::vector<std::optional<Rigid3d>> NearOfFlag(const FinishedRun& run) {
         "--near: the target's plane is the same for all of its possible poses, so that a pixel has only "
         "one position; leave this flag out");
   }
-  const std::vector<RigTarget>& targets = run.result.rig.targets;
+  const std::vector<ProblemTarget>& targets = run.result.rig.targets;
   const std::vector<std::string> names = NamesOf(targets);
   std::vector<size_t> symmetric;
   for (size_t t = 0; t < targets.size(); ++t) {
@@ -145,7 +145,7 @@ std::vector<std::optional<ReachingArm>> ReachingArmsOfFlag(const std::vector<std
 
 // Returns the pixels of --pixels. Those of several cameras show one point together, unless there is a plane.
 std::vector<CameraPixel> PixelsOfFlag(const FinishedRun& run, bool has_plane) {
-  const RigProblem& rig = run.result.rig;
+  const Problem& rig = run.result.rig;
   const bool is_one_point = !IsSingleCamera(rig) && !has_plane;
   const std::string form = IsSingleCamera(rig) ? "u,v" : "CAMERA=U,V";
   std::vector<CameraPixel> pixels;
@@ -196,7 +196,7 @@ void SetGrasp(const FinishedRun& run, LocationRequest* request) {
   if (!FLAGS_pixels.empty()) {
     throw InputError("--tool and --grasp: a pixel has no orientation to grasp by; leave --pixels out");
   }
-  const RigProblem& rig = run.result.rig;
+  const Problem& rig = run.result.rig;
   if (rig.robots.size() > 1 || rig.targets.size() > 1) {
     throw InputError("--tool and --grasp: are those of one arm and one target; the run has several");
   }
@@ -205,7 +205,7 @@ void SetGrasp(const FinishedRun& run, LocationRequest* request) {
   if (!FLAGS_grasp.empty()) request->target_from_grasp = PoseOrMappingOfFlag("grasp", FLAGS_grasp, format);
 }
 
-std::vector<Moment> MomentsOf(const RigProblem& rig, const std::vector<std::string>& images) {
+std::vector<Moment> MomentsOf(const Problem& rig, const std::vector<std::string>& images) {
   std::vector<Moment> moments;
   if (IsSingleCamera(rig) && !images.empty()) {
     for (const std::string& image : images) moments.push_back({image, {{0, image}}});

@@ -15,10 +15,10 @@ namespace {
 
 std::string TableOf(const AnyResult& result, const AnyConfig& config) {
   const Colour colour = UseColour() ? Colour::kAnsi : Colour::kPlain;
-  const auto* const single = std::get_if<RunResult>(&result);
-  if (single == nullptr) return ResultTable(std::get<RigResult>(result), colour);
+  const auto* const single = std::get_if<PairResult>(&result);
+  if (single == nullptr) return ResultTable(std::get<RunResult>(result), colour);
   // A method that the config names is one that the user expects.
-  const RunOptions& options = std::get<RunConfig>(config).options;
+  const PairRunOptions& options = std::get<PairConfig>(config).options;
   std::vector<std::string> asked_for = options.methods;
   asked_for.push_back(options.seed);
   return ResultTable(*single, colour, asked_for);

@@ -48,7 +48,8 @@ std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) 
 
 // Estimates the camera that a run would estimate. If a pinhole is given, brown5 is estimated, because the lens may
 // distort.
-Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views, const CaptureDetection& image) {
+Outcome<Camera> EstimateCamera(const PairConfig& config, const std::vector<View>& views,
+                               const CaptureDetection& image) {
   if (config.options.choose_camera_model) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
     return choice ? Outcome<Camera>(choice->camera) : choice.failure();
@@ -180,7 +181,7 @@ std::optional<CameraFault> FindFault(const Examination& examination, const Camer
 }  // namespace
 
 std::vector<Symptom> Check_camera(Examination* examination) {
-  const RunConfig& config = examination->config;
+  const PairConfig& config = examination->config;
   const CaptureDetection& image = examination->detections.front();
   const std::vector<View> views = ViewsOf(config.data, examination->detections);
   std::optional<Camera> estimated;

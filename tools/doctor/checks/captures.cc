@@ -56,7 +56,7 @@ std::vector<Symptom> SharedImages(Examination* examination) {
 }
 
 // Reports images without a pose and poses without an image.
-std::vector<Symptom> Unpaired(const RunConfig& config) {
+std::vector<Symptom> Unpaired(const PairConfig& config) {
   const auto named = [](const std::vector<std::string>& names) {
     constexpr size_t kMostNamed = 4;
     const std::vector<std::string> first(

@@ -118,7 +118,7 @@ double RestScale(const JudgedReading& judged) {
          MetresOf(judged.target_unit);
 }
 
-Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction direction) {
+Rigid3d MountOf(const PairConfig& config, const Rigid3d& pose, Direction direction) {
   const Rigid3d read =
       direction == Direction::kInverseRotation ? Rigid3d(pose.rotation.conjugate(), pose.translation) : pose;
   const Rigid3d base_from_gripper = BaseFromGripper(config.pose_reading, read);
@@ -127,7 +127,7 @@ Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction directio
 }
 
 std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   const PoseFormat& now = config.pose_reading.format;
   std::vector<Reading> readings;
   for (const PoseFormat& format : FormatsOfSameColumns(now)) {
@@ -161,7 +161,7 @@ struct Rows {
 };
 
 Rows RowsOf(const Examination& examination) {
-  const RigContext& rig = examination.rig;
+  const CellContext& rig = examination.rig;
   if (!rig.captures.empty()) return {rig.captures, rig.base_from_gripper, rig.place};
   Rows rows;
   for (const Capture& capture : examination.config.data.captures) {
@@ -176,7 +176,7 @@ Rows RowsOf(const Examination& examination) {
 template <class Other>
 Reading Repaired(const Examination& examination, const Rows& rows, const std::string& pairing, double oddness,
                  const Other& other) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   Reading reading;
   reading.format = config.pose_reading.format;
   reading.pairing = pairing;
@@ -222,7 +222,7 @@ double MisfitM(const HandEye& hand_eye, const Rigid3d& mount, const ExaminedView
 // Returns the reading in which the images belong to their poses up to a capture and, from there on, to those `step`
 // rows away, at the capture for which this explains most; nothing if either part alone determines no hand-eye pose.
 std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows& rows, std::ptrdiff_t step) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   const std::vector<ExaminedView>& views = examination.views;
   const double distance_m = WorkingDistanceM(views);
   const auto num = static_cast<std::ptrdiff_t>(rows.names.size());
@@ -307,9 +307,9 @@ std::vector<Reading> Pairings(const Examination& examination) {
 
 // Takes the poses of the other arms of a rig for those of this one.
 std::vector<Reading> OtherArms(const Examination& examination) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   std::vector<Reading> readings;
-  for (const RigContext::OtherArm& arm : examination.rig.other_arms) {
+  for (const CellContext::OtherArm& arm : examination.rig.other_arms) {
     Reading& reading = readings.emplace_back();
     reading.format = config.pose_reading.format;
     reading.arm = arm.name;
@@ -359,7 +359,7 @@ std::string RotationText(const PoseFormat& format) {
 }
 
 // Describes both explanations of poses that are the inverse of what the config says.
-std::string EitherSetUp(const RunConfig& config) {
+std::string EitherSetUp(const PairConfig& config) {
   const Setup other = config.data.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
     return setup == Setup::kEyeToHand ? "if the camera is fixed beside the robot" : "if the robot carries the camera";
@@ -408,7 +408,7 @@ std::vector<Fault> FormatFaults(const JudgedReading& best, const PoseFormat& for
   return faults;
 }
 
-Fault TargetUnitFault(const RunConfig& config, const std::string& target_unit) {
+Fault TargetUnitFault(const PairConfig& config, const std::string& target_unit) {
   return {"pose_units",
           "the positions of the target are in " + target_unit + ", not in m",
           {"set captures.target_poses: {file: " + config.data.detections_source +
@@ -417,7 +417,7 @@ Fault TargetUnitFault(const RunConfig& config, const std::string& target_unit) {
 }
 
 Fault InverseFault(const Examination& examination, const JudgedReading& best) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   const bool has_target_poses = !config.data.target_poses.empty();
   Fault fault{"pose_direction", has_target_poses
                                     ? "the poses of the robot, or those of the target, are the inverse of what the "
@@ -451,7 +451,7 @@ Fault ScaleFault(double scale) {
 // Returns all faults of the config's reading, with their cures; `settings` are SettingsOf the best one.
 std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedReading& best,
                                    const std::vector<std::string>& alike, const std::vector<ConfigSetting>& settings) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   std::vector<Fault> faults = FormatFaults(best, config.pose_reading.format, alike);
   if (best.target_unit != "m") faults.push_back(TargetUnitFault(config, best.target_unit));
   // One change cures all faults of the format.
@@ -467,7 +467,7 @@ std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedR
 // insignificant scale. `evidence` compares the two.
 std::optional<Symptom> DescribeNumbers(const Examination& examination, const JudgedReading& best,
                                        const std::vector<std::string>& alike, const std::string& evidence) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   const std::vector<ConfigSetting> settings = SettingsOf(best, config.pose_reading.format);
   const std::vector<Fault> faults = FaultsOfNumbers(examination, best, alike, settings);
   if (faults.empty()) return std::nullopt;
@@ -676,7 +676,7 @@ bool ShowsOtherSize(const PoseConsistency& scaled, const PoseConsistency& now, d
          scaled.typical_translation_m < kLimits.scale_gain * now.typical_translation_m;
 }
 
-Symptom OtherSize(const RunConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
+Symptom OtherSize(const PairConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
   const double scale = scaled.robot_scale;
   Symptom symptom{Severity::kWrong, "target_scale",
                   "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +

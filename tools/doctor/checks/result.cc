@@ -1,7 +1,7 @@
 // Reports the findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
 #include <utility>
 
-#include "heba/run.h"
+#include "heba/pair_run.h"
 #include "tools/doctor/doctor.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
@@ -11,19 +11,19 @@ namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  Dataset data = examination->config.data;
+  PairDataset data = examination->config.data;
   if (data.camera) data.camera = examination->camera;
   // The images have been searched.
   const std::vector<CaptureDetection>& detections = examination->detections;
   if (!data.given_detections.empty()) data.given_detections = detections;
-  RunOptions options = examination->config.options;
+  PairRunOptions options = examination->config.options;
   options.num_threads = examination->num_threads;
   options.detect = [&](const std::filesystem::path& image, const std::optional<ImageSize>& /*expected*/) {
     size_t i = 0;
     while (data.captures[i].image != image) ++i;
     return detections[i];
   };
-  const Outcome<RunOutput> run = Run(data, options);
+  const Outcome<PairRunOutput> run = Run(data, options);
   if (!run) return {{Severity::kWrong, "no_result", FailureText(run.failure()), ""}};
   std::vector<Symptom> symptoms;
   for (const Finding& finding : run->result.verdict.findings) {

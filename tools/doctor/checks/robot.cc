@@ -33,7 +33,7 @@ std::string MmAndDeg(double translation_m, double rotation_rad) {
 }
 std::string ScatterText(const ImpliedTool& tool) { return MmAndDeg(tool.scatter_m, tool.scatter_rad); }
 
-std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& branch, bool is_recorded) {
+std::vector<Symptom> SingularSymptoms(const PairDataset& data, const ArmBranch& branch, bool is_recorded) {
   const std::vector<SingularCapture> singular = SingularCaptures(data.robot->arm, branch);
   if (singular.empty()) return {};
   std::vector<std::string> names;
@@ -225,7 +225,7 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
 }
 
 // Reports captures whose joints contradict their poses, where those of the others do not.
-std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
+std::optional<Symptom> ContradictingJointsSymptom(const PairDataset& data) {
   const std::vector<ContradictingJoints> wrong = FindContradictingJoints(data);
   if (wrong.empty()) return std::nullopt;
   Symptom symptom{Severity::kWrong, "joint_pairing", "", ""};
@@ -245,7 +245,7 @@ std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
 }
 
 std::vector<Symptom> ExamineRecorded(Examination* examination) {
-  Dataset& data = examination->config.data;
+  PairDataset& data = examination->config.data;
   const RobotArm& robot = *data.robot;
   constexpr size_t kFewest = 4;
   if (data.captures.size() < kFewest) return {};
@@ -291,22 +291,22 @@ constexpr double kBaseStepM = 0.05;
 
 // The calibration of the images without the arm, in which arms and tools are compared.
 struct WithoutArm {
-  Calibration calibration;
-  CalibrationOptions options;
+  PairCalibration calibration;
+  PairCalibrationOptions options;
 };
 
 std::optional<WithoutArm> CalibrateWithoutArm(const Examination& examination) {
-  const RunConfig& config = examination.config;
+  const PairConfig& config = examination.config;
   if (!config.data.target_poses.empty() || examination.detections.empty()) return std::nullopt;
   if (config.options.kinematics == Kinematics::kNone) return std::nullopt;
-  Dataset data = config.data;
+  PairDataset data = config.data;
   data.robot.reset();
   if (data.camera) data.camera = examination.camera;
-  RunOptions run = config.options;
+  PairRunOptions run = config.options;
   run.num_threads = examination.num_threads;
   const CaptureDetection& first = examination.detections.front();
-  CalibrationOptions options = OptionsOf(data, run, first.width_px, first.height_px);
-  Outcome<Calibration> calibration = Calibrate(ViewsOf(data, examination.detections), options);
+  PairCalibrationOptions options = OptionsOf(data, run, first.width_px, first.height_px);
+  Outcome<PairCalibration> calibration = CalibratePair(ViewsOf(data, examination.detections), options);
   if (!calibration || !calibration->refined) return std::nullopt;
   return WithoutArm{std::move(*calibration), std::move(options)};
 }
@@ -498,7 +498,7 @@ std::vector<Symptom> ExamineReached(const Examination& examination, const ArmRea
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return {};
   const Comparison comparison{*without, poses, examination.num_threads};
-  const Dataset& data = examination.config.data;
+  const PairDataset& data = examination.config.data;
   const std::optional<Configuration> near =
       data.robot->joints_near.size() > 0 ? ConfigurationOf(stated.arm, data.robot->joints_near) : std::nullopt;
   const std::vector<std::string> named = near ? std::vector<std::string>{NameOf(*near)} : std::vector<std::string>();
@@ -652,7 +652,7 @@ Symptom Unreachable(const Examination& examination, const ArmReading& stated, co
 }
 
 std::vector<Symptom> ExamineRecovered(const Examination& examination) {
-  const Dataset& data = examination.config.data;
+  const PairDataset& data = examination.config.data;
   ArmReading stated;
   stated.arm = data.robot->arm;
   stated.tip_from_gripper = data.robot->tip_from_gripper;
@@ -688,7 +688,7 @@ std::vector<Symptom> ExamineRecovered(const Examination& examination) {
 }  // namespace
 
 std::vector<Symptom> Check_robot(Examination* examination) {
-  const Dataset& data = examination->config.data;
+  const PairDataset& data = examination->config.data;
   // Poses that are read wrongly are those of no arm.
   if (!data.robot || data.captures.empty() || examination->found_wrong) return {};
   const bool is_recorded = std::all_of(data.captures.begin(), data.captures.end(),

@@ -7,7 +7,7 @@ namespace heba {
 
 std::vector<Symptom> Check_setup(Examination* examination) {
   if (examination->found_wrong) return {};
-  const RunConfig& config = examination->config;
+  const PairConfig& config = examination->config;
   const std::optional<PoseConsistency> consistency =
       FindPoseConsistency(CandidatesOf(examination->views), RobotScale::kOne);
   if (!consistency) return {};

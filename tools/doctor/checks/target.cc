@@ -26,7 +26,7 @@ struct OtherTarget {
 };
 
 // Returns the config's target with other settings; nothing if they are invalid.
-std::optional<OtherTarget> WithSettings(const RunConfig& config, const TargetSettings& settings) {
+std::optional<OtherTarget> WithSettings(const PairConfig& config, const TargetSettings& settings) {
   try {
     YAML::Node node = YAML::Load(config.target_used);
     for (const auto& [key, value] : settings) node[key] = value;
@@ -49,7 +49,7 @@ std::string TargetSettingsText(const TargetSettings& settings) {
 
 // Returns the settings that make the config name the other target: its keys that differ, or the whole target if the
 // config itself does not hold the keys.
-std::vector<ConfigSetting> InConfig(const RunConfig& config, const OtherTarget& other) {
+std::vector<ConfigSetting> InConfig(const PairConfig& config, const OtherTarget& other) {
   if (!config.has_target_keys) return {{"target", TargetConfigLine(YAML::Load(other.used))}};
   std::vector<ConfigSetting> in_config;
   for (const auto& [key, value] : other.settings) in_config.push_back({"target." + key, value});
@@ -57,8 +57,8 @@ std::vector<ConfigSetting> InConfig(const RunConfig& config, const OtherTarget& 
 }
 
 // Returns the data set with `num_images` evenly spaced captures only.
-RunConfig Sample(const RunConfig& config, size_t num_images) {
-  RunConfig sample = config;
+PairConfig Sample(const PairConfig& config, size_t num_images) {
+  PairConfig sample = config;
   sample.data.captures.clear();
   for (const size_t i : EvenIndices(config.data.captures.size(), num_images)) {
     sample.data.captures.push_back(config.data.captures[i]);
@@ -81,7 +81,7 @@ bool HasAnyCode(const Target& target, const std::vector<std::string>& codes) {
 
 // Returns the targets that this one may have been confused with, those that more of the images indicate first, without
 // those that have one of `other_codes`.
-std::vector<OtherTarget> OtherTargets(const RunConfig& config, const std::vector<std::string>& other_codes) {
+std::vector<OtherTarget> OtherTargets(const PairConfig& config, const std::vector<std::string>& other_codes) {
   std::vector<std::pair<int, TargetSettings>> counted;
   for (const Capture& capture : config.data.captures) {
     for (const TargetSettings& settings : config.data.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
@@ -105,7 +105,7 @@ std::vector<OtherTarget> OtherTargets(const RunConfig& config, const std::vector
 
 // Returns whether another target explains the sample's images decidedly better: with more points, or with hardly any
 // that are missing.
-bool IsDecidedlyBetter(const RunConfig& sample, const OtherTarget& other, size_t num_now) {
+bool IsDecidedlyBetter(const PairConfig& sample, const OtherTarget& other, size_t num_now) {
   constexpr double kDecidedly = 1.15;
   const auto num_points = static_cast<double>(other.num_points);
   const auto now = static_cast<double>(num_now);
@@ -120,7 +120,7 @@ bool IsDecidedlyBetter(const RunConfig& sample, const OtherTarget& other, size_t
 
 // Returns, among the targets that this one may be confused with, the one with the most points in the sample's images;
 // nothing if these are not decidedly more than `num_now` points.
-std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<std::string>& other_codes,
+std::optional<OtherTarget> FindOther(const PairConfig& sample, const std::vector<std::string>& other_codes,
                                      size_t num_now, int num_threads) {
   std::vector<OtherTarget> others = OtherTargets(sample, other_codes);
   for (size_t i = 0; i < sample.data.captures.size() && !others.empty(); ++i) {
@@ -150,7 +150,7 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<
 
 // Returns the target that the sample's images show, if it is none of those that this one is often confused with.
 // Images do not tell its size, which is taken to be that of the config's target.
-std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<std::string>& other_codes,
+std::optional<OtherTarget> Recognise(const PairConfig& sample, const std::vector<std::string>& other_codes,
                                      size_t num_now, int num_threads) {
   std::vector<cv::Mat> images;
   for (const Capture& capture : sample.data.captures) images.push_back(ReadGreyImage(capture.image));
@@ -188,7 +188,7 @@ std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<
 }
 
 // Returns the median share of the target's points over the images that show it.
-double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+double MiddleShare(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
   std::vector<double> shares;
   for (const CaptureDetection& capture : detections) {
     const size_t num_points = capture.detection.ids.size();
@@ -202,14 +202,14 @@ constexpr double kMostImages = 0.7;
 constexpr double kLeastShare = 0.6;
 
 // Returns whether the images show enough of the target for it to be the right one.
-bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+bool IsSeenWell(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
   // A smaller share is a reason to search, not a fault: the target may well be half outside the image.
   constexpr double kMostOfIt = 0.9;
   return static_cast<double>(NumSeen(detections)) >= kMostImages * static_cast<double>(detections.size()) &&
          MiddleShare(config, detections) >= kMostOfIt;
 }
 
-std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+std::string SeenText(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
   const size_t num_seen = NumSeen(detections);
   return "in " + std::to_string(num_seen) + " of " + std::to_string(detections.size()) + " images" +
          (num_seen == 0
@@ -223,7 +223,7 @@ struct ShownTarget {
   std::vector<CaptureDetection> detections;
 };
 
-RunConfig WithTarget(RunConfig config, const OtherTarget& other) {
+PairConfig WithTarget(PairConfig config, const OtherTarget& other) {
   config.data.target = other.target;
   config.target_used = other.used;
   return config;
@@ -231,14 +231,14 @@ RunConfig WithTarget(RunConfig config, const OtherTarget& other) {
 
 // Returns the target that the images show instead of the config's; nothing if `sample`, a part of them, does not tell
 // it.
-std::optional<ShownTarget> FindShownTarget(const Examination& examination, const RunConfig& sample) {
+std::optional<ShownTarget> FindShownTarget(const Examination& examination, const PairConfig& sample) {
   const std::vector<std::string>& other_codes = examination.rig.other_codes;
   // Both targets are compared in the same images: the few may not show the target at all.
   const size_t num_now = NumPoints(Detections(sample, examination.num_threads, Verbosity::kQuiet));
   std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination.num_threads);
   if (!other) other = Recognise(sample, other_codes, num_now, examination.num_threads);
   if (!other) return std::nullopt;
-  const RunConfig config = WithTarget(examination.config, *other);
+  const PairConfig config = WithTarget(examination.config, *other);
   std::vector<CaptureDetection> detections = Detections(config, examination.num_threads, examination.verbosity);
   // A target of which most is not there is another one again.
   if (MiddleShare(config, detections) < kLeastShare) return std::nullopt;
@@ -247,7 +247,7 @@ std::optional<ShownTarget> FindShownTarget(const Examination& examination, const
 
 // Reports that the images show another target. `config` and `detections` are those with it; `seen` says how well that
 // of the config is detected.
-Symptom OtherTargetSymptom(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+Symptom OtherTargetSymptom(const PairConfig& config, const std::vector<CaptureDetection>& detections,
                            const OtherTarget& other, const std::string& seen) {
   const std::string settings = TargetSettingsText(other.settings);
   return {Severity::kWrong, "target",
@@ -257,7 +257,7 @@ Symptom OtherTargetSymptom(const RunConfig& config, const std::vector<CaptureDet
 }
 
 // Returns why the first of the images without a pose has none, in parentheses; empty if no reason is known.
-std::string ReasonText(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+std::string ReasonText(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
   for (size_t i = 0; i < detections.size(); ++i) {
     const Detection& detection = detections[i].detection;
     if (detection.ids.size() >= kMinPosePoints || detection.reason.empty()) continue;
@@ -268,7 +268,7 @@ std::string ReasonText(const RunConfig& config, const std::vector<CaptureDetecti
 
 // Reports that the config's target, which is the right one as far as is known, is detected in too few images. `seen`
 // says how well it is detected.
-std::vector<Symptom> SeldomSeen(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+std::vector<Symptom> SeldomSeen(const PairConfig& config, const std::vector<CaptureDetection>& detections,
                                 const std::string& seen) {
   const std::string why = ReasonText(config, detections);
   const size_t num_seen = NumSeen(detections);
@@ -288,7 +288,7 @@ std::vector<Symptom> SeldomSeen(const RunConfig& config, const std::vector<Captu
 }  // namespace
 
 std::vector<Symptom> Check_target(Examination* examination) {
-  const RunConfig& config = examination->config;
+  const PairConfig& config = examination->config;
   const auto detect_all = [&] { return Detections(config, examination->num_threads, examination->verbosity); };
   if (!config.data.given_detections.empty()) {
     examination->detections = detect_all();
@@ -298,7 +298,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
   constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
-  const RunConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
+  const PairConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
   const std::vector<CaptureDetection> few =
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;

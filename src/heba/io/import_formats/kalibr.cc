@@ -29,10 +29,10 @@ fs::path CamchainOf(const fs::path& source) {
 
 bool Matches(const fs::path& source) { return !CamchainOf(source).empty(); }
 
-std::optional<ImportedRig> Read(const fs::path& source) {
+std::optional<ImportedCell> Read(const fs::path& source) {
   const fs::path found = CamchainOf(source);
   const fs::path file = found.empty() ? source : found;
-  ImportedRig rig;
+  ImportedCell rig;
   rig.files = {file};
   const std::vector<ChainedCamera> chain = ReadCamchain(ReadTextFile(file), file);
   for (size_t c = 0; c < chain.size(); ++c) {

@@ -165,7 +165,7 @@ ImportedSet Read(const fs::path& source) {
 // The pose of a capture and the file that states it.
 struct CapturePose {
   fs::path file;
-  ImportedRigCapture capture;
+  ImportedCellCapture capture;
 };
 
 // Adds the images of the camera with this index to the captures of their numbers. The cameras' own records of a pose
@@ -200,8 +200,8 @@ fs::path TruthOf(const fs::path& root, int number) {
   return {};
 }
 
-std::optional<ImportedRig> ReadRig(const fs::path& source) {
-  ImportedRig rig;
+std::optional<ImportedCell> ReadLongForm(const fs::path& source) {
+  ImportedCell rig;
   const fs::path root = RootOrFail(source);
   const Info info = ReadInfo(root, &rig.remarks);
   if (!fs::equivalent(root, source) || info.num_cameras == 1) return std::nullopt;
@@ -248,6 +248,6 @@ std::optional<ImportedRig> ReadRig(const fs::path& source) {
 
 }  // namespace
 
-ImportReader ImportReader_mchec() { return {Matches, Read, ReadRig}; }
+ImportReader ImportReader_mchec() { return {Matches, Read, ReadLongForm}; }
 
 }  // namespace heba

@@ -178,8 +178,8 @@ TEST(PosesCheckTest, FindsNamesThatWereSortedByLetters) {
 }
 
 // Returns the context of a pair in a rig with these rows: those of the data set are at `place`.
-RigContext ContextOf(const std::vector<Rigid3d>& poses_of_rows, const std::vector<size_t>& place) {
-  RigContext rig;
+CellContext ContextOf(const std::vector<Rigid3d>& poses_of_rows, const std::vector<size_t>& place) {
+  CellContext rig;
   for (size_t row = 0; row < poses_of_rows.size(); ++row) rig.captures.push_back("view_" + std::to_string(row));
   rig.base_from_gripper = poses_of_rows;
   rig.place = place;
@@ -193,7 +193,7 @@ TEST(PosesCheckTest, CountsTheRowsOfACameraThatSeesSeveralTargets) {
   options.num_captures = 24;
   Examination examination = CleanExamination(options);
   const std::vector<Rigid3d> poses = PosesOf(examination);
-  RunConfig& config = examination.config;
+  PairConfig& config = examination.config;
   std::vector<Rigid3d> rows(poses.size());
   for (size_t i = 0; i < poses.size(); ++i) rows[(i + 1) % poses.size()] = poses[i];
   std::vector<size_t> place;
@@ -336,7 +336,7 @@ TEST(PosesCheckTest, SendsUsersOfImportedPosesToTheImport) {
 
 // Replaces the images by the poses of the target that they show.
 void SetTargetPoses(Examination* examination) {
-  Dataset& data = examination->config.data;
+  PairDataset& data = examination->config.data;
   data.target_poses.clear();
   for (const ExaminedView& view : examination->views) data.target_poses.push_back(view.camera_from_target.front());
   data.detections_source = "target.csv";

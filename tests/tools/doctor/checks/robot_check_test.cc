@@ -44,7 +44,7 @@ Rigid3d ToolOf(double length_m) { return {Eigen::Quaterniond::Identity(), {0, 0,
 // The config names this arm and no tool.
 Examination ExaminationWith(const ArmScene& scene, const std::string& arm, bool records_joints) {
   Examination examination = ExaminationOf(scene.scene, kSetup);
-  Dataset& data = examination.config.data;
+  PairDataset& data = examination.config.data;
   data.robot = RobotArm{*FindArm(arm), {}, {}};
   // The intrinsics are held, so that a calibration is fast.
   examination.config.options.bundle.free_intrinsics = {};
@@ -253,7 +253,7 @@ TEST(RobotCheckTest, RecordedFrankaReportsNominalKinematics) {
   const std::vector<std::vector<double>> joints = ReadRecordedNumbers(folder / "joints.csv");
   const std::vector<std::vector<double>> tips = ReadRecordedNumbers(folder / "tcp.csv");
   Examination examination;
-  Dataset& data = examination.config.data;
+  PairDataset& data = examination.config.data;
   for (size_t i = 0; i < joints.size(); ++i) {
     const std::vector<double>& tip = tips[i];
     Capture capture;

@@ -87,14 +87,14 @@ TEST_F(TargetCheckTest, SettingsCureATargetInItsOwnFile) {
   std::ofstream(folder_ / "file.yaml") << config << "target.yaml";
   for (const std::string name : {"keys.yaml", "file.yaml"}) {
     Examination examination;
-    examination.config = ReadRunConfig(folder_ / name);
+    examination.config = ReadPairConfig(folder_ / name);
     examination.verbosity = Verbosity::kQuiet;
     const std::vector<Symptom> symptoms = Check_target(&examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target")) << name;
     EXPECT_EQ(symptoms[0].settings.size(), name == "file.yaml" ? 1U : 2U);
     std::vector<std::string> settings;
     for (const auto& [key, value] : symptoms[0].settings) settings.push_back(key + "=" + value);
-    examination.config = ReadRunConfig(folder_ / name, settings);
+    examination.config = ReadPairConfig(folder_ / name, settings);
     EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty()) << name;
   }
 }

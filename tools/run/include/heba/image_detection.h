@@ -6,23 +6,23 @@
 #include <vector>
 
 #include "heba/detection.h"
-#include "heba/rig_run_types.h"
+#include "heba/run_types.h"
 #include "heba/target.h"
 
 namespace heba {
 
-// Detects the targets in the images of all cameras, or returns the given detections. `detect`: RigRunOptions::detect.
+// Detects the targets in the images of all cameras, or returns the given detections. `detect`: RunOptions::detect.
 // Throws InputError if an image cannot be read, if the images of one camera differ in size, or if two cameras have the
 // same images.
-std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
-                                    int num_threads, RunObserver* observer);
+std::vector<TargetDetection> DetectDataset(const Dataset& dataset, const std::vector<DetectFunction>& detect,
+                                           int num_threads, RunObserver* observer);
 
 // Throws the InputError of FitCamerasToImages by the header of each camera's first image, before any is decoded.
-void CheckCamerasByHeader(const RigDataset& dataset);
+void CheckCamerasByHeader(const Dataset& dataset);
 
 // Sets the sizes of the cameras of `rig`, which are those of the data set, to those of their images. Throws InputError
 // if a given camera is for images of another size.
-void FitCamerasToImages(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig);
+void FitCamerasToImages(const Dataset& dataset, const std::vector<TargetDetection>& detections, Problem* rig);
 
 // Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
 // with one image.

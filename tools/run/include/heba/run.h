@@ -1,32 +1,23 @@
-// Runs a whole calibration: from a data set (images or detections, and the robot's poses) to a result with its errors,
-// uncertainties and findings. This is all that `heba run` does between its config and its files.
-//
-//   heba::Dataset dataset;
-//   dataset.setup = heba::Setup::kEyeInHand;
-//   dataset.target = heba::ParseTarget("{type: chessboard, rows: 8, columns: 11, square: 15 mm}");
-//   for (const auto& [image, base_from_gripper] : recorded) {
-//     dataset.captures.push_back({image.filename(), image, {}, base_from_gripper});
-//   }
-//   const heba::Outcome<heba::RunOutput> output = heba::Run(dataset, heba::RunOptions());
-//   if (!output) throw std::runtime_error(output.reason());
-//   const heba::Estimate& refined = *heba::FindRefined(output->result);
+// Runs a whole calibration: from a data set (images or detections of any number of cameras and targets, and the poses
+// of the arms) to a result with its errors, uncertainties and findings. This is all that `heba run` does between its
+// config and its files. heba/pair_run.h has the same for one camera, one target and one arm.
 #pragma once
 
-#include <filesystem>
-#include <optional>
+#include <string>
 
 #include "heba/base/error.h"
-#include "heba/detection.h"
+#include "heba/pair_run.h"
 #include "heba/run_types.h"
-#include "heba/target.h"
 
 namespace heba {
 
-// Detects the target in the images, calibrates, searches the images again for points that were missed, and assesses
-// the result on held-out captures (docs/estimation.md). With `target_poses`, it calibrates from these poses. `observer`
-// may be null. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if the
-// data set is incomplete, if an image cannot be read, if images differ in size, or if the camera is not for images of
-// that size.
+// Detects, calibrates and assesses the result on held-out captures. `observer` may be null; it is told about the stages
+// only. A data set of one camera, one target and one arm gives the result of that pair. Returns a Failure if the result
+// cannot be trusted, or if the run was cancelled. Throws InputError if the data set is incomplete or an image cannot be
+// read.
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer = nullptr);
+
+// Returns why two targets of a data set cannot be told apart in one image (Target::Codes), in words; empty if they can.
+std::string WhyNotToldApart(const Dataset& dataset);
 
 }  // namespace heba

@@ -1,0 +1,253 @@
+// Tests of heba/pair_run.h.
+#include "heba/pair_run.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "tests/support/datasets.h"
+#include "tests/support/input_error.h"
+#include "tests/support/matchers.h"
+
+namespace heba {
+namespace {
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Matcher;
+using ::testing::Not;
+using ::testing::SizeIs;
+using ::testing::Truly;
+
+// A carried camera, with a noise of 0.1 px.
+TestSceneOptions SimulatedOptions(const Target& target) {
+  TestSceneOptions options;
+  options.setup = Setup::kEyeInHand;
+  options.camera = {"pinhole", 1280, 960, {1000, 1000, 640, 480}};
+  options.num_captures = 14;
+  options.noise_px = 0.1;
+  options.points = AllPoints(target).points_in_target;
+  return options;
+}
+
+TestScene SimulatedScene(const Target& target) { return MakeTestScene(5, SimulatedOptions(target)); }
+
+std::shared_ptr<const Target> Chessboard() {
+  return ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
+}
+
+// Returns the data set of a scene, with images named 0.png, 1.png, ... that have different digests.
+PairDataset NamedDatasetOf(const TestScene& scene, const std::shared_ptr<const Target>& target) {
+  PairDataset dataset = DatasetOf(scene, Setup::kEyeInHand, target);
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
+  }
+  return dataset;
+}
+
+PairDataset SimulatedDataset() {
+  const std::shared_ptr<const Target> target = Chessboard();
+  return NamedDatasetOf(SimulatedScene(*target), target);
+}
+
+HandEye TrueHandEye() { return SimulatedScene(*Chessboard()).hand_eye; }
+
+PairRunOptions FixedCamera() {
+  PairRunOptions options;
+  options.bundle.free_intrinsics = {};
+  return options;
+}
+
+// Writes down what it is told.
+class Recorder : public RunObserver {
+ public:
+  void OnStage(RunStage stage, int total) override {
+    events.push_back("stage " + std::to_string(static_cast<int>(stage)) + " of " + std::to_string(total));
+  }
+  void OnStep(RunStage /*stage*/) override { ++num_steps; }
+  void OnStageEnd(RunStage stage) override { events.push_back("end " + std::to_string(static_cast<int>(stage))); }
+  void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override {
+    events.push_back("seen " + std::to_string(num_seen) + " of " + std::to_string(num_images) + ", left out " +
+                     std::to_string(left_out.indices.size()));
+  }
+  void OnCalibrated(const PairCalibration& calibration) override {
+    events.emplace_back(calibration.refined ? "calibrated" : "failed");
+  }
+  void OnHoldOuts(const std::vector<HoldOut>& hold_outs) override {
+    events.emplace_back(hold_outs.empty() ? "no hold-outs" : "hold-outs");
+  }
+  bool IsCancelled() override { return num_steps >= cancel_after; }
+
+  std::vector<std::string> events;
+  int num_steps = 0;
+  int cancel_after = 1000;
+};
+
+// The camera is moved by 4 mm on the gripper after 12 of 20 captures.
+TEST(RunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
+  constexpr size_t kFirstAfter = 12;
+  const std::shared_ptr<const Target> target = Chessboard();
+  TestSceneOptions scene_options = SimulatedOptions(*target);
+  scene_options.num_captures = 20;
+  const TestScene scene = MakeTestScene(5, scene_options);
+  PairDataset dataset = NamedDatasetOf(scene, target);
+  PairRunOptions options = FixedCamera();
+  options.folds = 0;
+  const Outcome<PairRunOutput> still = heba::Run(dataset, options);
+  ASSERT_TRUE(still.ok()) << still.reason();
+  EXPECT_THAT(still->result.verdict.findings,
+              Each(Truly([](const Finding& finding) { return finding.code != "camera_moved"; })));
+
+  // The images are the same if the gripper is where the motion is undone.
+  const Rigid3d motion(ExpRotation({0, 0.002, 0}), {0.004, 0, 0});
+  for (size_t i = kFirstAfter; i < dataset.captures.size(); ++i) {
+    dataset.captures[i].base_from_gripper = dataset.captures[i].base_from_gripper * Inverse(motion);
+  }
+  const Outcome<PairRunOutput> moved = heba::Run(dataset, options);
+  ASSERT_TRUE(moved.ok()) << moved.reason();
+  const PairResult& result = moved->result;
+  EXPECT_EQ(result.verdict.grade, Grade::kBad);
+  ASSERT_FALSE(result.verdict.findings.empty());
+  const Finding& finding = result.verdict.findings.front();
+  EXPECT_EQ(finding.code, "camera_moved");
+  EXPECT_EQ(finding.Name("last_capture"), "11.png");
+  EXPECT_EQ(finding.Name("first_capture"), "12.png");
+  EXPECT_NEAR(finding.Number("moved_mm").value_or(0), 4, 0.3);
+  EXPECT_NEAR(finding.Number("moved_deg").value_or(0), RadToDeg(0.002), 0.02);
+  EXPECT_LT((FindRefined(result)->hand_eye.camera_mount_from_camera.translation -
+             scene.hand_eye.camera_mount_from_camera.translation)
+                .norm(),
+            2e-4);
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    EXPECT_EQ(result.captures[i].used, i < kFirstAfter) << i;
+    const Matcher<std::string> expected = i < kFirstAfter ? Matcher<std::string>("") : HasSubstr("moved before");
+    EXPECT_THAT(result.captures[i].reason, expected);
+  }
+}
+
+TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
+  PairDataset dataset = SimulatedDataset();
+  dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
+  const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera());
+  ASSERT_TRUE(run.ok()) << run.reason();
+  const Estimate* const refined = FindRefined(run->result);
+  ASSERT_NE(refined, nullptr);
+  EXPECT_THAT(refined->hand_eye.camera_mount_from_camera,
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 5e-4, 1e-3));
+  ASSERT_TRUE(refined->errors.truth.has_value());
+  EXPECT_LT(refined->errors.truth->hand_eye_mm, 0.5);
+  EXPECT_GT(refined->errors.truth->hand_eye_mm, 0);
+  ASSERT_TRUE(refined->errors.holdout_rms_px.has_value());
+  EXPECT_NEAR(*refined->errors.holdout_rms_px, 0.141, 0.02);  // 0.1 px in each of two coordinates.
+  EXPECT_EQ(run->result.name, "cell");
+  EXPECT_THAT(run->result.captures, SizeIs(14));
+  EXPECT_FALSE(run->result.verdict.findings.empty());
+  EXPECT_GT(run->result.timing.total_s, 0);
+}
+
+TEST(RunTest, TellsItsObserverWhatItDoes) {
+  Recorder recorder;
+  PairRunOptions options = FixedCamera();
+  options.folds = 4;
+  ASSERT_TRUE(heba::Run(SimulatedDataset(), options, &recorder).ok());
+  EXPECT_THAT(recorder.events,
+              ElementsAre("seen 14 of 14, left out 0", "calibrated", "stage 2 of 4", "end 2", "hold-outs"));
+  EXPECT_EQ(recorder.num_steps, 4);
+}
+
+TEST(RunTest, EndsWhenItIsCancelled) {
+  Recorder recorder;
+  recorder.cancel_after = 2;
+  const Outcome<PairRunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
+  EXPECT_FALSE(run.ok());
+  EXPECT_EQ(run.failure().code, kCancelled);
+  EXPECT_THAT(recorder.events, Not(testing::Contains("hold-outs")));
+  recorder.cancel_after = 0;
+  recorder.events.clear();
+  EXPECT_EQ(heba::Run(SimulatedDataset(), FixedCamera(), &recorder).failure().code, kCancelled);
+  EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
+}
+
+TEST(RunTest, CapturesWithOneImageCountOnce) {
+  PairDataset dataset = SimulatedDataset();
+  dataset.captures.push_back(dataset.captures[3]);
+  dataset.captures.back().name = "again.png";
+  dataset.given_detections.push_back(dataset.given_detections[3]);
+  Recorder recorder;
+  const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
+  ASSERT_TRUE(run.ok()) << run.reason();
+  EXPECT_EQ(recorder.events.front(), "seen 14 of 14, left out 1");
+  EXPECT_THAT(run->result.captures, SizeIs(15));
+  EXPECT_EQ(run->result.captures.back().repeat_of, "3.png");
+  EXPECT_THAT(run->dataset.captures, SizeIs(14));
+  EXPECT_THAT(run->detections, SizeIs(14));
+}
+
+TEST(RunTest, CalibratesFromPosesOfTheTarget) {
+  PairDataset dataset = SimulatedDataset();
+  for (const Capture& capture : dataset.captures) {
+    dataset.target_poses.push_back(
+        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+  }
+  dataset.given_detections.clear();
+  dataset.camera.reset();
+  dataset.target.reset();
+  const Outcome<PairRunOutput> run = heba::Run(dataset, PairRunOptions());
+  ASSERT_TRUE(run.ok()) << run.reason();
+  ASSERT_TRUE(run->calibration.chain.ok());
+  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
+  EXPECT_THAT(run->detections, SizeIs(0));
+}
+
+TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
+  PairDataset dataset = SimulatedDataset();
+  for (const Capture& capture : dataset.captures) {
+    dataset.target_poses.push_back(
+        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+  }
+  // One of the two poses of a flat target, turned.
+  dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}), Eigen::Vector3d::Zero());
+  const Outcome<PairRunOutput> run = heba::Run(dataset, PairRunOptions());
+  ASSERT_TRUE(run.ok()) << run.reason();
+  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
+  ASSERT_THAT(run->result.captures, SizeIs(14));
+  for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.captures[i].used, i != 6) << i;
+  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("contradicts the other captures"));
+  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("29 deg from where they predict it"));
+}
+
+TEST(RunTest, FailsWhereNothingWasDetected) {
+  PairDataset dataset = SimulatedDataset();
+  for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
+  EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("nothing_detected (images 14, image "));
+}
+
+TEST(RunTest, RefusesAnIncompleteDataset) {
+  const auto error_of = [](const auto& spoil) {
+    PairDataset dataset = SimulatedDataset();
+    spoil(&dataset);
+    return InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); });
+  };
+  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->captures.clear(); }), "the data set has no captures");
+  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->target.reset(); }), "the data set has no target");
+  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->given_detections.pop_back(); }),
+            "the data set has 14 captures, but 13 detections");
+  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->target_poses.resize(3); }),
+            "the data set has 14 captures, but 3 poses of the target");
+}
+
+TEST(RunTest, RefusesACameraOfAnotherSize) {
+  PairDataset dataset = SimulatedDataset();
+  dataset.camera->width_px = 640;
+  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); }),
+              HasSubstr("camera: is for images of 640 x 960 px"));
+}
+
+}  // namespace
+}  // namespace heba

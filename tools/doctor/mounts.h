@@ -1,0 +1,32 @@
+// Cameras and targets of a rig that are not where the config says.
+#pragma once
+
+#include <cstddef>
+#include <set>
+#include <vector>
+
+#include "heba/run.h"
+#include "tools/config/run_config.h"
+#include "tools/doctor/pairs.h"
+
+namespace heba {
+
+// The cameras and targets with a wrong mount, which may be the cause of anything else that is wrong with them.
+struct Misplaced {
+  std::set<size_t> cameras;
+  std::set<size_t> targets;
+  bool Contains(size_t camera, size_t target) const { return cameras.contains(camera) || targets.contains(target); }
+};
+
+// Reports pairs that fit the poses of another arm than that of their mounts: files of poses that are exchanged, or
+// mounts that name the wrong arm, which are added to `misplaced`.
+std::vector<Symptom> SymptomsOfOtherArms(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed,
+                                         Misplaced* misplaced);
+
+// Reports cameras and targets that stand on one mount by the config, but move against each other in the images: all the
+// time, because a mount is wrong, which adds the camera to `misplaced`; or once, because one of them was moved. What is
+// in `misplaced` already is not reported.
+std::vector<Symptom> WrongMounts(const RunConfig& config, const std::vector<TargetDetection>& detections,
+                                 Misplaced* misplaced);
+
+}  // namespace heba
