@@ -151,9 +151,10 @@ std::string ResultOfSeveral(const Dataset& data, int num_folds, int num_threads,
 // as of a config with one camera.
 std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
                             const std::vector<CameraPoints>& cameras, const DoubleArray& base_from_grippers,
-                            int num_folds, int num_threads, const pybind11::object& progress) {
+                            int num_folds, int num_threads, const pybind11::object& progress,
+                            const Cancellation& cancellation) {
   Dataset data = DatasetOf(*FindSetup(setup), cameras, PosesFrom(base_from_grippers));
-  PythonObserver observer(progress);
+  PythonObserver observer(progress, cancellation);
   std::string text;
   std::optional<std::string> fault;
   {
@@ -186,7 +187,7 @@ void BindCaptures(pybind11::module_& module) {
   module.def("detect_array", &DetectArray, arg("grey"), arg("target"));
   module.def("detect_file", &DetectFile, arg("image"), arg("target"));
   module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("cameras"), arg("base_from_gripper"),
-             arg("num_folds"), arg("num_threads"), arg("progress"));
+             arg("num_folds"), arg("num_threads"), arg("progress"), arg("cancellation"));
 }
 
 }  // namespace heba

@@ -1,6 +1,8 @@
 // Tells a function in Python how far a run is.
 #pragma once
 
+#include <atomic>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -10,12 +12,24 @@
 
 namespace heba {
 
+// Ends a run of another thread at its next step.
+class Cancellation {
+ public:
+  void Request() { *is_requested_ = true; }
+  bool is_requested() const { return *is_requested_; }
+
+ private:
+  std::shared_ptr<std::atomic<bool>> is_requested_ = std::make_shared<std::atomic<bool>>(false);
+};
+
 // Calls a function in Python with the stage, the steps that are done, and their number. An exception of that function,
-// or an interrupt from the keyboard, ends the run.
+// or a cancellation, ends the run; nothing in Python is called after
+// a cancellation.
 class PythonObserver final : public RunObserver {
  public:
   // `progress` may be None.
-  explicit PythonObserver(pybind11::object progress) : progress_(std::move(progress)) {}
+  PythonObserver(pybind11::object progress, Cancellation cancellation)
+      : progress_(std::move(progress)), cancellation_(std::move(cancellation)) {}
 
   void OnStage(RunStage stage, int num_steps) override {
     num_done_ = 0;
@@ -27,9 +41,7 @@ class PythonObserver final : public RunObserver {
     Tell(stage);
   }
   bool IsCancelled() override {
-    const pybind11::gil_scoped_acquire acquire;
-    if (!raised_ && PyErr_CheckSignals() != 0) raised_ = pybind11::error_already_set();
-    return raised_.has_value();
+    return cancellation_.is_requested() || raised_.has_value();
   }
   // Raises the exception that ended the run, if there was one. The caller holds the GIL.
   void RethrowIfRaised() const {
@@ -38,6 +50,7 @@ class PythonObserver final : public RunObserver {
 
  private:
   void Tell(RunStage stage) {
+    if (cancellation_.is_requested()) return;
     const pybind11::gil_scoped_acquire acquire;
     if (progress_.is_none() || raised_) return;
     try {
@@ -48,6 +61,7 @@ class PythonObserver final : public RunObserver {
   }
 
   pybind11::object progress_;
+  Cancellation cancellation_;
   int num_done_ = 0;
   int num_steps_ = 0;
   std::optional<pybind11::error_already_set> raised_;

@@ -11,6 +11,9 @@
 #include <pybind11/stl/filesystem.h>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
+#include "heba/io/export_files.h"
+#include "heba/io/result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
 #include "tools/doctor/doctor.h"
@@ -26,8 +29,8 @@ namespace {
 // Runs a config, writes its folder and returns the folder.
 std::filesystem::path RunFile(const std::filesystem::path& config_path, const std::vector<std::string>& settings,
                               const std::optional<std::filesystem::path>& out, int num_threads,
-                              const pybind11::object& progress) {
-  PythonObserver observer(progress);
+                              const pybind11::object& progress, const Cancellation& cancellation) {
+  PythonObserver observer(progress, cancellation);
   std::filesystem::path output;
   std::optional<std::string> failure;
   {
@@ -65,6 +68,22 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
   return symptoms;
 }
 
+// Returns the names and the texts of the files of an export.
+std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem::path& result_file,
+                                                          const std::string& format_name) {
+  const pybind11::gil_scoped_release release;
+  const ExportFormat* const format = FindEntry(ExportFormats(), format_name);
+  if (format == nullptr) throw InputError("format: " + UnknownName(format_name, NamesOf(ExportFormats())));
+  std::vector<std::pair<std::string, std::string>> files;
+  std::string reason;
+  for (const ExportedFile& file : ExportFiles(*format, MakeExportRequests(ReadWholeResult(result_file)))) {
+    if (!file.text.empty()) files.emplace_back(file.name, file.text);
+    if (reason.empty()) reason = file.reason;
+  }
+  if (files.empty()) throw InputError("format " + format_name + ": " + reason);
+  return files;
+}
+
 std::string TableOf(const std::filesystem::path& result_file) {
   const pybind11::gil_scoped_release release;
   return std::visit([](const auto& result) { return ResultTable(result, Colour::kPlain); }, ReadAnyResult(result_file));
@@ -74,8 +93,11 @@ std::string TableOf(const std::filesystem::path& result_file) {
 
 void BindRuns(pybind11::module_& module) {
   using pybind11::arg;
-  module.def("run", &RunFile, arg("config"), arg("settings"), arg("out"), arg("num_threads"), arg("progress"));
+  pybind11::class_<Cancellation>(module, "Cancellation").def(pybind11::init<>()).def("request", &Cancellation::Request);
+  module.def("run", &RunFile, arg("config"), arg("settings"), arg("out"), arg("num_threads"), arg("progress"),
+             arg("cancellation"));
   module.def("diagnose", &DiagnoseFile, arg("config"), arg("settings"), arg("num_threads"));
+  module.def("export", &ExportOf, arg("result_file"), arg("format"));
   module.def("table", &TableOf, arg("result_file"));
 }
 

@@ -7,9 +7,10 @@ import json
 import os
 import re
 import tempfile
+import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Callable, Iterator, Mapping, Sequence, Union, overload
+from typing import Any, Callable, Iterator, Mapping, Sequence, TypeVar, Union, overload
 
 from . import _heba
 from ._arrays import grey_from, poses_from
@@ -20,6 +21,8 @@ from ._rig_result import RigResult
 
 Image = Union["np.ndarray", str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], object]
+Settings = Union[Sequence[str], Mapping[str, Any]]
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ class Symptom:
 def run(
     config: str | os.PathLike[str] | Mapping[str, Any],
     *,
-    settings: Sequence[str] = (),
+    settings: Settings = (),
     out: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -102,7 +105,8 @@ def run(
     Args:
         config: The path of a config, or its contents as a dictionary; paths in it are then relative to the current
             folder.
-        settings: Entries "KEY=VALUE" that take precedence over the config, as `--set`.
+        settings: What takes precedence over the config, as `--set`: a dictionary, {"refine": {"loss": "none"}} or
+            {"refine.loss": "none"}, or entries "KEY=VALUE".
         out: The folder of the results; that of the config by default.
         threads: The number of threads; that of the machine by default. The result does not depend on it.
         progress: Is called with the stage ("detection", "second detection", "hold-out"), the steps that are done and
@@ -115,16 +119,17 @@ def run(
         heba.Error: The input is wrong, or the result cannot be trusted.
     """
     with _config_file(config) as file:
-        folder = _heba.run(file, list(settings), out, _threads(threads), progress)
+        entries, num_threads = _entries(settings), _threads(threads)
+        folder = _interruptible(lambda cancellation: _heba.run(file, entries, out, num_threads, progress, cancellation))
     return RigResult.read(folder) if _heba.is_rig_run(folder) else Result.read(folder)
 
 
 def doctor(
-    config: str | os.PathLike[str] | Mapping[str, Any], *, settings: Sequence[str] = (), threads: int | None = None
+    config: str | os.PathLike[str] | Mapping[str, Any], *, settings: Settings = (), threads: int | None = None
 ) -> list[Symptom]:
     """Examines a data set, as `heba doctor` does. Faults come first; an empty list means that nothing was found."""
     with _config_file(config) as file:
-        symptoms = _heba.diagnose(file, list(settings), _threads(threads))
+        symptoms = _heba.diagnose(file, _entries(settings), _threads(threads))
     return [Symptom(*words, tuple(changes)) for *words, changes in symptoms]
 
 
@@ -324,7 +329,12 @@ def calibrate(
         unknown = set(value) - set(points) if isinstance(value, Mapping) and has_names else set()
         if unknown:
             raise Error(f"{key}: {unknown_name(min(unknown), list(points))}")
-    text = _heba.calibrate(setup, yaml, cameras, base_from_gripper, folds, _threads(threads), progress)
+    num_threads = _threads(threads)
+    text = _interruptible(
+        lambda cancellation: _heba.calibrate(
+            setup, yaml, cameras, base_from_gripper, folds, num_threads, progress, cancellation
+        )
+    )
     return RigResult(text) if has_names else Result(text)
 
 
@@ -369,6 +379,50 @@ def _target_text(target: Mapping[str, Any] | str) -> str:
     return target if isinstance(target, str) else json.dumps(dict(target))
 
 
+def _own_words(message: str) -> str:
+    """Names the argument in place of the flag of the program."""
+    return re.sub(r"^--set\b", "settings", message)
+
+
+def _entries(settings: Settings) -> list[str]:
+    """Returns settings as entries "KEY=VALUE"."""
+    if not isinstance(settings, Mapping):
+        return list(settings)
+    entries = []
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            entries += [f"{key}.{entry}" for entry in _entries(value)]
+        else:
+            # JSON is YAML.
+            entries.append(f"{key}={value if isinstance(value, str) else json.dumps(value, default=os.fspath)}")
+    return entries
+
+
+def _interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:
+    """Calls in another thread, so that an interrupt from the keyboard ends the wait at once, and the call at its next step."""
+    cancellation = _heba.Cancellation()
+    found: list[Found] = []
+    raised: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            found.append(call(cancellation))
+        except BaseException as error:  # Is raised again in the thread that waits.
+            raised.append(error)
+
+    worker = threading.Thread(target=work, name="heba")
+    try:
+        worker.start()
+        while worker.is_alive():
+            worker.join(0.1)
+    except BaseException:
+        cancellation.request()
+        raise
+    if raised:
+        raise raised[0]
+    return found[0]
+
+
 def _threads(threads: int | None) -> int:
     if threads is None:
         return len(os.sched_getaffinity(0))
@@ -381,7 +435,10 @@ def _threads(threads: int | None) -> int:
 def _config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
     """Gives the path of a config; a dictionary has a file as long as it is used."""
     if not isinstance(config, Mapping):
-        yield os.fspath(config)
+        try:
+            yield os.fspath(config)
+        except Error as error:
+            raise Error(_own_words(str(error))) from None
         return
     # Paths in a config are relative to its folder.
     handle, path = tempfile.mkstemp(suffix=".yaml", prefix=".heba-", dir=os.getcwd())
@@ -389,5 +446,8 @@ def _config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             json.dump({"name": "config", **config}, file, default=os.fspath)
         yield path
+    except Error as error:
+        # The file is heba's own, and all of it is one line.
+        raise Error(re.sub(re.escape(path) + r"(:\d+)*", "config", _own_words(str(error)))) from None
     finally:
         os.unlink(path)

@@ -9,6 +9,9 @@ __version__: str
 
 class Error(ValueError): ...
 
+class Cancellation:
+    def request(self) -> None: ...
+
 def unknown_name(unknown: str, known: Sequence[str]) -> str: ...
 def solve_pairs(
     setup: str, base_from_gripper: np.ndarray, camera_from_target: np.ndarray, method: str
@@ -39,6 +42,7 @@ def calibrate(
     num_folds: int,
     num_threads: int,
     progress: Callable[[str, int, int], object] | None,
+    cancellation: Cancellation,
 ) -> str: ...
 def run(
     config: str | Path,
@@ -46,8 +50,10 @@ def run(
     out: str | Path | None,
     num_threads: int,
     progress: Callable[[str, int, int], object] | None,
+    cancellation: Cancellation,
 ) -> Path: ...
 def diagnose(
     config: str | Path, settings: Sequence[str], num_threads: int
 ) -> list[tuple[str, bool, str, str, list[str]]]: ...
+def export(result_file: str | Path, format: str) -> list[tuple[str, str]]: ...
 def table(result_file: str | Path) -> str: ...

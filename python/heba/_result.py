@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import html
 import json
 import os
 import tempfile
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Iterator, TypeVar
 
 from . import _heba
 from ._heba import Error, unknown_name
@@ -27,6 +29,11 @@ def matrix_of(pose: dict[str, Any]) -> np.ndarray:
     ]
     matrix[:3, 3] = pose["translation_m"]
     return matrix
+
+
+def camera_matrix_of(camera: dict[str, Any]) -> np.ndarray:
+    """Returns the 3 x 3 matrix of a camera as result.json has it, px."""
+    return np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
 
 
 class RunFolder:
@@ -64,14 +71,58 @@ class RunFolder:
         """The grade ("good", "doubtful" or "bad") and the findings, each with its code, text and action."""
         return self.data["verdict"]
 
+    @property
+    def report_path(self) -> Path | None:
+        """The report of the run; None for a calibration from arrays."""
+        return None if self.folder is None else self.folder / "report.html"
+
     def table(self) -> str:
         """Returns the table that `heba run` prints."""
+        with self._file() as file:
+            return _heba.table(file)
+
+    def export(self, format: str, out: str | os.PathLike[str] | None = None) -> dict[str, str]:
+        """Returns the files of a format of `heba export`, such as "ros" or "opencv": their names and texts.
+
+        Args:
+            format: The name of the format.
+            out: A folder in which the files are written, too.
+        """
+        with self._file() as file:
+            files = dict(_heba.export(file, format))
+        if out is not None:
+            Path(out).mkdir(parents=True, exist_ok=True)
+            for name, text in files.items():
+                (Path(out) / name).write_text(text, encoding="utf-8")
+        return files
+
+    @contextlib.contextmanager
+    def _file(self) -> Iterator[Path]:
         if self.folder is not None:
-            return _heba.table(self.folder / "result.json")
+            yield self.folder / "result.json"
+            return
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "result.json"
             file.write_text(self._text, encoding="utf-8")
-            return _heba.table(file)
+            yield file
+
+    def _repr_html_(self) -> str:
+        """Shows the verdict, the table and the report with the cell in 3-D in a notebook."""
+        findings = "".join(
+            f"<li>{html.escape(finding['text'])}"
+            + (f" <i>{html.escape(finding['action'])}</i>" if finding.get("action") else "")
+            for finding in self.verdict["findings"]
+            if finding["grade"] != "good"
+        )
+        parts = [
+            f"<p><b>{html.escape(self.data['name'])}: {self.verdict['grade']}</b></p>",
+            f"<ul>{findings}</ul>" if findings else "",
+            f"<pre>{html.escape(self.table())}</pre>",
+        ]
+        if self.report_path is not None and self.report_path.exists():
+            report = html.escape(self.report_path.read_text(encoding="utf-8"))
+            parts.append(f'<iframe srcdoc="{report}" style="width:100%;height:640px;border:0"></iframe>')
+        return "".join(parts)
 
     def __repr__(self) -> str:
         return f"<heba.{type(self).__name__} {self.data['name']!r}: {self.verdict['grade']}>"
@@ -100,6 +151,29 @@ class Result(RunFolder):
     def hand_eye(self) -> np.ndarray:
         """The camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
         return matrix_of(self.estimate()["hand_eye"])
+
+    @property
+    @needs_numpy
+    def sigma(self) -> np.ndarray | None:
+        """One sigma of hand_eye: along x, y and z of the camera (m), then about them (rad)."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    @property
+    def camera_model(self) -> str:
+        """The name of the camera model."""
+        return self.estimate()["camera"]["model"]
+
+    @property
+    @needs_numpy
+    def camera_matrix(self) -> np.ndarray:
+        """The focal lengths and the principal point as OpenCV's 3 x 3 camera matrix, px."""
+        return camera_matrix_of(self.estimate()["camera"])
+
+    @property
+    @needs_numpy
+    def distortion(self) -> np.ndarray:
+        """The further parameters of the camera model; those of brown5 are OpenCV's k1, k2, p1, p2, k3."""
+        return np.array(self.estimate()["camera"]["distortion"])
 
     @property
     @needs_numpy

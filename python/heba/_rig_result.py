@@ -7,7 +7,7 @@ from typing import Any
 
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
-from ._result import RunFolder, matrix_of
+from ._result import RunFolder, camera_matrix_of, matrix_of
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,26 @@ class RigCamera:
     pose: np.ndarray
     covariance: np.ndarray
     camera: dict[str, Any]
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """One sigma of the pose: along x, y and z of the camera (m), then about them (rad)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def camera_model(self) -> str:
+        """The name of the camera model."""
+        return self.camera["model"]
+
+    @property
+    def camera_matrix(self) -> np.ndarray:
+        """The focal lengths and the principal point as OpenCV's 3 x 3 camera matrix, px."""
+        return camera_matrix_of(self.camera)
+
+    @property
+    def distortion(self) -> np.ndarray:
+        """The further parameters of the camera model; those of brown5 are OpenCV's k1, k2, p1, p2, k3."""
+        return np.array(self.camera["distortion"])
 
 
 @dataclass(frozen=True)

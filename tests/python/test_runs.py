@@ -4,6 +4,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -90,6 +91,50 @@ def test_progress_is_told_and_can_end_a_run(cell, tmp_path):
     with pytest.raises(Stop):
         heba.run(cell / "config.yaml", out=tmp_path / "stopped", progress=stop)
     assert not (tmp_path / "stopped").exists()
+
+
+def test_an_interrupt_from_the_keyboard_does_not_wait_for_the_run(cell, tmp_path):
+    def interrupt(stage, done, total):
+        if (stage, done) == ("detection", 1):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        heba.run(cell / "config.yaml", out=tmp_path / "run", threads=1, progress=interrupt)
+    for thread in threading.enumerate():
+        if thread.name == "heba":
+            thread.join()
+    assert not (tmp_path / "run").exists()
+
+
+def test_settings_may_be_dictionaries(cell, program_run, tmp_path):
+    settings = {"evaluate": {"folds": 3}, "refine.target_shape": ["scale"], "camera.model": "brown5"}
+    result = heba.run(cell / "config.yaml", settings=settings, out=tmp_path / "run")
+    assert result.data["model"]["target_shape"] == ["scale"]
+    with pytest.raises(heba.Error, match="^settings: evaluate: unknown key 'fold'"):
+        heba.run(cell / "config.yaml", settings={"evaluate": {"fold": 3}})
+
+
+def test_errors_of_a_dictionary_name_its_keys():
+    with pytest.raises(heba.Error, match="^config: ") as error:
+        heba.run({"setup": "eye_to_hand", "captures": {"images": "images"}, "targte": {}})
+    assert ".heba-" not in str(error.value)
+
+
+def test_results_have_what_other_libraries_take(cell, program_run, tmp_path):
+    result = heba.Result.read(program_run)
+    camera = result.estimate()["camera"]
+    assert result.camera_model == camera["model"]
+    assert np.array_equal(result.camera_matrix, [[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
+    assert list(result.distortion) == camera["distortion"]
+    assert np.allclose(result.sigma**2, np.diag(result.covariance))
+    assert result.report_path == program_run / "report.html"
+    exported = conftest.program("export", program_run, "--to", "ros").stdout
+    assert list(result.export("ros", tmp_path).values()) == [exported]
+    assert [file.read_text() for file in tmp_path.iterdir()] == [exported]
+    with pytest.raises(heba.Error, match="did you mean 'ros'"):
+        result.export("rso")
+    shown = result._repr_html_()
+    assert result.verdict["grade"] in shown and "bundle" in shown and "<iframe" in shown
 
 
 def test_errors_are_the_lines_of_the_program(tmp_path):
