@@ -398,7 +398,7 @@ std::string ReportPage(const ReportData& data, const ReportContext& context) {
     const std::string content = section.content(data);
     body += section.title[0] == '\0' ? content : PageSection(section.title, content);
   }
-  return HtmlPage(data.result.name, body + Details("Config as used", CopyableText(context.config_used)));
+  return HtmlPage(TitleOf(data, context), body + Details("Config as used", CopyableText(context.config_used)));
 }
 
 }  // namespace heba

@@ -400,9 +400,14 @@ std::string IntrinsicsTables(const ReportData& data) {
   return tables;
 }
 
+std::string TitleOf(const ReportData& data, const ReportContext& context) {
+  const std::string folder = context.config.parent_path().filename().string();
+  return data.result.name == "config" && !folder.empty() ? folder : data.result.name;
+}
+
 std::string RecordSection(const ReportData& data, const ReportContext& context, const std::string& beside) {
   const std::string verdict = VerdictPart(data.result.verdict) + (data.has_images() ? TilesPart(data) : "");
-  return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(data.result.name) + "</h1>\n" +
+  return "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(TitleOf(data, context)) + "</h1>\n" +
          (beside.empty() ? verdict
                          : "<div class=\"first\">\n<div>\n" + verdict + "</div>\n<div class=\"beside\">\n" + beside +
                                "</div>\n</div>\n") +

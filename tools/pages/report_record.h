@@ -56,6 +56,8 @@ std::string PoseParts(const std::vector<ShownPose>& poses, const std::string& in
 // the true camera is known.
 std::string IntrinsicsTables(const ReportData& data);
 
+// Returns the title of the page: the name of the run or, of a config that is called config, that of its folder.
+std::string TitleOf(const ReportData& data, const ReportContext& context);
 // Returns markup, with `beside` beside the verdict and its figures where there is room.
 std::string RecordSection(const ReportData& data, const ReportContext& context, const std::string& beside);
 

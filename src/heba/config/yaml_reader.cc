@@ -16,6 +16,9 @@
 namespace heba {
 namespace {
 
+// The name of settings in messages, in place of a file's.
+constexpr const char* kSettings = "--set";
+
 std::string Shown(const YAML::Node& node) {
   if (node.IsScalar()) return Quoted(node.Scalar());
   if (node.IsSequence()) return "a list";
@@ -261,7 +264,7 @@ ConfigValue ParseSettings(const std::vector<std::string>& settings) {
     // A scalar is recreated, so that it has no line number: the setting does not come from a file.
     place[keys.back()] = parsed.IsScalar() ? YAML::Node(parsed.Scalar()) : parsed;
   }
-  return {root, "--set", ""};
+  return {root, kSettings, ""};
 }
 
 MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::NodeType::Map) {
@@ -291,8 +294,12 @@ std::string WhetherMisspelt(const std::string& missing, const ConfigValue& mappi
 
 ConfigValue MapReader::Get(const std::string& key) {
   const std::optional<ConfigValue> found = Find(key);
-  if (!found) value_.Fail("'" + key + "' is missing" + WhetherMisspelt(key, value_, known_));
-  return *found;
+  if (found) return *found;
+  // What no layer has is missing in the file, not in the settings above it.
+  const std::vector<ConfigValue> layers = value_.Layers();
+  const auto file =
+      std::find_if(layers.begin(), layers.end(), [](const ConfigValue& layer) { return layer.file() != kSettings; });
+  (file == layers.end() ? value_ : *file).Fail("'" + key + "' is missing" + WhetherMisspelt(key, value_, known_));
 }
 
 std::optional<ConfigValue> MapReader::Find(const std::string& key) {

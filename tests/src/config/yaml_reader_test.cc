@@ -289,6 +289,16 @@ TEST(LayersTest, FaultsNameTheirFile) {
   EXPECT_THAT(InputErrorOf([&] { reader.Finish(); }), StartsWith("lower.yaml:3: unknown key 'c'"));
 }
 
+TEST(LayersTest, WhatIsMissingIsMissingInTheFile) {
+  const ConfigValue file = ParseYaml("name: cell", "cell.yaml");
+  EXPECT_THAT(InputErrorOf([&] {
+                MapReader(ConfigValue::Stack({ParseSettings({"seed=1"}), file})).Get("captures");
+              }),
+              HasSubstr("cell.yaml:1: 'captures' is missing"));
+  EXPECT_THAT(InputErrorOf([&] { MapReader(ParseSettings({"seed=1"})).Get("captures"); }),
+              HasSubstr("--set: 'captures' is missing"));
+}
+
 TEST(LayersTest, ReadsBasesWithoutTheirOwnKeys) {
   const TempFolder folder;
   std::ofstream(folder / "one.yaml") << "{base: two.yaml, a: 1}";

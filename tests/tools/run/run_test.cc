@@ -334,6 +334,11 @@ TEST_F(CellRunTest, WhatIsLeftOutIsListed) {
   const std::string page = ReportPage(ReportDataOf(*run), {"", "", "", ""});
   EXPECT_THAT(page, HasSubstr("left out by captures.exclude"));
   EXPECT_THAT(page, HasSubstr("late.png"));
+  // A config that is called config has the name of its folder.
+  RunOutput named = *run;
+  named.result.name = "config";
+  EXPECT_THAT(ReportPage(ReportDataOf(named), {"", "/cells/left arm/config.yaml", "", ""}),
+              HasSubstr("<h1>left arm</h1>"));
 }
 
 // One row of joints belongs to another capture.
