@@ -27,26 +27,30 @@ HEBA_INLINE void ForEachBlock(int num_columns, const Wide& wide, const Narrow& n
   }
 }
 
-template <int kLanes, int kRows>
+template <int kLanes, int kRows, int kColumns = 2>
 HEBA_INLINE void AddBlock(const double* a, const double* b, Eigen::Index stride, Eigen::Index num_rows, double* sums) {
   using V = Lanes<kLanes>;
-  V s[kRows][2];
+  V s[kRows][kColumns];
   for (int i = 0; i < kRows; ++i) {
-    for (int j = 0; j < 2; ++j) s[i][j] = LoadLanes<V>(sums + (2 * i + j) * kLanes);
+    for (int j = 0; j < kColumns; ++j) s[i][j] = LoadLanes<V>(sums + (kColumns * i + j) * kLanes);
   }
   for (Eigen::Index k = 0; k < num_rows; k += kLanes) {
-    const V b0 = LoadLanes<V>(b + k);
-    const V b1 = LoadLanes<V>(b + stride + k);
+    V of_b[kColumns];
+    for (int j = 0; j < kColumns; ++j) of_b[j] = LoadLanes<V>(b + j * stride + k);
     for (int i = 0; i < kRows; ++i) {
       const V ai = LoadLanes<V>(a + i * stride + k);
-      s[i][0] += ai * b0;
-      s[i][1] += ai * b1;
+      for (int j = 0; j < kColumns; ++j) s[i][j] += ai * of_b[j];
     }
   }
   for (int i = 0; i < kRows; ++i) {
-    for (int j = 0; j < 2; ++j) StoreLanes(s[i][j], sums + (2 * i + j) * kLanes);
+    for (int j = 0; j < kColumns; ++j) StoreLanes(s[i][j], sums + (kColumns * i + j) * kLanes);
   }
 }
+
+// Products of many columns are computed in blocks of kBlock by this number of columns: the registers of AVX-512 hold
+// more sums.
+template <int kLanes>
+constexpr int kWide = kLanes == kLanesOf<Simd::kAvx512> ? 4 : 2;
 
 template <int kLanes>
 HEBA_INLINE void AddRows(const double* columns, Eigen::Index stride, int num_columns, Eigen::Index num_rows,
@@ -95,18 +99,25 @@ HEBA_TARGET_AVX512 void SumLanesAvx512(const double* lanes, int num_sums, double
   SumLanes<kLanesOf<Simd::kAvx512>>(lanes, num_sums, sums);
 }
 
+// Returns the inner products of kBlock columns of `a` and kWide columns of `b`.
+template <int kLanes>
+HEBA_INLINE void SumBlock(const double* a, const double* b, Eigen::Index stride, Eigen::Index num_rows, double* sums) {
+  alignas(64) double lanes[kWide<kLanes> * kBlock * kLanes] = {};
+  AddBlock<kLanes, kBlock, kWide<kLanes>>(a, b, stride, num_rows, lanes);
+  SumLanes<kLanes>(lanes, kWide<kLanes> * kBlock, sums);
+}
+
 template <int kLanes>
 HEBA_INLINE void AddProducts(const double* columns, Eigen::Index stride, Eigen::Index num_columns,
                              Eigen::Index num_rows, double* products) {
   for (Eigen::Index i = 0; i < num_columns; i += kBlock) {
-    for (Eigen::Index j = 0; j < i + kBlock; j += 2) {
-      alignas(64) double lanes[2 * kBlock * kLanes] = {};
-      AddBlock<kLanes, kBlock>(columns + i * stride, columns + j * stride, stride, num_rows, lanes);
-      double sums[2 * kBlock];
-      SumLanes<kLanes>(lanes, 2 * kBlock, sums);
+    for (Eigen::Index j = 0; j < i + kBlock; j += kWide<kLanes>) {
+      double sums[kWide<kLanes> * kBlock];
+      SumBlock<kLanes>(columns + i * stride, columns + j * stride, stride, num_rows, sums);
       for (Eigen::Index row = 0; row < kBlock; ++row) {
-        products[j * num_columns + i + row] += sums[2 * row];
-        products[(j + 1) * num_columns + i + row] += sums[2 * row + 1];
+        for (Eigen::Index column = 0; column < kWide<kLanes>; ++column) {
+          products[(j + column) * num_columns + i + row] += sums[kWide<kLanes> * row + column];
+        }
       }
     }
   }
@@ -124,19 +135,18 @@ HEBA_TARGET_AVX512 void AddProductsAvx512(const double* columns, Eigen::Index st
   AddProducts<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, products);
 }
 
-// Two columns of b at a time stay near, and those of a pass by.
+// A few columns of b at a time stay near, and those of a pass by.
 template <int kLanes>
 HEBA_INLINE void Multiply(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd* products) {
-  for (Eigen::Index j = 0; j < b.cols(); j += 2) {
+  for (Eigen::Index j = 0; j < b.cols(); j += kWide<kLanes>) {
     for (Eigen::Index i = 0; i < a.cols(); i += kBlock) {
-      alignas(64) double lanes[2 * kBlock * kLanes] = {};
-      AddBlock<kLanes, kBlock>(a.data() + i * a.rows(), b.data() + j * b.rows(), a.rows(), a.rows(), lanes);
-      double sums[2 * kBlock];
-      SumLanes<kLanes>(lanes, 2 * kBlock, sums);
+      double sums[kWide<kLanes> * kBlock];
+      SumBlock<kLanes>(a.data() + i * a.rows(), b.data() + j * b.rows(), a.rows(), a.rows(), sums);
       double* const to = products->data() + j * products->rows() + i;
       for (Eigen::Index row = 0; row < kBlock; ++row) {
-        to[row] = sums[2 * row];
-        to[products->rows() + row] = sums[2 * row + 1];
+        for (Eigen::Index column = 0; column < kWide<kLanes>; ++column) {
+          to[column * products->rows() + row] = sums[kWide<kLanes> * row + column];
+        }
       }
     }
   }
@@ -214,7 +224,7 @@ Eigen::MatrixXd GramMatrix::Matrix() const {
 Eigen::MatrixXd InnerProducts(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b) {
   CHECK_EQ(a.rows(), b.rows());
   const Eigen::MatrixXd left = Padded(a, kBlock);
-  const Eigen::MatrixXd right = Padded(b, 2);
+  const Eigen::MatrixXd right = Padded(b, kBlock);
   Eigen::MatrixXd products(left.cols(), right.cols());
   SelectForIsa(ActiveSimd(), &MultiplyBaseline, &MultiplyAvx2, &MultiplyAvx512)(left, right, &products);
   return products.topLeftCorner(a.cols(), b.cols());
