@@ -6,8 +6,8 @@
 #include <pybind11/stl.h>
 
 #include "heba/base/error.h"
-#include "heba/pair_calibration.h"
 #include "heba/closed_form.h"
+#include "heba/pair_calibration.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "tools/text/failure_text.h"

@@ -35,7 +35,7 @@ struct ScaleShare {
 // points that the solution used. The share is empty if a point cannot be projected.
 ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas);
 
-// Makes the covariance of a solution (Solution, Solution) the total one, and keeps the repeatable one. Other causes
+// Makes the covariance of a solution (PairSolution, Solution) the total one, and keeps the repeatable one. Other causes
 // (Advice) make `changes`, which are part of both. The causes that all sessions of a cell have in common besides its
 // scales make `of_cell`, which is part of the total one alone.
 template <class AnySolution>

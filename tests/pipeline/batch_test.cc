@@ -324,7 +324,7 @@ TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
 }
 
 // The same for a rig, of which every pose has its rows.
-TEST(StudyTest, ShardsOfACellTogetherGiveTheSameBytes) {
+TEST(StudyTest, ShardsOfARigTogetherGiveTheSameBytes) {
   const fs::path folder = TestFolder("rig_study_shards");
   const std::string scene = (fs::path(HEBA_SOURCE_DIR) / "configs" / "rig" / "scene.yaml").string();
   WriteAll(folder / "study.yaml", "trials: 2\nscenes: {cell: " + scene +

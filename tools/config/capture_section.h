@@ -7,7 +7,7 @@
 
 #include "heba/config/yaml_reader.h"
 #include "heba/io/pose_records.h"
-#include "tools/config/run_config_types.h"
+#include "tools/config/pair_config_types.h"
 
 namespace heba {
 

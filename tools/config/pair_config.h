@@ -1,4 +1,4 @@
-// A run's config, read and checked, with the data set that it names.
+// The config of a run of one camera, one target and one arm, read and checked, with the data set that it names.
 #pragma once
 
 #include <filesystem>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
-#include "tools/config/run_config_types.h"
+#include "tools/config/pair_config_types.h"
 
 namespace heba {
 

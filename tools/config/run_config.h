@@ -1,4 +1,4 @@
-// The config of a run with a rig (several cameras, targets or arms), read and checked, with the data set that it names.
+// A run's config, read and checked, with the data set that it names, of any number of cameras, targets and arms.
 #pragma once
 
 #include <filesystem>

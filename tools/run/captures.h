@@ -21,7 +21,7 @@ std::vector<CaptureDetection> DetectCaptures(const PairDataset& dataset, const D
 // InputError if the sizes differ.
 void FitCameraToImages(const std::vector<CaptureDetection>& detections, PairDataset* dataset);
 
-// Returns the data set as that of a rig whose parts have no names (heba/data/hand_eye.h).
+// Returns the data set in the general form, whose parts have no names (heba/data/hand_eye.h).
 Dataset AsDataset(const PairDataset& dataset);
 // Returns what is known about the scales of a data set's targets and arms. `solved` has the errors of arms that were
 // estimated, which makes their lengths those of arms that were calibrated.

@@ -8,10 +8,10 @@
 
 namespace heba {
 
-// Returns whether a rig is one camera and one target that its only arm moves against each other.
+// Returns whether a data set has one camera and one target, which its only arm moves against each other.
 bool IsSinglePair(const Dataset& dataset);
 
-// Runs such a rig (heba/pair_run.h). The result lacks what Dataset::left_out and Dataset::truth add to it.
+// Runs such a data set (heba/pair_run.h). The result lacks what Dataset::left_out and Dataset::truth add to it.
 Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& options, RunObserver* observer);
 
 // Returns the run of a single camera, which must have a refined estimate, as that of a rig whose parts have no names.

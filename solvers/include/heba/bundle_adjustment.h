@@ -3,7 +3,7 @@
 //
 //   heba::BundleOptions options;
 //   options.robot = heba::BundleOptions::Robot::kEstimatedNoise;
-//   const heba::Outcome<heba::Solution> solution =
+//   const heba::Outcome<heba::PairSolution> solution =
 //       heba::RefineHandEye({camera, views, setup}, start, options);
 //   if (solution) Use(solution->hand_eye, solution->covariance);
 #pragma once

@@ -1,4 +1,4 @@
-// The options of the calibration of a rig, and what comes out.
+// The options of a calibration, and what comes out.
 #pragma once
 
 #include <cstddef>
@@ -29,7 +29,7 @@ struct CalibrationOptions {
   std::vector<ArmErrorModels> arms = {};
 };
 
-// The calibration of one pair of a camera and a target by itself, as of a single camera.
+// The calibration of one pair of a camera and a target by itself (CalibratePair).
 struct CalibratedPair {
   size_t camera = 0;
   size_t target = 0;

@@ -1,4 +1,4 @@
-// Cross-validation of a rig: the errors of its calibration on captures that it was not estimated from.
+// Cross-validation: the errors of a calibration on captures that it was not estimated from.
 #pragma once
 
 #include <functional>

@@ -1,5 +1,5 @@
-// Runs the whole calibration, from views to a refined result: camera (if none is given), target poses, closed-form
-// methods, seed, bundle adjustment.
+// Runs the whole calibration of one camera, one target and one arm, from views to a refined result: camera (if none is
+// given), target poses, closed-form methods, seed, bundle adjustment.
 //
 //   heba::PairCalibrationOptions options;
 //   options.setup = heba::Setup::kEyeInHand;

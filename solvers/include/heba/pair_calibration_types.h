@@ -1,4 +1,4 @@
-// The options of a calibration, and what comes out.
+// The options of the calibration of one camera, one target and one arm, and what comes out.
 #pragma once
 
 #include <memory>

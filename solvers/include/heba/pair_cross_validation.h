@@ -1,4 +1,4 @@
-// Cross-validation: the errors of every method on captures that it was not estimated from.
+// Cross-validation of a pair: the errors of every method on captures that it was not estimated from.
 //
 //   for (const heba::HoldOut& error : heba::CrossValidate(calibration, options, 5, num_threads, [] {})) {
 //     if (error.rms_px) Show(error.method, *error.rms_px);

@@ -1,4 +1,4 @@
-// Bundle adjustment of a rig: refines the poses of all cameras, targets and arms, the cameras' intrinsics and the
+// Bundle adjustment of a problem: refines the poses of all cameras, targets and arms, the cameras' intrinsics and the
 // targets' shapes jointly, by minimising the whitened reprojection error of every point in every image. A capture's
 // error of an arm's pose is common to all its images. docs/estimation.md derives the cost and the covariance.
 //

@@ -2,7 +2,7 @@
 // reaches it. The world of the types is that base.
 //
 //   const heba::PairResult result = heba::ReadPairResult("runs/cell/result.json");
-//   const heba::Solution& solution = *heba::FindRefined(result)->solution;
+//   const heba::PairSolution& solution = *heba::FindRefined(result)->solution;
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
 //   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
 //

@@ -1,4 +1,4 @@
-// The estimation problem. A Problem is independent of images, files and robot brands.
+// The estimation problem of one camera, one target and one arm. It is independent of images, files and robot brands.
 #pragma once
 
 #include <memory>

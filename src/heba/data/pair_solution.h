@@ -1,4 +1,4 @@
-// The result of a refinement and its uncertainty.
+// The result of the refinement of one camera, one target and one arm, and its uncertainty.
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// A rig: several cameras, targets and arms that are calibrated in one adjustment. The world is the base of the first
-// arm.
+// The estimation problem: any number of cameras, targets and arms, which are calibrated in one adjustment. It is
+// independent of images, files and robot brands. The world is the base of the first arm.
 //
 // In capture i, camera c sees target t from
 //   camera_from_target = inv(mount_from_camera_c) * inv(world_from_mount(c)) * world_from_mount(t) *
@@ -34,7 +34,7 @@ struct Mount {
   bool operator==(const Mount& other) const = default;
 };
 
-// A camera of a rig.
+// A camera of a problem.
 struct ProblemCamera {
   std::string name;
   Mount mount;
@@ -45,7 +45,7 @@ struct ProblemCamera {
   std::optional<CameraPrior> prior = {};  // Prior knowledge of its free parameters.
 };
 
-// A target of a rig.
+// A target of a problem.
 struct ProblemTarget {
   std::string name;
   Mount mount;
@@ -113,7 +113,7 @@ std::string MountText(const std::vector<std::string>& robots, const Mount& mount
 std::string MountText(const Problem& problem, const ProblemCamera& camera);
 std::string MountText(const Problem& problem, const ProblemTarget& target);
 
-// The constant poses of a rig.
+// The constant poses of the cameras, targets and arms of a problem.
 struct CellPoses {
   std::vector<Rigid3d> mount_from_camera;
   std::vector<Rigid3d> mount_from_target;

@@ -1,4 +1,4 @@
-// The result of the adjustment of a rig and its uncertainty.
+// The result of the adjustment of a problem and its uncertainty.
 #pragma once
 
 #include <limits>
@@ -55,7 +55,7 @@ struct Solution {
 // Returns the smooth noise of an arm; nothing if it has none.
 std::optional<RobotNoise> SmoothNoiseOf(const Solution& solution, size_t robot);
 
-// The names of a rig's blocks of unknowns, which are those of a hand-eye calibration for what has no name.
+// The names of a problem's blocks of unknowns, which are those of a hand-eye calibration for what has no name.
 std::string CameraPoseBlock(const ProblemCamera& camera);
 std::string CameraBlock(const ProblemCamera& camera);
 std::string TargetPoseBlock(const ProblemTarget& target);
@@ -63,8 +63,8 @@ std::string TargetShapeBlock(const ProblemTarget& target);
 std::string BaseBlock(const std::string& robot);
 std::string ErrorsBlock(const std::string& robot);
 
-// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, the
-// effects of the arms, and the free parameters of the cameras and of the targets' shapes, in that order.
+// Returns the layout of a problem's unknowns: the poses of the cameras, of the targets and of all bases but the first,
+// the effects of the arms, and the free parameters of the cameras and of the targets' shapes, in that order.
 UnknownLayout UnknownsOf(const Problem& problem);
 // Returns the solution with no other effects of the arms than those of `problem`, which is the one that was solved but
 // for effects that it lacks: what remains of the covariance is that of the other unknowns.

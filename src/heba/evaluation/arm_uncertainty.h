@@ -57,7 +57,7 @@ struct FixedPart {
 };
 // Returns the first fixed camera or, if no camera is fixed, the first fixed target; nothing if all are carried.
 std::optional<FixedPart> FindFixedPart(const Problem& rig);
-// Returns the locator of one arm of a rig, relative to a fixed part. Cell and solution must outlive it.
+// Returns the locator of one arm of a rig, relative to a fixed part. Problem and solution must outlive it.
 GripperLocator LocatorOf(const Problem& rig, const Solution& solution, size_t robot, const FixedPart& fixed);
 
 // Returns one sigma of a coordinate, root mean square over the three.

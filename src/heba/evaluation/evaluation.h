@@ -154,7 +154,7 @@ struct PointDeviation {
   double p_value = 1;
 };
 
-// A finished run, from which result.json is written.
+// A finished run of one camera, one target and one arm, from which result.json is written.
 struct PairResult {
   std::string name;
   // Remarks on the cell from the config, for the record: serial numbers, an operator's name.

@@ -1,5 +1,5 @@
-// The result of a run with a rig: the adjustment, its errors on captures that it was given and on held-out ones, and
-// the verdict.
+// The result of a run: the adjustment of any number of cameras, targets and arms, its errors on captures that it was
+// given and on held-out ones, and the verdict.
 #pragma once
 
 #include <optional>
@@ -103,7 +103,7 @@ struct CameraRequirement {
   Requirement requirement;
 };
 
-// A finished run with a rig, from which result.json is written.
+// A finished run, from which result.json is written.
 struct RunResult {
   std::string name;
   std::vector<std::pair<std::string, std::string>> about;  // PairResult::about.
@@ -146,7 +146,7 @@ const RobotSummary* FindEstimatedArm(const RunResult& result, size_t robot);
 // Returns the reason why they were not, in words.
 std::string WhyNotEstimated(const RunResult& result, size_t robot);
 
-// Judges a rig as JudgeRun a single camera, by the worst camera; the finding names it.
+// Judges a result by its worst camera, which the finding names, as JudgeRun of a PairResult judges its only one.
 Verdict JudgeRun(const RunResult& result);
 
 }  // namespace heba

@@ -35,7 +35,7 @@ void KeepPoints(int count, Observations* observations) {
   observations->pixels = observations->pixels.leftCols(count).eval();
 }
 
-TEST(CalibrationTest, UsesViewsWithTooFewPointsForAPoseInTheRefinement) {
+TEST(PairCalibrationTest, UsesViewsWithTooFewPointsForAPoseInTheRefinement) {
   TestScene scene = SmallBoardScene(0.05);
   KeepPoints(3, &scene.views[2].observations);
   KeepPoints(1, &scene.views[7].observations);
@@ -60,7 +60,7 @@ TEST(CalibrationTest, UsesViewsWithTooFewPointsForAPoseInTheRefinement) {
   EXPECT_LT(sum_of_variances(*calibration), sum_of_variances(*without));
 }
 
-TEST(CalibrationTest, RejectsAViewOfFewPointsThatContradictsTheOthers) {
+TEST(PairCalibrationTest, RejectsAViewOfFewPointsThatContradictsTheOthers) {
   TestScene scene = SmallBoardScene(0.05);
   KeepPoints(2, &scene.views[4].observations);
   scene.views[4].observations.pixels.array() += 40;
@@ -73,7 +73,7 @@ TEST(CalibrationTest, RejectsAViewOfFewPointsThatContradictsTheOthers) {
 }
 
 // A later model judges the points again that the first one rejects.
-TEST(CalibrationTest, TakesRejectedPointsBackUnderAnotherModel) {
+TEST(PairCalibrationTest, TakesRejectedPointsBackUnderAnotherModel) {
   constexpr size_t kView = 2;
   constexpr Eigen::Index kNumWrong = 5;
   TestSceneOptions scene_options;

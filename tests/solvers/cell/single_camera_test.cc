@@ -58,7 +58,7 @@ class SingleCameraTest : public testing::TestWithParam<Kind> {
   PairCalibrationOptions options_;
 };
 
-TEST_P(SingleCameraTest, EqualsACellWithOneCamera) {
+TEST_P(SingleCameraTest, EqualsAProblemWithOneCamera) {
   const Outcome<PairCalibration> single = CalibratePair(scene_.views, options_);
   ASSERT_TRUE(single.ok() && single->refined.ok());
   CalibrationOptions rig_options;

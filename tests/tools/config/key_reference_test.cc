@@ -150,7 +150,7 @@ TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
   ExpectConfigKeys("evaluate.require[]", {{}}, "evaluate.require=[{within: 1 mm, unknown_key: 1}]");
 }
 
-TEST_F(KeyReferenceTest, CellHasTheKeysOfItsReader) {
+TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
   const auto known = [&](const std::vector<std::string>& settings) {
     return KeysOfReader([&] { ReadRunConfig(folder_ / "rig.yaml", settings); });
   };
@@ -173,7 +173,7 @@ TEST_F(KeyReferenceTest, CellHasTheKeysOfItsReader) {
   for (const std::string& key : KeysOfTable("rig", "captures")) EXPECT_TRUE(of_captures.contains(key)) << key;
 }
 
-TEST_F(KeyReferenceTest, CellSceneHasTheKeysOfItsReader) {
+TEST_F(KeyReferenceTest, RigSceneHasTheKeysOfItsReader) {
   const auto known = [&](const std::vector<std::string>& settings) {
     return KeysOfReader([&] { ReadSceneConfig(folder_ / "rig_scene.yaml", settings); });
   };

@@ -13,9 +13,9 @@ namespace {
 using ::testing::HasSubstr;
 
 // A data set of two poses, whose images are never opened here.
-class RunConfigTest : public testing::Test {
+class PairConfigTest : public testing::Test {
  protected:
-  RunConfigTest() {
+  PairConfigTest() {
     std::filesystem::create_directory(folder_ / "images");
     Write("images/a.png", "x");
     Write("images/b.png", "x");
@@ -38,7 +38,7 @@ class RunConfigTest : public testing::Test {
   TempFolder folder_;
 };
 
-TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
+TEST_F(PairConfigTest, GravityNeedsTheMassesOfTheLinks) {
   const std::string cell = kCell;
   const auto with = [&](const std::string& model, const std::string& parts) {
     return cell + "robot: {model: " + model + "}\nrefine: {kinematics: " + parts + "}\n";
@@ -51,7 +51,7 @@ TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
   EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, offsets]")), HasSubstr("'offsets' is listed twice"));
 }
 
-TEST_F(RunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
+TEST_F(PairConfigTest, TakesTheCameraOfAChainThatIsNamed) {
   const auto entry = [](const std::string& focal) {
     return "{intrinsics: [" + focal +
            ", 500, 320, 240], distortion_model: radtan, distortion_coeffs: [0.1, 0, 0, 0], "
@@ -75,7 +75,7 @@ TEST_F(RunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
               HasSubstr("unknown key 'cam'"));
 }
 
-TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
+TEST_F(PairConfigTest, RobotNoiseNamesItsModel) {
   const std::string cell = kCell;
   const auto with = [&](const std::string& noise, const std::string& robot = "") {
     Write("noise.yaml", cell + robot + "refine: {robot_noise: " + noise + "}\n");
@@ -100,7 +100,7 @@ TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
               HasSubstr("{joints: auto}"));
 }
 
-TEST_F(RunConfigTest, ReadsThePayload) {
+TEST_F(PairConfigTest, ReadsThePayload) {
   const std::string cell = kCell;
   Write("payload.yaml", cell + "robot: {model: ur5e, payload: {mass: 1.2 kg, centre: [0 mm, 10 mm, 80 mm]}}\n");
   const Arm arm = Read("payload.yaml").data.robot->arm;
@@ -112,7 +112,7 @@ TEST_F(RunConfigTest, ReadsThePayload) {
               HasSubstr("write a mass such as '1.2 kg'"));
 }
 
-TEST_F(RunConfigTest, FillsInDefaults) {
+TEST_F(PairConfigTest, FillsInDefaults) {
   const PairConfig config = Read("cell.yaml");
   EXPECT_EQ(config.data.name, "cell");
   EXPECT_EQ(config.data.setup, Setup::kEyeInHand);
@@ -125,7 +125,7 @@ TEST_F(RunConfigTest, FillsInDefaults) {
   EXPECT_FALSE(config.data.camera.has_value());
 }
 
-TEST_F(RunConfigTest, MethodsAreAllOrAList) {
+TEST_F(PairConfigTest, MethodsAreAllOrAList) {
   EXPECT_TRUE(Read("cell.yaml").options.methods.empty());
   EXPECT_THAT(Read("cell.yaml").used, HasSubstr("methods: all\n"));
   EXPECT_TRUE(Read("cell.yaml", {"methods=all"}).options.methods.empty());
@@ -133,13 +133,13 @@ TEST_F(RunConfigTest, MethodsAreAllOrAList) {
 }
 
 // The config as used states every default: reading it again gives the same config.
-TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
+TEST_F(PairConfigTest, ConfigAsUsedIsAFixedPoint) {
   const PairConfig config = Read("cell.yaml");
   Write("used.yaml", config.used);
   EXPECT_EQ(Read("used.yaml").used, config.used);
 }
 
-TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
+TEST_F(PairConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
   Write("next.yaml", "base: cell.yaml\nrefine: {loss: huber}\nevaluate: {folds: 3}\n");
   EXPECT_EQ(Read("next.yaml").options.bundle.loss, LossKind::kHuber);
   const PairConfig config = Read("next.yaml", {"refine.loss=cauchy", "refine.robot_noise=none"});
@@ -148,7 +148,7 @@ TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
   EXPECT_FALSE(config.options.choose.robot_noise);
 }
 
-TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
+TEST_F(PairConfigTest, LeavesExcludedAndMissingImagesOut) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\ngone.png,0,0,1,0,0,0,1\n");
   Write("some.yaml", "base: cell.yaml\ncaptures: {exclude: [b.png]}\n");
   const PairConfig config = Read("some.yaml");
@@ -158,7 +158,7 @@ TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
 }
 
 // Keys that are set one by one are merged with those of a mapping, but not with those of a file.
-TEST_F(RunConfigTest, SingleKeysOfATargetFileCannotBeSet) {
+TEST_F(PairConfigTest, SingleKeysOfATargetFileCannotBeSet) {
   Write("sheet.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
   Write("with_file.yaml",
         "setup: eye_in_hand\ntarget: sheet.yaml\ncaptures: {images: images, poses: poses.csv, pose_format: ros}\n");
@@ -172,7 +172,7 @@ TEST_F(RunConfigTest, SingleKeysOfATargetFileCannotBeSet) {
             0.025);
 }
 
-TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {
+TEST_F(PairConfigTest, FaultsNameTheLineAndTheKey) {
   const std::string unknown = ErrorOf(std::string(kCell) + "refne: {}\n");
   EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: unknown key 'refne'"));
   EXPECT_THAT(unknown, HasSubstr("did you mean 'refine'"));

@@ -24,9 +24,9 @@ constexpr const char* kTarget =
     "{type: charuco, rows: 6, columns: 8, square: 22 mm, marker: 16 mm, dictionary: DICT_4X4_250}";
 
 // Two arms with poses that differ in x, and the images of two cameras, which are never opened here.
-class CellConfigTest : public testing::Test {
+class RunConfigTest : public testing::Test {
  protected:
-  CellConfigTest() {
+  RunConfigTest() {
     for (const char* camera : {"top", "side"}) {
       for (const char* image : {"1.png", "2.png", "3.png"}) Write(std::string(camera) + "/" + image, "x");
     }
@@ -70,7 +70,7 @@ class CellConfigTest : public testing::Test {
   const TempFolder folder_;
 };
 
-TEST_F(CellConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
+TEST_F(RunConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
   WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
   WritePoses("right.csv", "image", {{"1.png", 10}, {"2.png", 20}, {"3.png", 30}});
   const std::string camera = "model: pinhole\nimage_size: [640, 480]\nfx: 600\nfy: 601\ncx: 320\ncy: 240\n";
@@ -114,13 +114,13 @@ TEST_F(CellConfigTest, SigmasOfACameraFileAreAPriorUnlessAKeySaysNone) {
               ElementsAre(1.5, 1.4, 2.5, 2.4, kUnknown, kUnknown, kUnknown, kUnknown));
 }
 
-TEST_F(CellConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
+TEST_F(RunConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
   WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
   WritePoses("right.csv", "image", {{"3.png", 30}, {"1.png", 10}, {"2.png", 20}});
   EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
 }
 
-TEST_F(CellConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
+TEST_F(RunConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
   WritePoses("left.csv", "image.top,image.side", {{"1.png,2.png", 1}, {"2.png,3.png", 2}, {"3.png,1.png", 3}});
   WritePoses("right.csv", "image.top,image.side", {{"3.png,1.png", 30}, {"2.png,3.png", 20}, {"1.png,2.png", 10}});
   const RunConfig config = Read();
@@ -130,13 +130,13 @@ TEST_F(CellConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
 }
 
 // The first arm has no names, so that its rows have the images by order; the other names them.
-TEST_F(CellConfigTest, RowsThatNameImagesBelongToThem) {
+TEST_F(RunConfigTest, RowsThatNameImagesBelongToThem) {
   WritePoses("left.csv", "", {{"", 1}, {"", 2}, {"", 3}});
   WritePoses("right.csv", "image", {{"3.png", 30}, {"2.png", 20}, {"1.png", 10}});
   EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
 }
 
-TEST_F(CellConfigTest, RowsWithoutNamesBelongTogetherByOrder) {
+TEST_F(RunConfigTest, RowsWithoutNamesBelongTogetherByOrder) {
   WritePoses("left.csv", "image", {{"2.png", 2}, {"1.png", 1}, {"3.png", 3}});
   WritePoses("right.csv", "", {{"", 20}, {"", 10}, {"", 30}});
   EXPECT_THAT(XOf(Read(), 1), ElementsAre(20, 10, 30));
@@ -144,7 +144,7 @@ TEST_F(CellConfigTest, RowsWithoutNamesBelongTogetherByOrder) {
   EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv: has 2 rows, but"));
 }
 
-TEST_F(CellConfigTest, RowsThatNameOtherImagesAreRefused) {
+TEST_F(RunConfigTest, RowsThatNameOtherImagesAreRefused) {
   WritePoses("left.csv", "image.top,image.side", {{"1.png,1.png", 1}, {"2.png,2.png", 2}});
   WritePoses("right.csv", "image.top,image.side", {{"1.png,1.png", 10}, {"3.png,3.png", 30}});
   EXPECT_THAT(InputErrorOf([&] { Read(); }),
@@ -156,7 +156,7 @@ TEST_F(CellConfigTest, RowsThatNameOtherImagesAreRefused) {
   EXPECT_THAT(InputErrorOf([&] { Read(); }), HasSubstr("right.csv:3: names the image 1.png again, after"));
 }
 
-TEST_F(CellConfigTest, WhatBelongsToNoCaptureIsListed) {
+TEST_F(RunConfigTest, WhatBelongsToNoCaptureIsListed) {
   WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"9.png", 9}});
   WritePoses("right.csv", "image", {{"8.png", 80}, {"1.png", 10}, {"2.png", 20}});
   const RunConfig config = Read({"captures.exclude=[2.png]"});
@@ -172,7 +172,7 @@ TEST_F(CellConfigTest, WhatBelongsToNoCaptureIsListed) {
 }
 
 // Each file is named after the key that asks for it, and the likely name follows.
-TEST_F(CellConfigTest, FilesThatDoNotExistAreNamedWithTheirKeys) {
+TEST_F(RunConfigTest, FilesThatDoNotExistAreNamedWithTheirKeys) {
   WritePoses("left.csv", "image", {{"1.png", 1}});
   WritePoses("right.csv", "image", {{"1.png", 10}});
   Write("missing.yaml",
@@ -196,7 +196,7 @@ TEST_F(CellConfigTest, FilesThatDoNotExistAreNamedWithTheirKeys) {
   }
 }
 
-TEST_F(CellConfigTest, NamesThatMakeOneFrameAreRefused) {
+TEST_F(RunConfigTest, NamesThatMakeOneFrameAreRefused) {
   WritePoses("left.csv", "image", {{"1.png", 1}});
   WritePoses("right.csv", "image", {{"1.png", 10}});
   EXPECT_THAT(InputErrorOf([&] {
@@ -210,7 +210,7 @@ TEST_F(CellConfigTest, NamesThatMakeOneFrameAreRefused) {
 }
 
 // Two arms with kinematics, of which the first has recorded joints.
-class CellArmConfigTest : public CellConfigTest {
+class CellArmConfigTest : public RunConfigTest {
  protected:
   CellArmConfigTest() {
     WritePoses("left.csv", "image", {{"1.png", 1}, {"2.png", 2}, {"3.png", 3}});
@@ -285,7 +285,7 @@ TEST_F(CellArmConfigTest, TheOnlyArmHasASectionOfItsOwn) {
 }
 
 // The file of a camera that is called config would be that of the data set's config.
-TEST_F(CellConfigTest, ASceneHasNoCameraWithTheNameOfItsConfig) {
+TEST_F(RunConfigTest, ASceneHasNoCameraWithTheNameOfItsConfig) {
   Write(
       "scene.yaml",
       "cameras:\n  config:\n    mount: world\n    pose: {translation: [500 mm, 600 mm, 700 mm], rpy: [-110 deg, 0 deg, "

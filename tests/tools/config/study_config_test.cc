@@ -347,7 +347,7 @@ TEST_F(CellStudyConfigTest, HasTheErrorsOfASingleCamera) {
   EXPECT_THAT(study.cells[1].shape_params, ElementsAre(1.01, 1, 0, 0, 0, 0, 0, 0, 0));
 }
 
-TEST_F(CellStudyConfigTest, RefusesWhatACellDoesNotHave) {
+TEST_F(CellStudyConfigTest, RefusesWhatARigDoesNotHave) {
   const auto error_of = [&](const std::string& more, const std::string& scene = CellSceneWith()) {
     return InputErrorOf([&] { ReadLongForm(more, scene); });
   };

@@ -88,7 +88,7 @@ class Recorder : public RunObserver {
 };
 
 // The camera is moved by 4 mm on the gripper after 12 of 20 captures.
-TEST(RunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
+TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   constexpr size_t kFirstAfter = 12;
   const std::shared_ptr<const Target> target = Chessboard();
   TestSceneOptions scene_options = SimulatedOptions(*target);
@@ -129,7 +129,7 @@ TEST(RunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   }
 }
 
-TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
+TEST(PairRunTest, FindsTheHandEyePoseAndItsErrors) {
   PairDataset dataset = SimulatedDataset();
   dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
   const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera());
@@ -149,7 +149,7 @@ TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
   EXPECT_GT(run->result.timing.total_s, 0);
 }
 
-TEST(RunTest, TellsItsObserverWhatItDoes) {
+TEST(PairRunTest, TellsItsObserverWhatItDoes) {
   Recorder recorder;
   PairRunOptions options = FixedCamera();
   options.folds = 4;
@@ -159,7 +159,7 @@ TEST(RunTest, TellsItsObserverWhatItDoes) {
   EXPECT_EQ(recorder.num_steps, 4);
 }
 
-TEST(RunTest, EndsWhenItIsCancelled) {
+TEST(PairRunTest, EndsWhenItIsCancelled) {
   Recorder recorder;
   recorder.cancel_after = 2;
   const Outcome<PairRunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
@@ -172,7 +172,7 @@ TEST(RunTest, EndsWhenItIsCancelled) {
   EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
 }
 
-TEST(RunTest, CapturesWithOneImageCountOnce) {
+TEST(PairRunTest, CapturesWithOneImageCountOnce) {
   PairDataset dataset = SimulatedDataset();
   dataset.captures.push_back(dataset.captures[3]);
   dataset.captures.back().name = "again.png";
@@ -187,7 +187,7 @@ TEST(RunTest, CapturesWithOneImageCountOnce) {
   EXPECT_THAT(run->detections, SizeIs(14));
 }
 
-TEST(RunTest, CalibratesFromPosesOfTheTarget) {
+TEST(PairRunTest, CalibratesFromPosesOfTheTarget) {
   PairDataset dataset = SimulatedDataset();
   for (const Capture& capture : dataset.captures) {
     dataset.target_poses.push_back(
@@ -204,7 +204,7 @@ TEST(RunTest, CalibratesFromPosesOfTheTarget) {
   EXPECT_THAT(run->detections, SizeIs(0));
 }
 
-TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
+TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
   PairDataset dataset = SimulatedDataset();
   for (const Capture& capture : dataset.captures) {
     dataset.target_poses.push_back(
@@ -222,13 +222,13 @@ TEST(RunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
   EXPECT_THAT(run->result.captures[6].reason, HasSubstr("29 deg from where they predict it"));
 }
 
-TEST(RunTest, FailsWhereNothingWasDetected) {
+TEST(PairRunTest, FailsWhereNothingWasDetected) {
   PairDataset dataset = SimulatedDataset();
   for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
   EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("nothing_detected (images 14, image "));
 }
 
-TEST(RunTest, RefusesAnIncompleteDataset) {
+TEST(PairRunTest, RefusesAnIncompleteDataset) {
   const auto error_of = [](const auto& spoil) {
     PairDataset dataset = SimulatedDataset();
     spoil(&dataset);
@@ -242,7 +242,7 @@ TEST(RunTest, RefusesAnIncompleteDataset) {
             "the data set has 14 captures, but 3 poses of the target");
 }
 
-TEST(RunTest, RefusesACameraOfAnotherSize) {
+TEST(PairRunTest, RefusesACameraOfAnotherSize) {
   PairDataset dataset = SimulatedDataset();
   dataset.camera->width_px = 640;
   EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); }),

@@ -35,7 +35,7 @@ constexpr const char* kTargets[] = {
     "{type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 14 mm, dictionary: DICT_4X4_250, first_marker: 100}"};
 
 // A simulated rig whose detections are known, so that no image is searched.
-class CellRunTest : public testing::Test {
+class RunTest : public testing::Test {
  protected:
   // Fixed cameras `left` and `right`, a target `plate` on the gripper of the first arm, and a target `wall` on the
   // world or, with two arms, on the gripper of the second.
@@ -160,7 +160,7 @@ class FoldCounter : public RunObserver {
   int num_folds_ = 0;
 };
 
-TEST_F(CellRunTest, HasNoMoreFoldsThanCaptures) {
+TEST_F(RunTest, HasNoMoreFoldsThanCaptures) {
   const CellScene scene = MakeScene(1);
   Dataset dataset = DatasetOf(scene);
   dataset.given_detections = DetectionsOf(scene);
@@ -173,7 +173,7 @@ TEST_F(CellRunTest, HasNoMoreFoldsThanCaptures) {
 }
 
 // A rejected point belongs neither to the error of the camera nor to that of the image.
-TEST_F(CellRunTest, RejectedPointsAreNoErrorsInSample) {
+TEST_F(RunTest, RejectedPointsAreNoErrorsInSample) {
   CellScene scene = MakeScene(1);
   const Outcome<RunOutput> clean = RunOn(DatasetOf(scene), scene);
   ASSERT_TRUE(clean) << clean.reason();
@@ -189,7 +189,7 @@ TEST_F(CellRunTest, RejectedPointsAreNoErrorsInSample) {
 }
 
 // Each target that is not used has its own reason, after its name.
-TEST_F(CellRunTest, EveryTargetOfAnImageHasItsReason) {
+TEST_F(RunTest, EveryTargetOfAnImageHasItsReason) {
   CellScene scene = MakeScene(1);
   // The plate of another capture, and a single point of the wall that is elsewhere.
   ImageOf(&scene, 6, 0, 0).pixels = ImageOf(&scene, 7, 0, 0).pixels;
@@ -207,7 +207,7 @@ TEST_F(CellRunTest, EveryTargetOfAnImageHasItsReason) {
 }
 
 // One image at two poses is named and not used; the other camera's images of these captures are.
-TEST_F(CellRunTest, AnImageAtTwoPosesIsNotUsed) {
+TEST_F(RunTest, AnImageAtTwoPosesIsNotUsed) {
   const CellScene scene = MakeScene(1);
   Dataset dataset = DatasetOf(scene);
   dataset.given_detections = DetectionsOf(scene);
@@ -245,7 +245,7 @@ TEST(LeftOutNotesTest, NameTheFirstAndTheLastImage) {
 }
 
 // The errors of targets and bases by the truth are in the result, in its file and in the table.
-TEST_F(CellRunTest, TruthOfTargetsAndBasesIsCompared) {
+TEST_F(RunTest, TruthOfTargetsAndBasesIsCompared) {
   const CellScene scene = MakeScene(2);
   Dataset dataset = DatasetOf(scene);
   const Rigid3d off(Eigen::Quaterniond::Identity(), {0.05, 0, 0});
@@ -273,7 +273,7 @@ TEST_F(CellRunTest, TruthOfTargetsAndBasesIsCompared) {
 }
 
 // A pose that the truth does not know has no error.
-TEST_F(CellRunTest, UnknownTruthIsNoError) {
+TEST_F(RunTest, UnknownTruthIsNoError) {
   const CellScene scene = MakeScene(2);
   Dataset dataset = DatasetOf(scene);
   dataset.truth->mount_from_target[0].reset();
@@ -286,7 +286,7 @@ TEST_F(CellRunTest, UnknownTruthIsNoError) {
 }
 
 // An image with fewer points than determine a pose does not count as one that shows the target.
-TEST_F(CellRunTest, NotesCountImagesThatDetermineAPose) {
+TEST_F(RunTest, NotesCountImagesThatDetermineAPose) {
   const Dataset dataset = DatasetOf(MakeScene(1));
   std::vector<TargetDetection> detections;
   for (size_t i = 0; i < 5; ++i) {
@@ -303,7 +303,7 @@ TEST_F(CellRunTest, NotesCountImagesThatDetermineAPose) {
                                    "cell: camera right sees target wall in 0 of 0 images"));
 }
 
-TEST_F(CellRunTest, WhatIsLeftOutIsListed) {
+TEST_F(RunTest, WhatIsLeftOutIsListed) {
   const CellScene scene = MakeScene(1);
   Dataset dataset = DatasetOf(scene);
   const size_t num_images = 2 * dataset.captures.size();
@@ -342,7 +342,7 @@ TEST_F(CellRunTest, WhatIsLeftOutIsListed) {
 }
 
 // One row of joints belongs to another capture.
-TEST_F(CellRunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
+TEST_F(RunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
   CellSceneSetting setting;
   setting.num_captures = 20;
   setting.has_free_intrinsics = false;
@@ -373,7 +373,7 @@ TEST_F(CellRunTest, CaptureWhoseJointsContradictItsPoseIsLeftOut) {
   for (const TargetDetection& detection : run->detections) EXPECT_LT(detection.capture, run->dataset.captures.size());
 }
 
-TEST_F(CellRunTest, HoldOutsOfImagesAddUpToThoseOfTheirCamera) {
+TEST_F(RunTest, HoldOutsOfImagesAddUpToThoseOfTheirCamera) {
   const CellScene scene = MakeScene(1);
   const Outcome<RunOutput> run = RunOn(DatasetOf(scene), scene, 4);
   ASSERT_TRUE(run) << run.reason();

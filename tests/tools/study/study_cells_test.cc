@@ -183,7 +183,7 @@ INSTANTIATE_TEST_SUITE_P(
         Change{"GivenCamera", [](StudyConfig* study) { CameraCell(study).gives_cameras = false; }}),
     [](const auto& change) { return change.param.name; });
 
-TEST_F(StudyCellsTest, FindsThePosesOfACellInTheirOrder) {
+TEST_F(StudyCellsTest, FindsThePosesOfARigInTheirOrder) {
   const StudyCells cells(folder_ / "study", study_);
   std::vector<CellResult> results;
   for (const char* pose : {"camera top in world", "camera side in camera top"}) {

@@ -1,5 +1,6 @@
-// Runs a whole calibration: from a data set (images or detections, and the robot's poses) to a result with its errors,
-// uncertainties and findings. This is all that `heba run` does between its config and its files.
+// Runs the whole calibration of one camera, one target and one arm: from a data set (images or detections, and the
+// robot's poses) to a result with its errors, uncertainties and findings. This is all that `heba run` does between its
+// config and its files. heba/run.h has the same for any number of cameras, targets and arms.
 //
 //   heba::PairDataset dataset;
 //   dataset.setup = heba::Setup::kEyeInHand;

@@ -1,4 +1,5 @@
-// The data and the options of a run, what it tells while it runs, and what comes out.
+// The data and the options of a run of one camera, one target and one arm, what it tells while it runs, and what comes
+// out.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// The data and the options of a run of a rig, and what comes out.
+// The data and the options of a run, and what comes out.
 #pragma once
 
 #include <filesystem>
@@ -43,7 +43,7 @@ struct TargetDetection {
   CaptureDetection detection;
 };
 
-// The recorded data of a rig.
+// The recorded data of any number of cameras, targets and arms.
 struct Dataset {
   std::string name;
   std::vector<std::pair<std::string, std::string>> about;  // PairResult::about.
@@ -67,7 +67,7 @@ struct Dataset {
 struct RunOptions {
   CalibrationOptions calibration;             // Its `has_camera` and `arms` are not used.
   Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if Dataset::arms has any.
-  DriftOptions drift;                         // PairRunOptions::drift, for a rig of one camera, one target and one arm.
+  DriftOptions drift;                         // PairRunOptions::drift, for one camera, one target and one arm.
   std::vector<PlacedRequirement> requirements;
   int folds = 5;        // Number of folds of the cross-validation; 0: none.
   int num_threads = 1;  // The result does not depend on it.

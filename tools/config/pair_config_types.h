@@ -1,4 +1,4 @@
-// A run as its config states it.
+// A run of one camera, one target and one arm as its config states it.
 #pragma once
 
 #include <filesystem>
