@@ -76,7 +76,12 @@ std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem:
   if (format == nullptr) throw InputError("format: " + UnknownName(format_name, NamesOf(ExportFormats())));
   std::vector<std::pair<std::string, std::string>> files;
   std::string reason;
-  for (const ExportedFile& file : ExportFiles(*format, MakeExportRequests(ReadWholeResult(result_file)))) {
+  const RunResult result = ReadWholeResult(result_file);
+  for (const ExportedFile& file : ExportFiles(*format, MakeExportRequests(result))) {
+    // The program writes such an arm only if it is forced to.
+    if (file.content == ExportedContent::kArm && !file.text.empty() && result.verdict.grade == Grade::kBad) {
+      throw InputError("format " + format_name + ": the verdict of this run is bad, and a robot would move by it");
+    }
     if (!file.text.empty()) files.emplace_back(file.name, file.text);
     if (reason.empty()) reason = file.reason;
   }

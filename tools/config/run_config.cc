@@ -192,7 +192,7 @@ std::string RowName(const fs::path& file, const PoseRow& row) {
   return row.line > 0 ? file.string() + ":" + std::to_string(row.line) : (file / row.image).string();
 }
 
-// What identifies a row of poses: rows of two arms belong together if they have the same text at one position, and
+// A key identifies a row of poses: rows of two arms belong together if they have the same text at one position, and
 // different texts at none. An empty text identifies nothing.
 using RowKeys = std::vector<std::string>;
 

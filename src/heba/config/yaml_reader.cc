@@ -295,7 +295,7 @@ std::string WhetherMisspelt(const std::string& missing, const ConfigValue& mappi
 ConfigValue MapReader::Get(const std::string& key) {
   const std::optional<ConfigValue> found = Find(key);
   if (found) return *found;
-  // What no layer has is missing in the file, not in the settings above it.
+  // A key that no layer has is missing in the file, not in the settings above it.
   const std::vector<ConfigValue> layers = value_.Layers();
   const auto file =
       std::find_if(layers.begin(), layers.end(), [](const ConfigValue& layer) { return layer.file() != kSettings; });

@@ -49,7 +49,7 @@ struct ProblemCamera {
 struct ProblemTarget {
   std::string name;
   Mount mount;
-  TargetShape shape;                              // As designed.
+  TargetShape shape;                              // The shape is as designed.
   std::vector<TargetShapeGroup> free_shape = {};  // The groups of its shape that are unknown.
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};

@@ -328,7 +328,7 @@ TEST_F(RunTest, WhatIsLeftOutIsListed) {
     expect(1, "extra", "right", "right_extra.png", "left out by captures.exclude");
     expect(2, "", "right", "late.png", "the robot's pose is not in the poses file");
     expect(3, "two.csv:9", "", "", "the pose belongs to no capture of one.csv");
-    // They are no images that the run could have used.
+    // These entries are no images that the run could have used.
     EXPECT_EQ(CountImages(result, "left"), std::pair(16, 16));
   }
   const std::string page = ReportPage(ReportDataOf(*run), {"", "", "", ""});
