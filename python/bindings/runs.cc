@@ -16,6 +16,7 @@
 #include "heba/io/result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
+#include "tools/config/run_export.h"
 #include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/doctor.h"
 #include "tools/pipeline/any_run.h"
@@ -70,18 +71,15 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
 
 // Returns the names and the texts of the files of an export.
 std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem::path& result_file,
-                                                          const std::string& format_name) {
+                                                          const std::string& format_name, bool is_forced) {
   const pybind11::gil_scoped_release release;
   const ExportFormat* const format = FindEntry(ExportFormats(), format_name);
   if (format == nullptr) throw InputError("format: " + UnknownName(format_name, NamesOf(ExportFormats())));
+  const RunResult result = ReadWholeResult(result_file);
+  const ExportRequests requests = ExportRequestsOf(result_file.parent_path(), result, kBundleMethod);
   std::vector<std::pair<std::string, std::string>> files;
   std::string reason;
-  const RunResult result = ReadWholeResult(result_file);
-  for (const ExportedFile& file : ExportFiles(*format, MakeExportRequests(result))) {
-    // The program writes such an arm only if it is forced to.
-    if (file.content == ExportedContent::kArm && !file.text.empty() && result.verdict.grade == Grade::kBad) {
-      throw InputError("format " + format_name + ": the verdict of this run is bad, and a robot would move by it");
-    }
+  for (const ExportedFile& file : FilesToExport({*format}, requests, result.verdict.grade, is_forced)) {
     if (!file.text.empty()) files.emplace_back(file.name, file.text);
     if (reason.empty()) reason = file.reason;
   }
@@ -102,7 +100,7 @@ void BindRuns(pybind11::module_& module) {
   module.def("run", &RunFile, arg("config"), arg("settings"), arg("out"), arg("num_threads"), arg("progress"),
              arg("cancellation"));
   module.def("diagnose", &DiagnoseFile, arg("config"), arg("settings"), arg("num_threads"));
-  module.def("export", &ExportOf, arg("result_file"), arg("format"));
+  module.def("export", &ExportOf, arg("result_file"), arg("format"), arg("force"));
   module.def("table", &TableOf, arg("result_file"));
 }
 

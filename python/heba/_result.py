@@ -81,15 +81,18 @@ class RunFolder:
         with self._file() as file:
             return _heba.table(file)
 
-    def export(self, format: str, out: str | os.PathLike[str] | None = None) -> dict[str, str]:
+    def export(
+        self, format: str, out: str | os.PathLike[str] | None = None, *, force: bool = False
+    ) -> dict[str, str]:
         """Returns the files of a format of `heba export`, such as "ros" or "opencv": their names and texts.
 
         Args:
             format: The name of the format.
             out: A folder in which the files are written, too.
+            force: Whether a calibrated arm is exported although the verdict of the run is bad.
         """
         with self._file() as file:
-            files = dict(_heba.export(file, format))
+            files = dict(_heba.export(file, format, force))
         if out is not None:
             Path(out).mkdir(parents=True, exist_ok=True)
             for name, text in files.items():

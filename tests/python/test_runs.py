@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -135,6 +136,17 @@ def test_results_have_what_other_libraries_take(cell, program_run, tmp_path):
         result.export("rso")
     shown = result._repr_html_()
     assert result.verdict["grade"] in shown and "bundle" in shown and "<iframe" in shown
+
+
+def test_the_base_of_a_universal_robots_arm_is_called_as_by_the_program(program_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(program_run, run)
+    config = run / "config.yaml"
+    config.write_text(re.sub(r"(?m)^( *)pose_format:.*$", r"\1pose_format: ur", config.read_text()))
+    exported = heba.Result.read(run).export("ros")
+    assert "camera_optical_frame in base_link" in "".join(heba.Result.read(program_run).export("ros").values())
+    assert "camera_optical_frame in base\n" in "".join(exported.values())
+    assert list(exported.values()) == [conftest.program("export", run, "--to", "ros").stdout]
 
 
 def test_errors_are_the_lines_of_the_program(tmp_path):

@@ -10,12 +10,11 @@
 #include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
-#include "heba/robot/ur_kinematics.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
-#include "tools/config/capture_section.h"
 #include "tools/config/finished_run.h"
+#include "tools/config/run_export.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -85,19 +84,6 @@ void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
   *frame = given;
 }
 
-// Returns whether the poses of an arm are those of a Universal Robots controller, by the config next to the result.
-bool PosesAreOfUrController(const fs::path& run, const std::string& arm) {
-  const std::optional<ConfigValue> section = FindPoseSection(run, arm);
-  if (!section) return false;
-  MapReader poses(*section);
-  const auto text_of = [&](const std::string& key) {
-    const std::optional<ConfigValue> value = poses.Find(key);
-    return value && value->IsText() ? value->AsText() : std::string();
-  };
-  const std::string format = text_of("pose_format");
-  return format == "ur" || (format == "joints" && FindUrRobot(text_of("robot")) != nullptr);
-}
-
 // Returns the request with the child frame that --child-is names instead of the optical one.
 ExportRequest WithChildAskedFor(const ExportRequest& request) {
   if (FLAGS_child_is.empty() || FLAGS_child_is == "optical") return request;
@@ -139,9 +125,7 @@ void NameFrames(ExportRequests* requests) {
 
 // Returns the poses and arms to export, in the frames that the flags ask for.
 ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from) {
-  std::vector<bool> is_ur_controller;
-  for (const std::string& arm : from.result.rig.robots) is_ur_controller.push_back(PosesAreOfUrController(run, arm));
-  ExportRequests requests = MakeExportRequests(from.result, from.method, is_ur_controller);
+  ExportRequests requests = ExportRequestsOf(run, from.result, from.method);
   for (ExportRequest& camera : requests.cameras) {
     camera = WithChildAskedFor(camera);
     camera.length_unit = FLAGS_units;
@@ -161,22 +145,6 @@ void WarnOfImplausibleArms(const RunResult& result) {
     const std::string arm = result.arms.size() > 1 ? "the arm " + result.rig.robots[r] : "the arm";
     std::cerr << "heba: warning: " << arm << " is exported with " << errors << std::endl;
   }
-}
-
-// Returns the files of the formats. A calibrated arm of a run that is bad is not written.
-std::vector<ExportedFile> FilesOf(const std::vector<ExportFormat>& formats, const ExportRequests& requests,
-                                  Grade grade) {
-  std::vector<ExportedFile> files;
-  for (const ExportFormat& format : formats) {
-    for (ExportedFile& file : ExportFiles(format, requests)) {
-      if (file.content == ExportedContent::kArm && !file.text.empty() && grade == Grade::kBad && !FLAGS_force) {
-        file.text.clear();
-        file.reason = "the verdict of this run is bad, and a robot would move by it; --force writes it";
-      }
-      files.push_back(std::move(file));
-    }
-  }
-  return files;
 }
 
 // Returns the files of this content that have a text, or none.
@@ -283,7 +251,7 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << run.string() << "/report.html gives the reasons"
               << std::endl;
   }
-  const std::vector<ExportedFile> files = FilesOf(formats, requests, grade);
+  const std::vector<ExportedFile> files = FilesToExport(formats, requests, grade, FLAGS_force);
   if (!FLAGS_quiet && !Select(files, ExportedContent::kArm, true).empty()) WarnOfImplausibleArms(from.result);
   const std::string why_refused = all ? "" : WhyRefused(files);
   if (!why_refused.empty()) {
