@@ -101,7 +101,7 @@ std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std
       images.push_back(std::move(image));
     }
     for (DuplicateImage& duplicate : FindDuplicates(images)) {
-      duplicates.push_back({captures[duplicate.image], c, std::move(duplicate.reason)});
+      duplicates.push_back({captures[duplicate.image], c, std::move(duplicate.repeat_of), std::move(duplicate.reason)});
     }
   }
   return duplicates;

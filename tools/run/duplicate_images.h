@@ -51,6 +51,7 @@ std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images
 struct DuplicateInDataset {
   size_t capture = 0;
   size_t camera = 0;
+  std::string repeat_of;  // DuplicateImage::repeat_of.
   std::string reason;
 };
 std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections);

@@ -13,6 +13,7 @@
 #include "heba/base/units.h"
 #include "heba/cross_validation.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/evaluation/verdict.h"
 #include "heba/image_detection.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/calibration/residual_structure.h"
@@ -365,6 +366,7 @@ std::vector<ImageResult> WithDuplicates(std::vector<ImageResult> images, const D
     });
     CHECK(entry != images.end());
     entry->reason = duplicate.reason;
+    entry->repeat_of = duplicate.repeat_of;
     for (const TargetDetection& detection : detections) {
       if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
       const auto num_points = static_cast<int>(detection.detection.detection.ids.size());

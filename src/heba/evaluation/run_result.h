@@ -60,6 +60,7 @@ struct ImageResult {
   // The change of the pose of this camera if the capture, with its images of all cameras, is left out
   // (solvers/calibration/influence.h).
   std::optional<CaptureMove> move_without = {};
+  std::string repeat_of = {};  // CaptureResult::repeat_of.
 };
 
 // A capture: the poses of the arms, and their corrections.
@@ -145,8 +146,5 @@ RunResult AsRunResult(const PairResult& result, const Estimate& estimate);
 const RobotSummary* FindEstimatedArm(const RunResult& result, size_t robot);
 // Returns the reason why they were not, in words.
 std::string WhyNotEstimated(const RunResult& result, size_t robot);
-
-// Judges a result by its worst camera, which the finding names, as JudgeRun of a PairResult judges its only one.
-Verdict JudgeRun(const RunResult& result);
 
 }  // namespace heba

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/judgement.h"
 #include "heba/evaluation/limits.h"
@@ -15,136 +16,283 @@ namespace {
 // factor.
 constexpr double kClosedFormBetter = 0.85;
 
-// Returns the largest sigma among the unknowns of a group in a block.
-double LargestSigma(const Covariance& covariance, std::string_view block_name, UnknownGroup group) {
-  const UnknownBlock block = covariance.layout.Block(block_name);
-  double largest = 0;
-  for (Eigen::Index i = block.first; i < block.end(); ++i) {
-    if (covariance.layout[i].group == group) largest = std::max(largest, covariance.matrix(i, i));
-  }
-  return std::sqrt(largest);
+// Names the camera that a finding is about, unless it is one without a name.
+void NameCamera(const RunResult& result, size_t camera, Finding* finding) {
+  const std::string& name = result.rig.cameras[camera].name;
+  if (!name.empty()) finding->names.emplace_back("of_camera", name);
+}
+
+// Returns whether a finding is about this camera; one that names none is about the only one.
+bool IsAbout(const RunResult& result, const Finding& finding, size_t camera) {
+  return finding.Name("of_camera").value_or("") == result.rig.cameras[camera].name;
 }
 
 // Says how the noise of the robot was modelled, on which the remedy of a systematic error depends.
-std::pair<std::string, std::string> RobotNoiseName(const PairSolution& solution) {
-  return {"robot_noise", solution.robot_noise ? "modelled" : "none"};
+std::pair<std::string, std::string> RobotNoiseName(const RunResult& result) {
+  const std::vector<std::optional<RobotNoise>>& noises = result.solution.robot_noise;
+  const bool has_noise = std::any_of(noises.begin(), noises.end(), [](const auto& noise) { return noise.has_value(); });
+  return {"robot_noise", has_noise ? "modelled" : "none"};
 }
 
-// Returns the distance between camera and target.
-double DistanceOf(const PairResult& result) {
-  return std::max(kLeastDistanceM, result.working_point ? result.working_point->in_camera_m.norm() : kUsualDistanceM);
+// Returns the largest of three sigmas of a pose's translation or rotation.
+double LargestSigma(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Index first) {
+  return std::sqrt(covariance.diagonal().segment<3>(first).maxCoeff());
 }
 
-double ShareOfDistance(const PairResult& result, double mm) { return 1e-3 * mm / DistanceOf(result); }
-
-double RobotErrorShareOf(const PairResult& result, const PairSolution& solution) {
-  return RobotErrorShare(solution.robot_noise, solution.smooth_noise, DistanceOf(result));
+// Returns whether a requirement takes the place of the built-in limits of a camera.
+bool IsRequired(const RunResult& result, size_t camera) {
+  return std::any_of(result.requirements.begin(), result.requirements.end(),
+                     [&](const CameraRequirement& entry) { return entry.camera == camera; });
 }
 
-int NumUsed(const PairResult& result) {
-  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
-                                        [](const CaptureResult& capture) { return capture.used; }));
+// Returns the distance between a camera and its targets.
+double DistanceOf(const RunResult& result, size_t camera) {
+  const bool is_known = camera < result.errors.size() && result.errors[camera].distance_m;
+  return std::max(kLeastDistanceM, is_known ? *result.errors[camera].distance_m : kUsualDistanceM);
 }
 
-Finding JudgeUncertainty(const PairResult& result, const PairSolution& solution) {
-  const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
-  const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
+// Returns RobotErrorShare of the worst arm of the cell.
+double RobotErrorShareOf(const RunResult& result, size_t camera) {
+  double worst = 0;
+  for (size_t robot = 0; robot < result.solution.robot_noise.size(); ++robot) {
+    worst = std::max(worst, RobotErrorShare(result.solution.robot_noise[robot], SmoothNoiseOf(result.solution, robot),
+                                            DistanceOf(result, camera)));
+  }
+  return worst;
+}
+
+bool IsOf(const RunResult& result, const ImageResult& image, size_t camera) {
+  return image.camera == result.rig.cameras[camera].name;
+}
+
+int NumUsed(const RunResult& result, size_t camera) {
+  return static_cast<int>(std::count_if(result.images.begin(), result.images.end(), [&](const ImageResult& image) {
+    return image.used && IsOf(result, image, camera);
+  }));
+}
+
+// Returns the uncertainty of a camera without its grade, and its largest effect on a target in mm.
+std::optional<std::pair<Finding, double>> UncertaintyOf(const RunResult& result, size_t camera) {
+  const ProblemCamera& of_problem = result.rig.cameras[camera];
+  const Covariance& covariance = result.solution.covariance;
+  const auto of_pose = PoseCovarianceOf(covariance, CameraPoseBlock(of_problem));
+  if (!of_pose) return std::nullopt;
+  const double mm = 1000 * LargestSigma(*of_pose, 0);
+  const double deg = RadToDeg(LargestSigma(*of_pose, 3));
   Finding finding;
   finding.code = FindingCode("uncertainty");
   finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
+  NameCamera(result, camera, &finding);
   // A target is located by all unknowns together, whose errors partly cancel.
-  double largest_mm = std::max(mm, 1000 * DistanceOf(result) * DegToRad(deg));
-  if (result.working_point) {
-    const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
-    largest_mm = at_work_mm;
-    finding.numbers.emplace_back("at_work_mm", at_work_mm);
+  double largest_mm = std::max(mm, 1000 * DistanceOf(result, camera) * DegToRad(deg));
+  const bool has_working_point = camera < result.working_points.size() && result.working_points[camera];
+  const WorkingPoint* const working_point = has_working_point ? &*result.working_points[camera] : nullptr;
+  if (working_point != nullptr) {
+    largest_mm = 1000 * std::sqrt(working_point->covariance_m2.diagonal().maxCoeff());
+    finding.numbers.emplace_back("at_work_mm", largest_mm);
     Finding& at_work = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("at_working_point")});
-    at_work.numbers = {{"distance_mm", 1000 * result.working_point->in_camera_m.norm()}, {"at_work_mm", at_work_mm}};
+    at_work.numbers = {{"distance_mm", 1000 * working_point->in_camera_m.norm()}, {"at_work_mm", largest_mm}};
   }
-  finding.grade =
-      GradeOfSigma(ShareOfDistance(result, largest_mm), RobotErrorShareOf(result, solution), NumUsed(result));
-  if (solution.covariance.layout.Block(kCameraBlock).size == 0 && !solution.camera.params.empty()) {
+  const bool is_held = covariance.layout.Block(CameraBlock(of_problem)).size == 0;
+  if (is_held && !result.solution.cameras[camera].params.empty()) {
     Finding& held = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("intrinsics_not_included")});
-    if (result.working_point) {
+    if (working_point != nullptr) {
       // A relative error of the focal length moves a target along its ray by the same relative amount.
       constexpr double kShare = 1e-3;
       held.numbers = {{"focal_error_percent", 100 * kShare},
-                      {"moves_target_mm", 1000 * kShare * result.working_point->in_camera_m.norm()}};
+                      {"moves_target_mm", 1000 * kShare * working_point->in_camera_m.norm()}};
     }
   }
+  return std::pair{std::move(finding), largest_mm};
+}
+
+// Returns the uncertainty of the worst camera; nothing if no camera has one.
+std::optional<Finding> JudgeUncertainty(const RunResult& result) {
+  std::optional<Finding> worst;
+  double worst_mm = 0;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    std::optional<std::pair<Finding, double>> of_camera = UncertaintyOf(result, c);
+    if (!of_camera) continue;
+    auto& [finding, largest_mm] = *of_camera;
+    const double share = 1e-3 * largest_mm / DistanceOf(result, c);
+    if (!IsRequired(result, c)) {
+      finding.grade = GradeOfSigma(share, RobotErrorShareOf(result, c), NumUsed(result, c));
+    }
+    if (worst && (finding.grade < worst->grade || (finding.grade == worst->grade && largest_mm <= worst_mm))) continue;
+    worst_mm = largest_mm;
+    worst = std::move(finding);
+  }
+  return worst;
+}
+
+// The findings about held-out captures, and the worst grade of their errors by the built-in limits.
+struct HoldOutFindings {
+  std::vector<Finding> findings;
+  Grade grade = Grade::kGood;
+};
+
+// Judges the worst camera of those with hold-out errors, and names those without.
+HoldOutFindings JudgeHoldOut(const RunResult& result) {
+  HoldOutFindings judged;
+  for (size_t c = 0; c < result.errors.size(); ++c) {
+    const CameraErrors& errors = result.errors[c];
+    if (errors.holdout_reason.empty() || errors.holdout_target_mm) continue;
+    Finding& missing = judged.findings.emplace_back(Finding{Grade::kDoubtful, FindingCode("no_hold_out")});
+    NameCamera(result, c, &missing);
+    missing.names.emplace_back("reason", "failed_for_camera");
+    missing.reason = errors.holdout_reason;
+  }
+  std::optional<Finding> worst;
+  double worst_mm = 0;
+  for (size_t c = 0; c < result.errors.size(); ++c) {
+    const std::optional<double>& mm = result.errors[c].holdout_target_mm;
+    const std::optional<double>& deg = result.errors[c].holdout_target_deg;
+    if (!mm || !deg) continue;
+    const Grade of_limits = GradeOfHeldOut(1e-3 * *mm / DistanceOf(result, c), *deg, RobotErrorShareOf(result, c));
+    judged.grade = std::max(judged.grade, of_limits);
+    const Grade grade = IsRequired(result, c) ? Grade::kGood : of_limits;
+    if (worst && (grade < worst->grade || (grade == worst->grade && *mm <= worst_mm))) continue;
+    worst_mm = *mm;
+    worst = Finding{grade, FindingCode("hold_out"), {{"target_mm", *mm}, {"target_deg", *deg}}};
+    NameCamera(result, c, &*worst);
+  }
+  if (worst) {
+    judged.findings.push_back(std::move(*worst));
+  } else if (judged.findings.empty()) {
+    judged.findings.push_back({Grade::kDoubtful, FindingCode("no_hold_out"), {}, {{"reason", "none_held_out"}}});
+  }
+  return judged;
+}
+
+// `of_hold_out`: the worst grade of the held-out errors.
+std::optional<Finding> JudgeModel(const RunResult& result, Grade of_hold_out) {
+  if (!result.holdout_chi2) return std::nullopt;
+  return Finding{GradeOfMisfit(*result.holdout_chi2, of_hold_out),
+                 FindingCode("unmodelled_error"),
+                 {{"chi2_per_dof", *result.holdout_chi2}},
+                 {RobotNoiseName(result)}};
+}
+
+// Judges the camera that uses the smallest share of its images, or the fewest. Images without a target, and copies of
+// others, do not count as left out.
+Finding JudgeImages(const RunResult& result) {
+  std::optional<Finding> worst;
+  double worst_share = 0;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const int num_used = NumUsed(result, c);
+    int num_seen = 0;
+    int num_copies = 0;
+    int num_listed = 0;
+    for (const ImageResult& image : result.images) {
+      if (!IsOf(result, image, c) || !image.was_searched) continue;
+      ++num_listed;
+      const bool is_copy = !image.repeat_of.empty();
+      num_copies += is_copy ? 1 : 0;
+      num_seen += !is_copy && (image.used || !image.targets.empty()) ? 1 : 0;
+    }
+    const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
+    const bool is_few = num_used < kFewCaptures;
+    const Grade grade = std::max(GradeOf(left_out, kShareLeftOut), is_few ? Grade::kDoubtful : Grade::kGood);
+    if (worst && (grade < worst->grade || (grade == worst->grade && left_out <= worst_share))) continue;
+    worst_share = left_out;
+    worst = Finding{
+        grade,
+        is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
+        {{"used", num_used}, {"seen", num_seen}, {"captures", num_listed - num_copies}, {"copies", num_copies}}};
+    NameCamera(result, c, &*worst);
+    if (c < result.errors.size()) AddLeftOut(result.errors[c].left_out_target_mm, &*worst);
+  }
+  CHECK(worst.has_value()) << "a result without a camera";
+  return *worst;
+}
+
+Finding JudgePixels(const RunResult& result) {
+  const std::vector<double>& sigmas = result.solution.pixel_sigmas_px;
+  const auto worst = std::max_element(sigmas.begin(), sigmas.end());
+  Finding finding{GradeOf(*worst, kPixelSigmaPx), FindingCode("pixel_noise"), {{"pixel_sigma_px", *worst}}};
+  NameCamera(result, static_cast<size_t>(worst - sigmas.begin()), &finding);
   return finding;
 }
 
-Finding JudgeHoldOut(const PairResult& result, const PairSolution& solution, const Errors& errors) {
-  const bool is_missing = !errors.holdout_target_mm || !errors.holdout_target_deg;
-  const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
-    return estimate.errors.holdout_rms_px.has_value();
+// Judges the influence of the captures on each camera.
+std::vector<Finding> JudgeInfluence(const RunResult& result) {
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    std::vector<NamedMove> moves;
+    for (const ImageResult& image : result.images) {
+      if (IsOf(result, image, c) && image.move_without) moves.push_back({image.capture, *image.move_without});
+    }
+    std::optional<Finding> finding = JudgeMoves(moves, DistanceOf(result, c));
+    if (!finding) continue;
+    NameCamera(result, c, &*finding);
+    findings.push_back(std::move(*finding));
+  }
+  return findings;
+}
+
+// Makes the weak direction of the same camera, if there is one, part of an uncertainty that is not good: it contains
+// the remedy.
+void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
+  if (uncertainty->grade == Grade::kGood) return;
+  const auto weak = std::find_if(findings->begin(), findings->end(), [&](const Finding& finding) {
+    return finding.code == FindingCode("weak_direction") && finding.Name("of_camera") == uncertainty->Name("of_camera");
   });
-  if (is_missing) {
-    return {Grade::kDoubtful,
-            FindingCode("no_hold_out"),
-            {},
-            {{"reason", have_others ? "refinement_failed" : "none_held_out"}}};
+  if (weak == findings->end()) return;
+  uncertainty->numbers.insert(uncertainty->numbers.end(), weak->numbers.begin(), weak->numbers.end());
+  uncertainty->parts.push_back(std::move(*weak));
+  findings->erase(weak);
+}
+
+// Judges the requirements, each for every camera that it concerns.
+std::vector<Finding> JudgeRequirements(const RunResult& result) {
+  std::vector<Finding> findings;
+  for (const CameraRequirement& of_camera : result.requirements) {
+    Finding& finding = findings.emplace_back(
+        JudgeRequirement(of_camera.requirement, result.errors[of_camera.camera].holdout_target_mm));
+    NameCamera(result, of_camera.camera, &finding);
   }
-  Finding finding;
-  finding.code = FindingCode("hold_out");
-  finding.grade = GradeOfHeldOut(ShareOfDistance(result, *errors.holdout_target_mm), *errors.holdout_target_deg,
-                                 RobotErrorShareOf(result, solution));
-  finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
-  return finding;
+  return findings;
 }
 
-// `of_hold_out`: the grade of the held-out errors.
-std::optional<Finding> JudgeModel(const Errors& errors, const PairSolution& solution, Grade of_hold_out) {
-  if (!errors.holdout_chi2) return std::nullopt;
-  Finding finding;
-  finding.code = FindingCode("unmodelled_error");
-  finding.grade = GradeOfMisfit(*errors.holdout_chi2, of_hold_out);
-  finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
-  finding.names = {RobotNoiseName(solution)};
-  return finding;
+// Removes what the figures of the result make needless: directions that are weak where a requirement says what is
+// enough, and captures that contradict the others if the model explains captures that it has not seen.
+void DropNeedless(const RunResult& result, std::vector<Finding>* findings) {
+  const bool explains_unseen = result.holdout_chi2 && GradeOf(*result.holdout_chi2, kHeldOutChi2) == Grade::kGood;
+  std::erase_if(*findings, [&](const Finding& finding) {
+    if (finding.code == FindingCode("captures_scatter")) return explains_unseen;
+    if (finding.code != FindingCode("weak_direction")) return false;
+    for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+      if (IsAbout(result, finding, c) && IsRequired(result, c)) return true;
+    }
+    return false;
+  });
 }
 
-// Images without the target do not count as captures that were left out.
-Finding JudgeCaptures(const PairResult& result) {
-  const int num_used = NumUsed(result);
-  const bool has_images = FindRefined(result) != nullptr;  // Given poses of the target are all seen.
-  int num_seen = 0;
-  int num_copies = 0;
-  int num_listed = 0;
-  for (const CaptureResult& capture : result.captures) {
-    if (!capture.was_searched) continue;
-    ++num_listed;
-    const bool is_copy = !capture.repeat_of.empty();
-    num_copies += is_copy ? 1 : 0;
-    num_seen += !is_copy && (!has_images || capture.used || capture.num_points > 0) ? 1 : 0;
-  }
-  const int num_captures = num_listed - num_copies;
-  const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
-  Finding finding;
-  finding.code = num_used < kFewCaptures ? FindingCode("few_captures") : FindingCode("captures_left_out");
-  finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
-  finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
-  if (const Estimate* refined = FindRefined(result)) AddLeftOut(refined->errors.left_out_target_mm, &finding);
-  return finding;
-}
-
-Finding JudgePixels(const PairSolution& solution) {
-  return {GradeOf(solution.pixel_sigma_px, kPixelSigmaPx),
-          FindingCode("pixel_noise"),
-          {{"pixel_sigma_px", solution.pixel_sigma_px}}};
-}
-
-std::optional<Finding> JudgeInfluence(const PairResult& result) {
-  std::vector<NamedMove> moves;
-  for (const CaptureResult& capture : result.captures) {
-    if (capture.move_without) moves.push_back({capture.image, *capture.move_without});
-  }
-  return JudgeMoves(moves, DistanceOf(result));
+// Judges a result that has a refined estimate.
+std::vector<Finding> JudgeCameras(const RunResult& result) {
+  std::vector<Finding> findings = result.observations;
+  const auto add = [&](std::vector<Finding> more) {
+    for (Finding& finding : more) findings.push_back(std::move(finding));
+  };
+  DropNeedless(result, &findings);
+  add(JudgeRequirements(result));
+  std::optional<Finding> uncertainty = JudgeUncertainty(result);
+  if (uncertainty) TakeWeakDirection(&findings, &*uncertainty);
+  HoldOutFindings hold_out = JudgeHoldOut(result);
+  add(std::move(hold_out.findings));
+  if (std::optional<Finding> model = JudgeModel(result, hold_out.grade)) findings.push_back(std::move(*model));
+  add(JudgeInfluence(result));
+  if (uncertainty) findings.push_back(std::move(*uncertainty));
+  // That there are few captures precedes what the few of them show.
+  Finding images = JudgeImages(result);
+  findings.insert(images.code == FindingCode("few_captures") ? findings.begin() : findings.end(), images);
+  findings.push_back(JudgePixels(result));
+  return findings;
 }
 
 // Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.
-std::optional<Finding> JudgeGain(const PairResult& result, const Estimate& refined) {
+std::optional<Finding> JudgeGain(const PairResult& result, const RunResult& whole) {
+  const Estimate& refined = *FindRefined(result);
   if (!refined.errors.holdout_sigmas) return std::nullopt;
   const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
@@ -154,12 +302,21 @@ std::optional<Finding> JudgeGain(const PairResult& result, const Estimate& refin
   return Finding{is_better ? Grade::kDoubtful : Grade::kGood,
                  FindingCode("closed_form_better"),
                  {{"ratio", ratio}},
-                 {{"method", best->method}, RobotNoiseName(*refined.solution)}};
+                 {{"method", best->method}, RobotNoiseName(whole)}};
+}
+
+// Tells a refinement that failed without the held-out captures from captures that were not held out.
+void ExplainMissingHoldOut(const PairResult& result, std::vector<Finding>* findings) {
+  const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
+    return estimate.errors.holdout_rms_px.has_value();
+  });
+  for (Finding& finding : *findings) {
+    if (have_others && finding.code == FindingCode("no_hold_out")) finding.names = {{"reason", "refinement_failed"}};
+  }
 }
 
 // Judges a run on given poses of the target.
-Finding JudgePoses(const PairResult& result) {
-  const Estimate* const final_estimate = FindFinal(result);
+Finding JudgePoses(const Estimate* final_estimate) {
   if (final_estimate == nullptr || !final_estimate->errors.board_scatter) {
     return {Grade::kBad, FindingCode("no_estimate")};
   }
@@ -174,10 +331,11 @@ Finding JudgePoses(const PairResult& result) {
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 
-// Captures that contradict the others are no finding if the model explains captures that it has not seen.
-void DropExplainedScatter(const std::optional<double>& holdout_chi2, std::vector<Finding>* findings) {
-  if (!holdout_chi2 || GradeOf(*holdout_chi2, kHeldOutChi2) != Grade::kGood) return;
-  std::erase_if(*findings, [](const Finding& finding) { return finding.code == FindingCode("captures_scatter"); });
+Verdict VerdictOf(std::vector<Finding> findings) {
+  GatherSymptoms(&findings);
+  SortFindings(&findings);
+  const Grade grade = findings.front().grade;
+  return {grade, std::move(findings)};
 }
 
 }  // namespace
@@ -204,56 +362,22 @@ const Estimate* FindFinal(const PairResult& result) {
   return is_better ? two_step : chain;
 }
 
+Verdict JudgeRun(const RunResult& result) { return VerdictOf(JudgeCameras(result)); }
+
 Verdict JudgeRun(const PairResult& result) {
-  Verdict verdict;
-  std::vector<Finding>& findings = verdict.findings;
-  const Estimate* refined = FindRefined(result);
-  findings = result.observations;
+  const Estimate* const refined = FindRefined(result);
   if (refined == nullptr) {
-    findings.push_back(JudgePoses(result));
-    findings.push_back(JudgeCaptures(result));
-  } else {
-    const PairSolution& solution = *refined->solution;
-    Finding uncertainty = JudgeUncertainty(result, solution);
-    Finding hold_out = JudgeHoldOut(result, solution, refined->errors);
-    const Grade of_hold_out = refined->errors.holdout_target_mm ? hold_out.grade : Grade::kGood;
-    DropExplainedScatter(refined->errors.holdout_chi2, &findings);
-    if (!result.requirements.empty()) {
-      uncertainty.grade = Grade::kGood;
-      if (refined->errors.holdout_target_mm) hold_out.grade = Grade::kGood;
-      for (const Requirement& requirement : result.requirements) {
-        findings.push_back(JudgeRequirement(requirement, refined->errors.holdout_target_mm));
-      }
-    }
-    // A finding on poorly determined directions is part of the uncertainty and contains its remedy.
-    const auto weak = std::find_if(findings.begin(), findings.end(), [](const Finding& finding) {
-      return finding.code == FindingCode("weak_direction");
-    });
-    if (weak != findings.end()) {
-      if (uncertainty.grade != Grade::kGood) {
-        uncertainty.numbers.insert(uncertainty.numbers.end(), weak->numbers.begin(), weak->numbers.end());
-        uncertainty.parts.push_back(std::move(*weak));
-        findings.erase(weak);
-      } else if (!result.requirements.empty()) {
-        findings.erase(weak);
-      }
-    }
-    findings.push_back(std::move(hold_out));
-    const std::optional<Finding> more[] = {JudgeModel(refined->errors, solution, of_hold_out),
-                                           JudgeGain(result, *refined), JudgeInfluence(result)};
-    for (const std::optional<Finding>& finding : more) {
-      if (finding) findings.push_back(*finding);
-    }
-    findings.push_back(std::move(uncertainty));
-    // That there are few captures precedes what the few of them show.
-    Finding captures = JudgeCaptures(result);
-    findings.insert(captures.code == FindingCode("few_captures") ? findings.begin() : findings.end(), captures);
-    findings.push_back(JudgePixels(solution));
+    const Estimate* const final_estimate = FindFinal(result);
+    std::vector<Finding> findings = result.observations;
+    findings.push_back(JudgePoses(final_estimate));
+    findings.push_back(JudgeImages(AsRunResult(result, final_estimate == nullptr ? Estimate() : *final_estimate)));
+    return VerdictOf(std::move(findings));
   }
-  GatherSymptoms(&findings);
-  SortFindings(&findings);
-  verdict.grade = findings.front().grade;
-  return verdict;
+  const RunResult whole = AsRunResult(result, *refined);
+  std::vector<Finding> findings = JudgeCameras(whole);
+  ExplainMissingHoldOut(result, &findings);
+  if (std::optional<Finding> gain = JudgeGain(result, whole)) findings.push_back(std::move(*gain));
+  return VerdictOf(std::move(findings));
 }
 
 }  // namespace heba

@@ -250,6 +250,7 @@ Json CapturesJson(const RunResult& result) {
         {"searched", image.was_searched},
         {"used", image.used},
         {"reason", image.reason},
+        {"repeat_of", image.repeat_of.empty() ? Json(nullptr) : Json(image.repeat_of)},
         {"targets", targets},
         {"holdout_target_mm", OrNull(image.holdout_target_mm)},
         {"move_without", MoveJson(image.move_without)},

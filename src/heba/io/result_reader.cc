@@ -322,6 +322,7 @@ void ReadCaptures(const JsonReader& reader, RunResult* result) {
     if (entry.Has("searched")) image.was_searched = entry.Get("searched").Bool();
     if (entry.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(entry, "holdout_target_mm");
     if (entry.Has("move_without")) image.move_without = ReadMove(entry);
+    if (entry.Has("repeat_of")) image.repeat_of = entry.Get("repeat_of").Text();
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
                                target.Get("points_rejected").Int(0, kMostCounted),

@@ -1,8 +1,9 @@
-#include "heba/evaluation/run_result.h"
-
 #include <algorithm>
+#include <cmath>
 
 #include <gtest/gtest.h>
+
+#include "heba/evaluation/verdict.h"
 
 namespace heba {
 namespace {
@@ -15,6 +16,7 @@ RunResult GoodResult() {
     Camera camera;
     camera.model = "pinhole";
     result.rig.cameras.push_back({name, {0, Mount::Part::kBase}, camera});
+    result.solution.cameras.push_back(camera);
     CameraErrors& errors = result.errors.emplace_back();
     errors.holdout_rms_px = 0.3;
     errors.holdout_target_mm = 0.3;
@@ -97,6 +99,34 @@ TEST(CellVerdictTest, TheUncertaintyTakesTheWeakDirectionOfItsCamera) {
   const std::vector<Finding> others = FindingsWith(verdict, "weak_direction");
   ASSERT_EQ(others.size(), 1U);
   EXPECT_EQ(others.front().Name("of_camera"), "left");
+}
+
+// The uncertainty is that of a target at the camera's working point, if there is one, and says that it does not include
+// intrinsics that are held.
+TEST(CellVerdictTest, JudgesEachCameraAtItsWorkingPoint) {
+  RunResult result = GoodResult();
+  result.working_points = {WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()},
+                           WorkingPoint{Eigen::Vector3d(0, 0, 1), 1e-8 * Eigen::Matrix3d::Identity()}};
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  result.working_points[1]->covariance_m2(1, 1) = std::pow(5e-3, 2);
+  const Verdict verdict = JudgeRun(result);
+  const Finding& first = verdict.findings.front();
+  EXPECT_EQ(first.code, "uncertainty");
+  EXPECT_EQ(first.grade, Grade::kDoubtful);
+  EXPECT_EQ(first.Name("of_camera"), "right");
+  EXPECT_NEAR(first.Number("at_work_mm").value_or(0), 5, 1e-9);
+}
+
+// Copies of images are not images that could not be used.
+TEST(CellVerdictTest, CopiesDoNotCount) {
+  RunResult result = GoodResult();
+  for (int i = 0; i < 60; ++i) {
+    ImageResult copy{std::to_string(20 + i), "left", "", false, "the same image", {{"plate", 48, 0, {}, false}}};
+    copy.repeat_of = "3";
+    result.images.push_back(copy);
+  }
+  const Verdict verdict = JudgeRun(result);
+  EXPECT_EQ(verdict.grade, Grade::kGood);
 }
 
 // Requirements replace the built-in limits, and each is judged for the camera that it concerns.
