@@ -91,10 +91,11 @@ void WriteShapeRows(const Observations& observations, int first, const Eigen::Ma
                     double (*rows)[ProjectionBatch::kCapacity], int size) {
   for (int i = 0; i < size; ++i) {
     // Chain rule: displacing a point changes its projection as the same translation of the whole target would.
-    const Eigen::RowVector3d by_shift(rows[0][i], rows[1][i], rows[2][i]);
-    const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
-        by_shift * rotation * ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), shape);
-    for (size_t k = 0; k < free_shape.size(); ++k) rows[row + static_cast<int>(k)][i] = by_shape[free_shape[k]];
+    const Eigen::RowVector3d by_position = Eigen::RowVector3d(rows[0][i], rows[1][i], rows[2][i]) * rotation;
+    const auto by_params = ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), shape);
+    for (size_t k = 0; k < free_shape.size(); ++k) {
+      rows[row + static_cast<int>(k)][i] = by_position.dot(by_params.col(free_shape[k]));
+    }
   }
 }
 
@@ -174,7 +175,7 @@ bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotati
       const int from = axes_[axis].rows[static_cast<size_t>(row)];
       if (from != row) std::copy_n(rows[from], padded, rows[row]);
     }
-    if (shape != nullptr) {
+    if (shape != nullptr && !free_shape_.empty()) {
       WriteShapeRows(observations, first, rotation, *shape, free_shape_, row, rows, batch->size);
       row += static_cast<int>(free_shape_.size());
     }

@@ -23,6 +23,10 @@ Heights ByHeights(const Eigen::Vector2d& point, const TargetShape& shape) {
           place[1] * arch[1]};
 }
 
+bool IsFlat(const TargetShape& shape) {
+  return std::all_of(shape.params.begin() + kNumScales, shape.params.end(), [](double height) { return height == 0; });
+}
+
 }  // namespace
 
 double LargestHeightM(const TargetShape& shape) {
@@ -44,6 +48,8 @@ TargetShape DesignedShape(const Points3& points_in_target) {
 }
 
 Eigen::Vector3d ApplyShape(const Eigen::Vector3d& point, const TargetShape& shape) {
+  // Most targets are flat, which costs nothing.
+  if (IsFlat(shape)) return {shape.params[0] * point.x(), shape.params[1] * point.y(), point.z()};
   const Eigen::Map<const Heights> heights(shape.params.data() + kNumScales);
   return {shape.params[0] * point.x(), shape.params[1] * point.y(),
           point.z() + heights.dot(ByHeights(point.head<2>(), shape))};
