@@ -250,12 +250,11 @@ bool ViewReducer::PredictRows(const double* params, const Rigid3d& camera_from_t
     }
     own.col(num_columns_ - 1) = (pixels.row(axis) - observations.pixels.row(axis)).transpose();
     const Eigen::Index first_shape = num_columns_ - 1 - static_cast<Eigen::Index>(free_shape_.size());
-    for (int i = 0; i < n && shape != nullptr; ++i) {
-      const Eigen::Vector3d designed = observations.points_in_target.col(i);
-      const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
-          own.block<1, 3>(i, 0) * rotation * ShapedByParams(designed, *shape);
+    for (int i = 0; i < n && shape != nullptr && !free_shape_.empty(); ++i) {
+      const Eigen::RowVector3d by_position = own.block<1, 3>(i, 0) * rotation;
+      const auto by_params = ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(i)), *shape);
       for (size_t k = 0; k < free_shape_.size(); ++k) {
-        own(i, first_shape + static_cast<Eigen::Index>(k)) = by_shape[free_shape_[k]];
+        own(i, first_shape + static_cast<Eigen::Index>(k)) = by_position.dot(by_params.col(free_shape_[k]));
       }
     }
   }
