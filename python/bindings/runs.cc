@@ -79,7 +79,8 @@ std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem:
   const ExportRequests requests = ExportRequestsOf(result_file.parent_path(), result, kBundleMethod);
   std::vector<std::pair<std::string, std::string>> files;
   std::string reason;
-  for (const ExportedFile& file : FilesToExport({*format}, requests, result.verdict.grade, is_forced)) {
+  for (const ExportedFile& file :
+       FilesToExport({*format}, requests, result.verdict.grade, is_forced, "force=True exports it")) {
     if (!file.text.empty()) files.emplace_back(file.name, file.text);
     if (reason.empty()) reason = file.reason;
   }

@@ -31,13 +31,13 @@ ExportRequests ExportRequestsOf(const std::filesystem::path& run_folder, const R
 }
 
 std::vector<ExportedFile> FilesToExport(const std::vector<ExportFormat>& formats, const ExportRequests& requests,
-                                        Grade grade, bool is_forced) {
+                                        Grade grade, bool is_forced, const std::string& how_to_force) {
   std::vector<ExportedFile> files;
   for (const ExportFormat& format : formats) {
     for (ExportedFile& file : ExportFiles(format, requests)) {
       if (file.content == ExportedContent::kArm && !file.text.empty() && grade == Grade::kBad && !is_forced) {
         file.text.clear();
-        file.reason = "the verdict of this run is bad, and a robot would move by it; it is written by force only";
+        file.reason = "the verdict of this run is bad, and a robot would move by it; " + how_to_force;
       }
       files.push_back(std::move(file));
     }

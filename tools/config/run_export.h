@@ -15,8 +15,9 @@ ExportRequests ExportRequestsOf(const std::filesystem::path& run_folder, const R
                                 const std::string& method);
 
 // Returns the files of the formats. A calibrated arm of a run whose verdict is bad has a reason in place of a text,
-// unless `is_forced`.
+// unless `is_forced`; the reason
+// ends with `how_to_force`, a clause.
 std::vector<ExportedFile> FilesToExport(const std::vector<ExportFormat>& formats, const ExportRequests& requests,
-                                        Grade grade, bool is_forced);
+                                        Grade grade, bool is_forced, const std::string& how_to_force);
 
 }  // namespace heba

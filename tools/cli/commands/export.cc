@@ -251,7 +251,7 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << run.string() << "/report.html gives the reasons"
               << std::endl;
   }
-  const std::vector<ExportedFile> files = FilesToExport(formats, requests, grade, FLAGS_force);
+  const std::vector<ExportedFile> files = FilesToExport(formats, requests, grade, FLAGS_force, "--force writes it");
   if (!FLAGS_quiet && !Select(files, ExportedContent::kArm, true).empty()) WarnOfImplausibleArms(from.result);
   const std::string why_refused = all ? "" : WhyRefused(files);
   if (!why_refused.empty()) {
