@@ -5,6 +5,7 @@
 
 #include "solvers/calibration/capture_clusters.h"
 #include "solvers/calibration/capture_outliers.h"
+#include "solvers/calibration/problem_model.h"
 #include "solvers/cell/outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
@@ -12,23 +13,29 @@
 namespace heba {
 namespace {
 
-// Tests the images one by one, until nothing changes.
+// Tests the images one by one, until nothing changes. The images that the others do not contradict at an estimate
+// without them are not tested again: two that contradict each other would otherwise take turns.
 JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options) {
   const double least_p_value =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const ProblemImage&) { return true; }));
   constexpr int kMaxRounds = 30;
+  ImageSet returned;
   for (int round = 0; round < kMaxRounds; ++round) {
     const Problem used = UsedPoints(problem, at);
     ImageSet next = at.left_out;
     for (const ImageVerdict& verdict : TestLeftOutImages(problem, used, at.solution)) {
       const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
-      if (verdict.p_value >= least_p_value) next.erase(image);
-      if (verdict.p_value < least_p_value) next.insert(image);
+      if (verdict.p_value < least_p_value) {
+        next.insert(image);
+      } else if (next.erase(image) > 0) {
+        returned.insert(image);
+      }
     }
     // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
     std::map<std::pair<bool, size_t>, ImageVerdict> worst;
     for (const ImageVerdict& verdict : TestUsedImages(used, at.solution)) {
       if (verdict.p_value >= least_p_value) continue;
+      if (!verdict.robot && returned.contains({verdict.image.capture, verdict.image.image})) continue;
       const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
       const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
       const auto [found, is_new] = worst.emplace(key, verdict);
@@ -38,11 +45,12 @@ JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const Adjus
       if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
       if (!verdict.robot) continue;
       for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
-        next.insert({verdict.image.capture, k});
+        if (!returned.contains({verdict.image.capture, k})) next.insert({verdict.image.capture, k});
       }
     }
     if (next == at.left_out) break;
-    Outcome<Solution> other = RefineProblem(Without(problem, next), at.solution.poses, options);
+    Outcome<Solution> other =
+        RefineProblem(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
     if (!other) break;
     at = {std::move(*other), std::move(next)};
   }
