@@ -12,10 +12,9 @@ namespace heba {
 namespace {
 
 std::string NameOfConfiguration(const Arm& arm, const Eigen::VectorXd& joints) {
-  if (const std::optional<Configuration> configuration = ConfigurationOf(arm, joints)) return NameOf(*configuration);
-  std::string signs;
-  for (const Eigen::Index joint : {1, 3, 5}) signs += joints[joint] < 0 ? '-' : '+';
-  return signs;
+  const std::optional<Configuration> configuration = ConfigurationOf(arm, joints);
+  CHECK(configuration) << arm.name << " has no configurations";
+  return NameOf(*configuration);
 }
 
 }  // namespace

@@ -22,8 +22,8 @@ struct ArmDataset {
   std::vector<Rigid3d> camera_from_target;  // Likewise, free of noise.
 };
 
-// Returns captures of a chessboard in three configurations of an arm, `in_third` of `num_captures` in the last one. The
-// configurations of an arm without names for them are told apart by the signs of its joints 2, 4 and 6.
+// Returns captures of a chessboard in three configurations of an arm of six joints, `in_third` of `num_captures` in the
+// last one.
 ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third);
 
 // Returns the names of the captures that are not used.
