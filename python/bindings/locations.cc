@@ -16,6 +16,7 @@
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "tools/config/finished_run.h"
+#include "tools/config/run_folder.h"
 #include "tools/run/image_location.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/location_text.h"

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "heba/base/factorisation.h"
+#include "heba/data/joint_prior.h"
 #include "heba/kernels/stacked_rows.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/refine/fit.h"
@@ -122,6 +123,19 @@ Covariance WithoutScalesOfTargets(const Problem& problem, const Covariance& cova
   return without;
 }
 
+// Returns the changes of a prior's means by what all sessions of the cell have in common, in the layout of a solution.
+std::vector<Eigen::VectorXd> ChangesOfCell(const JointPrior& prior, const UnknownLayout& layout) {
+  std::vector<Eigen::VectorXd> changes;
+  for (const Eigen::VectorXd& of_cell : prior.of_cell) {
+    Eigen::VectorXd& change = changes.emplace_back(Eigen::VectorXd::Zero(layout.size()));
+    for (Eigen::Index i = 0; i < of_cell.size(); ++i) {
+      const std::optional<Eigen::Index> place = layout.Place(prior.covariance.layout.Name(i));
+      if (place) change[*place] = of_cell[i];
+    }
+  }
+  return changes;
+}
+
 // Returns the findings about the scales of targets that were estimated.
 std::vector<Finding> JudgeScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas) {
   std::vector<Finding> findings;
@@ -190,6 +204,11 @@ ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const
     if (sigmas.robots[r] <= 0) continue;
     AddScaleOfRobot(r, sigmas.robots[r], &all, &state, &noise);
     held.insert(ErrorsBlock(all.robots[r]) + "." + kScaleEffect);
+  }
+  if (problem.prior != nullptr) {
+    // The captures of an earlier session were measured with the same scales.
+    share.changes = ChangesOfCell(*problem.prior, solution.covariance.layout);
+    return share;
   }
   if (held.empty()) return share;
   const std::optional<NormalEquationsOfAll> equations = NormalEquationsOf(all, state, noise);

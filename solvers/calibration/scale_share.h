@@ -32,7 +32,8 @@ struct ScaleShare {
 // the scales have the covariance S = (H_hh - H_hx H_xx^-1 H_xh)^-1 and the estimate errs by -H_xx^-1 H_xh h. The
 // changes are the columns of H_xx^-1 H_xh S^(1/2), and that by the mean of h, because the estimate is that without
 // them. A scale that the solution estimated without prior knowledge is in its covariance already. `problem` holds the
-// points that the solution used. The share is empty if a point cannot be projected.
+// points that the solution used. The share is empty if a point cannot be projected. If the
+// problem has a prior of an earlier session, the changes are those of its means by what all sessions have in common.
 ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas);
 
 // Makes the covariance of a solution (PairSolution, Solution) the total one, and keeps the repeatable one. Other causes

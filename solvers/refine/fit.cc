@@ -13,6 +13,7 @@
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/residuals/view_reduction.h"
 #include "solvers/uncertainty/block_prior.h"
+#include "solvers/uncertainty/joint_prior_rows.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -57,6 +58,9 @@ std::vector<BlockPrior> PriorsOfArms(const Problem& problem, const FitNoise& noi
 void AddPriors(const Fit& fit, Information* information) {
   for (const BlockPrior& prior : PriorsOfArms(*fit.problem, fit.noise)) AddPrior(prior, information);
   for (const BlockPrior& prior : PriorsOfCamerasAndTargets(*fit.problem)) AddPrior(prior, information);
+  if (fit.problem->prior == nullptr) return;
+  const JointPriorRows rows = RowsOf(*fit.problem->prior, information->layout, ValuesOf(fit.state));
+  information->matrix += rows.by_unknowns.transpose() * rows.by_unknowns;
 }
 
 bool IsZero(const Rigid3d& correction) {
@@ -215,6 +219,9 @@ std::vector<LinearisedView> PriorViews(const Problem& problem, const FitState& s
   for (const BlockPrior& prior : PriorsOfCamerasAndTargets(problem)) {
     views.push_back(PriorView(prior, layout, values, row_variance, num_effects));
   }
+  if (problem.prior != nullptr) {
+    views.push_back(AsView(RowsOf(*problem.prior, layout, values), row_variance, num_effects));
+  }
   return views;
 }
 
@@ -294,7 +301,7 @@ ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const Ad
     const bool is_known = prior.owner == UnknownOwner::kTarget && fit->problem->targets[prior.index].free_shape.empty();
     if (!is_known) priors.push_back(std::move(prior));
   }
-  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors);
+  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors, fit->problem->prior.get());
   fit->state = WithValues(std::move(fit->state), unknowns.Values());
   const std::vector<size_t> moving = MovingRobots(*fit->problem);
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();

@@ -14,6 +14,7 @@ Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options)
   target.free_shape = options.free_shape;
   target.scale_sigma = options.target_scale_sigma;
   target.known_scale_sigma = options.known_target_scale_sigma;
+  whole.prior = options.prior;
   const SharedEffects* const shared = options.effects.get();
   std::vector<int> estimated;
   if (shared != nullptr) {

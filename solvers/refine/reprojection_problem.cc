@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <optional>
 #include <sstream>
 
 #include <ceres/manifold.h>
@@ -9,6 +10,7 @@
 
 #include "heba/base/error.h"
 #include "heba/geometry/pose_block.h"
+#include "solvers/refine/joint_prior_cost.h"
 
 namespace heba {
 
@@ -85,7 +87,7 @@ class StopAtMinimum final : public ceres::IterationCallback {
 }  // namespace
 
 ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
-                                     const std::vector<BlockPrior>& priors) {
+                                     const std::vector<BlockPrior>& priors, const JointPrior* joint) {
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   std::deque<ceres::NormalPrior> prior_costs;  // Does not move its elements.
@@ -97,8 +99,13 @@ ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCos
     problem.AddResidualBlock(&prior_costs.emplace_back(rows, prior.mean), nullptr,
                              unknowns->Block(prior.owner, prior.index));
   }
+  std::optional<JointPriorCost> joint_cost;
+  if (joint != nullptr) {
+    joint_cost.emplace(*joint, unknowns->layout(), unknowns->held());
+    problem.AddResidualBlock(&*joint_cost, nullptr, unknowns->blocks());
+  }
   ceres::Solver::Summary summary;
-  if (!priors.empty()) {
+  if (!priors.empty() || joint != nullptr) {
     ceres::Solve(options, &problem, &summary);
     return summary;
   }

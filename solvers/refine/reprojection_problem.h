@@ -29,6 +29,8 @@ class LoopUnknowns {
   // Returns the block of an owner with this index among those of its kind.
   double* Block(UnknownOwner owner, size_t index) const;
   const std::vector<double>& all() const { return all_; }
+  const UnknownLayout& layout() const { return layout_; }
+  const std::vector<TargetShape>& held() const { return held_; }  // All shapes, as they were given.
   // Returns the values, with unit quaternions.
   LoopValues Values() const { return ValuesIn(places_, all_, held_); }
 
@@ -40,10 +42,10 @@ class LoopUnknowns {
   std::vector<double*> blocks_;
 };
 
-// Calls ceres::Solve for a problem of `cost` and these priors, from the values of the unknowns, which become those of
-// the solution. Without priors, convergence is also reached if the predicted relative decrease of the cost in the next
+// Calls ceres::Solve for a problem of `cost` and these priors (`joint` may be null), from the values of the unknowns,
+// which become those of the solution. Without priors, convergence is also reached if the predicted relative decrease of the cost in the next
 // step is below options.function_tolerance; Ceres alone detects that only after the step.
 ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
-                                     const std::vector<BlockPrior>& priors = {});
+                                     const std::vector<BlockPrior>& priors = {}, const JointPrior* joint = nullptr);
 
 }  // namespace heba

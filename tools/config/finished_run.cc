@@ -4,31 +4,12 @@
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
-#include "heba/io/result_file.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_folder.h"
 
 namespace heba {
-namespace {
-
-RunResult ReadRefinedResult(const std::filesystem::path& folder) {
-  const std::filesystem::path file = folder / "result.json";
-  if (IsLongResult(file)) return ReadRunResult(file);
-  const PairResult result = ReadPairResult(file);
-  if (FindRefined(result) != nullptr) return AsRunResult(result);
-  throw InputError(folder.string() + ": contains no refined estimate; a calibration from images or corners is needed");
-}
-
-}  // namespace
-
-std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
-  std::error_code error;
-  const bool is_result = run.filename() == "result.json" && std::filesystem::is_regular_file(run, error);
-  if (!is_result) return run;
-  return run.has_parent_path() ? run.parent_path() : std::filesystem::path(".");
-}
-
 FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
   const std::filesystem::path folder = RunFolderOf(path);
   FinishedRun run;

@@ -21,9 +21,6 @@ struct FinishedRun {
   RobotNoise wobble;                       // ReadWobble.
 };
 
-// Returns the folder of a run that is named by its folder or by the result.json in it.
-std::filesystem::path RunFolderOf(const std::filesystem::path& run);
-
 // Throws InputError if the run cannot be read, or if that of a single camera has no refined estimate from images or
 // corners.
 FinishedRun ReadFinishedRun(const std::filesystem::path& path);

@@ -14,6 +14,7 @@
 #include "tools/config/given_detections.h"
 #include "tools/config/long_form.h"
 #include "tools/config/plan_section.h"
+#include "tools/config/prior_section.h"
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
@@ -214,6 +215,7 @@ PairConfig ReadPairConfig(const fs::path& path, const std::vector<std::string>& 
   config.options.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
+  config.options.earlier = ReadPrior(reader);
   ReadWobble(reader);  // `heba check` needs it.
   ReadPlan(reader);    // `heba plan` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);

@@ -14,6 +14,7 @@
 #include "tools/config/plan_section.h"
 #include "tools/config/requirements.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_folder.h"
 
 namespace heba {
 namespace {

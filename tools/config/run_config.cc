@@ -19,6 +19,7 @@
 #include "tools/config/given_detections.h"
 #include "tools/config/image_list.h"
 #include "tools/config/long_form.h"
+#include "tools/config/prior_section.h"
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
@@ -571,6 +572,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
+  config.options.earlier = ReadPrior(reader);
   ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();

@@ -125,6 +125,7 @@ PairCalibrationOptions OptionsOf(const PairDataset& dataset, const PairRunOption
   options.height_px = height_px;
   options.symmetries = dataset.target->Symmetries();
   options.shape = DesignedShape(AllPoints(*dataset.target).points_in_target);
+  if (run.earlier) options.shape.params = run.earlier->result->solution.shapes[0].params;
   options.has_smooth_remainder = run.smooth != SmoothPoseErrors::kNone;
   return options;
 }

@@ -24,6 +24,7 @@
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
+#include "tools/run/earlier_run.h"
 #include "tools/run/robot_errors.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
@@ -40,7 +41,7 @@ bool IsAtLeastAsGood(const PairCalibration& second, const PairCalibration& first
 }
 
 // Throws InputError if the data set is incomplete.
-void CheckDataset(const PairDataset& dataset) {
+void CheckDataset(const PairDataset& dataset, bool has_prior) {
   const auto check_count = [&](size_t count, const std::string& what) {
     if (count == 0 || count == dataset.captures.size()) return;
     throw InputError("the data set has " + std::to_string(dataset.captures.size()) + " captures, but " +
@@ -49,6 +50,9 @@ void CheckDataset(const PairDataset& dataset) {
   if (dataset.captures.empty()) throw InputError("the data set has no captures");
   check_count(dataset.given_detections.size(), "detections");
   check_count(dataset.target_poses.size(), "poses of the target");
+  if (has_prior && !dataset.target_poses.empty()) {
+    throw InputError("the result of an earlier run is combined with images or points, not with poses of the target");
+  }
   if (!dataset.target && dataset.target_poses.empty()) throw InputError("the data set has no target");
 }
 
@@ -435,6 +439,11 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
   timing.refine_s = calibration.refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   Advice advice = Advise(calibration, calibrated->options);
+  if (options.earlier) {
+    const SearchedModel model = AsProblem(calibration, calibrated->options).model;
+    advice.findings.push_back(
+        JudgePrior(*options.earlier, UsedPoints(model.problem, model.judged), model.judged.solution));
+  }
   if (!calibrated->known.drifts.empty()) {
     Calibrated of_output = *calibrated;
     of_output.calibration = calibration;
@@ -464,11 +473,13 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
 
 }  // namespace
 
-Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& options, RunObserver* observer) {
+Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& options_in, RunObserver* observer) {
   const Stopwatch total;
-  CheckDataset(dataset);
+  CheckDataset(dataset, options_in.earlier.has_value());
   try {
     PairDataset used = dataset;
+    PairRunOptions options = options_in;
+    if (options.earlier) BuildOn(*options.earlier, &used, &options);
     LeftOutCaptures left_out;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
     Outcome<PairRunOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)

@@ -26,6 +26,7 @@
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
+#include "tools/run/earlier_run.h"
 #include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
@@ -37,7 +38,7 @@ namespace {
 
 // Returns the problem of the detections, without the images that must not be used.
 Problem ProblemOf(const Dataset& dataset, const std::vector<TargetDetection>& detections,
-                  const std::vector<DuplicateInDataset>& duplicates) {
+                  const std::vector<DuplicateInDataset>& duplicates, const std::optional<EarlierRun>& earlier) {
   Problem rig = dataset.rig;
   FitCamerasToImages(dataset, detections, &rig);
   for (size_t t = 0; t < rig.targets.size(); ++t) {
@@ -45,6 +46,7 @@ Problem ProblemOf(const Dataset& dataset, const std::vector<TargetDetection>& de
     rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
     rig.targets[t].known_scale_sigma = dataset.targets[t]->scale_sigma().value_or(kTargetScaleSigma);
   }
+  if (earlier) AddPrior(*earlier, &rig);
   rig.captures.clear();
   for (const Recording& recording : dataset.captures) {
     rig.captures.push_back({recording.name, recording.base_from_gripper, {}});
@@ -313,14 +315,15 @@ bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
 Outcome<SeenAndCalibrated> CalibrateDetections(const Dataset& dataset,
                                                const std::vector<DuplicateInDataset>& duplicates,
                                                const CalibrationOptions& options,
+                                               const std::optional<EarlierRun>& earlier,
                                                std::vector<TargetDetection>* detections, RunObserver* observer) {
-  Outcome<SeenAndCalibrated> first = CalibrateSeen(ProblemOf(dataset, *detections, duplicates), options);
+  Outcome<SeenAndCalibrated> first = CalibrateSeen(ProblemOf(dataset, *detections, duplicates, earlier), options);
   if (!first) return first;
   std::optional<std::vector<TargetDetection>> again =
       DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
   if (!again) return first;
   EndIfCancelled(observer);
-  Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates), options);
+  Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates, earlier), options);
   if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return first;
   *detections = std::move(*again);
   return second;
@@ -442,7 +445,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   const std::vector<std::optional<ArmSetup>> arms = SetUpArms(dataset, options.kinematics);
   calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
   Outcome<SeenAndCalibrated> calibrated =
-      CalibrateDetections(dataset, duplicates, calibration_options, &output.detections, observer);
+      CalibrateDetections(dataset, duplicates, calibration_options, options.earlier, &output.detections, observer);
   if (!calibrated) return calibrated.failure();
   const std::vector<Finding> missing_ids =
       FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
@@ -457,6 +460,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   }
   const Solution& solution = *output.calibration.refined;
   const Problem used = WithoutRejected(output.calibration.problem, solution);
+  if (options.earlier) of_rig.push_back(JudgePrior(*options.earlier, used, solution));
   // The influence of a capture is that on the estimate from the captures alone.
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
   std::vector<Eigen::VectorXd> changes = of_held.changes;
@@ -579,9 +583,9 @@ std::string WhyNotToldApart(const Dataset& dataset) {
   return "";
 }
 
-Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options_in, RunObserver* observer) {
   CheckDataset(dataset);
-  for (const PlacedRequirement& requirement : options.requirements) {
+  for (const PlacedRequirement& requirement : options_in.requirements) {
     const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
                                       [&](const ProblemCamera& camera) { return camera.name == requirement.camera; });
     if (!requirement.camera.empty() && !is_known) {
@@ -592,8 +596,10 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObs
   try {
     // The run of a pair leaves captures out by itself.
     const bool is_pair = IsSinglePair(dataset);
-    const bool needs_joints = !is_pair && options.kinematics != Kinematics::kNone;
+    const bool needs_joints = !is_pair && options_in.kinematics != Kinematics::kNone;
     Dataset used = needs_joints ? WithoutWrongJoints(dataset) : dataset;
+    RunOptions options = options_in;
+    if (!is_pair && options.earlier) BuildOn(*options.earlier, &used, &options);
     Outcome<RunOutput> output = is_pair ? RunSinglePair(used, options, observer) : RunOnImages(used, options, observer);
     if (!output) return output;
     for (ImageResult& left_out : LeftOutResults(used)) output->result.images.push_back(std::move(left_out));

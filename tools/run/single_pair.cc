@@ -68,6 +68,7 @@ PairRunOptions OptionsOfPair(const Dataset& rig, const RunOptions& options) {
       adjustment.robot == BundleOptions::Robot::kEstimatedNoise && of_pair.smooth != SmoothPoseErrors::kAlways;
   of_pair.choose.target_shape = options.calibration.choose_target_shape;
   of_pair.drift = options.drift;
+  of_pair.earlier = options.earlier;
   of_pair.kinematics = options.kinematics;
   of_pair.camera_model = camera.camera.model;
   of_pair.choose_camera_model = !rig.has_camera.front() && of_pair.camera_model.empty();

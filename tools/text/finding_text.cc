@@ -493,6 +493,20 @@ FindingText DriftUnseen(const Finding& finding) {
       "repeat the first three poses at the end of the next session"};
 }
 
+FindingText PriorText(const Finding& finding) {
+  const std::string run = Name(finding, "run");
+  if (finding.grade == Grade::kGood) {
+    return {"the result builds on the run " + run + ", with which the captures agree (p = " +
+                ShownPValue(Number(finding, "p")) + ")",
+            ""};
+  }
+  return {"the captures contradict the run " + run + ", which the result builds on (p = " +
+              ShownPValue(Number(finding, "p")) +
+              "): the camera, the target or the lens is not where, or what, it was",
+          "see what has changed with heba check, state it (prior: {run: ..., drift: ..., target: moved}), or calibrate "
+          "without the earlier run"};
+}
+
 FindingText TargetPoints(const Finding& finding) {
   const std::string target = Name(finding, "of_target");
   return {Count(finding, "deviating") + " of " + Count(finding, "points") + " points of the target" +
@@ -653,6 +667,7 @@ constexpr CodeWords kWords[] = {
     {"camera_moved", &CameraMoved},
     {"drift", &DriftText},
     {"drift_unseen", &DriftUnseen},
+    {"prior", &PriorText},
     {"target_points", &TargetPoints},
     {"image_regions", &ImageRegions},
 };

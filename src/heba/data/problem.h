@@ -77,6 +77,8 @@ struct ArmPosture {
   std::vector<double> joints = {};
 };
 
+struct JointPrior;  // heba/data/joint_prior.h
+
 // The images that were taken at one pose of every arm. A camera that saw nothing has no entry.
 struct ProblemCapture {
   std::string name;
@@ -98,6 +100,7 @@ struct Problem {
   std::vector<ProblemCapture> captures;
   // One for each arm: the effects that its captures share, null if there are none. An empty list: no arm has any.
   std::vector<std::shared_ptr<const SharedEffects>> effects = {};
+  std::shared_ptr<const JointPrior> prior = {};  // What an earlier session told; null: nothing.
 };
 
 // Returns the effects of an arm; null if it has none.

@@ -54,6 +54,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "camera_moved",
     "drift",
     "drift_unseen",
+    "prior",
     "target_points",
     "image_regions",
     "at_working_point",

@@ -7,7 +7,7 @@
 #include "heba/base/files.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/config/finished_run.h"
+#include "tools/config/run_folder.h"
 #include "tools/files/any_result.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/comparison.h"

@@ -17,8 +17,8 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/capture_section.h"
-#include "tools/config/finished_run.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_folder.h"
 #include "tools/text/console.h"
 #include "tools/text/result_text.h"
 

@@ -13,8 +13,8 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
-#include "tools/config/finished_run.h"
 #include "tools/config/run_export.h"
+#include "tools/config/run_folder.h"
 #include "tools/text/result_text.h"
 
 namespace heba {

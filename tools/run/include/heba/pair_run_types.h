@@ -15,9 +15,11 @@
 #include "heba/base/error.h"
 #include "heba/data/dataset.h"
 #include "heba/data/drift.h"
+#include "heba/data/joint_prior.h"
 #include "heba/data/setup.h"
 #include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/run_result.h"
 #include "heba/pair_calibration.h"
 #include "heba/pair_cross_validation.h"
 #include "heba/robot/arm.h"
@@ -74,6 +76,13 @@ struct PlacedRequirement {
   std::string camera = {};  // In a rig, the camera that must reach it; empty if every camera must.
 };
 
+// An earlier run of the same cell, whose result counts as an observation.
+struct EarlierRun {
+  std::string name;  // As the user calls it.
+  std::shared_ptr<const RunResult> result;
+  ChangeOfCell change;  // What may have changed since.
+};
+
 // Returns the detection in an image. Throws InputError if the image cannot be read or is of another size than
 // `expected`. It is called by several threads at once.
 using DetectFunction =
@@ -93,6 +102,7 @@ struct PairRunOptions {
   bool joint_noise = false;  // Whether the robot noise that is estimated includes that of the arm's joints.
   SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
   DriftOptions drift;               // Which motions of the mounts during the captures are taken in.
+  std::optional<EarlierRun> earlier = {};
   std::string camera_model;         // The model of an estimated camera.
   bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.
   int folds = 5;                    // Number of folds of the cross-validation; 0: none.

@@ -68,6 +68,7 @@ struct RunOptions {
   CalibrationOptions calibration;             // Its `has_camera` and `arms` are not used.
   Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if Dataset::arms has any.
   DriftOptions drift;                         // PairRunOptions::drift, for one camera, one target and one arm.
+  std::optional<EarlierRun> earlier = {};
   std::vector<PlacedRequirement> requirements;
   int folds = 5;        // Number of folds of the cross-validation; 0: none.
   int num_threads = 1;  // The result does not depend on it.

@@ -1,0 +1,136 @@
+#include "heba/data/joint_prior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "heba/base/factorisation.h"
+
+namespace heba {
+namespace {
+
+// Returns the place of the object of `name` among `all`, or that of the only one if there is only one of either.
+template <class Object, class NameOfObject>
+std::optional<size_t> Find(const std::string& name, size_t num_earlier, const std::vector<Object>& all,
+                           const NameOfObject& name_of) {
+  if (num_earlier == 1 && all.size() == 1) return 0;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (name_of(all[i]) == name) return i;
+  }
+  return std::nullopt;
+}
+
+// The names of blocks in the problem, by those of the earlier one.
+std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const Problem& problem,
+                                                 bool is_target_moved) {
+  std::map<std::string, std::string> renamed;
+  const auto name_of = [](const auto& object) { return object.name; };
+  for (const ProblemCamera& camera : earlier.cameras) {
+    const std::optional<size_t> c = Find(camera.name, earlier.cameras.size(), problem.cameras, name_of);
+    if (!c || problem.cameras[*c].mount != camera.mount) continue;
+    renamed[CameraPoseBlock(camera)] = CameraPoseBlock(problem.cameras[*c]);
+    renamed[CameraBlock(camera)] = CameraBlock(problem.cameras[*c]);
+  }
+  for (const ProblemTarget& target : earlier.targets) {
+    const std::optional<size_t> t = Find(target.name, earlier.targets.size(), problem.targets, name_of);
+    if (!t || problem.targets[*t].mount != target.mount) continue;
+    if (!is_target_moved) renamed[TargetPoseBlock(target)] = TargetPoseBlock(problem.targets[*t]);
+    renamed[TargetShapeBlock(target)] = TargetShapeBlock(problem.targets[*t]);
+  }
+  for (const std::string& robot : earlier.robots) {
+    const bool is_known = std::find(problem.robots.begin(), problem.robots.end(), robot) != problem.robots.end();
+    if (is_known) renamed[BaseBlock(robot)] = BaseBlock(robot);
+  }
+  return renamed;
+}
+
+// Returns the flags of the parameters of a block that are unknown.
+std::vector<bool> FlagsOf(const UnknownLayout& layout, const UnknownBlock& block, size_t num_params) {
+  std::vector<bool> flags(num_params, false);
+  for (Eigen::Index i = block.first; i < block.end(); ++i) flags[static_cast<size_t>(layout[i].index)] = true;
+  return flags;
+}
+
+// Returns the columns of a positive semidefinite matrix's square root that matter, for unknowns of these sigmas.
+std::vector<Eigen::VectorXd> ColumnsOf(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& sigmas) {
+  const Eigen::VectorXd inverse = sigmas.cwiseInverse();
+  const auto eigen = EigenOfSymmetric(Eigen::MatrixXd(inverse.asDiagonal() * matrix * inverse.asDiagonal()));
+  constexpr double kLeast = 1e-6;  // Of a variance.
+  std::vector<Eigen::VectorXd> columns;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    const double variance = eigen.values[i];
+    if (variance > kLeast) columns.emplace_back(std::sqrt(variance) * sigmas.cwiseProduct(eigen.vectors.col(i)));
+  }
+  return columns;
+}
+
+}  // namespace
+
+JointPrior JointPriorOf(const Problem& earlier, const Solution& solution, const Problem& problem,
+                        const ChangeOfCell& change) {
+  const UnknownLayout& layout = solution.covariance.layout;
+  const std::map<std::string, std::string> renamed = RenamedBlocks(earlier, problem, change.is_target_moved);
+  JointPrior prior;
+  std::vector<Eigen::Index> places;
+  const auto name_of = [&](const std::string& block) {
+    const auto found = renamed.find(block);
+    return found == renamed.end() ? std::string() : found->second;
+  };
+  const auto take = [&](const UnknownBlock& block) {
+    for (Eigen::Index i = block.first; i < block.end(); ++i) places.push_back(i);
+  };
+  const auto add_pose = [&](const std::string& block, const Rigid3d& pose) {
+    const std::string name = name_of(block);
+    if (name.empty() || layout.Block(block).size == 0) return;
+    prior.poses[name] = pose;
+    prior.covariance.layout.AddPose(name);
+    take(layout.Block(block));
+  };
+  for (size_t c = 0; c < earlier.cameras.size(); ++c) {
+    add_pose(CameraPoseBlock(earlier.cameras[c]), solution.poses.mount_from_camera[c]);
+  }
+  for (size_t t = 0; t < earlier.targets.size(); ++t) {
+    add_pose(TargetPoseBlock(earlier.targets[t]), solution.poses.mount_from_target[t]);
+  }
+  for (size_t r = 1; r < earlier.robots.size(); ++r) {
+    add_pose(BaseBlock(earlier.robots[r]), solution.poses.world_from_base[r]);
+  }
+  for (size_t c = 0; c < earlier.cameras.size(); ++c) {
+    const std::string name = name_of(CameraBlock(earlier.cameras[c]));
+    const UnknownBlock block = layout.Block(CameraBlock(earlier.cameras[c]));
+    if (name.empty() || block.size == 0) continue;
+    const Camera& camera = solution.cameras[c];
+    prior.params[name] = camera.params;
+    prior.covariance.layout.AddCamera(name, camera.Model(), FlagsOf(layout, block, camera.params.size()));
+    take(block);
+  }
+  for (size_t t = 0; t < earlier.targets.size(); ++t) {
+    const std::string name = name_of(TargetShapeBlock(earlier.targets[t]));
+    const UnknownBlock block = layout.Block(TargetShapeBlock(earlier.targets[t]));
+    if (name.empty() || block.size == 0) continue;
+    const auto& params = solution.shapes[t].params;
+    prior.params[name] = {params.begin(), params.end()};
+    prior.covariance.layout.AddTarget(name, FlagsOf(layout, block, params.size()));
+    take(block);
+  }
+  const Eigen::MatrixXd total = solution.covariance.matrix(places, places);
+  const bool has_repeatable = solution.covariance_repeatable.matrix.size() > 0;
+  Eigen::MatrixXd& matrix = prior.covariance.matrix;
+  matrix = has_repeatable ? Eigen::MatrixXd(solution.covariance_repeatable.matrix(places, places)) : total;
+  if (places.empty()) return prior;
+  if (has_repeatable) prior.of_cell = ColumnsOf(total - matrix, total.diagonal().cwiseSqrt());
+  // What all sessions have in common may be all that is not known about a direction.
+  constexpr double kLeast = 1e-6;  // Of the variance.
+  matrix.diagonal() += kLeast * total.diagonal();
+  for (const ProblemCamera& camera : problem.cameras) {
+    const UnknownBlock pose = prior.covariance.layout.Block(CameraPoseBlock(camera));
+    for (Eigen::Index i = 0; i < pose.size; ++i) {
+      const double sigma = i < 3 ? change.translation_m : change.rotation_rad;
+      matrix(pose.first + i, pose.first + i) += sigma * sigma;
+    }
+  }
+  return prior;
+}
+
+}  // namespace heba
