@@ -80,10 +80,10 @@ double FitCost(const Problem& problem, const CaptureGroups& groups, const FitSta
                const Loss& loss);
 
 // Returns the prior knowledge about cameras and about the scales of targets (ProblemCamera::prior,
-// ProblemTarget::scale_sigma), and that of an earlier session (Problem::prior), as rows of views that do not depend on effects, scaled to noise of variance
-// `row_variance`; none if there is no such knowledge. `num_effects` is the number of columns of
-// LinearisedView::by_effects. The prior of the scales is there even if no scale is free, so that models are compared by
-// the same measurements.
+// ProblemTarget::scale_sigma), and that of an earlier session (Problem::prior), as rows of views that do not depend on
+// effects, scaled to noise of variance `row_variance`; none if there is no such knowledge. `num_effects` is the number
+// of columns of LinearisedView::by_effects. The prior of the scales is there even if no scale is free, so that models
+// are compared by the same measurements.
 std::vector<LinearisedView> PriorViews(const Problem& problem, const FitState& state, double row_variance,
                                        Eigen::Index num_effects);
 

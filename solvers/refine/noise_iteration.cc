@@ -245,7 +245,8 @@ bool IsLeastSquares(const Fit& fit, const Loss& loss) {
   const auto has_prior = [](const ProblemCamera& camera) { return camera.prior.has_value(); };
   const auto has_scale = [](const ProblemTarget& target) { return target.scale_sigma.has_value(); };
   const auto has_effects = [](const Eigen::VectorXd& effects) { return effects.size() > 0; };
-  return loss.kind == LossKind::kNone && problem.prior == nullptr && fit.noise.robots.empty() && HasOnePixelVariance(problem) &&
+  return loss.kind == LossKind::kNone && problem.prior == nullptr && fit.noise.robots.empty() &&
+         HasOnePixelVariance(problem) &&
          std::none_of(fit.state.effects.begin(), fit.state.effects.end(), has_effects) &&
          std::none_of(problem.cameras.begin(), problem.cameras.end(), has_prior) &&
          std::none_of(problem.targets.begin(), problem.targets.end(), has_scale);

@@ -43,8 +43,8 @@ class LoopUnknowns {
 };
 
 // Calls ceres::Solve for a problem of `cost` and these priors (`joint` may be null), from the values of the unknowns,
-// which become those of the solution. Without priors, convergence is also reached if the predicted relative decrease of the cost in the next
-// step is below options.function_tolerance; Ceres alone detects that only after the step.
+// which become those of the solution. Without priors, convergence is also reached if the predicted relative decrease of
+// the cost in the next step is below options.function_tolerance; Ceres alone detects that only after the step.
 ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
                                      const std::vector<BlockPrior>& priors = {}, const JointPrior* joint = nullptr);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
@@ -45,7 +46,7 @@ std::vector<Eigen::Index> PlacesIn(const UnknownLayout& layout, const JointPrior
   return places;
 }
 
-JointPriorRows RowsOf(const JointPrior& prior, const UnknownLayout& layout, const LoopValues& values) {
+PriorDifferences DifferencesFrom(const JointPrior& prior, const UnknownLayout& layout, const LoopValues& values) {
   const UnknownLayout& known = prior.covariance.layout;
   Eigen::VectorXd differences = Eigen::VectorXd::Zero(known.size());
   Eigen::MatrixXd by_unknowns = Eigen::MatrixXd::Zero(known.size(), layout.size());
@@ -83,14 +84,19 @@ JointPriorRows RowsOf(const JointPrior& prior, const UnknownLayout& layout, cons
         break;
     }
   }
+  return {std::move(differences), std::move(by_unknowns)};
+}
+
+JointPriorRows RowsOf(const JointPrior& prior, const UnknownLayout& layout, const LoopValues& values) {
+  const PriorDifferences differences = DifferencesFrom(prior, layout, values);
   const std::vector<Eigen::Index> places = PlacesIn(layout, prior);
   const Eigen::MatrixXd covariance = prior.covariance.matrix(places, places);
   // The unknowns have different units.
   const Eigen::VectorXd scales = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const auto factor = Cholesky(Eigen::MatrixXd(scales.asDiagonal() * covariance * scales.asDiagonal()));
   CHECK(factor) << "the covariance of a prior must be positive definite";
-  JointPriorRows rows{scales.cwiseProduct(differences(places)),
-                      scales.asDiagonal() * by_unknowns(places, Eigen::all).eval()};
+  JointPriorRows rows{scales.cwiseProduct(differences.values(places)),
+                      scales.asDiagonal() * differences.by_unknowns(places, Eigen::all).eval()};
   const auto lower = factor->lower().triangularView<Eigen::Lower>();
   lower.solveInPlace(rows.residuals);
   lower.solveInPlace(rows.by_unknowns);

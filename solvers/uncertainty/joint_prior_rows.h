@@ -24,6 +24,14 @@ struct JointPriorRows {
 // Returns the places of the prior's unknowns whose owner is one of the layout, known or not.
 std::vector<Eigen::Index> PlacesIn(const UnknownLayout& layout, const JointPrior& prior);
 
+// The differences of all unknowns of a prior from their means, in the order of its covariance, and their derivatives by
+// the unknowns of a layout; zero for an unknown without a place.
+struct PriorDifferences {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd by_unknowns;
+};
+PriorDifferences DifferencesFrom(const JointPrior& prior, const UnknownLayout& layout, const LoopValues& values);
+
 // Returns the rows at these values: one for each of PlacesIn. Of the other unknowns nothing is known.
 JointPriorRows RowsOf(const JointPrior& prior, const UnknownLayout& layout, const LoopValues& values);
 

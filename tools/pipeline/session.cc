@@ -13,6 +13,7 @@
 #include "heba/io/pose_source.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/robot_section.h"
+#include "tools/run/smooth_prior.h"
 #include "tools/text/failure_text.h"
 
 namespace heba {
@@ -183,21 +184,7 @@ SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place)
   SessionOptions options;
   options.is_target_in_place = is_target_in_place;
   options.wobble = run.wobble;
-  for (size_t r = 0; r < run.result.rig.robots.size(); ++r) {
-    std::optional<SmoothPrior>& prior = options.smooth.emplace_back();
-    if (const std::optional<RobotNoise> noise = SmoothNoiseOf(run.result.solution, r)) {
-      prior = SmoothPrior{*noise, SmoothLengths()};
-    }
-    for (const Finding& finding : run.result.verdict.findings) {
-      const std::string& robot = run.result.rig.robots[r];
-      if (finding.code != "smooth_errors" || finding.Name("of_arm").value_or(robot) != robot) continue;
-      const auto number = [&](const char* key) { return finding.Number(key).value_or(0); };
-      // Beside the estimated errors of an arm, the finding alone has the sigmas.
-      if (!prior) prior = SmoothPrior{{1e-3 * number("smooth_mm"), DegToRad(number("smooth_deg")), 0}, {}};
-      if (number("length_mm") <= 0 || number("length_deg") <= 0) continue;
-      prior->lengths = {1e-3 * number("length_mm"), DegToRad(number("length_deg"))};
-    }
-  }
+  options.smooth = SmoothPriorsOf(run.result);
   return options;
 }
 

@@ -125,7 +125,11 @@ PairCalibrationOptions OptionsOf(const PairDataset& dataset, const PairRunOption
   options.height_px = height_px;
   options.symmetries = dataset.target->Symmetries();
   options.shape = DesignedShape(AllPoints(*dataset.target).points_in_target);
-  if (run.earlier) options.shape.params = run.earlier->result->solution.shapes[0].params;
+  if (run.earlier) {
+    // The captures are read in the orders of the earlier run.
+    if (!run.earlier->change.is_target_moved) options.symmetries = {Rigid3d()};
+    options.shape.params = run.earlier->result->solution.shapes[0].params;
+  }
   options.has_smooth_remainder = run.smooth != SmoothPoseErrors::kNone;
   return options;
 }

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -12,8 +15,11 @@
 #include "heba/base/text.h"
 #include "heba/data/hand_eye.h"
 #include "heba/data/joint_prior.h"
+#include "heba/data/smooth_errors.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/calibration/prior_agreement.h"
 #include "solvers/uncertainty/robot_noise.h"
+#include "tools/run/smooth_prior.h"
 
 namespace heba {
 namespace {
@@ -88,6 +94,59 @@ std::optional<RobotNoisePrior> NoisePriorOf(const RunResult& earlier) {
   return prior;
 }
 
+// What the earlier run predicts of one image.
+struct Sight {
+  Camera camera;
+  Rigid3d camera_from_target;
+  TargetShape shape;
+};
+
+// Returns the prediction of a target in an image; nothing if the earlier run did not know its parts.
+std::optional<Sight> SightOf(const EarlierRun& earlier, const Dataset& dataset, const TargetDetection& seen) {
+  const RunResult& result = *earlier.result;
+  const Problem& rig = dataset.rig;
+  const std::optional<size_t> camera = PlaceOf(rig.cameras[seen.camera], rig.cameras.size(), result.rig.cameras);
+  const std::optional<size_t> target = PlaceOf(rig.targets[seen.target], rig.targets.size(), result.rig.targets);
+  const bool has_same_arms =
+      rig.robots.size() == result.rig.robots.size() && (rig.robots.size() == 1 || rig.robots == result.rig.robots);
+  if (!camera || !target || !has_same_arms) return std::nullopt;
+  Sight sight{result.solution.cameras[*camera],
+              CameraFromTarget(result.rig, result.solution.poses, *camera, *target,
+                               dataset.captures[seen.capture].base_from_gripper),
+              DesignedShape(AllPoints(*dataset.targets[seen.target]).points_in_target)};
+  sight.shape.params = result.solution.shapes[*target].params;
+  return sight;
+}
+
+// Returns the ids of the points in another order in which the target can be read.
+std::vector<int> TurnedIds(const Target& target, const Rigid3d& symmetry, const std::vector<int>& ids) {
+  const std::vector<TargetPoint>& points = target.points();
+  std::map<int, int> turned;
+  for (const TargetPoint& from : points) {
+    const Eigen::Vector3d place = symmetry * from.in_target;
+    const auto to = std::min_element(points.begin(), points.end(), [&](const TargetPoint& a, const TargetPoint& b) {
+      return (a.in_target - place).squaredNorm() < (b.in_target - place).squaredNorm();
+    });
+    turned[from.id] = to->id;
+  }
+  std::vector<int> all;
+  for (const int id : ids) all.push_back(turned.at(id));
+  return all;
+}
+
+// Gives the captures the smooth errors of the earlier run, with the sigmas that they have there. A few captures are
+// near each other, and err alike.
+void SetSmoothErrors(const SmoothPrior& smooth, const RobotNoise& noise, PairDataset* dataset, BundleOptions* bundle) {
+  std::vector<Rigid3d> poses;
+  for (const Capture& capture : dataset->captures) poses.push_back(capture.base_from_gripper);
+  SmoothErrors errors(poses, smooth.lengths);
+  errors.SetSigmas({smooth.sigma.translation_m, smooth.sigma.rotation_rad});
+  for (Capture& capture : dataset->captures) capture.effect = errors.EffectAt(capture.base_from_gripper);
+  bundle->effects = std::make_shared<const SharedEffects>(errors.effects());
+  bundle->robot = BundleOptions::Robot::kGivenNoise;
+  bundle->robot_noise = noise;
+}
+
 }  // namespace
 
 void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* options) {
@@ -114,8 +173,13 @@ void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* op
   bundle.prior = named.prior;
   const std::optional<RobotNoisePrior> noise = NoisePriorOf(result);
   if (!options->choose.robot_noise || options->joint_noise || !noise) return;
+  const bool takes_smooth = options->smooth != SmoothPoseErrors::kNone;
   options->choose.robot_noise = false;
   options->smooth = SmoothPoseErrors::kNone;
+  if (const std::optional<SmoothPrior> smooth = SmoothPriorsOf(result)[0]; smooth && takes_smooth) {
+    SetSmoothErrors(*smooth, *result.solution.robot_noise[0], dataset, &bundle);
+    return;
+  }
   bundle.robot = BundleOptions::Robot::kEstimatedNoise;
   bundle.robot_noise_prior = noise;
   bundle.robot_noise_start = noise->median;
@@ -147,22 +211,89 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   options->calibration.choose_target_shape = false;
 }
 
+void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections) {
+  if (earlier.change.is_target_moved) return;
+  for (TargetDetection& seen : *detections) {
+    const Target& target = *dataset.targets[seen.target];
+    const std::vector<Rigid3d> symmetries = target.Symmetries();
+    Detection& detection = seen.detection.detection;
+    const std::optional<Sight> sight = SightOf(earlier, dataset, seen);
+    if (symmetries.size() < 2 || detection.ids.empty() || !sight) continue;
+    Detection nearest = detection;
+    double least_px = std::numeric_limits<double>::infinity();
+    for (const Rigid3d& symmetry : symmetries) {
+      Detection turned = detection;
+      turned.ids = TurnedIds(target, symmetry, detection.ids);
+      const std::optional<SquaredErrors> errors = ViewErrors(sight->camera, sight->camera_from_target,
+                                                             ApplyShape(ObservationsOf(target, turned), sight->shape));
+      const std::optional<double> rms_px = errors ? errors->RmsPx() : std::nullopt;
+      if (!rms_px || *rms_px >= least_px) continue;
+      least_px = *rms_px;
+      nearest = std::move(turned);
+    }
+    detection = std::move(nearest);
+  }
+}
+
 void AddPrior(const EarlierRun& earlier, Problem* problem) {
   const RunResult& result = *earlier.result;
   for (ProblemTarget& target : problem->targets) {
     const std::optional<size_t> place = PlaceOf(target, problem->targets.size(), result.rig.targets);
-    if (place) target.shape.params = result.solution.shapes[*place].params;
+    if (!place) continue;
+    target.shape.params = result.solution.shapes[*place].params;
+    if (!earlier.change.is_target_moved) target.symmetries = {Rigid3d()};  // ReadAsEarlier
   }
-  problem->prior = std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, *problem,
-                                                                   earlier.change));
+  problem->prior =
+      std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, *problem, earlier.change));
 }
 
+namespace {
+
+// What a block of unknowns is, and whose it is.
+struct Subject {
+  std::string part;
+  std::string of;
+};
+
+Subject SubjectOf(const Problem& problem, const std::string& block) {
+  for (const ProblemCamera& camera : problem.cameras) {
+    if (block == CameraPoseBlock(camera)) return {"camera_pose", camera.name};
+    if (block == CameraBlock(camera)) return {"lens", camera.name};
+  }
+  for (const ProblemTarget& target : problem.targets) {
+    if (block == TargetPoseBlock(target)) return {"target_pose", target.name};
+    if (block == TargetShapeBlock(target)) return {"target_shape", target.name};
+  }
+  return {"base", block};
+}
+
+// Returns whether a difference is more than chance. Every lens and print has errors that its model lacks, which differ
+// from one set of captures to another; a lens that was refocused or exchanged differs by more.
+bool Contradicts(const PriorAgreement& agreement, const Subject& subject) {
+  constexpr double kByChance = 1e-4;
+  constexpr double kUnmodelled = 5;
+  const bool is_model = subject.part == "lens" || subject.part == "target_shape";
+  return agreement.p_value < kByChance && (!is_model || agreement.ratio > kUnmodelled);
+}
+
+}  // namespace
+
 Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solution& solution) {
-  const double p_value = PriorPValue(used, solution);
-  constexpr double kContradicts = 1e-4;
-  Finding finding{p_value < kContradicts ? Grade::kBad : Grade::kGood, FindingCode("prior")};
-  finding.numbers = {{"p", p_value}, {"unknowns", static_cast<double>(used.prior->covariance.layout.size())}};
-  finding.names = {{"run", earlier.name}};
+  Finding finding{Grade::kGood, FindingCode("prior")};
+  PriorAgreement least;
+  for (const PriorAgreement& agreement : AgreementWithPrior(used, solution)) {
+    const bool contradicts = Contradicts(agreement, SubjectOf(used, agreement.block));
+    if (contradicts) finding.grade = Grade::kBad;
+    // Of those that contradict, the least likely.
+    const bool is_first = contradicts && !Contradicts(least, SubjectOf(used, least.block));
+    if (is_first || (contradicts == (finding.grade == Grade::kBad) && agreement.p_value <= least.p_value)) {
+      least = agreement;
+    }
+  }
+  const Subject subject = SubjectOf(used, least.block);
+  finding.numbers = {{"p", least.p_value}, {"ratio", least.ratio}};
+  finding.names = {{"run", earlier.name}, {"part", subject.part}};
+  if (!subject.of.empty()) finding.names.emplace_back("of", subject.of);
   finding.is_cause = finding.grade != Grade::kGood;
   return finding;
 }

@@ -413,6 +413,11 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
   CheckCamerasByHeader(AsDataset(dataset));
   detections = DetectCaptures(dataset, options.detect, options.num_threads, observer);
   FitCameraToImages(detections, &dataset);
+  if (options.earlier) {
+    std::vector<TargetDetection> read = AsTargetDetections(std::move(detections));
+    ReadAsEarlier(*options.earlier, AsDataset(dataset), &read);
+    detections = AsCaptureDetections(std::move(read));
+  }
   Timing timing;
   timing.detect_s = detect_watch.Seconds();
   const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);

@@ -435,6 +435,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   const Stopwatch detect_watch;
   CheckCamerasByHeader(dataset);
   output.detections = DetectDataset(dataset, options.detect, options.num_threads, observer);
+  if (options.earlier) ReadAsEarlier(*options.earlier, dataset, &output.detections);
   timing.detect_s = detect_watch.Seconds();
   const std::vector<DuplicateInDataset> duplicates = FindDuplicates(dataset, output.detections);
   EndIfCancelled(observer);

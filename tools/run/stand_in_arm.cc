@@ -96,6 +96,8 @@ std::optional<StandInErrors> StandInFor(const std::vector<Rigid3d>& poses) {
 
 std::vector<Eigen::VectorXd> ChangesByUnknownArms(const Problem& problem, const Solution& solution) {
   std::vector<Eigen::VectorXd> changes;
+  // An earlier session had the same arm.
+  if (problem.prior != nullptr) return changes;
   for (const size_t robot : MovingRobots(problem)) {
     const SharedEffects* const effects = EffectsOf(problem, robot);
     if (effects == nullptr || effects->kind != SharedEffectsKind::kSmooth) continue;

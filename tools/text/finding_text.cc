@@ -496,13 +496,23 @@ FindingText DriftUnseen(const Finding& finding) {
 FindingText PriorText(const Finding& finding) {
   const std::string run = Name(finding, "run");
   if (finding.grade == Grade::kGood) {
-    return {"the result builds on the run " + run + ", with which the captures agree (p = " +
+    return {"the result builds on the run " + run + ", with which the captures agree (least probability by chance " +
                 ShownPValue(Number(finding, "p")) + ")",
             ""};
   }
-  return {"the captures contradict the run " + run + ", which the result builds on (p = " +
-              ShownPValue(Number(finding, "p")) +
-              "): the camera, the target or the lens is not where, or what, it was",
+  constexpr std::pair<std::string_view, const char*> kParts[] = {{"camera_pose", "the pose of the camera"},
+                                                                 {"target_pose", "the pose of the target"},
+                                                                 {"lens", "the lens of the camera"},
+                                                                 {"target_shape", "the shape of the target"},
+                                                                 {"base", "the base of an arm"}};
+  std::string part;
+  for (const auto& [code, words] : kParts) {
+    if (Is(finding, "part", code)) part = words;
+  }
+  const std::string of = Name(finding, "of");
+  return {"the captures contradict the run " + run + ", which the result builds on: " + part +
+              (of.empty() ? "" : " " + of) + " differs by " + Significant(Number(finding, "ratio"), 2) +
+              " times what both leave open (probability by chance " + ShownPValue(Number(finding, "p")) + ")",
           "see what has changed with heba check, state it (prior: {run: ..., drift: ..., target: moved}), or calibrate "
           "without the earlier run"};
 }

@@ -45,7 +45,7 @@ struct BundleOptions {
   // The scale of the target and the size of an arm have nearly the same effect on the images.
   std::optional<double> target_scale_sigma;
   double known_target_scale_sigma = kTargetScaleSigma;  // ProblemTarget::known_scale_sigma.
-  std::shared_ptr<const JointPrior> prior;                       // Problem::prior.
+  std::shared_ptr<const JointPrior> prior;              // Problem::prior.
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 

@@ -22,8 +22,7 @@ std::optional<size_t> Find(const std::string& name, size_t num_earlier, const st
 }
 
 // The names of blocks in the problem, by those of the earlier one.
-std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const Problem& problem,
-                                                 bool is_target_moved) {
+std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const Problem& problem, bool is_target_moved) {
   std::map<std::string, std::string> renamed;
   const auto name_of = [](const auto& object) { return object.name; };
   for (const ProblemCamera& camera : earlier.cameras) {

@@ -33,8 +33,8 @@ struct ChangeOfCell {
 };
 
 // Returns the solution of the earlier session as prior of `problem`: of the cameras, targets and bases that have the
-// same names in both. A single camera, a single target and a single arm are the same whatever their names are. Errors of
-// arms are not part of it: what they contribute to the uncertainty of the others is.
+// same names in both. A single camera, a single target and a single arm are the same whatever their names are. Errors
+// of arms are not part of it: what they contribute to the uncertainty of the others is.
 JointPrior JointPriorOf(const Problem& earlier, const Solution& solution, const Problem& problem,
                         const ChangeOfCell& change);
 

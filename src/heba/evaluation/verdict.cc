@@ -178,6 +178,9 @@ std::optional<Finding> JudgeModel(const RunResult& result, Grade of_hold_out) {
 Finding JudgeImages(const RunResult& result) {
   std::optional<Finding> worst;
   double worst_share = 0;
+  // Few captures are enough beside those of an earlier run.
+  const bool builds_on_other = std::any_of(result.observations.begin(), result.observations.end(),
+                                           [](const Finding& finding) { return finding.code == FindingCode("prior"); });
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const int num_used = NumUsed(result, c);
     int num_seen = 0;
@@ -191,7 +194,7 @@ Finding JudgeImages(const RunResult& result) {
       num_seen += !is_copy && (image.used || !image.targets.empty()) ? 1 : 0;
     }
     const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
-    const bool is_few = num_used < kFewCaptures;
+    const bool is_few = num_used < kFewCaptures && !builds_on_other;
     const Grade grade = std::max(GradeOf(left_out, kShareLeftOut), is_few ? Grade::kDoubtful : Grade::kGood);
     if (worst && (grade < worst->grade || (grade == worst->grade && left_out <= worst_share))) continue;
     worst_share = left_out;

@@ -2,6 +2,7 @@
 // solvers/refine/joint_prior_cost.h, solvers/calibration/prior_agreement.h.
 #include "heba/data/joint_prior.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -28,8 +29,9 @@ constexpr size_t kNumLater = 4;
 
 // The captures [first, last) of a scene, with free intrinsics.
 Problem Captures(const TestScene& scene, Setup setup, size_t first, size_t last) {
-  PairProblem problem{scene.camera, {scene.views.begin() + static_cast<std::ptrdiff_t>(first),
-                                     scene.views.begin() + static_cast<std::ptrdiff_t>(last)},
+  PairProblem problem{scene.camera,
+                      {scene.views.begin() + static_cast<std::ptrdiff_t>(first),
+                       scene.views.begin() + static_cast<std::ptrdiff_t>(last)},
                       setup};
   return HandEyeProblem(problem, BundleOptions());
 }
@@ -38,6 +40,14 @@ AdjustmentOptions WithEstimatedNoise() {
   AdjustmentOptions options;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
   return options;
+}
+
+double LeastPValue(const Problem& problem, const Solution& solution) {
+  double least = 1;
+  for (const PriorAgreement& agreement : AgreementWithPrior(problem, solution)) {
+    least = std::min(least, agreement.p_value);
+  }
+  return least;
 }
 
 class JointPriorTest : public testing::TestWithParam<Setup> {
@@ -78,13 +88,12 @@ TEST_P(JointPriorTest, FourCapturesWithThirtyEarlierAreWorthThirtyFour) {
   ASSERT_TRUE(of_all) << of_all.reason();
   const Matrix6 covariance = *PoseCovarianceOf(of_all->covariance, kHandEyeBlock);
   const Matrix6 of_update = *PoseCovarianceOf(updated->covariance, kHandEyeBlock);
-  const Tangent6 difference =
-      LocalCoordinates(of_all->poses.mount_from_camera[0], updated->poses.mount_from_camera[0]);
+  const Tangent6 difference = LocalCoordinates(of_all->poses.mount_from_camera[0], updated->poses.mount_from_camera[0]);
   for (Eigen::Index i = 0; i < 6; ++i) {
     EXPECT_LT(std::abs(difference[i]), 0.2 * std::sqrt(covariance(i, i))) << i;
     EXPECT_NEAR(of_update(i, i) / covariance(i, i), 1, 0.1) << i;
   }
-  EXPECT_GT(PriorPValue(later, *updated), 1e-3);
+  EXPECT_GT(LeastPValue(later, *updated), 1e-3);
 }
 
 TEST_P(JointPriorTest, WithGivenNoiseNothingIsLost) {
@@ -102,8 +111,7 @@ TEST_P(JointPriorTest, WithGivenNoiseNothingIsLost) {
       RefineProblem(Captures(scene_, GetParam(), 0, kNumEarlier + kNumLater), start_, options);
   ASSERT_TRUE(of_all) << of_all.reason();
   const Matrix6 covariance = *PoseCovarianceOf(of_all->covariance, kHandEyeBlock);
-  const Tangent6 difference =
-      LocalCoordinates(of_all->poses.mount_from_camera[0], updated->poses.mount_from_camera[0]);
+  const Tangent6 difference = LocalCoordinates(of_all->poses.mount_from_camera[0], updated->poses.mount_from_camera[0]);
   // The prior is the earlier sum of squares up to its curvature.
   EXPECT_LT(std::sqrt(MahalanobisSquare(difference, covariance)), 0.02);
   EXPECT_NEAR(updated->covariance.matrix.trace() / of_all->covariance.matrix.trace(), 1, 0.01);
@@ -122,12 +130,12 @@ TEST_P(JointPriorTest, NoticesThatTheCameraHasMoved) {
   const Problem contradicted = Later(earlier, moved);
   const Outcome<Solution> wrong = RefineProblem(contradicted, moved.poses, options);
   ASSERT_TRUE(wrong) << wrong.reason();
-  EXPECT_LT(PriorPValue(contradicted, *wrong), 1e-4);
+  EXPECT_LT(LeastPValue(contradicted, *wrong), 1e-4);
   // A change that is stated is none.
   const Problem told = Later(earlier, moved, {2e-3, DegToRad(0.2), false});
   const Outcome<Solution> right = RefineProblem(told, moved.poses, options);
   ASSERT_TRUE(right) << right.reason();
-  EXPECT_GT(PriorPValue(told, *right), 1e-3);
+  EXPECT_GT(LeastPValue(told, *right), 1e-3);
 }
 
 TEST_P(JointPriorTest, ATargetThatWasMovedIsNotPartOfIt) {
@@ -155,8 +163,7 @@ TEST_P(JointPriorTest, ItsRowsAreDifferentiated) {
   for (Eigen::Index i = 0; i < 6; ++i) {
     const auto at = [&](double size) {
       FitState moved = state;
-      moved.poses.mount_from_camera[0] =
-          Retract(state.poses.mount_from_camera[0], size * Tangent6(Tangent6::Unit(i)));
+      moved.poses.mount_from_camera[0] = Retract(state.poses.mount_from_camera[0], size * Tangent6(Tangent6::Unit(i)));
       return RowsOf(*later.prior, layout, ValuesOf(moved)).residuals;
     };
     const Eigen::VectorXd by_step = (at(kStep) - at(-kStep)) / (2 * kStep);

@@ -172,6 +172,40 @@ TEST_F(RunTest, HasNoMoreFoldsThanCaptures) {
   EXPECT_EQ(counter.num_folds(), 16);
 }
 
+// The result of an earlier run of all cameras is known better with a few captures more.
+TEST_F(RunTest, BuildsOnAnEarlierRun) {
+  const CellScene scene = MakeScene(2);
+  const auto part = [&](size_t first, size_t last) {
+    CellScene of_part = scene;
+    std::vector<ProblemCapture>& captures = of_part.problem.captures;
+    captures = {scene.problem.captures.begin() + static_cast<std::ptrdiff_t>(first),
+                scene.problem.captures.begin() + static_cast<std::ptrdiff_t>(last)};
+    return of_part;
+  };
+  const Outcome<RunOutput> earlier = RunOn(DatasetOf(part(0, 12)), part(0, 12));
+  ASSERT_TRUE(earlier) << earlier.reason();
+  Dataset later = DatasetOf(part(12, 16));
+  later.given_detections = DetectionsOf(part(12, 16));
+  RunOptions options;
+  options.folds = 0;
+  options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(WrittenAndRead(earlier->result)), {}};
+  const Outcome<RunOutput> updated = heba::Run(later, options);
+  ASSERT_TRUE(updated) << updated.reason();
+  const Outcome<RunOutput> alone = RunOn(DatasetOf(part(12, 16)), part(12, 16));
+  ASSERT_TRUE(alone) << alone.reason();
+  const auto variance_of = [&](const RunOutput& run) {
+    const std::string block = CameraPoseBlock(scene.problem.cameras[1]);
+    return PoseCovarianceOf(run.result.solution.covariance_repeatable, block)->diagonal().head<3>().sum();
+  };
+  EXPECT_LT(variance_of(*updated), variance_of(*earlier));
+  EXPECT_LT(variance_of(*updated), 0.5 * variance_of(*alone));
+  const std::vector<Finding>& findings = updated->result.verdict.findings;
+  const auto prior =
+      std::find_if(findings.begin(), findings.end(), [](const Finding& finding) { return finding.code == "prior"; });
+  ASSERT_NE(prior, findings.end());
+  EXPECT_EQ(prior->grade, Grade::kGood);
+}
+
 // A rejected point belongs neither to the error of the camera nor to that of the image.
 TEST_F(RunTest, RejectedPointsAreNoErrorsInSample) {
   CellScene scene = MakeScene(1);

@@ -101,7 +101,7 @@ struct PairRunOptions {
   Kinematics kinematics = Kinematics::kAuto;  // Not used without PairDataset::robot.
   bool joint_noise = false;  // Whether the robot noise that is estimated includes that of the arm's joints.
   SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
-  DriftOptions drift;               // Which motions of the mounts during the captures are taken in.
+  DriftOptions drift;  // Which motions of the mounts during the captures are taken in.
   std::optional<EarlierRun> earlier = {};
   std::string camera_model;         // The model of an estimated camera.
   bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.

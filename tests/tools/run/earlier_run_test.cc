@@ -1,0 +1,154 @@
+// A run that builds on an earlier one: tools/run/earlier_run.h.
+#include "tools/run/earlier_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/run_result.h"
+#include "heba/pair_run.h"
+#include "tests/support/datasets.h"
+#include "tests/support/input_error.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kNumEarlier = 16;
+
+class EarlierRunTest : public testing::Test {
+ protected:
+  // A camera with free intrinsics beside an arm, and a chessboard that looks the same if it is turned by 180 deg.
+  EarlierRunTest() : target_(ParseTarget("{type: chessboard, rows: 7, columns: 9, square: 20 mm}")) {
+    TestSceneOptions scene;
+    scene.num_captures = 20;
+    scene.noise_px = 0.05;
+    scene.points = AllPoints(*target_).points_in_target;
+    scene.robot_translation_m = 1e-4;
+    scene.robot_rotation_rad = DegToRad(0.01);
+    all_ = DatasetOf(MakeTestScene(3, scene), scene.setup, target_);
+    all_.camera = std::nullopt;
+    for (size_t i = 0; i < all_.captures.size(); ++i) {
+      all_.captures[i].name = all_.given_detections[i].image_digest = std::to_string(i) + ".png";
+    }
+  }
+
+  PairDataset Part(size_t first, size_t last) const {
+    PairDataset part = all_;
+    const auto cut = [&](auto* list) {
+      list->erase(list->begin() + static_cast<std::ptrdiff_t>(last), list->end());
+      list->erase(list->begin(), list->begin() + static_cast<std::ptrdiff_t>(first));
+    };
+    cut(&part.captures);
+    cut(&part.given_detections);
+    return part;
+  }
+
+  static PairRunOptions Options() {
+    PairRunOptions options;
+    options.folds = 0;
+    options.bundle.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+    options.camera_model = "pinhole";
+    options.choose_camera_model = false;
+    return options;
+  }
+
+  // The run of the later captures on top of that of the earlier ones.
+  static Outcome<PairRunOutput> Update(const PairRunOutput& earlier, const PairDataset& later,
+                                       const ChangeOfCell& change = {}) {
+    PairRunOptions options;
+    options.folds = 0;
+    options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(AsRunResult(earlier.result)), change};
+    return heba::Run(later, options);
+  }
+
+  static const Finding* PriorOf(const PairResult& result) {
+    const auto found = std::find_if(result.verdict.findings.begin(), result.verdict.findings.end(),
+                                    [](const Finding& finding) { return finding.code == "prior"; });
+    return found == result.verdict.findings.end() ? nullptr : &*found;
+  }
+
+  std::shared_ptr<const Target> target_;
+  PairDataset all_;
+};
+
+TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
+  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  ASSERT_TRUE(earlier) << earlier.reason();
+  const Outcome<PairRunOutput> of_all = heba::Run(all_, Options());
+  ASSERT_TRUE(of_all) << of_all.reason();
+  PairDataset later = Part(kNumEarlier, all_.captures.size());
+  const Outcome<PairRunOutput> updated = Update(*earlier, later);
+  ASSERT_TRUE(updated) << updated.reason();
+  const PairSolution& solution = *updated->calibration.refined;
+  const PairSolution& whole = *of_all->calibration.refined;
+  EXPECT_EQ(solution.camera.model, whole.camera.model);
+  const Eigen::Matrix<double, 6, 6> covariance = *PoseCovarianceOf(whole.covariance_repeatable, kHandEyeBlock);
+  const Eigen::Matrix<double, 6, 6> of_update = *PoseCovarianceOf(solution.covariance_repeatable, kHandEyeBlock);
+  const Tangent6 difference =
+      LocalCoordinates(whole.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    EXPECT_LT(std::abs(difference[i]), 0.2 * std::sqrt(covariance(i, i))) << i;
+    EXPECT_NEAR(of_update(i, i) / covariance(i, i), 1, 0.15) << i;
+  }
+  const Finding* const prior = PriorOf(updated->result);
+  ASSERT_NE(prior, nullptr);
+  EXPECT_EQ(prior->grade, Grade::kGood);
+  // That there are few captures does not matter beside the earlier ones.
+  for (const Finding& finding : updated->result.verdict.findings) EXPECT_NE(finding.code, "few_captures");
+
+  // The detector may read the board from its other end.
+  for (CaptureDetection& seen : later.given_detections) {
+    for (int& id : seen.detection.ids) id = static_cast<int>(target_->points().size()) - 1 - id;
+  }
+  const Outcome<PairRunOutput> turned = Update(*earlier, later);
+  ASSERT_TRUE(turned) << turned.reason();
+  const HandEye& read = turned->calibration.refined->hand_eye;
+  EXPECT_LT(DistanceM(read.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera), 1e-6);
+  EXPECT_LT(AngleRad(read.target_mount_from_target, solution.hand_eye.target_mount_from_target), 1e-6);
+}
+
+TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
+  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  ASSERT_TRUE(earlier) << earlier.reason();
+  // The images are the same if the base is where the motion is undone.
+  PairDataset later = Part(kNumEarlier, all_.captures.size());
+  const Rigid3d motion(ExpRotation({0, 0.005, 0}), {0.003, 0, 0});
+  for (Capture& capture : later.captures) capture.base_from_gripper = motion * capture.base_from_gripper;
+  const Outcome<PairRunOutput> updated = Update(*earlier, later);
+  ASSERT_TRUE(updated) << updated.reason();
+  const Finding* const prior = PriorOf(updated->result);
+  ASSERT_NE(prior, nullptr);
+  EXPECT_EQ(prior->grade, Grade::kBad);
+  EXPECT_EQ(prior->Name("part"), "camera_pose");
+  EXPECT_EQ(prior->Name("run"), "earlier");
+  EXPECT_EQ(updated->result.verdict.grade, Grade::kBad);
+  // A motion that is stated is taken in.
+  const Outcome<PairRunOutput> told = Update(*earlier, later, {3e-3, 5e-3, false});
+  ASSERT_TRUE(told) << told.reason();
+  EXPECT_EQ(PriorOf(told->result)->grade, Grade::kGood);
+}
+
+TEST_F(EarlierRunTest, RefusesAnotherTargetAndAnotherCamera) {
+  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  ASSERT_TRUE(earlier) << earlier.reason();
+  PairDataset other = Part(kNumEarlier, all_.captures.size());
+  other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, diameter: 10 mm}");
+  EXPECT_EQ(InputErrorOf([&] { Update(*earlier, other); }),
+            "earlier: is a run with a target of type chessboard, but the target is of type circle_grid");
+  other = Part(kNumEarlier, all_.captures.size());
+  other.camera = earlier->calibration.refined->camera;
+  other.camera->width_px /= 2;
+  EXPECT_NE(InputErrorOf([&] { Update(*earlier, other); }).find("earlier: is a run with images of "),
+            std::string::npos);
+  other.camera = Camera{"fisheye4", 1280, 960, {1000, 1000, 640, 480, 0, 0, 0, 0}};
+  EXPECT_EQ(InputErrorOf([&] { Update(*earlier, other); }),
+            "earlier: is a run with the camera model pinhole, but that of the camera is fisheye4");
+}
+
+}  // namespace
+}  // namespace heba
