@@ -27,6 +27,7 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
         "-DCMAKE_BUILD_TYPE=Release",
         "-DHEBA_BUILD_TESTS=OFF",
         "-DHEBA_BUILD_PYTHON=ON",
+        "-DHEBA_UNITE=ON",
         f"-DPython3_EXECUTABLE={sys.executable}",
     ]
     if not (build / "CMakeCache.txt").exists():

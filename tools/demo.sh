@@ -5,7 +5,10 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tools/install_packages.sh
-cmake --preset release -DHEBA_BUILD_TESTS=OFF >/dev/null
+# A new folder is built once: several sources are compiled as one.
+unite=()
+[ -e build/release/CMakeCache.txt ] || unite=(-DHEBA_UNITE=ON)
+cmake --preset release "${unite[@]}" -DHEBA_BUILD_TESTS=OFF >/dev/null
 cmake --build --preset release --target heba
 heba=build/release/heba
 

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tools/install_packages.sh
-cmake -S . -B build/package -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX=/usr -DHEBA_BUILD_TESTS=OFF >/dev/null
+cmake -S . -B build/package -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX=/usr -DHEBA_BUILD_TESTS=OFF -DHEBA_UNITE=ON >/dev/null
 cmake --build build/package
 cd build/package
 cpack -G DEB >/dev/null

@@ -99,7 +99,8 @@ double SumOf(const std::vector<double>& values) {
   return sum;
 }
 
-Outcome<Fitted> Fit(const std::vector<View>& views, const std::string& model, const CameraCalibrationOptions& options) {
+Outcome<Fitted> FittedWith(const std::vector<View>& views, const std::string& model,
+                           const CameraCalibrationOptions& options) {
   const Outcome<Camera> start = EstimateIntrinsics(views, model, options.width_px, options.height_px);
   if (!start) return start.failure();
   Fitted fitted;
@@ -247,7 +248,7 @@ Outcome<CameraCalibration> CalibrateCamera(const std::vector<View>& views, const
     const auto i = static_cast<size_t>(index);
     LensFit& lens = calibration.lenses[i];
     lens.model = models[i];
-    Outcome<Fitted> fit = Fit(views, models[i], of_one);
+    Outcome<Fitted> fit = FittedWith(views, models[i], of_one);
     if (!fit) {
       // The target takes the place of a robot here.
       const bool is_still = fit.failure().code == "no_rotation" || fit.failure().code == "one_axis";

@@ -239,13 +239,13 @@ void SetChange(const DriftSolution& solution, size_t index, Drift* drift) {
 
 // The squares of all whitened residuals, and the number of their degrees of freedom beside the unknowns; nothing if the
 // noise is known.
-struct Residuals {
+struct SquaresOfResiduals {
   double squares = 0;
   double dof = 0;
 };
 
-Residuals ResidualsOf(const Problem& problem, const Solution& solution, const LinearisedDrift& linearised) {
-  Residuals residuals;
+SquaresOfResiduals ResidualsOf(const Problem& problem, const Solution& solution, const LinearisedDrift& linearised) {
+  SquaresOfResiduals residuals;
   for (const GroupProducts& group : linearised.groups) {
     residuals.squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
     residuals.dof += static_cast<double>(group.num_rows);
@@ -263,13 +263,13 @@ Residuals ResidualsOf(const Problem& problem, const Solution& solution, const Li
 }
 
 // Returns the squares that a drift of this statistic leaves.
-double RestOf(double statistic, const Residuals& residuals) {
+double RestOf(double statistic, const SquaresOfResiduals& residuals) {
   return std::max(1e-9 * residuals.squares, residuals.squares - std::max(0.0, statistic));
 }
 
 // Returns the probability of a statistic by chance. The noise was estimated from the residuals, which the drift is part
 // of.
-double TailOf(double statistic, const std::optional<Residuals>& residuals) {
+double TailOf(double statistic, const std::optional<SquaresOfResiduals>& residuals) {
   const double clamped = std::max(0.0, statistic);
   if (!residuals) return ChiSquareTail(clamped, 6);
   const double dof = residuals->dof - 6;
@@ -278,7 +278,7 @@ double TailOf(double statistic, const std::optional<Residuals>& residuals) {
 }
 
 // Returns how many times as likely a drift is as another one.
-double OddsOf(double statistic, double other, const std::optional<Residuals>& residuals) {
+double OddsOf(double statistic, double other, const std::optional<SquaresOfResiduals>& residuals) {
   constexpr double kMostLog = 100;
   const double log_odds =
       residuals ? 0.5 * residuals->dof * std::log(RestOf(other, *residuals) / RestOf(statistic, *residuals))
@@ -304,7 +304,7 @@ std::vector<Drift> StepsOf(DriftSide side, size_t first, size_t last, size_t str
 // Returns the clearest drift, with its p-value; nothing if none is determined. Without residuals the noise is known,
 // and the unknowns are held.
 std::optional<Drift> Clearest(const LinearisedDrift& linearised, const Solution& solution,
-                              const std::optional<Residuals>& residuals) {
+                              const std::optional<SquaresOfResiduals>& residuals) {
   const bool are_held = !residuals;
   // The largest of the statistics of all steps is distributed like that of so many independent ones at the most.
   constexpr double kIndependentSteps = 20;

@@ -64,24 +64,24 @@ HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, c
   return errors;
 }
 
-void WhitenedSquares::Add(const WhitenedSquares& other) {
+void SumOfSquares::Add(const SumOfSquares& other) {
   squares += other.squares;
   number += other.number;
 }
 
-std::optional<double> WhitenedSquares::Mean() const {
+std::optional<double> SumOfSquares::Mean() const {
   if (number == 0) return std::nullopt;
   return squares / number;
 }
 
-WhitenedSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance) {
+SumOfSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance) {
   const Problem weighted = WeightedAs(solution, held_out);
   FitState state = StateOf(solution);
   state.corrections.clear();
   const std::vector<size_t> moving = MovingRobots(weighted);
   FitNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}, solution.effect_sigmas};
   for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
-  WhitenedSquares sum;
+  SumOfSquares sum;
   const std::optional<std::vector<LinearisedView>> captures =
       LineariseCaptures(CaptureLoops(weighted, GroupByRobotPoses(weighted), state, noise, true), ValuesOf(state), 1,
                         LossOf(LossKind::kNone));

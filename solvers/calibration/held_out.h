@@ -39,16 +39,16 @@ void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations
 HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, const ImageSet& images, size_t camera);
 
 // The squared residuals of held-out images in units of their noise, and their number.
-struct WhitenedSquares {
+struct SumOfSquares {
   double squares = 0;
   double number = 0;
 
-  void Add(const WhitenedSquares& other);
+  void Add(const SumOfSquares& other);
   // Returns the mean, which is about 1 if the model is right; nothing without residuals.
   std::optional<double> Mean() const;
 };
 // Returns those of the images with points, whitened by the noise of the solution: that of pixels, images and arms and,
 // if `has_covariance`, the covariance of the estimate. They are zero if a point cannot be projected.
-WhitenedSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance);
+SumOfSquares SquaresOf(const Problem& held_out, const Solution& solution, bool has_covariance);
 
 }  // namespace heba

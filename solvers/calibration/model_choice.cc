@@ -29,8 +29,8 @@ struct FittedModel {
   double log_likelihood = 0;
 };
 
-std::optional<FittedModel> Fit(const Problem& problem, const CellPoses& start, const ProblemModel& model,
-                               const AdjustmentOptions& options) {
+std::optional<FittedModel> FittedAs(const Problem& problem, const CellPoses& start, const ProblemModel& model,
+                                    const AdjustmentOptions& options) {
   const Outcome<Solution> solution = RefineProblem(problem, start, options);
   if (!solution) return std::nullopt;
   return FittedModel{model, options, *solution, LogLikelihoodOf(problem, *solution, options)};
@@ -62,10 +62,10 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
   if (nearest != nullptr && nearest->model.effects == model.effects) start_from_noise(nearest->solution, &options);
   const Problem with_model = WithModel(comparison.problem, model, comparison.space);
   const auto fit_from = [&](const FittedModel& from, const AdjustmentOptions& of_fit) {
-    return Fit(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);
+    return FittedAs(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);
   };
   std::optional<FittedModel> found =
-      nearest != nullptr ? fit_from(*nearest, options) : Fit(with_model, comparison.start, model, options);
+      nearest != nullptr ? fit_from(*nearest, options) : FittedAs(with_model, comparison.start, model, options);
   constexpr double kRounding = 1e-3;
   if (best_within == nullptr || (found && found->log_likelihood >= best_within->log_likelihood - kRounding)) {
     return found;

@@ -20,8 +20,8 @@ constexpr int kAlwaysTraining = -1;
 // Each fold adds this to the hold-out figures of a method.
 struct FoldErrors {
   HeldOutErrors errors;
-  WhitenedSquares chi2;   // By all sources of error.
-  WhitenedSquares noise;  // By the noise of the refinement alone.
+  SumOfSquares chi2;   // By all sources of error.
+  SumOfSquares noise;  // By the noise of the refinement alone.
 };
 
 // Held-out views, with the poses that a camera sees in them.
@@ -47,16 +47,16 @@ Outcome<FoldErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& hel
 }
 
 // Returns the squares of held-out views at an estimate; `bundle` has what of it is free.
-WhitenedSquares SquaresOfViews(const PairSolution& estimate, const BundleOptions& bundle, heba::Setup setup,
-                               const std::vector<View>& held_out, bool has_covariance) {
+SumOfSquares SquaresOfViews(const PairSolution& estimate, const BundleOptions& bundle, heba::Setup setup,
+                            const std::vector<View>& held_out, bool has_covariance) {
   return SquaresOf(HandEyeProblem({estimate.camera, held_out, setup, estimate.shape}, bundle),
                    ProblemSolution(estimate), has_covariance);
 }
 
 // Returns the squares at any estimate by the noise of the refinement. They are linearised at the estimate, with the
 // camera that it uses.
-WhitenedSquares NoiseSquares(const HandEye& hand_eye, const Camera& camera, const PairSolution& noise,
-                             heba::Setup setup, const std::vector<View>& held_out) {
+SumOfSquares NoiseSquares(const HandEye& hand_eye, const Camera& camera, const PairSolution& noise, heba::Setup setup,
+                          const std::vector<View>& held_out) {
   PairSolution at = noise;
   at.hand_eye = hand_eye;
   at.camera = camera;

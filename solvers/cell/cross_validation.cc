@@ -22,7 +22,7 @@ struct FoldErrors {
   std::vector<HeldOutErrors> of_cameras;
   // One per camera: the reason why its images were not held out; empty if they were.
   std::vector<Failure> reasons;
-  WhitenedSquares chi2;
+  SumOfSquares chi2;
 };
 
 using CameraSet = std::set<size_t>;

@@ -62,14 +62,14 @@ Rigid3d PoseByImage(const Problem& problem, PartPoses poses, const CellPart& par
 double MisfitPx2(double rms_px) { return std::log1p(rms_px * rms_px); }
 
 // An image that determines the pose of its target.
-struct PosedImage {
+struct PlacedImage {
   const PlacingImage* image = nullptr;
   std::vector<TargetPose> poses;
   double variance_m2 = 0;  // Placement::variance_m2 of the best one.
 };
 
-std::vector<PosedImage> PosedImages(const Problem& problem, const std::vector<PlacingImage>& images) {
-  std::vector<PosedImage> posed;
+std::vector<PlacedImage> PosedImages(const Problem& problem, const std::vector<PlacingImage>& images) {
+  std::vector<PlacedImage> posed;
   for (const PlacingImage& image : images) {
     std::vector<TargetPose> poses =
         EstimateTargetPose(problem.cameras[image.image->camera].camera, image.image->observations);
@@ -80,7 +80,7 @@ std::vector<PosedImage> PosedImages(const Problem& problem, const std::vector<Pl
     posed.push_back({&image, std::move(poses), variance_m2});
   }
   std::stable_sort(posed.begin(), posed.end(),
-                   [](const PosedImage& a, const PosedImage& b) { return a.variance_m2 < b.variance_m2; });
+                   [](const PlacedImage& a, const PlacedImage& b) { return a.variance_m2 < b.variance_m2; });
   return posed;
 }
 
@@ -110,11 +110,11 @@ class Placer {
   double Misfit(const Rigid3d& pose) const { return MisfitOf(problem_, With(pose), images_); }
 
   // Returns the mean of the poses by all images, each in the reading order nearest to `pose`, if it fits better.
-  Rigid3d Averaged(const Rigid3d& pose, const std::vector<PosedImage>& posed) const {
+  Rigid3d Averaged(const Rigid3d& pose, const std::vector<PlacedImage>& posed) const {
     const PartPoses poses = With(pose);
     Tangent6 sum = Tangent6::Zero();
     double sum_of_weights = 0;
-    for (const PosedImage& image : posed) {
+    for (const PlacedImage& image : posed) {
       std::optional<Tangent6> nearest;
       for (const TargetPose& seen : image.poses) {
         for (const Rigid3d& symmetry : problem_.targets[image.image->image->target].symmetries) {
@@ -192,14 +192,14 @@ double MisfitOf(const Problem& problem, const PartPoses& poses, const std::vecto
 
 std::vector<Placement> PlaceByImages(const Problem& problem, const PartPoses& poses, const CellPart& part,
                                      const std::vector<PlacingImage>& images) {
-  const std::vector<PosedImage> posed = PosedImages(problem, images);
+  const std::vector<PlacedImage> posed = PosedImages(problem, images);
   const Placer placer(problem, poses, part, images);
   // The images that determine the pose best, so many that some of them are right.
   constexpr size_t kMostProposals = 10;
   struct Proposal {
     std::vector<Rigid3d> poses;
     std::vector<double> misfits;
-    const PosedImage* image = nullptr;
+    const PlacedImage* image = nullptr;
   };
   std::optional<Proposal> best;
   double least = std::numeric_limits<double>::infinity();

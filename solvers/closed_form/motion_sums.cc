@@ -11,12 +11,12 @@ namespace heba {
 namespace {
 
 // Poses as a structure of arrays, padded so that a full vector can be loaded from any index.
-struct Poses {
+struct PoseArrays {
   std::vector<double> rotation[9];    // Stored column by column.
   std::vector<double> quaternion[4];  // w, x, y, z.
   std::vector<double> translation[3];
 
-  explicit Poses(size_t size) {
+  explicit PoseArrays(size_t size) {
     const auto resize = [size](auto& columns) {
       for (auto& column : columns) column.assign(size + kMaxLanes, 0.0);
     };
@@ -61,7 +61,7 @@ struct Motion {
 
 // Computes the motions from capture i to the captures from index j on, one per lane.
 template <class V>
-HEBA_INLINE Motion<V> MotionOf(const Poses& poses, size_t i, size_t j) {
+HEBA_INLINE Motion<V> MotionOf(const PoseArrays& poses, size_t i, size_t j) {
   Motion<V> motion;
   const auto at_i = [i](const std::vector<double>& values) __attribute__((always_inline)) { return values[i]; };
   const auto at_j = [j](const std::vector<double>& values) __attribute__((always_inline)) {
@@ -129,7 +129,7 @@ HEBA_INLINE void StoreMotion(const Motion<V>& motion, const Mask& is_used, const
 
 // Appends the motions from capture i to `count` captures from index j on.
 template <int kLanes>
-HEBA_INLINE void Append(const Poses& mounts, const Poses& cameras, const Cosines& cosines, size_t i, size_t j,
+HEBA_INLINE void Append(const PoseArrays& mounts, const PoseArrays& cameras, const Cosines& cosines, size_t i, size_t j,
                         int count, MotionBatch* batch) {
   using V = Lanes<kLanes>;
   const int end = batch->size + count;
@@ -146,16 +146,16 @@ HEBA_INLINE void Append(const Poses& mounts, const Poses& cameras, const Cosines
   }
   batch->size = end;
 }
-HEBA_TARGET_AVX2 void AppendAvx2(const Poses& mounts, const Poses& cameras, const Cosines& cosines, size_t i, size_t j,
-                                 int count, MotionBatch* batch) {
+HEBA_TARGET_AVX2 void AppendAvx2(const PoseArrays& mounts, const PoseArrays& cameras, const Cosines& cosines, size_t i,
+                                 size_t j, int count, MotionBatch* batch) {
   Append<kLanesOf<Simd::kAvx2>>(mounts, cameras, cosines, i, j, count, batch);
 }
-HEBA_TARGET_AVX512 void AppendAvx512(const Poses& mounts, const Poses& cameras, const Cosines& cosines, size_t i,
-                                     size_t j, int count, MotionBatch* batch) {
+HEBA_TARGET_AVX512 void AppendAvx512(const PoseArrays& mounts, const PoseArrays& cameras, const Cosines& cosines,
+                                     size_t i, size_t j, int count, MotionBatch* batch) {
   Append<kLanesOf<Simd::kAvx512>>(mounts, cameras, cosines, i, j, count, batch);
 }
-void AppendBaseline(const Poses& mounts, const Poses& cameras, const Cosines& cosines, size_t i, size_t j, int count,
-                    MotionBatch* batch) {
+void AppendBaseline(const PoseArrays& mounts, const PoseArrays& cameras, const Cosines& cosines, size_t i, size_t j,
+                    int count, MotionBatch* batch) {
   Append<kLanesOf<Simd::kBaseline>>(mounts, cameras, cosines, i, j, count, batch);
 }
 
@@ -178,8 +178,8 @@ double LeastAngleRad(const std::vector<PosePair>& pairs) {
 
 MotionSums SumMotions(const std::vector<PosePair>& pairs) {
   const size_t n = pairs.size();
-  Poses mounts(n);
-  Poses cameras(n);
+  PoseArrays mounts(n);
+  PoseArrays cameras(n);
   for (size_t i = 0; i < n; ++i) {
     mounts.Set(i, pairs[i].camera_mount_from_target_mount);
     cameras.Set(i, pairs[i].camera_from_target);

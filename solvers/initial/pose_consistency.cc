@@ -48,7 +48,7 @@ struct TranslationEquations {
 };
 
 // The misfits of all captures with a solution, and the best candidate of each.
-struct Fit {
+struct RotationFit {
   std::vector<double> misfit;
   std::vector<size_t> candidate;
   double typical = std::numeric_limits<double>::infinity();
@@ -84,8 +84,8 @@ class Solver {
   }
 
   // Computes the rotation misfits, rad, of all captures.
-  Fit JudgeRotations(const Rotations& rotations) const {
-    Fit fit;
+  RotationFit JudgeRotations(const Rotations& rotations) const {
+    RotationFit fit;
     for (size_t i = 0; i < captures_.size(); ++i) {
       const Eigen::Quaterniond by_robot = captures_[i].camera_mount_from_target_mount.rotation * rotations.z;
       double best = std::numeric_limits<double>::infinity();
@@ -187,11 +187,11 @@ std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
 
 // Finds the rotations with the smallest 70 % quantile of the misfits, from random triples and then from the captures
 // that fit.
-std::pair<Rotations, Fit> FindRotations(const Solver& solver, Rng* rng) {
+std::pair<Rotations, RotationFit> FindRotations(const Solver& solver, Rng* rng) {
   std::vector<size_t> all(solver.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = i;
   Rotations best;
-  Fit fit;
+  RotationFit fit;
   for (int trial = 0; trial < kNumTriples; ++trial) {
     std::vector<Choice> chosen;
     for (const size_t capture : RandomTriple(all, rng)) {
@@ -201,7 +201,7 @@ std::pair<Rotations, Fit> FindRotations(const Solver& solver, Rng* rng) {
       chosen.push_back({capture, candidate});
     }
     const Rotations rotations = solver.SolveRotations(chosen);
-    Fit judged = solver.JudgeRotations(rotations);
+    RotationFit judged = solver.JudgeRotations(rotations);
     if (judged.typical >= fit.typical) continue;
     best = rotations;
     fit = std::move(judged);
@@ -212,7 +212,7 @@ std::pair<Rotations, Fit> FindRotations(const Solver& solver, Rng* rng) {
       if (fit.misfit[i] <= kFits * fit.typical) chosen.push_back({i, fit.candidate[i]});
     }
     const Rotations rotations = solver.SolveRotations(chosen);
-    Fit judged = solver.JudgeRotations(rotations);
+    RotationFit judged = solver.JudgeRotations(rotations);
     if (judged.typical >= fit.typical) break;
     best = rotations;
     fit = std::move(judged);
@@ -227,9 +227,9 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   if (captures.size() < kMinCaptures) return std::nullopt;
   const Solver solver(captures);
   Rng rng(1);
-  const std::pair<Rotations, Fit> found_rotations = FindRotations(solver, &rng);
+  const std::pair<Rotations, RotationFit> found_rotations = FindRotations(solver, &rng);
   const Rotations& rotations = found_rotations.first;
-  const Fit& by_rotation = found_rotations.second;
+  const RotationFit& by_rotation = found_rotations.second;
   if (!std::isfinite(by_rotation.typical)) return std::nullopt;
 
   std::vector<Choice> choices;

@@ -70,7 +70,7 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
 }
 
 // Returns the inverse, or nothing if the information is singular up to round-off.
-std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
+std::optional<Matrix6> CovarianceOf(const Matrix6& information) {
   if ((information.diagonal().array() <= 0).any()) return std::nullopt;
   // Scaled before factorisation because metres and radians are mixed.
   const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
@@ -188,7 +188,7 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
       return AngleRad(other.camera_from_target, pose) < DegToRad(0.05);
     });
     if (known) continue;
-    poses.push_back({pose, RmsPxOf(camera, observations, pose), PoseCovariance(refined.normal)});
+    poses.push_back({pose, RmsPxOf(camera, observations, pose), CovarianceOf(refined.normal)});
   }
   std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
   return poses;

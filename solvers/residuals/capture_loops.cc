@@ -14,7 +14,7 @@ namespace {
 
 // The indices of the shared poses: those of the cameras, of the targets, and of all bases but the first.
 int CameraPose(size_t camera) { return static_cast<int>(camera); }
-int TargetPose(const Problem& problem, size_t target) { return static_cast<int>(problem.cameras.size() + target); }
+int PlaceOfTarget(const Problem& problem, size_t target) { return static_cast<int>(problem.cameras.size() + target); }
 int BasePose(const Problem& problem, size_t robot) {
   return static_cast<int>(problem.cameras.size() + problem.targets.size() + robot) - 1;
 }
@@ -90,7 +90,7 @@ class LoopMaker {
       for (LoopFactor& factor : to_camera) factors.push_back(Inverse(std::move(factor)));
       Append(capture, target_mount, has_base, &factors, &known);
     }
-    factors.push_back(SharedFactor(TargetPose(problem_, image.target)));
+    factors.push_back(SharedFactor(PlaceOfTarget(problem_, image.target)));
     return {KinematicLoop(std::move(factors)), std::move(known)};
   }
 

@@ -148,7 +148,7 @@ class Fitter {
     Eigen::VectorXd gradient;
     double cost = 0;  // Half the sum of Huber's rho.
     std::vector<double> residuals;
-    EdgeResiduals at_edges;
+    ResidualsAtEdges at_edges;
   };
 
   Eigen::Index NumSought() const { return static_cast<Eigen::Index>(sought_.size()); }
@@ -430,12 +430,12 @@ class Fitter {
   }
 
   // Returns sigma as estimated from the mean absolute residual at edges.
-  static double MeanNoiseOf(const EdgeResiduals& at_edges) {
+  static double MeanNoiseOf(const ResidualsAtEdges& at_edges) {
     return 1.2533 * at_edges.sizes / std::max(at_edges.weights, 1e-9);
   }
   // Returns the variance of a grey value at an edge if it exceeds what chance allows (2 sigma) when all grey values
   // have the same noise; otherwise 0.
-  double SignificantVarianceOf(const EdgeResiduals& at_edges) const {
+  double SignificantVarianceOf(const ResidualsAtEdges& at_edges) const {
     const double num_effective = at_edges.weights * at_edges.weights / std::max(at_edges.weights_squared, 1e-9);
     const auto num_sought = static_cast<double>(NumSought());
     if (num_effective <= num_sought) return 0;

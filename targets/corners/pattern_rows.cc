@@ -464,13 +464,13 @@ struct Rows {
   // GramMatrix requires one more column.
   alignas(64) double columns[GramMatrix::kMaxColumns + 1][kStride];
   double cost = 0;
-  EdgeResiduals at_edges;
+  ResidualsAtEdges at_edges;
 };
 
 // Computes the residuals and the columns of pixels i to i + kLanes - 1. Returns false if the map cannot be inverted.
 template <int kLanes>
 HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* numbers, int num_x, int num_y,
-                         double* residuals, double* columns, double* cost, EdgeResiduals* at_edges) {
+                         double* residuals, double* columns, double* cost, ResidualsAtEdges* at_edges) {
   using V = Lanes<kLanes>;
   const PatternMap& map = *task.map;
   const double* const params = task.params;

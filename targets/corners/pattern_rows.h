@@ -109,7 +109,7 @@ class PatternPixels {
 
 // The residuals at edges, which alone determine the position of the pattern: sums over all pixels, each weighted by
 // the square of its slope (grey values per px).
-struct EdgeResiduals {
+struct ResidualsAtEdges {
   double weights = 0;
   double weights_squared = 0;
   double sizes = 0;
@@ -123,7 +123,7 @@ struct PatternSums {
   Eigen::MatrixXd products;
   double cost = 0;                // Half the sum of Huber's rho, squared grey values.
   std::vector<double> residuals;  // Predicted minus observed grey value of each pixel, not weighted.
-  EdgeResiduals at_edges;         // Weighted by Huber's loss as well.
+  ResidualsAtEdges at_edges;      // Weighted by Huber's loss as well.
 };
 
 struct PatternTask;

@@ -135,7 +135,7 @@ struct Format {
 };
 constexpr Format kFormats[] = {{".svg", Svg, false, false}, {".pdf", Pdf, false, true}, {".png", Png, true, false}};
 
-const Format& FormatOf(const std::filesystem::path& path) {
+const Format& SheetFormatOf(const std::filesystem::path& path) {
   const std::string suffix = path.extension().string();
   for (const Format& format : kFormats) {
     if (format.suffix == suffix) return format;
@@ -147,7 +147,7 @@ const Format& FormatOf(const std::filesystem::path& path) {
 }  // namespace
 
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
-  const Format& format = FormatOf(path);
+  const Format& format = SheetFormatOf(path);
   const double max_mm = sheet.size_mm.maxCoeff();
   const double drawn_mm = 1e3 * (sheet.drawing.max_m - sheet.drawing.min_m).minCoeff();
   constexpr double kLeastMm = 1;
@@ -178,7 +178,7 @@ void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path) {
   nlohmann::ordered_json json;
   json["page_mm"] = {Rounded(sheet.page_mm.x()), Rounded(sheet.page_mm.y())};
-  json["dpi"] = FormatOf(path).has_dpi ? nlohmann::ordered_json(sheet.options.dpi) : nlohmann::ordered_json();
+  json["dpi"] = SheetFormatOf(path).has_dpi ? nlohmann::ordered_json(sheet.options.dpi) : nlohmann::ordered_json();
   const bool is_spread = sheet.pages.size() > 1;
   if (is_spread) {
     json["pages"] = {{"rows", sheet.NumPageRows()}, {"columns", sheet.NumPageColumns()}};

@@ -18,6 +18,8 @@ function(heba_add_library name)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON
                                              VERIFY_INTERFACE_HEADER_SETS ON)
+  # The properties of sources may be set after this.
+  cmake_language(EVAL CODE "cmake_language(DEFER CALL heba_unite ${target})")
   # For the package: the libraries, each after those that it builds on.
   set_property(GLOBAL APPEND PROPERTY HEBA_LIBRARIES ${name})
   list(FILTER ARG_DEPENDS INCLUDE REGEX "^heba::")

@@ -86,7 +86,7 @@ Json PosturesJson(const Problem& rig, const std::vector<ReachingPostures>& all) 
   return json;
 }
 
-Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachCommand& command) {
+Json CommandJson(const RobotSummary& robot, const TargetReach& reach, const ReachCommand& command) {
   Json json{{"configuration", command.configuration}, {"reason", command.reason}};
   if (!command.reason.empty()) {
     for (const char* const key :
@@ -112,7 +112,7 @@ Json CommandJson(const RobotSummary& robot, const Reach& reach, const ReachComma
 }
 
 // Returns the commands of an arm, and why there is none; all are empty if `reach` is null.
-Json ReachJson(const RunResult& result, const Reach* reach) {
+Json ReachJson(const RunResult& result, const TargetReach* reach) {
   Json json{{"command", nullptr}, {"commands", nullptr}, {"command_reason", ""}};
   if (reach == nullptr) return json;
   const RobotSummary& robot = *FindEstimatedArm(result, reach->robot);
@@ -216,7 +216,7 @@ Json TargetJson(const LocationRequest& request, const TargetLocation& location) 
   if (location.chosen) {
     for (const char* const key : {"pose", "sigma"}) json[key] = json["poses"][*location.chosen][key];
   }
-  for (const Reach& reach : location.reaches) {
+  for (const TargetReach& reach : location.reaches) {
     json["reach"][rig.robots[reach.robot]] = ReachJson(*request.result, &reach);
   }
   return json;

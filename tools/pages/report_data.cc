@@ -18,7 +18,7 @@ namespace heba {
 namespace {
 
 // Returns camera_from_target of a target in an image of the problem, with the corrections of the arms.
-Rigid3d CorrectedPose(const RunOutput& run, size_t capture, size_t camera, size_t target) {
+Rigid3d PoseWithCorrection(const RunOutput& run, size_t capture, size_t camera, size_t target) {
   const Solution& refined = *run.calibration.refined;
   const Problem& problem = run.calibration.problem;
   return CameraFromTarget(
@@ -54,7 +54,7 @@ void AddDetection(const RunOutput& run, const TargetDetection& detection, Report
   const Solution& solution = run.result.solution;
   const auto [i, c, t] = std::tuple(detection.capture, detection.camera, detection.target);
   if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
-  const Rigid3d camera_from_target = CorrectedPose(run, i, c, t);
+  const Rigid3d camera_from_target = PoseWithCorrection(run, i, c, t);
   const auto add = [&](const Observations& observations, const std::function<bool(int)>& is_used) {
     if (observations.size() == 0) return;
     AddPoints(solution.cameras[c], camera_from_target, ApplyShape(observations, solution.shapes[t]), is_used, image);

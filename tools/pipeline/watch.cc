@@ -214,9 +214,9 @@ void WritePage(const fs::path& output, const std::string& name, const std::vecto
 }
 
 // One session: what was printed, and what is known about the images.
-class Session {
+class WatchedSession {
  public:
-  Session(std::string config_path, WatchOptions options)
+  WatchedSession(std::string config_path, WatchOptions options)
       : config_path_(std::move(config_path)), options_(std::move(options)) {}
 
   // Looks once. Returns whether the requirements are met.
@@ -327,7 +327,7 @@ class Session {
 }  // namespace
 
 void Watch(const std::string& config_path, const WatchOptions& options) {
-  Session session(config_path, options);
+  WatchedSession session(config_path, options);
   while (!session.Look()) std::this_thread::sleep_for(kInterval);
 }
 

@@ -154,6 +154,11 @@ void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* op
   if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
     throw InputError(earlier.name + ": is a run of several cameras, targets or arms, but the captures are of one each");
   }
+  const Setup setup = result.rig.cameras[0].mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  if (setup != dataset->setup) {
+    throw InputError(earlier.name + ": is a run with the setup " + std::string(SetupName(setup)) +
+                     ", but the captures are of " + std::string(SetupName(dataset->setup)));
+  }
   CheckTarget(earlier, *dataset->target, 0);
   BundleOptions& bundle = options->bundle;
   if (dataset->camera) {
@@ -209,6 +214,11 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
     targets[t].scale_sigma = std::nullopt;
   }
   options->calibration.choose_target_shape = false;
+  Problem named = dataset->rig;
+  AddPrior(earlier, &named);
+  if (named.prior->covariance.layout.size() == 0) {
+    throw InputError(earlier.name + ": is a run without a camera, target or arm of the same name and mount");
+  }
 }
 
 void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections) {

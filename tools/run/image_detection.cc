@@ -84,7 +84,7 @@ void CheckOwnImages(const Dataset& dataset, const std::vector<TargetDetection>& 
 }
 
 // Returns the given detections with the size of their images or, if that is not stated, of the camera's.
-std::vector<TargetDetection> GivenDetections(const Dataset& dataset) {
+std::vector<TargetDetection> DetectionsAsGiven(const Dataset& dataset) {
   std::vector<TargetDetection> detections = dataset.given_detections;
   for (TargetDetection& given : detections) {
     if (IsKnown(SizeOf(given.detection))) continue;
@@ -143,7 +143,7 @@ std::vector<TargetDetection> DetectDataset(const Dataset& dataset, const std::ve
                                            int num_threads, RunObserver* observer) {
   std::vector<TargetDetection> detections = dataset.given_detections.empty()
                                                 ? SearchImages(dataset, detect, num_threads, observer)
-                                                : GivenDetections(dataset);
+                                                : DetectionsAsGiven(dataset);
   CheckSizes(dataset, detections);
   CheckOwnImages(dataset, detections);
   return detections;

@@ -60,10 +60,10 @@ ReachCommand CommandNear(const LocationRequest& request, size_t robot, const Loc
 
 // Finds the pose to command in the configuration of the captures. `in_each`: also in all configurations; they are found
 // in any case if those of the captures are several.
-Reach FindReach(const LocationRequest& request, size_t robot, const LocatedTarget& located, bool in_each) {
+TargetReach FindReach(const LocationRequest& request, size_t robot, const LocatedTarget& located, bool in_each) {
   const RunResult& result = *request.result;
   const RobotSummary& arm = *FindEstimatedArm(result, robot);
-  Reach reach;
+  TargetReach reach;
   reach.robot = robot;
   reach.captured_configuration = arm.configuration;
   reach.wanted =
@@ -97,17 +97,17 @@ Reach FindReach(const LocationRequest& request, size_t robot, const LocatedTarge
 }
 
 // Returns the reach by each arm whose errors are estimated. A pose that was not corrected has other errors than these.
-std::vector<Reach> FindReaches(const LocationRequest& request, const LocatedTarget& located) {
+std::vector<TargetReach> FindReaches(const LocationRequest& request, const LocatedTarget& located) {
   const bool is_corrected = std::all_of(request.arms.begin(), request.arms.end(),
                                         [](const ArmPose& arm) { return arm.why_not_corrected.empty(); });
-  std::vector<Reach> reaches;
+  std::vector<TargetReach> reaches;
   for (size_t r = 0; r < request.result->rig.robots.size(); ++r) {
     if (FindEstimatedArm(*request.result, r) == nullptr) continue;
     if (is_corrected) {
       const bool in_each = !request.reaching.empty() && request.reaching[r].has_value();
       reaches.push_back(FindReach(request, r, located, in_each));
     } else {
-      Reach& reach = reaches.emplace_back();
+      TargetReach& reach = reaches.emplace_back();
       reach.robot = r;
       reach.reason = kNotCorrected;
     }

@@ -54,7 +54,7 @@ struct ReachCommand {
   // Whether no capture is in this configuration, so that the arm's errors are extrapolated.
   bool is_extrapolated = false;
 };
-struct Reach {
+struct TargetReach {
   size_t robot = 0;                     // The arm, whose errors are estimated.
   std::string captured_configuration;   // RobotSummary::configuration.
   Rigid3d wanted;                       // The pose to reach, in the base of the arm.
@@ -139,7 +139,7 @@ struct TargetLocation {
   std::vector<PossiblePose> possible;  // Empty if it is not located, or if pixels are asked for.
   std::optional<size_t> chosen;        // The index of the pose that is meant; nothing if none is.
   std::optional<NearPoses> near;       // Of LocationRequest::near and the possible poses.
-  std::vector<Reach> reaches;          // The reach of the chosen pose by each arm whose errors are estimated.
+  std::vector<TargetReach> reaches;    // The reach of the chosen pose by each arm whose errors are estimated.
   std::optional<LocationContradiction> contradiction;
   Failure undetermined;  // Why the points do not determine a pose; empty otherwise.
 };

@@ -69,23 +69,24 @@ std::optional<SeenTarget> MovedTo(const Eigen::Vector3d& place_in_camera, const 
 }
 
 // The accuracy of a camera at one place.
-struct Reach {
+struct PlaceReach {
   std::optional<double> radius_m;
   Unreached unreached = Unreached::kNeverSeen;  // The reason if there is no radius.
 
   bool IsInView() const { return radius_m || unreached != Unreached::kNotInView; }
 };
 
-Reach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const Problem& used, const Solution& solution) {
+PlaceReach ReachOf(const SeenTarget& seen, size_t camera, double confidence, const Problem& used,
+                   const Solution& solution) {
   const std::optional<Eigen::Matrix3d> covariance = CovarianceOfMiddle(camera, seen, used, solution);
   if (!covariance) return {std::nullopt, Unreached::kUndetermined};
   return {ConfidenceRadius(*covariance, confidence, solution.covariance_dof), {}};
 }
 
 // Returns the accuracy of a fixed camera at each required position, of a target as the fullest image shows it.
-std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, const std::vector<SeenTarget>& seen,
-                             const Problem& used, const Solution& solution) {
-  std::vector<Reach> reached(required.places_in_base_m.size());
+std::vector<PlaceReach> ReachedAt(const PlacedRequirement& required, size_t camera, const std::vector<SeenTarget>& seen,
+                                  const Problem& used, const Solution& solution) {
+  std::vector<PlaceReach> reached(required.places_in_base_m.size());
   const auto fullest = std::max_element(seen.begin(), seen.end(), [](const SeenTarget& a, const SeenTarget& b) {
     return a.observations.size() < b.observations.size();
   });
@@ -98,17 +99,17 @@ std::vector<Reach> ReachedAt(const PlacedRequirement& required, size_t camera, c
     const std::optional<SeenTarget> moved = MovedTo(Inverse(world_from_camera) * required.places_in_base_m[k],
                                                     solution.cameras[camera], used.cameras.size() > 1, *fullest);
     reached[k] = moved ? ReachOf(*moved, camera, required.confidence, used, solution)
-                       : Reach{std::nullopt, Unreached::kNotInView};
+                       : PlaceReach{std::nullopt, Unreached::kNotInView};
   }
   return reached;
 }
 
 // Returns the worst of the accuracies at the positions that a camera sees; nothing if it sees none of them, and others
 // see all.
-std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unseen) {
-  Reach worst{0.0, {}};
+std::optional<PlaceReach> WorstOf(const std::vector<PlaceReach>& reached, bool is_any_unseen) {
+  PlaceReach worst{0.0, {}};
   bool sees_any = false;
-  for (const Reach& reach : reached) {
+  for (const PlaceReach& reach : reached) {
     if (!reach.IsInView() && !is_any_unseen) continue;
     sees_any = true;
     if (!reach.radius_m) return reach;
@@ -118,7 +119,7 @@ std::optional<Reach> WorstOf(const std::vector<Reach>& reached, bool is_any_unse
 }
 
 // Returns whether no camera sees one of the positions.
-bool IsAnyUnseen(const std::map<size_t, std::vector<Reach>>& reached_of_cameras, size_t num_places) {
+bool IsAnyUnseen(const std::map<size_t, std::vector<PlaceReach>>& reached_of_cameras, size_t num_places) {
   for (size_t k = 0; k < num_places; ++k) {
     const bool is_seen = std::any_of(reached_of_cameras.begin(), reached_of_cameras.end(),
                                      [&](const auto& entry) { return entry.second[k].IsInView(); });
@@ -160,17 +161,17 @@ std::vector<CameraRequirement> ReachedAccuracies(const std::vector<PlacedRequire
   std::vector<std::vector<SeenTarget>> seen;
   for (size_t c = 0; c < used.cameras.size(); ++c) seen.push_back(TargetsSeenBy(c, used, solution));
   for (const PlacedRequirement& required : requirements) {
-    const auto add = [&](size_t camera, const std::string& place, const Reach& reach) {
+    const auto add = [&](size_t camera, const std::string& place, const PlaceReach& reach) {
       reached.push_back({camera, {required.within_m, required.confidence, place, reach.radius_m, reach.unreached}});
     };
-    std::map<size_t, std::vector<Reach>> placed;
+    std::map<size_t, std::vector<PlaceReach>> placed;
     for (size_t c = 0; c < used.cameras.size(); ++c) {
       const ProblemCamera& camera = used.cameras[c];
       if (!required.camera.empty() && required.camera != camera.name) continue;
       if (!required.places_in_base_m.empty() && camera.mount.part == Mount::Part::kBase) {
         placed[c] = ReachedAt(required, c, seen[c], used, solution);
       } else {
-        Reach reach;
+        PlaceReach reach;
         if (working_points[c]) {
           reach.radius_m =
               ConfidenceRadius(working_points[c]->covariance_m2, required.confidence, solution.covariance_dof);
@@ -180,7 +181,7 @@ std::vector<CameraRequirement> ReachedAccuracies(const std::vector<PlacedRequire
     }
     const bool is_any_unseen = IsAnyUnseen(placed, required.places_in_base_m.size());
     for (const auto& [c, of_camera] : placed) {
-      const std::optional<Reach> worst = WorstOf(of_camera, is_any_unseen);
+      const std::optional<PlaceReach> worst = WorstOf(of_camera, is_any_unseen);
       if (worst) add(c, required.text, *worst);
     }
   }

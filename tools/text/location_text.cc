@@ -70,7 +70,7 @@ std::string ArmPosesText(const LocationRequest& request) {
   return text;
 }
 
-std::string InEachConfiguration(const std::string& of_arm, const Reach& reach) {
+std::string InEachConfiguration(const std::string& of_arm, const TargetReach& reach) {
   if (!reach.reason.empty()) return "  no pose" + of_arm + " to command: " + reach.reason + "\n";
   if (!reach.has_each) return "";
   std::string text =
@@ -91,7 +91,7 @@ std::string InEachConfiguration(const std::string& of_arm, const Reach& reach) {
 }
 
 // Returns lines on the pose to command so that the gripper of an arm truly reaches the target.
-std::string ReachText(const Problem& rig, const Reach& reach) {
+std::string ReachText(const Problem& rig, const TargetReach& reach) {
   const std::string of_arm = OfArm(rig, reach.robot);
   std::string text;
   if (reach.command && !reach.command->reason.empty()) {
@@ -215,7 +215,7 @@ std::string TargetText(const LocationRequest& request, const std::string& image,
             SigmaLines(result, chosen.located);
     if (location.possible.size() > 1) text += "  chosen by --near among the " + NearnessText(*location.near) + "\n";
     if (request.has_grasp) text += GraspText(request, chosen.located);
-    for (const Reach& reach : location.reaches) text += ReachText(result.rig, reach);
+    for (const TargetReach& reach : location.reaches) text += ReachText(result.rig, reach);
     return text + PosturesText(result.rig, chosen.postures, request.has_grasp);
   }
   const size_t num_poses = location.possible.size();

@@ -34,7 +34,7 @@ std::string ShortName(const std::string& name) {
 }
 
 // A line of a table of figures: what stands before them, padded.
-struct FigureLine {
+struct LineOfFigures {
   std::string begin;
   CameraFigures figures;
   bool is_strong = false;
@@ -42,12 +42,12 @@ struct FigureLine {
 
 // Returns the table of the lines. The columns `of_truth` are the last ones if a true error is known.
 std::string FigureTable(const std::string& begin, const std::string& below, Columns columns, const Columns& of_truth,
-                        const std::vector<FigureLine>& lines, Colour colour) {
-  const bool has_truth =
-      std::any_of(lines.begin(), lines.end(), [](const FigureLine& line) { return line.figures.truth_mm.has_value(); });
+                        const std::vector<LineOfFigures>& lines, Colour colour) {
+  const bool has_truth = std::any_of(lines.begin(), lines.end(),
+                                     [](const LineOfFigures& line) { return line.figures.truth_mm.has_value(); });
   if (has_truth) columns.insert(columns.end(), of_truth.begin(), of_truth.end());
   std::string table = ColumnHeads(begin, below, columns);
-  for (const FigureLine& line : lines) {
+  for (const LineOfFigures& line : lines) {
     const std::string text = line.begin + FigureCells(columns, line.figures);
     table += (line.is_strong ? Strong(text, colour) : text) + "\n";
   }
@@ -63,7 +63,7 @@ std::string MethodsTable(const PairResult& result, Colour colour, const std::vec
                            {"board", "mm rms", 9, 3, &CameraFigures::board_mm}};
   const Columns of_truth = {{"true err", "mm", 9, 3, &CameraFigures::truth_mm},
                             {"", "deg", 8, 2, &CameraFigures::truth_deg}};
-  std::vector<FigureLine> lines;
+  std::vector<LineOfFigures> lines;
   for (const Estimate& estimate : result.estimates) {
     if (!estimate.ok) continue;
     lines.push_back(
@@ -85,7 +85,7 @@ std::string CamerasTable(const RunResult& result, Colour colour) {
                            {"", "deg", 8, 2, &CameraFigures::holdout_target_deg},
                            {"noise", "px", 9, 3, &CameraFigures::pixel_sigma_px}};
   const Columns of_truth = {{"true err", "mm", 9, 3, &CameraFigures::truth_mm}};
-  std::vector<FigureLine> lines;
+  std::vector<LineOfFigures> lines;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const std::string& name = result.rig.cameras[c].name;
     const auto [used, all] = CountImages(result, name);

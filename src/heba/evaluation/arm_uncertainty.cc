@@ -71,7 +71,7 @@ struct SliceCell {
 
 // Returns the cells that the arm reaches without leaving the configuration of `start`, the joints at the mean pose. The
 // joints of a cell are found from those of a cell beside it.
-std::vector<SliceCell> Reached(const Slice& slice, const Eigen::VectorXd& start) {
+std::vector<SliceCell> ReachedCells(const Slice& slice, const Eigen::VectorXd& start) {
   const RobotSummary& robot = slice.robot;
   const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, start);
   std::vector<SliceCell> cells = {{0, 0, start}};
@@ -224,7 +224,7 @@ std::optional<ArmMap> MapArm(const GripperLocator& locate, const RobotSummary& r
   // The extent of the positions in reach, from wide cells, determines the size of the map's.
   const Slice wide{robot, mean, vertical_axis, 2 * reach_m / ArmMap::kMostCells};
   int extent = 1;
-  const std::vector<SliceCell> reached = Reached(wide, *start);
+  const std::vector<SliceCell> reached = ReachedCells(wide, *start);
   for (const SliceCell& a : reached) {
     for (const SliceCell& b : reached) extent = std::max({extent, a.column - b.column + 1, a.row - b.row + 1});
   }
@@ -237,7 +237,7 @@ std::optional<ArmMap> MapArm(const GripperLocator& locate, const RobotSummary& r
   const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, *start);
   if (configuration) map.configuration = NameOf(*configuration);
   for (const Rigid3d& pose : base_from_gripper) map.captures_m.push_back(pose.translation);
-  for (const SliceCell& cell : Reached(slice, *start)) {
+  for (const SliceCell& cell : ReachedCells(slice, *start)) {
     const Rigid3d stated = slice.PoseAt(cell.column, cell.row);
     const LocatedGripper gripper = locate(WithArmErrors(robot, stated, cell.joints));
     map.cells.push_back(

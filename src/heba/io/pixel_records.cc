@@ -13,7 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // A value that a path leads to, and the key that a `*` of the path stands for.
-struct Reached {
+struct ReachedRecord {
   std::string key;
   const RecordTree* value = nullptr;
 };
@@ -32,9 +32,9 @@ std::vector<std::string> StepsOf(const std::string& path) {
   return steps;
 }
 
-std::vector<Reached> AfterStep(const Reached& from, const std::string& step) {
+std::vector<ReachedRecord> AfterStep(const ReachedRecord& from, const std::string& step) {
   const RecordTree& value = *from.value;
-  std::vector<Reached> reached;
+  std::vector<ReachedRecord> reached;
   if (step == "[]") {
     if (!value.is_array()) return {};
     for (const RecordTree& item : value) reached.push_back({from.key, &item});
@@ -53,12 +53,12 @@ std::vector<Reached> AfterStep(const Reached& from, const std::string& step) {
 }
 
 // Returns all values that a path leads to, in the order of the file. Throws InputError if there are none.
-std::vector<Reached> ValuesAt(const RecordTree& tree, const std::string& path, const fs::path& file) {
-  std::vector<Reached> values = {{"", &tree}};
+std::vector<ReachedRecord> ValuesAt(const RecordTree& tree, const std::string& path, const fs::path& file) {
+  std::vector<ReachedRecord> values = {{"", &tree}};
   for (const std::string& step : StepsOf(path)) {
-    std::vector<Reached> next;
-    for (const Reached& from : values) {
-      const std::vector<Reached> reached = AfterStep(from, step);
+    std::vector<ReachedRecord> next;
+    for (const ReachedRecord& from : values) {
+      const std::vector<ReachedRecord> reached = AfterStep(from, step);
       next.insert(next.end(), reached.begin(), reached.end());
     }
     values = std::move(next);
@@ -89,7 +89,7 @@ std::vector<PixelRecord> ReadPixelRecords(const fs::path& file, const std::strin
   const std::optional<RecordTree> tree = ReadRecordTree(file);
   if (!tree) throw InputError(file.string() + ": contains no records");
   std::vector<PixelRecord> records;
-  for (const Reached& reached : ValuesAt(*tree, pixel_path, file)) {
+  for (const ReachedRecord& reached : ValuesAt(*tree, pixel_path, file)) {
     std::vector<double> numbers;
     const bool is_list = reached.value->is_null() || AppendNumbers(*reached.value, &numbers);
     if (!is_list || numbers.size() % 2 != 0) {
@@ -101,7 +101,7 @@ std::vector<PixelRecord> ReadPixelRecords(const fs::path& file, const std::strin
     for (size_t i = 0; i < numbers.size(); i += 2) record.pixels.emplace_back(numbers[i], numbers[i + 1]);
   }
   if (image_path.empty()) return records;
-  const std::vector<Reached> names = ValuesAt(*tree, image_path, file);
+  const std::vector<ReachedRecord> names = ValuesAt(*tree, image_path, file);
   if (names.size() != records.size()) {
     throw InputError(file.string() + ": " + std::to_string(records.size()) + " lists of points at " +
                      Quoted(pixel_path) + ", but " + std::to_string(names.size()) + " images at " + Quoted(image_path));

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <Eigen/SVD>
@@ -10,12 +9,11 @@
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/robot/ur_kinematics.h"
 
 namespace heba {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 struct PosturePoint {
   Eigen::VectorXd joints;

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 
 namespace heba {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Rigid3d DhLink(double angle_rad, double d_m, double a_m, double alpha_rad) {
   const Rigid3d turn(Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ())),

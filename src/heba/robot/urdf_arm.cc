@@ -55,7 +55,7 @@ KDL::Frame ToKdl(const Rigid3d& pose) {
           KDL::Vector(pose.translation.x(), pose.translation.y(), pose.translation.z())};
 }
 
-struct Limits {
+struct JointLimits {
   double low = -kPi;
   double high = kPi;
 };
@@ -63,8 +63,8 @@ struct Limits {
 class KdlArm final : public UrdfArm {
  public:
   // `links_in_base` are the bodies that move with each joint; empty if their masses are not known.
-  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits,
-         std::vector<PointMass> links_in_base)
+  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns,
+         std::vector<JointLimits> limits, std::vector<PointMass> links_in_base)
       : chain_(chain),
         names_(std::move(names)),
         turns_(std::move(turns)),
@@ -146,7 +146,7 @@ class KdlArm final : public UrdfArm {
   KDL::Chain chain_;
   std::vector<std::string> names_;
   std::vector<bool> turns_;
-  std::vector<Limits> limits_;
+  std::vector<JointLimits> limits_;
   std::vector<PointMass> links_in_base_;
 };
 
@@ -323,7 +323,7 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   KDL::Chain chain;
   std::vector<std::string> moving;
   std::vector<bool> turns;
-  std::vector<Limits> limits;
+  std::vector<JointLimits> limits;
   for (const urdf::JointConstSharedPtr& joint : joints) {
     CheckJoint(*joint, path);
     chain.addSegment(ToKdl(*joint));
@@ -331,7 +331,7 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     moving.push_back(joint->name);
     turns.push_back(IsTurningJoint(*joint));
     const bool has_limits = joint->type != urdf::Joint::CONTINUOUS && joint->limits;
-    limits.push_back(has_limits ? Limits{joint->limits->lower, joint->limits->upper} : Limits{});
+    limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : JointLimits{});
   }
   if (moving.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));

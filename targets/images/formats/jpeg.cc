@@ -40,16 +40,16 @@ ImageHeader HeaderOf(string_view bytes) {
 }
 
 // The handler of errors, which leaves libjpeg's functions by a jump.
-struct Errors {
+struct DecoderErrors {
   jpeg_error_mgr base;  // The first member: libjpeg knows the handler by its address.
   std::jmp_buf place;
   std::string error;
 };
 
-Errors* ErrorsOf(j_common_ptr jpeg) { return reinterpret_cast<Errors*>(jpeg->err); }  // NOLINT
+DecoderErrors* ErrorsOf(j_common_ptr jpeg) { return reinterpret_cast<DecoderErrors*>(jpeg->err); }  // NOLINT
 
 void Leave(j_common_ptr jpeg) {
-  Errors* const errors = ErrorsOf(jpeg);
+  DecoderErrors* const errors = ErrorsOf(jpeg);
   if (errors->error.empty()) {
     char message[JMSG_LENGTH_MAX] = {};
     errors->base.format_message(jpeg, message);
@@ -66,7 +66,7 @@ void OnMessage(j_common_ptr jpeg, int /*level*/) {
 }
 void Ignore(j_common_ptr /*jpeg*/) {}
 
-jpeg_error_mgr* Prepare(Errors* errors) {
+jpeg_error_mgr* Prepare(DecoderErrors* errors) {
   jpeg_std_error(&errors->base);
   errors->base.error_exit = &Leave;
   errors->base.emit_message = &OnMessage;
@@ -89,7 +89,7 @@ struct Reader {
   Reader& operator=(const Reader&) = delete;
   ~Reader() { jpeg_destroy_decompress(&jpeg); }
 
-  Errors errors = {};
+  DecoderErrors errors = {};
   jpeg_decompress_struct jpeg = {};
   string_view bytes;
   cv::Mat image;
@@ -146,7 +146,7 @@ struct Writer {
   Writer& operator=(const Writer&) = delete;
   ~Writer() { jpeg_destroy_compress(&jpeg); }
 
-  Errors errors = {};
+  DecoderErrors errors = {};
   jpeg_compress_struct jpeg = {};
   jpeg_destination_mgr destination = {};
   std::vector<unsigned char> block = std::vector<unsigned char>(size_t{1} << 14);

@@ -113,7 +113,7 @@ Eigen::VectorXd FlippedPosture(const Arm& arm, const Eigen::VectorXd& joints) {
 }
 
 // The errors of positions against their stated covariances, over many cells.
-struct Agreement {
+struct LocationAgreement {
   double chi_square_sum = 0;
   int num_outside = 0;  // The number of errors outside the 95 % confidence region.
   double by_calibration_m2 = 0;
@@ -129,8 +129,8 @@ struct Agreement {
 // Targets are located from a posture of the captures and from anywhere. The gripper is sent above the first of them, in
 // the configuration of the captures and in another one.
 constexpr int kNumTrials = 400;
-std::map<std::string, Agreement> AgreementsOf(Setup setup, Sigmas sigmas) {
-  std::map<std::string, Agreement> agreements;
+std::map<std::string, LocationAgreement> AgreementsOf(Setup setup, Sigmas sigmas) {
+  std::map<std::string, LocationAgreement> agreements;
   for (uint64_t seed = 1; seed <= kNumTrials; ++seed) {
     std::optional<Cell> cell = Calibrated(setup, sigmas, seed);
     if (!cell) {
@@ -176,7 +176,7 @@ INSTANTIATE_TEST_SUITE_P(, ArmLocationTest, testing::Values(Setup::kEyeToHand, S
 // If all standard deviations are known, squares of errors are chi-square with 3 degrees of freedom, whose variance is
 // 6: their mean is within 4 sigmas of 3.
 TEST_P(ArmLocationTest, ErrorsAreChiSquareIfTheSigmasAreKnown) {
-  const std::map<std::string, Agreement> agreements = AgreementsOf(GetParam(), Sigmas::kGiven);
+  const std::map<std::string, LocationAgreement> agreements = AgreementsOf(GetParam(), Sigmas::kGiven);
   for (const auto& [name, agreement] : agreements) {
     EXPECT_NEAR(agreement.chi_square_sum / kNumTrials, 3, 4 * std::sqrt(6.0 / kNumTrials)) << name;
   }

@@ -51,18 +51,18 @@ HandEye WrongBy30MmAnd5Deg(const HandEye& truth, Rng* rng) {
 }
 
 // A session: the error of a located target after it, m, and the share of poses in which the target is seen.
-struct Session {
+struct PlannedSession {
   double error_m = 0;
   double seen = 0;
 };
 
 // Takes the captures at these poses in the true cell, calibrates, and locates targets at `places`, poses of the target
 // in the camera. A calibration that fails errs infinitely.
-Session TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, const std::vector<Rigid3d>& places,
-                    Rng* rng) {
+PlannedSession TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, const std::vector<Rigid3d>& places,
+                           Rng* rng) {
   PairProblem problem{truth.camera, {}, truth.setup, DesignedShape(truth.points_in_target)};
   const SimulatedTarget target{truth.points_in_target, truth.z_out};
-  Session session;
+  PlannedSession session;
   for (const Rigid3d& pose : poses) {
     const Rigid3d mount = CameraMountFromTargetMount(truth.setup, pose);
     if (!IsVisible(truth.camera, CameraFromTarget(truth.hand_eye, mount), target, 1)) continue;
@@ -150,7 +150,7 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
     for (const PlannedCapture& capture : plan->captures) places.push_back(capture.camera_from_target);
     constexpr int kNumSessions = 12;
     for (int session = 0; session < kNumSessions; ++session) {
-      const Session planned = TakeSession(truth, PosesOf(*plan), places, &rng);
+      const PlannedSession planned = TakeSession(truth, PosesOf(*plan), places, &rng);
       planned_m.push_back(planned.error_m);
       seen += planned.seen / (kNumSeeds * kNumSessions);
     }

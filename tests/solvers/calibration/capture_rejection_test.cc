@@ -11,7 +11,7 @@
 namespace heba {
 namespace {
 
-std::set<std::string> LeftOut(const TestScene& scene, const TestSceneOptions& options) {
+std::set<std::string> LeftOutOf(const TestScene& scene, const TestSceneOptions& options) {
   PairCalibrationOptions calibration_options;
   calibration_options.setup = options.setup;
   calibration_options.camera = scene.camera;
@@ -31,7 +31,7 @@ TEST(WrongCapturesTest, RejectsAlmostNoCaptureForABentTarget) {
     options.num_captures = 34;
     options.shape = {1, 1, 2e-3, 1e-3};
     const TestScene scene = MakeTestScene(seed, options);
-    EXPECT_THAT(LeftOut(scene, options), testing::SizeIs(testing::Le(1U))) << seed;
+    EXPECT_THAT(LeftOutOf(scene, options), testing::SizeIs(testing::Le(1U))) << seed;
   }
 }
 
@@ -51,7 +51,7 @@ TEST(WrongCapturesTest, RejectsFewCapturesForLongTailedRobotNoise) {
       error << sigma * rng.NormalVector3(), 3 * sigma * rng.NormalVector3();
       view.camera_mount_from_target_mount = view.camera_mount_from_target_mount * Retract(Rigid3d(), error);
     }
-    EXPECT_LE(LeftOut(scene, options).size(), scene.views.size() / 4) << seed;
+    EXPECT_LE(LeftOutOf(scene, options).size(), scene.views.size() / 4) << seed;
   }
 }
 
@@ -72,7 +72,7 @@ TEST(WrongCapturesTest, FindsWrongPosesInAThirdOfTheCaptures) {
     const Rigid3d shift(Eigen::Quaterniond::Identity(), 0.01 * rng.Direction3());
     view.camera_mount_from_target_mount = view.camera_mount_from_target_mount * shift;
   }
-  EXPECT_EQ(LeftOut(scene, options), wrong);
+  EXPECT_EQ(LeftOutOf(scene, options), wrong);
 }
 
 // A capture whose points are all outliers is not used, even if it has a pose.
@@ -85,7 +85,7 @@ TEST(WrongCapturesTest, RejectsACaptureWithoutInliers) {
   Rng rng(2);
   Points2& pixels = scene.views[4].observations.pixels;
   for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += rng.Uniform(-60, 60);
-  EXPECT_THAT(LeftOut(scene, options), testing::ElementsAre("view_4"));
+  EXPECT_THAT(LeftOutOf(scene, options), testing::ElementsAre("view_4"));
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ Solution WithoutUncertaintyOfErrors(const Problem& rig, Solution solution) {
 }
 
 // The errors of located objects, over trials.
-struct Errors {
+struct LocationErrors {
   double chi2 = 0;
   double squares_m2 = 0;
   int num = 0;
@@ -151,11 +151,11 @@ SeenObject SeeBeforeTheWrist(uint64_t seed) {
 // deviations of these. They are not if the errors of the arm are taken as known exactly, or if they are not corrected.
 TEST(CellArmLocation, ErrorsAgreeWithTheCovarianceAndAreSmallerThanWithoutTheCorrection) {
   constexpr int kNumTrials = 60;
-  Errors by_all;
-  Errors by_wrist;
-  Errors points;
-  Errors as_if_known;
-  Errors plain;
+  LocationErrors by_all;
+  LocationErrors by_wrist;
+  LocationErrors points;
+  LocationErrors as_if_known;
+  LocationErrors plain;
   for (uint64_t seed = 1; seed <= kNumTrials; ++seed) {
     const SeenObject object = SeeBeforeTheWrist(seed);
     const SeenObject alone = SeenBy(kWrist, object);

@@ -195,7 +195,7 @@ TEST_P(JointPriorTest, TheShareOfScalesStays) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Setups, JointPriorTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
-                         [](const auto& info) { return std::string(SetupName(info.param)); });
+                         [](const auto& setup) { return std::string(SetupName(setup.param)); });
 
 }  // namespace
 }  // namespace heba

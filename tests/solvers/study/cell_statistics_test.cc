@@ -27,7 +27,7 @@ struct CellKind {
 void PrintTo(const CellKind& kind, std::ostream* stream) { *stream << kind.name; }
 
 // The sums over trials of one kind of poses.
-struct Errors {
+struct CellErrors {
   double squares = 0;  // Squared errors in units of the bound's sigmas.
   double num_coordinates = 0;
   int num_inside = 0;  // Poses inside their 95 % ellipsoid.
@@ -37,7 +37,7 @@ struct Errors {
   double Coverage() const { return static_cast<double>(num_inside) / num_poses; }
 };
 
-void Add(const TrialEstimate& estimate, const Eigen::MatrixXd& bound, Errors* errors) {
+void Add(const TrialEstimate& estimate, const Eigen::MatrixXd& bound, CellErrors* errors) {
   errors->squares += MahalanobisSquare(estimate.error, bound);
   errors->num_coordinates += 6;
   errors->num_inside += *estimate.is_covered ? 1 : 0;
@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Rigs, CellStatisticsTest,
 // The limits of both figures leave three standard deviations of these trials around the exact ones.
 TEST_P(CellStatisticsTest, ReachesTheBoundWithHonestCovariance) {
   const CellSceneSetting setting;
-  std::map<std::string, Errors> of_kinds;
+  std::map<std::string, CellErrors> of_kinds;
   for (int trial = 0; trial < kNumTrials; ++trial) {
     StudyCell cell = CellOf(GetParam().make(static_cast<uint64_t>(1000 + trial), setting), setting);
     cell.estimators = {StudyEstimator::kJointly};

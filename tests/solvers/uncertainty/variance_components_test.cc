@@ -47,8 +47,8 @@ struct Variances {
   Eigen::VectorXd stddev = {};
 };
 
-Variances Estimate(const std::vector<LinearisedView>& views, const Variances& start, bool pixel_is_free,
-                   bool robot_is_free, double small_change = kExactVariances) {
+Variances EstimateFrom(const std::vector<LinearisedView>& views, const Variances& start, bool pixel_is_free,
+                       bool robot_is_free, double small_change = kExactVariances) {
   using Kind = VarianceGroup::Kind;
   const VarianceComponents found = EstimateVariances(views,
                                                      {{Kind::kPixels, {}, start.pixel, pixel_is_free},
@@ -68,7 +68,7 @@ void ExpectEstimated(const Variances& found, double pixel, double translation_m2
 TEST(VarianceComponentsTest, EstimatesTheDrawnVariances) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
-    const Variances found = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+    const Variances found = EstimateFrom(views, {1, 1e-6, 1e-6}, true, true);
     ExpectEstimated(found, 0.7, 4e-6, 25e-6);
     // 60 views with three numbers each determine the variances to about 10 %.
     EXPECT_LT(found.stddev[1], 0.2 * found.translation_m2);
@@ -81,7 +81,7 @@ TEST(VarianceComponentsTest, EstimatesNoVarianceForAnExactRobot) {
   int num_zeros = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 20, 0.7, 0, 0);
-    const Variances found = Estimate(views, {1, 1e-4, 1e-4}, true, true);
+    const Variances found = EstimateFrom(views, {1, 1e-4, 1e-4}, true, true);
     ExpectEstimated(found, 0.7, 0, 0);
     EXPECT_GE(found.translation_m2, 0);
     EXPECT_GE(found.rotation_rad2, 0);
@@ -94,25 +94,25 @@ TEST(VarianceComponentsTest, EstimatesNoVarianceForAnExactRobot) {
 // The result does not depend on the initial guess and is reproduced if it is the initial guess itself.
 TEST(VarianceComponentsTest, DoesNotDependOnTheInitialGuess) {
   const std::vector<LinearisedView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
-  const Variances exact = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  const Variances exact = EstimateFrom(views, {1, 1e-6, 1e-6}, true, true);
   const auto expect_near = [&](const Variances& other, double share_of_stddev) {
     EXPECT_NEAR(other.pixel, exact.pixel, share_of_stddev * exact.stddev[0]);
     EXPECT_NEAR(other.translation_m2, exact.translation_m2, share_of_stddev * exact.stddev[1]);
     EXPECT_NEAR(other.rotation_rad2, exact.rotation_rad2, share_of_stddev * exact.stddev[2]);
   };
-  expect_near(Estimate(views, exact, true, true), kExactVariances);
-  expect_near(Estimate(views, {100, 0, 0}, true, true), kExactVariances);
-  expect_near(Estimate(views, {1e-2, 1, 1}, true, true), kExactVariances);
-  expect_near(Estimate(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
+  expect_near(EstimateFrom(views, exact, true, true), kExactVariances);
+  expect_near(EstimateFrom(views, {100, 0, 0}, true, true), kExactVariances);
+  expect_near(EstimateFrom(views, {1e-2, 1, 1}, true, true), kExactVariances);
+  expect_near(EstimateFrom(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
 }
 
 TEST(VarianceComponentsTest, KeepsFixedVariances) {
   const std::vector<LinearisedView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
-  const Variances given_pixel = Estimate(views, {0.5, 1e-6, 1e-6}, false, true);
+  const Variances given_pixel = EstimateFrom(views, {0.5, 1e-6, 1e-6}, false, true);
   EXPECT_EQ(given_pixel.pixel, 0.5);
   EXPECT_EQ(given_pixel.stddev[0], 0);
   EXPECT_GT(given_pixel.translation_m2, 1e-6);
-  const Variances given_robot = Estimate(views, {0.5, 1e-6, 3e-6}, true, false);
+  const Variances given_robot = EstimateFrom(views, {0.5, 1e-6, 3e-6}, true, false);
   EXPECT_EQ(given_robot.translation_m2, 1e-6);
   EXPECT_EQ(given_robot.rotation_rad2, 3e-6);
   EXPECT_NE(given_robot.pixel, 0.5);
@@ -123,9 +123,9 @@ TEST(VarianceComponentsTest, MarkingUnaffectedRowsChangesNothing) {
   std::vector<LinearisedView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
   constexpr Eigen::Index kUnmoved = 10;
   for (LinearisedView& view : views) view.by_effects.bottomRows(kUnmoved).setZero();
-  const Variances untold = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  const Variances untold = EstimateFrom(views, {1, 1e-6, 1e-6}, true, true);
   for (LinearisedView& view : views) view.num_rows_without_effects = kUnmoved;
-  const Variances told = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  const Variances told = EstimateFrom(views, {1, 1e-6, 1e-6}, true, true);
   EXPECT_NEAR(told.pixel, untold.pixel, 1e-9 * untold.pixel);
   EXPECT_NEAR(told.translation_m2, untold.translation_m2, 1e-9 * untold.translation_m2);
   EXPECT_NEAR(told.rotation_rad2, untold.rotation_rad2, 1e-9 * untold.rotation_rad2);
@@ -135,13 +135,13 @@ TEST(VarianceComponentsTest, MarkingUnaffectedRowsChangesNothing) {
 // given in addition to the rows.
 TEST(VarianceComponentsTest, AcceptsFewRowsAndResidualSums) {
   const std::vector<LinearisedView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
-  ExpectEstimated(Estimate(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
+  ExpectEstimated(EstimateFrom(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
   std::vector<LinearisedView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);
   for (LinearisedView& view : views) {
     view.num_residual_dof = 1000;
     view.residual_sum_of_squares = 1000 * 0.7;
   }
-  const Variances found = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  const Variances found = EstimateFrom(views, {1, 1e-6, 1e-6}, true, true);
   ExpectEstimated(found, 0.7, 4e-6, 25e-6);
   EXPECT_NEAR(found.stddev[0], 0.7 * std::sqrt(2.0 / 30e3), 1e-4);
 }

@@ -11,7 +11,7 @@
 namespace heba {
 namespace {
 
-Eigen::Matrix3d Truth() {
+Eigen::Matrix3d TrueHomography() {
   Eigen::Matrix3d truth;
   truth << 900, 120, 640, -80, 950, 480, 0.4, -0.3, 1;
   return truth;
@@ -30,7 +30,7 @@ std::vector<Eigen::Vector2d> Mapped(const std::vector<Eigen::Vector2d>& points, 
   Rng rng(3);
   std::vector<Eigen::Vector2d> mapped;
   for (const Eigen::Vector2d& point : points) {
-    mapped.push_back(ApplyHomography(Truth(), point) + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal()));
+    mapped.push_back(ApplyHomography(TrueHomography(), point) + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal()));
   }
   return mapped;
 }
@@ -57,7 +57,7 @@ TEST(HomographyTest, IsExactWithoutNoise) {
     ASSERT_TRUE(linear && fitted) << rows;
     EXPECT_LT(SquaredDistances(*linear, from, to), 1e-16) << rows;
     EXPECT_LT(SquaredDistances(*fitted, from, to), 1e-16) << rows;
-    EXPECT_LT((*fitted / (*fitted)(2, 2) - Truth()).cwiseAbs().maxCoeff(), 1e-7) << rows;
+    EXPECT_LT((*fitted / (*fitted)(2, 2) - TrueHomography()).cwiseAbs().maxCoeff(), 1e-7) << rows;
   }
 }
 

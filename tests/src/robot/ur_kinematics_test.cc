@@ -1,7 +1,6 @@
 #include "heba/robot/ur_kinematics.h"
 
 #include <cmath>
-#include <numbers>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,8 +10,6 @@
 
 namespace heba {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 JointAngles RandomJoints(Rng* rng) {
   JointAngles joints;

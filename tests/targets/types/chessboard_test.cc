@@ -27,15 +27,15 @@ std::unique_ptr<Target> MakeBoard(int rows, int columns) {
                     ", square: 20 mm}");
 }
 
-struct BoardSize {
+struct SizeOfBoard {
   int rows;
   int columns;
   size_t num_orders;  // Number of orders that leave the colours unchanged.
 };
-const std::vector<BoardSize> kBoards = {{5, 8, 1}, {6, 8, 2}, {5, 7, 2}, {6, 6, 4}, {5, 5, 2}, {3, 4, 1}};
+const std::vector<SizeOfBoard> kBoards = {{5, 8, 1}, {6, 8, 2}, {5, 7, 2}, {6, 6, 4}, {5, 5, 2}, {3, 4, 1}};
 
 TEST(Chessboard, SymmetriesKeepColours) {
-  for (const BoardSize& size : kBoards) {
+  for (const SizeOfBoard& size : kBoards) {
     const std::unique_ptr<Target> target = MakeBoard(size.rows, size.columns);
     const std::vector<Rigid3d> symmetries = target->Symmetries();
     EXPECT_EQ(symmetries.size(), size.num_orders) << size.rows << " x " << size.columns;
@@ -49,7 +49,7 @@ TEST(Chessboard, SymmetriesKeepColours) {
 }
 
 TEST(Chessboard, FindsRenderedTargetsAccurately) {
-  for (const BoardSize& size : kBoards) {
+  for (const SizeOfBoard& size : kBoards) {
     const std::unique_ptr<Target> target = MakeBoard(size.rows, size.columns);
     const int num_views = 3;
     const DetectionErrors errors = DetectRendered(*target, num_views, 0.8, /*seed=*/21);

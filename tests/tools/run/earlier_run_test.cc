@@ -133,20 +133,24 @@ TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
   EXPECT_EQ(PriorOf(told->result)->grade, Grade::kGood);
 }
 
-TEST_F(EarlierRunTest, RefusesAnotherTargetAndAnotherCamera) {
+TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
   const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
   ASSERT_TRUE(earlier) << earlier.reason();
   PairDataset other = Part(kNumEarlier, all_.captures.size());
   other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, diameter: 10 mm}");
-  EXPECT_EQ(InputErrorOf([&] { Update(*earlier, other); }),
+  EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with a target of type chessboard, but the target is of type circle_grid");
+  other = Part(kNumEarlier, all_.captures.size());
+  other.setup = Setup::kEyeInHand;
+  EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
+            "earlier: is a run with the setup eye_to_hand, but the captures are of eye_in_hand");
   other = Part(kNumEarlier, all_.captures.size());
   other.camera = earlier->calibration.refined->camera;
   other.camera->width_px /= 2;
-  EXPECT_NE(InputErrorOf([&] { Update(*earlier, other); }).find("earlier: is a run with images of "),
+  EXPECT_NE(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }).find("earlier: is a run with images of "),
             std::string::npos);
   other.camera = Camera{"fisheye4", 1280, 960, {1000, 1000, 640, 480, 0, 0, 0, 0}};
-  EXPECT_EQ(InputErrorOf([&] { Update(*earlier, other); }),
+  EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with the camera model pinhole, but that of the camera is fisheye4");
 }
 

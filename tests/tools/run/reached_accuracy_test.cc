@@ -17,8 +17,8 @@ namespace {
 // A place in the middle of the cell, in view of the cameras left and right.
 const Eigen::Vector3d kPlace(0.5, 0.0, 0.4);
 
-std::vector<CameraRequirement> Reached(const CellScene& scene, const Solution& solution,
-                                       const PlacedRequirement& required) {
+std::vector<CameraRequirement> ReachedBy(const CellScene& scene, const Solution& solution,
+                                         const PlacedRequirement& required) {
   return ReachedAccuracies({required}, scene.problem, solution, WorkingPointsOf(scene.problem, solution, {}));
 }
 
@@ -58,7 +58,7 @@ TEST(ReachedAccuracyTest, TheRadiusHoldsTheErrorsOfLocatedTargets) {
     const CellScene scene = FourCameraCell(static_cast<uint64_t>(seed), {20});
     const Outcome<Solution> solution = RefineProblem(scene.problem, scene.truth, AdjustmentOptions());
     ASSERT_TRUE(solution) << solution.reason();
-    const std::vector<CameraRequirement> reached = Reached(scene, *solution, required);
+    const std::vector<CameraRequirement> reached = ReachedBy(scene, *solution, required);
     ASSERT_EQ(reached.size(), 1U);
     EXPECT_EQ(reached[0].camera, 0U);
     EXPECT_EQ(reached[0].requirement.place, "the middle");
@@ -74,13 +74,13 @@ TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
   const Outcome<Solution> solution = RefineProblem(scene.problem, scene.truth, AdjustmentOptions());
   ASSERT_TRUE(solution) << solution.reason();
   PlacedRequirement required;
-  EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{0, 1, 2}));
+  EXPECT_EQ(CamerasOf(ReachedBy(scene, *solution, required)), (std::vector<size_t>{0, 1, 2}));
   required.camera = "wrist";
-  EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{2}));
+  EXPECT_EQ(CamerasOf(ReachedBy(scene, *solution, required)), (std::vector<size_t>{2}));
   required.camera.clear();
   required.places_in_base_m = {kPlace};
   required.text = "a place";
-  for (const CameraRequirement& entry : Reached(scene, *solution, required)) {
+  for (const CameraRequirement& entry : ReachedBy(scene, *solution, required)) {
     // The camera on the gripper can be moved anywhere.
     EXPECT_EQ(entry.requirement.place, entry.camera == 2 ? "the working point" : "a place");
     EXPECT_TRUE(entry.requirement.reached_m.has_value());
@@ -88,19 +88,19 @@ TEST(ReachedAccuracyTest, ConcernsTheCamerasThatSeeThePlace) {
   // A place that only one of the fixed cameras sees concerns that one.
   const Rigid3d& left = scene.truth.mount_from_camera[0];
   required.places_in_base_m = {left * Eigen::Vector3d(-0.2, 0, 0.45)};
-  EXPECT_EQ(CamerasOf(Reached(scene, *solution, required)), (std::vector<size_t>{0, 2}));
+  EXPECT_EQ(CamerasOf(ReachedBy(scene, *solution, required)), (std::vector<size_t>{0, 2}));
   // Each camera is judged at the corners of a box that it sees, if all are seen.
   required.places_in_base_m.push_back(kPlace);
-  const std::vector<CameraRequirement> of_box = Reached(scene, *solution, required);
+  const std::vector<CameraRequirement> of_box = ReachedBy(scene, *solution, required);
   EXPECT_EQ(CamerasOf(of_box), (std::vector<size_t>{0, 1, 2}));
   for (const CameraRequirement& entry : of_box) EXPECT_TRUE(entry.requirement.reached_m.has_value());
   // A place that none of them sees is a failure of both.
   required.places_in_base_m.push_back({50, 0, 0});
-  for (const CameraRequirement& entry : Reached(scene, *solution, required)) {
+  for (const CameraRequirement& entry : ReachedBy(scene, *solution, required)) {
     EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
   }
   required.places_in_base_m = {{50, 0, 0}};
-  const std::vector<CameraRequirement> none = Reached(scene, *solution, required);
+  const std::vector<CameraRequirement> none = ReachedBy(scene, *solution, required);
   EXPECT_EQ(CamerasOf(none), (std::vector<size_t>{0, 1, 2}));
   for (const CameraRequirement& entry : none) EXPECT_EQ(entry.requirement.reached_m.has_value(), entry.camera == 2);
 }

@@ -443,7 +443,7 @@ std::optional<Symptom> LikelierReading(const FittedReading& stated, const Fitted
 }
 
 // The comparison of readings by the captures.
-struct Comparison {
+struct ArmComparison {
   const WithoutArm& without;
   const std::vector<Rigid3d>& base_from_gripper;
   int num_threads;
@@ -455,7 +455,7 @@ struct Comparison {
 };
 
 // Returns the best reading, with the length of its tool to some mm; nothing if there is none.
-std::optional<FittedReading> BestOf(const Comparison& comparison, const std::vector<FittedReading>& fitted) {
+std::optional<FittedReading> BestOf(const ArmComparison& comparison, const std::vector<FittedReading>& fitted) {
   const FittedReading* best = MostLikely(fitted);
   if (best == nullptr) return std::nullopt;
   if (best->reading.mistake != ArmReading::Mistake::kTool || best->reading.length_m == 0) return *best;
@@ -497,7 +497,7 @@ std::vector<Symptom> ExamineReached(const Examination& examination, const ArmRea
                                     const std::vector<Rigid3d>& poses, const std::vector<size_t>& order) {
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return {};
-  const Comparison comparison{*without, poses, examination.num_threads};
+  const ArmComparison comparison{*without, poses, examination.num_threads};
   const PairDataset& data = examination.config.data;
   const std::optional<Configuration> near =
       data.robot->joints_near.size() > 0 ? ConfigurationOf(stated.arm, data.robot->joints_near) : std::nullopt;
@@ -570,7 +570,7 @@ ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& r
   const ChosenRemedy by_reach = remedies.size() == 1 ? ChosenRemedy{&remedies.front(), {}, "", true} : ChosenRemedy{};
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return by_reach;
-  const Comparison comparison{*without, poses, examination.num_threads};
+  const ArmComparison comparison{*without, poses, examination.num_threads};
   std::vector<std::pair<const Remedy*, FittedReading>> fitted;
   const auto is_likely = [&](const Remedy& remedy) {
     return HaveSameMaker(remedy.readings.front().arm, examination.config.data.robot->arm);

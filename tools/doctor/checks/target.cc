@@ -218,7 +218,7 @@ std::string SeenText(const PairConfig& config, const std::vector<CaptureDetectio
 }
 
 // Another target than the config's, with its detections in all images.
-struct ShownTarget {
+struct TargetInImages {
   OtherTarget target;
   std::vector<CaptureDetection> detections;
 };
@@ -231,7 +231,7 @@ PairConfig WithTarget(PairConfig config, const OtherTarget& other) {
 
 // Returns the target that the images show instead of the config's; nothing if `sample`, a part of them, does not tell
 // it.
-std::optional<ShownTarget> FindShownTarget(const Examination& examination, const PairConfig& sample) {
+std::optional<TargetInImages> FindShownTarget(const Examination& examination, const PairConfig& sample) {
   const std::vector<std::string>& other_codes = examination.rig.other_codes;
   // Both targets are compared in the same images: the few may not show the target at all.
   const size_t num_now = NumPoints(Detections(sample, examination.num_threads, Verbosity::kQuiet));
@@ -242,7 +242,7 @@ std::optional<ShownTarget> FindShownTarget(const Examination& examination, const
   std::vector<CaptureDetection> detections = Detections(config, examination.num_threads, examination.verbosity);
   // A target of which most is not there is another one again.
   if (MiddleShare(config, detections) < kLeastShare) return std::nullopt;
-  return ShownTarget{std::move(*other), std::move(detections)};
+  return TargetInImages{std::move(*other), std::move(detections)};
 }
 
 // Reports that the images show another target. `config` and `detections` are those with it; `seen` says how well that
@@ -303,7 +303,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;
   std::string seen = SeenText(config, few) + " that were searched";
-  std::optional<ShownTarget> shown;
+  std::optional<TargetInImages> shown;
   if (is_in_none) shown = FindShownTarget(*examination, sample);
   if (!shown) {
     examination->detections = detect_all();

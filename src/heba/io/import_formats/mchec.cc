@@ -93,13 +93,13 @@ Info ReadInfo(const fs::path& root, std::vector<std::string>* remarks) {
 }
 
 // An image and the file of the pose at which it was taken.
-struct PosedImage {
+struct ImageWithPose {
   fs::path image;
   fs::path pose;
 };
 
 // Returns the images of a camera's folder that have a pose, by their numbers.
-std::map<long, PosedImage> PosedImagesOf(const fs::path& camera, std::vector<std::string>* remarks) {
+std::map<long, ImageWithPose> PosedImagesOf(const fs::path& camera, std::vector<std::string>* remarks) {
   std::map<long, fs::path> poses;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(camera / "pose", error)) {
@@ -108,7 +108,7 @@ std::map<long, PosedImage> PosedImagesOf(const fs::path& camera, std::vector<std
     const auto [other, is_new] = poses.emplace(*number, entry.path());
     if (!is_new) throw InputError(entry.path().string() + ": has the same number as " + other->second.string());
   }
-  std::map<long, PosedImage> posed;
+  std::map<long, ImageWithPose> posed;
   int num_without_pose = 0;
   for (const fs::path& image : ImagesOf(camera / "image")) {
     const std::optional<long> number = NumberInName(image.stem().string());
@@ -117,7 +117,7 @@ std::map<long, PosedImage> PosedImagesOf(const fs::path& camera, std::vector<std
       ++num_without_pose;
       continue;
     }
-    const auto [other, is_new] = posed.emplace(*number, PosedImage{image, pose->second});
+    const auto [other, is_new] = posed.emplace(*number, ImageWithPose{image, pose->second});
     if (!is_new) throw InputError(image.string() + ": has the same number as " + other->second.image.string());
   }
   if (num_without_pose > 0) {
@@ -170,7 +170,7 @@ struct CapturePose {
 
 // Adds the images of the camera with this index to the captures of their numbers. The cameras' own records of a pose
 // may differ by the noise of the arm's encoders; the first one holds.
-void AddImages(const std::map<long, PosedImage>& images, size_t camera, std::map<long, CapturePose>* captures) {
+void AddImages(const std::map<long, ImageWithPose>& images, size_t camera, std::map<long, CapturePose>* captures) {
   constexpr double kSameM = 0.1e-3;
   const double same_rad = DegToRad(0.01);
   for (const auto& [number, posed] : images) {
@@ -213,7 +213,7 @@ std::optional<ImportedCell> ReadLongForm(const fs::path& source) {
   std::vector<std::string> absent;
   for (int number = 1; number <= info.num_cameras; ++number) {
     const std::string name = info.prefix + std::to_string(number);
-    const std::map<long, PosedImage> images = PosedImagesOf(root / name, &rig.remarks);
+    const std::map<long, ImageWithPose> images = PosedImagesOf(root / name, &rig.remarks);
     if (images.empty()) {
       absent.push_back(name);
       continue;
