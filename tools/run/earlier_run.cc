@@ -279,11 +279,10 @@ Subject SubjectOf(const Problem& problem, const std::string& block) {
 
 // Returns whether a difference is more than chance. Every lens and print has errors that its model lacks, which differ
 // from one set of captures to another; a lens that was refocused or exchanged differs by more.
-bool Contradicts(const PriorAgreement& agreement, const Subject& subject) {
+bool Contradicts(const PriorAgreement& agreement) {
   constexpr double kByChance = 1e-4;
   constexpr double kUnmodelled = 5;
-  const bool is_model = subject.part == "lens" || subject.part == "target_shape";
-  return agreement.p_value < kByChance && (!is_model || agreement.ratio > kUnmodelled);
+  return agreement.p_value < kByChance && (agreement.is_of_poses || agreement.ratio > kUnmodelled);
 }
 
 }  // namespace
@@ -292,13 +291,10 @@ Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solutio
   Finding finding{Grade::kGood, FindingCode("prior")};
   PriorAgreement least;
   for (const PriorAgreement& agreement : AgreementWithPrior(used, solution)) {
-    const bool contradicts = Contradicts(agreement, SubjectOf(used, agreement.block));
-    if (contradicts) finding.grade = Grade::kBad;
-    // Of those that contradict, the least likely.
-    const bool is_first = contradicts && !Contradicts(least, SubjectOf(used, least.block));
-    if (is_first || (contradicts == (finding.grade == Grade::kBad) && agreement.p_value <= least.p_value)) {
-      least = agreement;
-    }
+    if (Contradicts(agreement)) finding.grade = Grade::kBad;
+    const bool is_clearer =
+        Contradicts(agreement) != Contradicts(least) ? Contradicts(agreement) : agreement.p_value < least.p_value;
+    if (least.block.empty() || is_clearer) least = agreement;
   }
   const Subject subject = SubjectOf(used, least.block);
   finding.numbers = {{"p", least.p_value}, {"ratio", least.ratio}};

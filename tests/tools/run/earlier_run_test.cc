@@ -51,8 +51,7 @@ class EarlierRunTest : public testing::Test {
   static PairRunOptions Options() {
     PairRunOptions options;
     options.folds = 0;
-    options.bundle.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-    options.camera_model = "pinhole";
+    options.camera_model = "brown5";
     options.choose_camera_model = false;
     return options;
   }
@@ -137,7 +136,7 @@ TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
   const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
   ASSERT_TRUE(earlier) << earlier.reason();
   PairDataset other = Part(kNumEarlier, all_.captures.size());
-  other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, diameter: 10 mm}");
+  other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, dot_diameter: 10 mm}");
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with a target of type chessboard, but the target is of type circle_grid");
   other = Part(kNumEarlier, all_.captures.size());
@@ -151,7 +150,7 @@ TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
             std::string::npos);
   other.camera = Camera{"fisheye4", 1280, 960, {1000, 1000, 640, 480, 0, 0, 0, 0}};
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
-            "earlier: is a run with the camera model pinhole, but that of the camera is fisheye4");
+            "earlier: is a run with the camera model brown5, but that of the camera is fisheye4");
 }
 
 }  // namespace
