@@ -6,9 +6,9 @@ cd "$(dirname "$0")/.."
 
 tools/install_packages.sh
 # A new folder is built once: several sources are compiled as one.
-unite=()
-[ -e build/release/CMakeCache.txt ] || unite=(-DHEBA_UNITE=ON)
-cmake --preset release "${unite[@]}" -DHEBA_BUILD_TESTS=OFF >/dev/null
+once=()
+[ -e build/release/CMakeCache.txt ] || once=(-DHEBA_UNITE=ON)
+cmake --preset release "${once[@]}" -DHEBA_BUILD_TESTS=OFF >/dev/null
 cmake --build --preset release --target heba
 heba=build/release/heba
 

@@ -7,10 +7,11 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tools/install_packages.sh --tests
-# A new folder is built once: several sources are compiled as one. For work on the code, configure it with HEBA_UNITE=OFF.
-unite=()
-[ -e build/release/CMakeCache.txt ] || unite=(-DHEBA_UNITE=ON)
-cmake --preset release "${unite[@]}" -DHEBA_BUILD_TESTS=ON -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" \
+# A new folder is built once: several sources are compiled as one, and no benchmarks. For work on the code, configure it
+# with HEBA_UNITE=OFF.
+once=()
+[ -e build/release/CMakeCache.txt ] || once=(-DHEBA_UNITE="${HEBA_UNITE:-ON}" -DHEBA_BUILD_BENCHMARKS="${HEBA_BUILD_BENCHMARKS:-OFF}")
+cmake --preset release "${once[@]}" -DHEBA_BUILD_TESTS=ON -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" \
   -DHEBA_REPORT_SCRIPT="${HEBA_REPORT_SCRIPT:-AUTO}" >/dev/null
 cmake --build --preset release
 if [ $# -eq 0 ]; then set -- --label-exclude nightly; fi

@@ -9,7 +9,7 @@
 namespace heba {
 
 // Reads `prior`: the folder of a run, or {run: FOLDER, drift: {translation, rotation}, target: in-place | moved}.
-// Returns nothing if the key is absent. Throws InputError if the run cannot be read, or if the earlier run is bad.
+// Returns nothing if the key is absent. Throws InputError if the run cannot be read.
 std::optional<EarlierRun> ReadPrior(MapReader& root);
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
@@ -285,6 +286,24 @@ bool Contradicts(const PriorAgreement& agreement) {
   return agreement.p_value < kByChance && (agreement.is_of_poses || agreement.ratio > kUnmodelled);
 }
 
+// Returns the code of what is wrong with an earlier run, beside that it knows too little, or "arm" if it estimated
+// errors of an arm, which the captures have, too, and which are not corrected; empty if nothing is wrong.
+std::string FaultOf(const RunResult& earlier) {
+  constexpr std::string_view kKnowsLittle[] = {"uncertainty", "required", "weak_direction", "few_captures",
+                                               "captures_left_out"};
+  for (const Finding& finding : earlier.verdict.findings) {
+    if (finding.grade == Grade::kBad &&
+        std::find(std::begin(kKnowsLittle), std::end(kKnowsLittle), finding.code) == std::end(kKnowsLittle)) {
+      return finding.code;
+    }
+  }
+  for (size_t r = 0; r < earlier.rig.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(earlier.rig, r);
+    if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return "arm";
+  }
+  return "";
+}
+
 }  // namespace
 
 Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solution& solution) {
@@ -296,10 +315,13 @@ Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solutio
         Contradicts(agreement) != Contradicts(least) ? Contradicts(agreement) : agreement.p_value < least.p_value;
     if (least.block.empty() || is_clearer) least = agreement;
   }
+  const std::string fault = FaultOf(*earlier.result);
+  if (!fault.empty()) finding.grade = std::max(finding.grade, Grade::kDoubtful);
   const Subject subject = SubjectOf(used, least.block);
   finding.numbers = {{"p", least.p_value}, {"ratio", least.ratio}};
   finding.names = {{"run", earlier.name}, {"part", subject.part}};
   if (!subject.of.empty()) finding.names.emplace_back("of", subject.of);
+  if (!fault.empty()) finding.names.emplace_back("fault", fault);
   finding.is_cause = finding.grade != Grade::kGood;
   return finding;
 }

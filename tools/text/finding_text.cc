@@ -495,6 +495,16 @@ FindingText DriftUnseen(const Finding& finding) {
 
 FindingText PriorText(const Finding& finding) {
   const std::string run = Name(finding, "run");
+  const std::string fault = Name(finding, "fault");
+  if (finding.grade == Grade::kDoubtful && fault == "arm") {
+    return {"the result builds on the run " + run +
+                ", which estimated the errors of the arm; the poses of these captures are not corrected for them",
+            "calibrate the captures of both sessions together"};
+  }
+  if (finding.grade == Grade::kDoubtful) {
+    return {"the result builds on the run " + run + ", which is bad (" + fault + ")",
+            "mend what is wrong there, and run it again"};
+  }
   if (finding.grade == Grade::kGood) {
     return {"the result builds on the run " + run + ", with which the captures agree (least probability by chance " +
                 ShownPValue(Number(finding, "p")) + ")",
