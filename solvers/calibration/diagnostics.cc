@@ -6,6 +6,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/units.h"
+#include "heba/data/joint_prior.h"
 #include "heba/evaluation/limits.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/choice_levels.h"
@@ -259,7 +260,9 @@ Finding DescribeCameraUse(const Camera& given, const PairSolution& solution, con
     finding.names = {{"use", "held"}};
     return finding;
   }
-  finding.names = {{"use", options.camera_prior ? "prior" : "initial_guess"}};
+  const bool is_known_earlier =
+      options.prior != nullptr && options.prior->covariance.layout.Block(kCameraBlock).size > 0;
+  finding.names = {{"use", options.camera_prior || is_known_earlier ? "prior" : "initial_guess"}};
   AddLargestMove(given, solution.camera, solution.covariance, kCameraBlock, &finding);
   return finding;
 }

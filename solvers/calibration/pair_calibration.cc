@@ -742,7 +742,9 @@ Advice Advise(const PairCalibration& calibration, const PairCalibrationOptions& 
     finding.is_cause = true;
     add(std::move(finding));
   }
-  if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
+  // An earlier session knows the noise of this robot.
+  const bool is_assumed = bundle.robot_noise_prior && bundle.prior == nullptr;
+  if (is_assumed && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
     add(Finding{Grade::kDoubtful,
                 FindingCode("few_captures_prior"),
                 {{"fewer_than", static_cast<double>(kMinPosesForVariances)},

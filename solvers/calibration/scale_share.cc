@@ -189,6 +189,11 @@ ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const
   ScaleShare share;
   share.repeatable = WithoutScalesOfTargets(problem, solution.covariance);
   share.findings = JudgeScales(problem, solution, sigmas);
+  if (problem.prior != nullptr) {
+    // The captures of an earlier session were measured with the same scales.
+    share.changes = ChangesOfCell(*problem.prior, solution.covariance.layout);
+    return share;
+  }
   Problem all = WeightedAs(solution, problem);
   FitState state = StateOf(solution);
   FitNoise noise = NoiseOf(solution);
@@ -204,11 +209,6 @@ ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const
     if (sigmas.robots[r] <= 0) continue;
     AddScaleOfRobot(r, sigmas.robots[r], &all, &state, &noise);
     held.insert(ErrorsBlock(all.robots[r]) + "." + kScaleEffect);
-  }
-  if (problem.prior != nullptr) {
-    // The captures of an earlier session were measured with the same scales.
-    share.changes = ChangesOfCell(*problem.prior, solution.covariance.layout);
-    return share;
   }
   if (held.empty()) return share;
   const std::optional<NormalEquationsOfAll> equations = NormalEquationsOf(all, state, noise);

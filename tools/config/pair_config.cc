@@ -18,6 +18,7 @@
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_folder.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -216,6 +217,7 @@ PairConfig ReadPairConfig(const fs::path& path, const std::vector<std::string>& 
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   config.options.earlier = ReadPrior(reader);
+  if (config.options.earlier) config.data_files.push_back(RunFolderOf(config.options.earlier->name) / "result.json");
   ReadWobble(reader);  // `heba check` needs it.
   ReadPlan(reader);    // `heba plan` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);

@@ -23,6 +23,7 @@
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_folder.h"
 #include "tools/text/arm_keys.h"
 
 namespace heba {
@@ -573,6 +574,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   config.options.earlier = ReadPrior(reader);
+  if (config.options.earlier) config.data_files.push_back(RunFolderOf(config.options.earlier->name) / "result.json");
   ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();

@@ -1,7 +1,6 @@
 #include "tools/run/earlier_run.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -9,10 +8,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/factorisation.h"
 #include "heba/base/text.h"
 #include "heba/data/hand_eye.h"
 #include "heba/data/joint_prior.h"
@@ -85,7 +86,8 @@ std::optional<RobotNoisePrior> NoisePriorOf(const RunResult& earlier) {
   const SharedEffects* const effects = EffectsOf(earlier.rig, 0);
   if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return std::nullopt;
   constexpr double kLeastLogSigma = 0.1;
-  RobotNoisePrior prior{NoiseElsewhere(solution, 0), kLeastLogSigma};
+  constexpr double kUsualLogSigma = 0.25;  // That of some ten captures, if it is not known.
+  RobotNoisePrior prior{NoiseElsewhere(solution, 0), kUsualLogSigma};
   if (!(prior.median.translation_m > 0 && prior.median.rotation_rad > 0)) return std::nullopt;
   if (!solution.robot_noise_stddev.empty() && solution.robot_noise_stddev[0]) {
     const RobotNoise& stddev = *solution.robot_noise_stddev[0];
@@ -93,6 +95,16 @@ std::optional<RobotNoisePrior> NoisePriorOf(const RunResult& earlier) {
                                 stddev.rotation_rad / prior.median.rotation_rad});
   }
   return prior;
+}
+
+// Returns whether the earlier run knew all cameras, at the same mounts, and all arms: it then predicts each image.
+bool SeesAsEarlier(const RunResult& earlier, const Problem& problem) {
+  const bool has_same_arms = problem.robots.size() == earlier.rig.robots.size() &&
+                             (problem.robots.size() == 1 || problem.robots == earlier.rig.robots);
+  return has_same_arms && std::all_of(problem.cameras.begin(), problem.cameras.end(), [&](const ProblemCamera& camera) {
+           const std::optional<size_t> place = PlaceOf(camera, problem.cameras.size(), earlier.rig.cameras);
+           return place && earlier.rig.cameras[*place].mount == camera.mount;
+         });
 }
 
 // What the earlier run predicts of one image.
@@ -108,9 +120,7 @@ std::optional<Sight> SightOf(const EarlierRun& earlier, const Dataset& dataset, 
   const Problem& rig = dataset.rig;
   const std::optional<size_t> camera = PlaceOf(rig.cameras[seen.camera], rig.cameras.size(), result.rig.cameras);
   const std::optional<size_t> target = PlaceOf(rig.targets[seen.target], rig.targets.size(), result.rig.targets);
-  const bool has_same_arms =
-      rig.robots.size() == result.rig.robots.size() && (rig.robots.size() == 1 || rig.robots == result.rig.robots);
-  if (!camera || !target || !has_same_arms) return std::nullopt;
+  if (!camera || !target) return std::nullopt;
   Sight sight{result.solution.cameras[*camera],
               CameraFromTarget(result.rig, result.solution.poses, *camera, *target,
                                dataset.captures[seen.capture].base_from_gripper),
@@ -165,21 +175,33 @@ void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* op
   if (dataset->camera) {
     CheckCamera(earlier, *dataset->camera, result.solution.cameras[0]);
   } else {
+    const std::string& model = result.solution.cameras[0].model;
+    if (!options->choose_camera_model && !options->camera_model.empty() && options->camera_model != model) {
+      throw InputError(earlier.name + ": is a run with the camera model " + model + ", but that of the camera is " +
+                       options->camera_model);
+    }
     dataset->camera = result.solution.cameras[0];
     dataset->camera_source = earlier.name;
     bundle.free_intrinsics = FreeIntrinsicsOf(result, 0);
     options->choose_camera_model = false;
   }
-  bundle.free_shape = FreeShapeOf(result, 0);
+  if (options->choose.target_shape) bundle.free_shape = FreeShapeOf(result, 0);
   options->choose.target_shape = false;
-  // The prior has what the earlier run knew about the scale.
+  // The prior has what the earlier run knew about the scale and the lens.
   bundle.target_scale_sigma = std::nullopt;
+  if (!FreeIntrinsicsOf(result, 0).empty()) bundle.camera_prior = std::nullopt;
   Problem named = HandEyeProblem(dataset->setup, *dataset->camera, TargetShape());
   AddPrior(earlier, &named);
   bundle.prior = named.prior;
   const std::optional<RobotNoisePrior> noise = NoisePriorOf(result);
-  if (!options->choose.robot_noise || options->joint_noise || !noise) return;
-  const bool takes_smooth = options->smooth != SmoothPoseErrors::kNone;
+  if (!options->choose.robot_noise || options->joint_noise) return;
+  if (!result.solution.robot_noise.empty() && !result.solution.robot_noise[0]) {
+    options->choose.robot_noise = false;
+    bundle.robot = BundleOptions::Robot::kExact;
+  }
+  if (!noise) return;
+  const bool names_arm = dataset->robot && options->kinematics != Kinematics::kNone;
+  const bool takes_smooth = options->smooth != SmoothPoseErrors::kNone && !names_arm;
   options->choose.robot_noise = false;
   options->smooth = SmoothPoseErrors::kNone;
   if (const std::optional<SmoothPrior> smooth = SmoothPriorsOf(result)[0]; smooth && takes_smooth) {
@@ -197,6 +219,7 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::optional<size_t> place = PlaceOf(cameras[c], cameras.size(), result.rig.cameras);
     if (!place) continue;
+    if (!FreeIntrinsicsOf(result, *place).empty()) cameras[c].prior = std::nullopt;
     if (dataset->has_camera[c]) {
       CheckCamera(earlier, cameras[c].camera, result.solution.cameras[*place]);
       continue;
@@ -207,14 +230,17 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
     dataset->camera_sources[c] = earlier.name;
   }
   std::vector<ProblemTarget>& targets = dataset->rig.targets;
+  bool knows_all_targets = true;
   for (size_t t = 0; t < targets.size(); ++t) {
     const std::optional<size_t> place = PlaceOf(targets[t], targets.size(), result.rig.targets);
+    knows_all_targets = knows_all_targets && place.has_value();
     if (!place) continue;
     CheckTarget(earlier, *dataset->targets[t], *place);
-    targets[t].free_shape = FreeShapeOf(result, *place);
+    if (options->calibration.choose_target_shape) targets[t].free_shape = FreeShapeOf(result, *place);
     targets[t].scale_sigma = std::nullopt;
   }
-  options->calibration.choose_target_shape = false;
+  // Shapes are chosen for all targets or for none.
+  if (knows_all_targets) options->calibration.choose_target_shape = false;
   Problem named = dataset->rig;
   AddPrior(earlier, &named);
   if (named.prior->covariance.layout.size() == 0) {
@@ -223,7 +249,7 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
 }
 
 void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections) {
-  if (earlier.change.is_target_moved) return;
+  if (earlier.change.is_target_moved || !SeesAsEarlier(*earlier.result, dataset.rig)) return;
   for (TargetDetection& seen : *detections) {
     const Target& target = *dataset.targets[seen.target];
     const std::vector<Rigid3d> symmetries = target.Symmetries();
@@ -248,14 +274,23 @@ void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vecto
 
 void AddPrior(const EarlierRun& earlier, Problem* problem) {
   const RunResult& result = *earlier.result;
+  ChangeOfCell change = earlier.change;
+  const bool has_symmetry = std::any_of(problem->targets.begin(), problem->targets.end(),
+                                        [](const ProblemTarget& target) { return target.symmetries.size() > 1; });
+  // A target that is read in another order has another pose.
+  if (has_symmetry && !SeesAsEarlier(result, *problem)) change.is_target_moved = true;
   for (ProblemTarget& target : problem->targets) {
     const std::optional<size_t> place = PlaceOf(target, problem->targets.size(), result.rig.targets);
     if (!place) continue;
     target.shape.params = result.solution.shapes[*place].params;
-    if (!earlier.change.is_target_moved) target.symmetries = {Rigid3d()};  // ReadAsEarlier
+    if (!change.is_target_moved) target.symmetries = {Rigid3d()};  // ReadAsEarlier
   }
-  problem->prior =
-      std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, *problem, earlier.change));
+  problem->prior = std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, *problem, change));
+  const Eigen::MatrixXd& covariance = problem->prior->covariance.matrix;
+  const Eigen::VectorXd scales = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  if (!scales.allFinite() || !Cholesky(Eigen::MatrixXd(scales.asDiagonal() * covariance * scales.asDiagonal()))) {
+    throw InputError(earlier.name + ": its covariance is not positive definite, and tells nothing for a later run");
+  }
 }
 
 namespace {
@@ -275,7 +310,10 @@ Subject SubjectOf(const Problem& problem, const std::string& block) {
     if (block == TargetPoseBlock(target)) return {"target_pose", target.name};
     if (block == TargetShapeBlock(target)) return {"target_shape", target.name};
   }
-  return {"base", block};
+  for (const std::string& robot : problem.robots) {
+    if (block == BaseBlock(robot)) return {"base", robot};
+  }
+  return {};
 }
 
 // Returns whether a difference is more than chance. Every lens and print has errors that its model lacks, which differ
@@ -288,7 +326,7 @@ bool Contradicts(const PriorAgreement& agreement) {
 
 // Returns the code of what is wrong with an earlier run, beside that it knows too little, or "arm" if it estimated
 // errors of an arm, which the captures have, too, and which are not corrected; empty if nothing is wrong.
-std::string FaultOf(const RunResult& earlier) {
+std::string FaultOf(const RunResult& earlier, const Problem& used) {
   constexpr std::string_view kKnowsLittle[] = {"uncertainty", "required", "weak_direction", "few_captures",
                                                "captures_left_out"};
   for (const Finding& finding : earlier.verdict.findings) {
@@ -297,10 +335,12 @@ std::string FaultOf(const RunResult& earlier) {
       return finding.code;
     }
   }
-  for (size_t r = 0; r < earlier.rig.robots.size(); ++r) {
-    const SharedEffects* const effects = EffectsOf(earlier.rig, r);
-    if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return "arm";
-  }
+  const auto has_arm_errors = [](const Problem& problem) {
+    return std::any_of(problem.effects.begin(), problem.effects.end(), [](const auto& effects) {
+      return effects != nullptr && effects->kind == SharedEffectsKind::kArm;
+    });
+  };
+  if (has_arm_errors(earlier.rig) && !has_arm_errors(used)) return "arm";
   return "";
 }
 
@@ -311,11 +351,12 @@ Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solutio
   PriorAgreement least;
   for (const PriorAgreement& agreement : AgreementWithPrior(used, solution)) {
     if (Contradicts(agreement)) finding.grade = Grade::kBad;
-    const bool is_clearer =
-        Contradicts(agreement) != Contradicts(least) ? Contradicts(agreement) : agreement.p_value < least.p_value;
+    // Small probabilities are rounded to zero.
+    const auto rank = [](const PriorAgreement& one) { return std::tuple(Contradicts(one), -one.p_value, one.ratio); };
+    const bool is_clearer = rank(agreement) > rank(least);
     if (least.block.empty() || is_clearer) least = agreement;
   }
-  const std::string fault = FaultOf(*earlier.result);
+  const std::string fault = FaultOf(*earlier.result, used);
   if (!fault.empty()) finding.grade = std::max(finding.grade, Grade::kDoubtful);
   const Subject subject = SubjectOf(used, least.block);
   finding.numbers = {{"p", least.p_value}, {"ratio", least.ratio}};

@@ -16,10 +16,12 @@ void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* op
 // Likewise for any number of cameras, targets and arms. The noise of the arms is estimated anew.
 void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options);
 
-// Gives a problem the shapes of targets that the earlier run found, and its prior.
+// Gives a problem the shapes of targets that the earlier run found, and its prior. Targets that are read as there
+// (ReadAsEarlier) have no symmetries any more. Throws InputError if the covariance of the earlier run is of no use.
 void AddPrior(const EarlierRun& earlier, Problem* problem);
 
-// Reads the targets with symmetries in the orders in which the earlier run saw them, so that their poses mean the same.
+// Reads the targets with symmetries in the orders in which the earlier run saw them, so that their poses mean the same;
+// if it lacks a camera or an arm, or targets were moved, nothing is changed, and the prior has no poses of targets.
 void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections);
 
 // The finding `prior`: whether the captures agree with the earlier run. `used` has the points that the solution uses.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <utility>
 
 #include "heba/base/factorisation.h"
 
@@ -25,19 +24,27 @@ std::optional<size_t> Find(const std::string& name, size_t num_earlier, const st
 std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const Problem& problem, bool is_target_moved) {
   std::map<std::string, std::string> renamed;
   const auto name_of = [](const auto& object) { return object.name; };
+  const auto is_same_arm = [&](size_t of_earlier, size_t other) {
+    return (earlier.robots.size() == 1 && problem.robots.size() == 1) ||
+           earlier.robots[of_earlier] == problem.robots[other];
+  };
+  const auto is_same_mount = [&](const Mount& of_earlier, const Mount& other) {
+    return of_earlier.part == other.part && is_same_arm(of_earlier.robot, other.robot);
+  };
   for (const ProblemCamera& camera : earlier.cameras) {
     const std::optional<size_t> c = Find(camera.name, earlier.cameras.size(), problem.cameras, name_of);
-    if (!c || problem.cameras[*c].mount != camera.mount) continue;
+    if (!c || !is_same_mount(camera.mount, problem.cameras[*c].mount)) continue;
     renamed[CameraPoseBlock(camera)] = CameraPoseBlock(problem.cameras[*c]);
     renamed[CameraBlock(camera)] = CameraBlock(problem.cameras[*c]);
   }
   for (const ProblemTarget& target : earlier.targets) {
     const std::optional<size_t> t = Find(target.name, earlier.targets.size(), problem.targets, name_of);
-    if (!t || problem.targets[*t].mount != target.mount) continue;
+    if (!t || !is_same_mount(target.mount, problem.targets[*t].mount)) continue;
     if (!is_target_moved) renamed[TargetPoseBlock(target)] = TargetPoseBlock(problem.targets[*t]);
     renamed[TargetShapeBlock(target)] = TargetShapeBlock(problem.targets[*t]);
   }
-  for (const std::string& robot : earlier.robots) {
+  // The world is the base of the first arm.
+  for (const std::string& robot : is_same_arm(0, 0) ? earlier.robots : std::vector<std::string>()) {
     const bool is_known = std::find(problem.robots.begin(), problem.robots.end(), robot) != problem.robots.end();
     if (is_known) renamed[BaseBlock(robot)] = BaseBlock(robot);
   }

@@ -179,7 +179,8 @@ Finding JudgeImages(const RunResult& result) {
   std::optional<Finding> worst;
   double worst_share = 0;
   // Few captures are enough beside those of an earlier run.
-  const bool builds_on_other = std::any_of(result.observations.begin(), result.observations.end(),
+  const bool builds_on_other = result.rig.cameras.size() == 1 &&
+                               std::any_of(result.observations.begin(), result.observations.end(),
                                            [](const Finding& finding) { return finding.code == FindingCode("prior"); });
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const int num_used = NumUsed(result, c);
