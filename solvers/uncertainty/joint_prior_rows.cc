@@ -10,25 +10,17 @@
 namespace heba {
 namespace {
 
-Eigen::Matrix3d CrossProductOf(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
-}
-
 // Returns the derivative of LocalCoordinates(mean, Retract(x, step)) by the step, at zero, where `difference` is
 // LocalCoordinates(mean, x). That of the rotation is the inverse right Jacobian of SO(3).
 Eigen::Matrix<double, 6, 6> DifferenceByStep(const Tangent6& difference) {
   const Eigen::Vector3d rotation = difference.tail<3>();
   const double angle = rotation.norm();
-  const Eigen::Matrix3d cross = CrossProductOf(rotation);
+  const Eigen::Matrix3d cross = Skew(rotation);
   constexpr double kSmall = 1e-4;  // The next term of the series is below 1e-11.
   const double factor =
       angle < kSmall ? 1.0 / 12 : 1 / (angle * angle) - (1 + std::cos(angle)) / (2 * angle * std::sin(angle));
   Eigen::Matrix<double, 6, 6> by_step = Eigen::Matrix<double, 6, 6>::Zero();
-  Tangent6 turn = Tangent6::Zero();
-  turn.tail<3>() = rotation;
-  by_step.topLeftCorner<3, 3>() = Retract(Rigid3d(), turn).rotation.toRotationMatrix();
+  by_step.topLeftCorner<3, 3>() = ExpRotation(rotation).toRotationMatrix();
   by_step.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() + 0.5 * cross + factor * cross * cross;
   return by_step;
 }

@@ -18,7 +18,6 @@
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
-#include "tools/config/run_folder.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -216,8 +215,7 @@ PairConfig ReadPairConfig(const fs::path& path, const std::vector<std::string>& 
   config.options.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
-  config.options.earlier = ReadPrior(reader);
-  if (config.options.earlier) config.data_files.push_back(RunFolderOf(config.options.earlier->name) / "result.json");
+  config.options.earlier = ReadPrior(reader, &config.data_files);
   ReadWobble(reader);  // `heba check` needs it.
   ReadPlan(reader);    // `heba plan` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / config.data.name);

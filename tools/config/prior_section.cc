@@ -1,6 +1,5 @@
 #include "tools/config/prior_section.h"
 
-#include <filesystem>
 #include <memory>
 
 #include "tools/config/run_folder.h"
@@ -21,7 +20,7 @@ ChangeOfCell ReadChange(MapReader* reader) {
 
 }  // namespace
 
-std::optional<EarlierRun> ReadPrior(MapReader& root) {
+std::optional<EarlierRun> ReadPrior(MapReader& root, std::vector<std::filesystem::path>* data_files) {
   const std::optional<ConfigValue> value = root.Find("prior");
   if (!value) return std::nullopt;
   EarlierRun earlier;
@@ -42,6 +41,7 @@ std::optional<EarlierRun> ReadPrior(MapReader& root) {
   }
   const std::filesystem::path folder = RunFolderOf(run);
   earlier.name = run.string();
+  data_files->push_back(folder / "result.json");
   earlier.result = std::make_shared<const RunResult>(ReadRefinedResult(folder));
   return earlier;
 }

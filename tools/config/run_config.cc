@@ -23,7 +23,6 @@
 #include "tools/config/requirements.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
-#include "tools/config/run_folder.h"
 #include "tools/text/arm_keys.h"
 
 namespace heba {
@@ -573,8 +572,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
-  config.options.earlier = ReadPrior(reader);
-  if (config.options.earlier) config.data_files.push_back(RunFolderOf(config.options.earlier->name) / "result.json");
+  config.options.earlier = ReadPrior(reader, &config.data_files);
   ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / data.name);
   reader.Finish();

@@ -17,6 +17,7 @@
 #include "heba/base/text.h"
 #include "heba/data/hand_eye.h"
 #include "heba/data/joint_prior.h"
+#include "heba/data/same_object.h"
 #include "heba/data/smooth_errors.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/prior_agreement.h"
@@ -25,16 +26,6 @@
 
 namespace heba {
 namespace {
-
-// Returns the place of a camera or target of the data set among those of the earlier run.
-template <class Object>
-std::optional<size_t> PlaceOf(const Object& object, size_t num_objects, const std::vector<Object>& earlier) {
-  if (num_objects == 1 && earlier.size() == 1) return 0;
-  for (size_t i = 0; i < earlier.size(); ++i) {
-    if (earlier[i].name == object.name) return i;
-  }
-  return std::nullopt;
-}
 
 // Returns the groups of the unknowns of a block, in their order.
 template <class Group, class GroupOf>
@@ -102,12 +93,12 @@ bool SeesAsEarlier(const RunResult& earlier, const Problem& problem) {
   const bool has_same_arms = problem.robots.size() == earlier.rig.robots.size() &&
                              (problem.robots.size() == 1 || problem.robots == earlier.rig.robots);
   return has_same_arms && std::all_of(problem.cameras.begin(), problem.cameras.end(), [&](const ProblemCamera& camera) {
-           const std::optional<size_t> place = PlaceOf(camera, problem.cameras.size(), earlier.rig.cameras);
+           const std::optional<size_t> place = PlaceOfSame(camera.name, problem.cameras.size(), earlier.rig.cameras);
            return place && earlier.rig.cameras[*place].mount == camera.mount;
          });
 }
 
-// What the earlier run predicts of one image.
+// A Sight is what the earlier run predicts of one image.
 struct Sight {
   Camera camera;
   Rigid3d camera_from_target;
@@ -118,8 +109,10 @@ struct Sight {
 std::optional<Sight> SightOf(const EarlierRun& earlier, const Dataset& dataset, const TargetDetection& seen) {
   const RunResult& result = *earlier.result;
   const Problem& rig = dataset.rig;
-  const std::optional<size_t> camera = PlaceOf(rig.cameras[seen.camera], rig.cameras.size(), result.rig.cameras);
-  const std::optional<size_t> target = PlaceOf(rig.targets[seen.target], rig.targets.size(), result.rig.targets);
+  const std::optional<size_t> camera =
+      PlaceOfSame(rig.cameras[seen.camera].name, rig.cameras.size(), result.rig.cameras);
+  const std::optional<size_t> target =
+      PlaceOfSame(rig.targets[seen.target].name, rig.targets.size(), result.rig.targets);
   if (!camera || !target) return std::nullopt;
   Sight sight{result.solution.cameras[*camera],
               CameraFromTarget(result.rig, result.solution.poses, *camera, *target,
@@ -217,7 +210,7 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   const RunResult& result = *earlier.result;
   std::vector<ProblemCamera>& cameras = dataset->rig.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
-    const std::optional<size_t> place = PlaceOf(cameras[c], cameras.size(), result.rig.cameras);
+    const std::optional<size_t> place = PlaceOfSame(cameras[c].name, cameras.size(), result.rig.cameras);
     if (!place) continue;
     if (!FreeIntrinsicsOf(result, *place).empty()) cameras[c].prior = std::nullopt;
     if (dataset->has_camera[c]) {
@@ -232,7 +225,7 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   std::vector<ProblemTarget>& targets = dataset->rig.targets;
   bool knows_all_targets = true;
   for (size_t t = 0; t < targets.size(); ++t) {
-    const std::optional<size_t> place = PlaceOf(targets[t], targets.size(), result.rig.targets);
+    const std::optional<size_t> place = PlaceOfSame(targets[t].name, targets.size(), result.rig.targets);
     knows_all_targets = knows_all_targets && place.has_value();
     if (!place) continue;
     CheckTarget(earlier, *dataset->targets[t], *place);
@@ -280,7 +273,7 @@ void AddPrior(const EarlierRun& earlier, Problem* problem) {
   // A target that is read in another order has another pose.
   if (has_symmetry && !SeesAsEarlier(result, *problem)) change.is_target_moved = true;
   for (ProblemTarget& target : problem->targets) {
-    const std::optional<size_t> place = PlaceOf(target, problem->targets.size(), result.rig.targets);
+    const std::optional<size_t> place = PlaceOfSame(target.name, problem->targets.size(), result.rig.targets);
     if (!place) continue;
     target.shape.params = result.solution.shapes[*place].params;
     if (!change.is_target_moved) target.symmetries = {Rigid3d()};  // ReadAsEarlier
@@ -295,7 +288,7 @@ void AddPrior(const EarlierRun& earlier, Problem* problem) {
 
 namespace {
 
-// What a block of unknowns is, and whose it is.
+// A Subject says what a block of unknowns is, and whose it is.
 struct Subject {
   std::string part;
   std::string of;
@@ -347,19 +340,17 @@ std::string FaultOf(const RunResult& earlier, const Problem& used) {
 }  // namespace
 
 Finding JudgePrior(const EarlierRun& earlier, const Problem& used, const Solution& solution) {
-  Finding finding{Grade::kGood, FindingCode("prior")};
-  PriorAgreement least;
-  for (const PriorAgreement& agreement : AgreementWithPrior(used, solution)) {
-    if (Contradicts(agreement)) finding.grade = Grade::kBad;
-    // Small probabilities are rounded to zero.
-    const auto rank = [](const PriorAgreement& one) { return std::tuple(Contradicts(one), -one.p_value, one.ratio); };
-    const bool is_clearer = rank(agreement) > rank(least);
-    if (least.block.empty() || is_clearer) least = agreement;
-  }
+  // Small probabilities are rounded to zero.
+  const auto rank = [](const PriorAgreement& one) { return std::tuple(Contradicts(one), -one.p_value, one.ratio); };
+  const std::vector<PriorAgreement> all = AgreementWithPrior(used, solution);
+  const auto least = std::max_element(
+      all.begin(), all.end(), [&](const PriorAgreement& a, const PriorAgreement& b) { return rank(a) < rank(b); });
+  CHECK(least != all.end());
+  Finding finding{Contradicts(*least) ? Grade::kBad : Grade::kGood, FindingCode("prior")};
   const std::string fault = FaultOf(*earlier.result, used);
   if (!fault.empty()) finding.grade = std::max(finding.grade, Grade::kDoubtful);
-  const Subject subject = SubjectOf(used, least.block);
-  finding.numbers = {{"p", least.p_value}, {"ratio", least.ratio}};
+  const Subject subject = SubjectOf(used, least->block);
+  finding.numbers = {{"p", least->p_value}, {"ratio", least->ratio}};
   finding.names = {{"run", earlier.name}, {"part", subject.part}};
   if (!subject.of.empty()) finding.names.emplace_back("of", subject.of);
   if (!fault.empty()) finding.names.emplace_back("fault", fault);

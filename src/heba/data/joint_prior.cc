@@ -5,25 +5,14 @@
 #include <optional>
 
 #include "heba/base/factorisation.h"
+#include "heba/data/same_object.h"
 
 namespace heba {
 namespace {
 
-// Returns the place of the object of `name` among `all`, or that of the only one if there is only one of either.
-template <class Object, class NameOfObject>
-std::optional<size_t> Find(const std::string& name, size_t num_earlier, const std::vector<Object>& all,
-                           const NameOfObject& name_of) {
-  if (num_earlier == 1 && all.size() == 1) return 0;
-  for (size_t i = 0; i < all.size(); ++i) {
-    if (name_of(all[i]) == name) return i;
-  }
-  return std::nullopt;
-}
-
 // The names of blocks in the problem, by those of the earlier one.
 std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const Problem& problem, bool is_target_moved) {
   std::map<std::string, std::string> renamed;
-  const auto name_of = [](const auto& object) { return object.name; };
   const auto is_same_arm = [&](size_t of_earlier, size_t other) {
     return (earlier.robots.size() == 1 && problem.robots.size() == 1) ||
            earlier.robots[of_earlier] == problem.robots[other];
@@ -32,13 +21,13 @@ std::map<std::string, std::string> RenamedBlocks(const Problem& earlier, const P
     return of_earlier.part == other.part && is_same_arm(of_earlier.robot, other.robot);
   };
   for (const ProblemCamera& camera : earlier.cameras) {
-    const std::optional<size_t> c = Find(camera.name, earlier.cameras.size(), problem.cameras, name_of);
+    const std::optional<size_t> c = PlaceOfSame(camera.name, earlier.cameras.size(), problem.cameras);
     if (!c || !is_same_mount(camera.mount, problem.cameras[*c].mount)) continue;
     renamed[CameraPoseBlock(camera)] = CameraPoseBlock(problem.cameras[*c]);
     renamed[CameraBlock(camera)] = CameraBlock(problem.cameras[*c]);
   }
   for (const ProblemTarget& target : earlier.targets) {
-    const std::optional<size_t> t = Find(target.name, earlier.targets.size(), problem.targets, name_of);
+    const std::optional<size_t> t = PlaceOfSame(target.name, earlier.targets.size(), problem.targets);
     if (!t || !is_same_mount(target.mount, problem.targets[*t].mount)) continue;
     if (!is_target_moved) renamed[TargetPoseBlock(target)] = TargetPoseBlock(problem.targets[*t]);
     renamed[TargetShapeBlock(target)] = TargetShapeBlock(problem.targets[*t]);
