@@ -51,7 +51,7 @@ std::vector<bool> FlagsOf(const UnknownLayout& layout, const UnknownBlock& block
 std::vector<Eigen::VectorXd> ColumnsOf(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& sigmas) {
   const Eigen::VectorXd inverse = sigmas.cwiseInverse();
   const auto eigen = EigenOfSymmetric(Eigen::MatrixXd(inverse.asDiagonal() * matrix * inverse.asDiagonal()));
-  constexpr double kLeast = 1e-6;  // Of a variance.
+  constexpr double kLeast = 1e-6;  // This is a share of a variance.
   std::vector<Eigen::VectorXd> columns;
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     const double variance = eigen.values[i];
@@ -115,8 +115,8 @@ JointPrior JointPriorOf(const Problem& earlier, const Solution& solution, const 
   matrix = has_repeatable ? Eigen::MatrixXd(solution.covariance_repeatable.matrix(places, places)) : total;
   if (places.empty()) return prior;
   if (has_repeatable) prior.of_cell = ColumnsOf(total - matrix, total.diagonal().cwiseSqrt());
-  // What all sessions have in common may be all that is not known about a direction.
-  constexpr double kLeast = 1e-6;  // Of the variance.
+  // A direction may be unknown by nothing but what all sessions have in common.
+  constexpr double kLeast = 1e-6;  // This is a share of the variance.
   matrix.diagonal() += kLeast * total.diagonal();
   for (const ProblemCamera& camera : problem.cameras) {
     const UnknownBlock pose = prior.covariance.layout.Block(CameraPoseBlock(camera));

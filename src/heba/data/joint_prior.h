@@ -1,4 +1,4 @@
-// What an earlier session of a cell told, as an observation of all unknowns of a problem together.
+// A joint prior is the result of an earlier session as an observation of all unknowns of a problem together.
 #pragma once
 
 #include <map>
@@ -24,7 +24,7 @@ struct JointPrior {
   std::vector<Eigen::VectorXd> of_cell;
 };
 
-// What may have changed in a cell since the earlier session.
+// A cell may have changed since the earlier session.
 struct ChangeOfCell {
   // One sigma of the motion of each camera on its mount, along and about each axis of the camera.
   double translation_m = 0;

@@ -100,7 +100,7 @@ struct Problem {
   std::vector<ProblemCapture> captures;
   // One for each arm: the effects that its captures share, null if there are none. An empty list: no arm has any.
   std::vector<std::shared_ptr<const SharedEffects>> effects = {};
-  std::shared_ptr<const JointPrior> prior = {};  // What an earlier session told; null: nothing.
+  std::shared_ptr<const JointPrior> prior = {};  // The prior is null without an earlier session.
 };
 
 // Returns the effects of an arm; null if it has none.

@@ -171,7 +171,7 @@ TEST_P(JointPriorTest, ItsRowsAreDifferentiated) {
   }
 }
 
-// What all sessions have in common is not averaged: it is as large after the update as before.
+// The share that all sessions have in common is not averaged: it is as large after the update as before.
 TEST_P(JointPriorTest, TheShareOfScalesStays) {
   const Problem earlier = Captures(scene_, GetParam(), 0, kNumEarlier);
   Outcome<Solution> of_earlier = RefineProblem(earlier, start_, WithEstimatedNoise());

@@ -78,9 +78,9 @@ struct PlacedRequirement {
 
 // An earlier run of the same cell, whose result counts as an observation.
 struct EarlierRun {
-  std::string name;  // As the user calls it.
+  std::string name;  // The run has this name in messages.
   std::shared_ptr<const RunResult> result;
-  ChangeOfCell change;  // What may have changed since.
+  ChangeOfCell change;  // The cell may have changed since.
 };
 
 // Returns the detection in an image. Throws InputError if the image cannot be read or is of another size than
