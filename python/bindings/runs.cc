@@ -39,7 +39,7 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
     const AnyConfig config = ReadAnyConfig(config_path, settings);
     output = out ? std::filesystem::absolute(*out) : OutputOf(config);
     Console console(Verbosity::kQuiet);
-    const Outcome<AnyResult> result = RunAny(config, output, num_threads, &console, &observer);
+    const Outcome<RunResult> result = RunAny(config, output, num_threads, &console, &observer);
     if (!result) failure = FailureText(result.failure());
   }
   observer.RethrowIfRaised();
@@ -90,7 +90,7 @@ std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem:
 
 std::string TableOf(const std::filesystem::path& result_file) {
   const pybind11::gil_scoped_release release;
-  return std::visit([](const auto& result) { return ResultTable(result, Colour::kPlain); }, ReadAnyResult(result_file));
+  return ResultTable(ReadRunResult(result_file), Colour::kPlain);
 }
 
 }  // namespace

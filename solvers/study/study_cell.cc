@@ -8,7 +8,7 @@ namespace heba {
 bool IsHandEye(const StudyCell& cell) { return cell.problem.cameras.at(0).name.empty(); }
 
 Setup SetupOf(const StudyCell& cell) {
-  return cell.problem.cameras[0].mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  return SetupOf(cell.problem.cameras[0].mount);
 }
 
 HandEye HandEyeOf(const StudyCell& cell) { return {cell.poses.mount_from_camera[0], cell.poses.mount_from_target[0]}; }

@@ -429,7 +429,7 @@ TEST_F(ArmRunTest, CompliancesOfASimulatedArmAreFound) {
   EXPECT_THAT(exported.out, HasSubstr("yield to gravity"));
   WriteFileAtomically(data / "ur.yaml", exported.out);
   const Arm rigid = ReadArmFile(data / "ur.yaml", *FindArm("ur5e"));
-  const RobotSummary arm = *ReadPairResult(data / "run" / "result.json").robot;
+  const RobotSummary arm = *ReadRunResult(data / "run" / "result.json").arms[0];
   const Arm yielding = WithChanges(arm.nominal, arm.errors);
   double squares_rigid_m = 0;
   double squares_without_m = 0;

@@ -139,24 +139,24 @@ TEST_F(RecordedArmRunTest, ArmIsEstimatedFromRandomParts) {
 
 // Returns the root mean square of the reprojection errors of all captures of a data set that a result did not use, at
 // the poses that it computes from what the robot reports.
-double ErrorsOfOthersPx(const PairResult& result, const Rows& poses, const Rows& joints,
+double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& joints,
                         const std::vector<std::pair<std::string, CaptureDetection>>& detections, const Target& target) {
   const PairSolution& solution = *FindRefined(result)->solution;
   double squares = 0;
   int num_points = 0;
   for (size_t i = 0; i < detections.size(); ++i) {
     const auto& [name, capture] = detections[i];
-    const bool is_used = std::any_of(result.captures.begin(), result.captures.end(),
-                                     [&](const CaptureResult& other) { return other.used && other.image == name; });
+    const bool is_used = std::any_of(result.images.begin(), result.images.end(),
+                                     [&](const ImageResult& other) { return other.used && other.image == name; });
     if (is_used || capture.detection.ids.empty()) continue;
     std::vector<double> numbers;
     for (size_t k = 1; k < poses[i + 1].size(); ++k) numbers.push_back(std::stod(poses[i + 1][k]));
     const Rigid3d reported = *PoseFromNumbers(*FindPoseFormat("ur"), numbers);
     Eigen::VectorXd positions(6);
     for (Eigen::Index j = 0; j < 6; ++j) positions[j] = std::stod(joints[i + 1][static_cast<size_t>(j) + 1]);
-    const Rigid3d base_from_gripper = *TruePose(*result.robot, reported, positions);
+    const Rigid3d base_from_gripper = *TruePose(*result.arms[0], reported, positions);
     const Rigid3d camera_from_target =
-        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(result.setup, base_from_gripper));
+        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(SetupOf(result.rig.cameras[0].mount), base_from_gripper));
     const std::optional<SquaredErrors> errors = ViewErrors(
         solution.camera, camera_from_target, ApplyShape(ObservationsOf(target, capture.detection), solution.shape));
     EXPECT_TRUE(errors.has_value()) << name;
@@ -176,8 +176,8 @@ TEST_F(RecordedArmRunTest, EightCapturesPredictTheOthers) {
   std::vector<double> errors_px;
   for (int part = 0; part < 5; ++part) {
     Run(Subset(8, &rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
-    const PairResult result = ReadPairResult(folder_ / "run" / "result.json");
-    ASSERT_TRUE(result.robot && result.robot->is_estimated) << part;
+    const RunResult result = ReadRunResult(folder_ / "run" / "result.json");
+    ASSERT_TRUE(FindEstimatedArm(result, 0) != nullptr) << part;
     errors_px.push_back(ErrorsOfOthersPx(result, poses_, joints_, detections, *target));
   }
   std::sort(errors_px.begin(), errors_px.end());

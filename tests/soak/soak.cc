@@ -155,7 +155,7 @@ Answer AnswerOf(const PairDataset& data, const PairRunOptions& options) {
       return answer;
     }
     answer.end = Answer::End::kDone;
-    const PairResult& result = output->result;
+    const RunResult& result = output->result;
     answer.grade = result.verdict.grade;
     if (!result.verdict.findings.empty()) {
       for (const Finding& finding : result.verdict.findings) {

@@ -75,10 +75,10 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   return made;
 }
 
-std::vector<std::string> LeftOutOf(const PairResult& result) {
+std::vector<std::string> LeftOutOf(const RunResult& result) {
   std::vector<std::string> names;
-  for (const CaptureResult& capture : result.captures) {
-    if (!capture.used) names.push_back(capture.image);
+  for (const ImageResult& image : result.images) {
+    if (!image.used) names.push_back(image.image);
   }
   return names;
 }

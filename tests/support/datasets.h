@@ -27,6 +27,6 @@ struct ArmDataset {
 ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third);
 
 // Returns the names of the captures that are not used.
-std::vector<std::string> LeftOutOf(const PairResult& result);
+std::vector<std::string> LeftOutOf(const RunResult& result);
 
 }  // namespace heba

@@ -65,7 +65,7 @@ void RunItem(const BatchOptions& options, int num_threads, Item* item) {
     item->was_there = item->run.result.has_value();
     if (item->was_there) return;
     Console console(Verbosity::kQuiet);
-    const Outcome<AnyResult> result = RunAny(config, item->output, num_threads, &console);
+    const Outcome<RunResult> result = RunAny(config, item->output, num_threads, &console);
     if (result) {
       item->run.result = *result;
     } else {

@@ -13,24 +13,12 @@ namespace heba {
 namespace {
 
 // Returns what was given to a run and is not used, each with the reason. What the config leaves out was not given.
-std::vector<std::string> UnusedInputs(const PairResult& result) {
-  std::vector<std::string> unused;
-  for (const CaptureResult& capture : result.captures) {
-    if (!capture.used && capture.reason != kExcludedReason)
-      unused.push_back(capture.image + " (" + capture.reason + ")");
-  }
-  if (result.robot && !result.robot->is_estimated) {
-    unused.push_back("the arm " + result.robot->nominal.name + " (" + FailureText(result.robot->reason) + ")");
-  }
-  return unused;
-}
-
 std::vector<std::string> UnusedInputs(const RunResult& result) {
   std::vector<std::string> unused;
   for (const ImageResult& image : result.images) {
     if (image.used || image.reason == kExcludedReason) continue;
-    const std::vector<std::string> parts = {image.camera, image.image.empty() ? image.capture : image.image};
-    unused.push_back((parts[0].empty() ? parts[1] : Join(parts, "/")) + " (" + image.reason + ")");
+    const std::string& name = image.image.empty() ? image.capture : image.image;
+    unused.push_back((image.camera.empty() ? "" : image.camera + "/") + name + " (" + image.reason + ")");
   }
   for (const std::optional<RobotSummary>& arm : result.arms) {
     if (!arm || arm->is_estimated) continue;
@@ -52,12 +40,12 @@ std::string UnusedText(const std::vector<std::string>& unused) {
 
 }  // namespace
 
-std::string WhyNotMet(const AnyResult& result, const RunDemands& demands) {
+std::string WhyNotMet(const RunResult& result, const RunDemands& demands) {
   if (demands.is_strict) {
-    const std::vector<std::string> unused = std::visit([](const auto& any) { return UnusedInputs(any); }, result);
+    const std::vector<std::string> unused = UnusedInputs(result);
     if (!unused.empty()) return UnusedText(unused);
   }
-  const Verdict& verdict = VerdictOf(result);
+  const Verdict& verdict = result.verdict;
   if (demands.fail_on && verdict.grade >= *demands.fail_on) return VerdictFailure(verdict);
   return "";
 }

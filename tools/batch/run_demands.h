@@ -6,7 +6,7 @@
 #include <string>
 
 #include "heba/evaluation/finding.h"
-#include "tools/files/any_result.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
@@ -16,6 +16,6 @@ struct RunDemands {
 };
 
 // Returns why a result does not meet the demands, as an error message; empty if it does.
-std::string WhyNotMet(const AnyResult& result, const RunDemands& demands);
+std::string WhyNotMet(const RunResult& result, const RunDemands& demands);
 
 }  // namespace heba

@@ -13,7 +13,7 @@
 namespace heba {
 
 struct FinishedRun {
-  // That of a single camera is AsRunResult. The symmetries of its targets, and the extents of their shapes, are set.
+  // The symmetries of its targets, and the extents of their shapes, are set.
   RunResult result;
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<PoseReading> pose_readings;  // One per arm.

@@ -16,9 +16,8 @@ std::filesystem::path RunFolderOf(const std::filesystem::path& run) {
 
 RunResult ReadRefinedResult(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "result.json";
-  if (IsLongResult(file)) return ReadRunResult(file);
-  const PairResult result = ReadPairResult(file);
-  if (FindRefined(result) != nullptr) return AsRunResult(result);
+  RunResult result = ReadRunResult(file);
+  if (!IsShort(result) || FindRefined(result) != nullptr) return result;
   throw InputError(folder.string() + ": contains no refined estimate; a calibration from images or corners is needed");
 }
 

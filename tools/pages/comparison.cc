@@ -4,13 +4,13 @@
 #include <functional>
 #include <map>
 #include <utility>
-#include <variant>
 
 #include <nlohmann/json.hpp>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/base/text.h"
+#include "heba/data/hand_eye.h"
 #include "tools/pages/page.h"
 #include "tools/text/difference_text.h"
 #include "tools/text/figure_columns.h"
@@ -439,12 +439,49 @@ std::string ComparedPoseName::Text() const {
   return "base of arm " + child + " in " + parent;
 }
 
+namespace {
+
 // Returns the solution with its repeatable covariance, if it has one: two runs of a cell have the same scales, which
 // make no difference between them.
 Solution WithoutWhatIsShared(Solution solution) {
   if (solution.covariance_repeatable.matrix.size() > 0) solution.covariance = solution.covariance_repeatable;
   return solution;
 }
+
+// Returns the poses of a run.
+std::vector<ComparedPose> PosesOf(const RunResult& result) {
+  std::vector<ComparedPose> all;
+  const Solution session = WithoutWhatIsShared(result.solution);
+  const std::pair<ComparedPoseKind, std::vector<RelativePose>> groups[] = {
+      {ComparedPoseKind::kCamera, CameraPoses(result.rig, session)},
+      {ComparedPoseKind::kCameraInCamera, RelativeCameraPoses(result.rig, session)},
+      {ComparedPoseKind::kTarget, TargetPoses(result.rig, session)},
+      {ComparedPoseKind::kArm, BasePoses(result.rig, session)}};
+  for (const auto& [kind, poses] : groups) {
+    for (const RelativePose& pose : poses) {
+      all.push_back(
+          {{kind, pose.parent, pose.child}, {pose.parent_from_child, pose.covariance, result.solution.covariance_dof}});
+    }
+  }
+  return all;
+}
+
+// Adds the only camera, without a name, and the methods of a run.
+void AddMethods(const RunResult& result, ComparedRun* run) {
+  const Estimate* const refined = FindRefined(result);
+  if (refined != nullptr) {
+    run->poses = PosesOf(result);
+    // Its target has no name either: that of another run may be another one.
+    std::erase_if(run->poses, [](const ComparedPose& pose) { return pose.name.kind != ComparedPoseKind::kCamera; });
+  }
+  run->cameras = {{"", std::string(SetupName(SetupOf(result.rig.cameras[0].mount))), FiguresOf(refined)}};
+  const Estimate* const best_px = FindBestClosedForm(result, &HoldOutPx);
+  run->methods = {best_px == nullptr ? "" : best_px->method, FiguresOf(best_px),
+                  FiguresOf(FindBestClosedForm(result, &HoldOutMm)),
+                  refined != nullptr && refined->solution->robot_noise.has_value()};
+}
+
+}  // namespace
 
 ComparedRun ComparedRunOf(const std::string& label, const RunResult& result) {
   ComparedRun run{label,
@@ -453,39 +490,16 @@ ComparedRun ComparedRunOf(const std::string& label, const RunResult& result) {
                   result.timing.total_s,
                   Join(result.target_types, " "),
                   result.rig.robots};
+  if (IsShort(result)) {
+    AddMethods(result, &run);
+    return run;
+  }
   const std::vector<RelativePose> cameras = CameraPoses(result.rig, result.solution);
-  const Solution session = WithoutWhatIsShared(result.solution);
   for (size_t c = 0; c < cameras.size(); ++c) {
     run.cameras.push_back({cameras[c].child, MountText(result.rig, result.rig.cameras[c]), FiguresOf(result, c)});
     SetSigmas(cameras[c].covariance, &run.cameras.back().figures);
   }
-  const std::pair<ComparedPoseKind, std::vector<RelativePose>> groups[] = {
-      {ComparedPoseKind::kCamera, CameraPoses(result.rig, session)},
-      {ComparedPoseKind::kCameraInCamera, RelativeCameraPoses(result.rig, session)},
-      {ComparedPoseKind::kTarget, TargetPoses(result.rig, session)},
-      {ComparedPoseKind::kArm, BasePoses(result.rig, session)}};
-  for (const auto& [kind, poses] : groups) {
-    for (const RelativePose& pose : poses) {
-      run.poses.push_back(
-          {{kind, pose.parent, pose.child}, {pose.parent_from_child, pose.covariance, result.solution.covariance_dof}});
-    }
-  }
-  return run;
-}
-
-ComparedRun ComparedRunOf(const std::string& label, const PairResult& result) {
-  const Estimate* const refined = FindRefined(result);
-  ComparedRun run{label, result.name, result.verdict.grade, result.timing.total_s, result.target_type, {""}};
-  if (refined != nullptr) {
-    run.poses = ComparedRunOf(label, AsRunResult(result)).poses;
-    // Its target has no name either: that of another run may be another one.
-    std::erase_if(run.poses, [](const ComparedPose& pose) { return pose.name.kind != ComparedPoseKind::kCamera; });
-  }
-  run.cameras = {{"", std::string(SetupName(result.setup)), FiguresOf(refined)}};
-  const Estimate* const best_px = FindBestClosedForm(result, &HoldOutPx);
-  run.methods = {best_px == nullptr ? "" : best_px->method, FiguresOf(best_px),
-                 FiguresOf(FindBestClosedForm(result, &HoldOutMm)),
-                 refined != nullptr && refined->solution->robot_noise.has_value()};
+  run.poses = PosesOf(result);
   return run;
 }
 

@@ -64,9 +64,8 @@ struct ComparedRun {
   std::optional<ComparedMethods> methods = {};  // Set for the run of one camera.
 };
 
+// The camera of a result of the short form has no name, and no figures and no pose if there is no refined estimate.
 ComparedRun ComparedRunOf(const std::string& label, const RunResult& result);
-// Returns the only camera, without a name. It has no figures and no pose if there is no refined estimate.
-ComparedRun ComparedRunOf(const std::string& label, const PairResult& result);
 
 // The difference of one pose between two runs.
 struct RunDifference : PoseDifference {

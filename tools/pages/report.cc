@@ -33,7 +33,7 @@ std::string NameOr(const std::string& name, const char* kind) { return name.empt
 
 // Describes the distances between a single camera, its target and their mounts.
 std::string DistancesPart(const ReportData& data) {
-  if (data.single == nullptr) return "";
+  if (!IsShort(data.result)) return "";
   const RunResult& result = data.result;
   const CellPoses& poses = result.solution.poses;
   const auto mm = [](double metres) { return Fixed(1000 * metres, 0); };
@@ -80,7 +80,7 @@ std::string SetupPart(const ReportData& data) {
 }
 
 std::string MethodsPart(const ReportData& data) {
-  const PairResult& result = *data.single;
+  const RunResult& result = data.result;
   Json lines = Json::array();
   std::vector<FigureLine> rows;
   for (const Estimate& estimate : result.estimates) {
@@ -316,7 +316,7 @@ CaptureRow RowOf(const ReportData& data, size_t entry, const CapturePoses* captu
   CaptureRow row;
   row.Add("no.", PageCell{std::to_string(entry + 1), true});
   row.Add("capture", PageCell{image.capture});
-  if (data.single == nullptr) {
+  if (!IsShort(data.result)) {
     row.Add("camera", PageCell{image.camera});
     row.Add("image", PageCell{image.image});
     row.Add("targets", PageCell{Join(targets, ", ")});
@@ -383,7 +383,7 @@ constexpr ReportSection kSections[] = {
 
 bool IsFor(const ReportSection& section, const ReportData& data) {
   const bool is_single = section.whom == ReportSection::For::kSingle;
-  return (section.whom == ReportSection::For::kAll || is_single == (data.single != nullptr)) &&
+  return (section.whom == ReportSection::For::kAll || is_single == IsShort(data.result)) &&
          (data.has_images() || !section.needs_images);
 }
 

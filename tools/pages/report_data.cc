@@ -10,7 +10,6 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
-#include "heba/evaluation/verdict.h"
 #include "tools/run/captures.h"
 #include "tools/run/single_pair.h"
 
@@ -139,15 +138,12 @@ ReportData ReportDataOf(const RunOutput& run) {
   return data;
 }
 
-ReportData ReportDataOf(const PairRunOutput& run, const PairResult& result) {
+ReportData ReportDataOf(const PairRunOutput& run, const RunResult& result) {
   ReportData data;
-  if (FindRefined(result) != nullptr) {
-    data = ReportDataOf(AsRunOutput(run, result));
-    if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
-  } else {
-    data.result = AsRunResult(result, *FindFinal(result));
-  }
-  data.single = &result;
+  data.result = result;
+  if (FindRefined(result) == nullptr) return data;
+  data = ReportDataOf(AsRunOutput(run, result));
+  if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
   return data;
 }
 

@@ -45,15 +45,11 @@ struct ReportData {
   // One per camera; empty if poses of the targets were given in place of images.
   std::vector<CameraResiduals> residuals;
   bool has_corrections = false;  // Whether the poses of the arms were corrected.
-  // The result of a single camera has its methods and its working point; null for several.
-  const PairResult* single = nullptr;
-
   bool has_images() const { return !residuals.empty(); }
 };
 
 ReportData ReportDataOf(const RunOutput& run);
-// `result` is that of the run, with everything that was found out after it; it must outlive the data. Without a refined
-// estimate the poses are those of the last estimate that succeeded.
-ReportData ReportDataOf(const PairRunOutput& run, const PairResult& result);
+// `result` is that of the run, with everything that was found out after it.
+ReportData ReportDataOf(const PairRunOutput& run, const RunResult& result);
 
 }  // namespace heba

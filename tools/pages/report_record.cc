@@ -9,7 +9,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/verdict.h"
+#include "heba/data/hand_eye.h"
 #include "heba/io/pose_formats.h"
 #include "heba/io/result_file.h"
 #include "tools/pages/residual_sections.h"
@@ -172,7 +172,7 @@ std::string IntrinsicsTable(const std::string& title, const Camera& camera, cons
 
 // Shows the cameras of a rig with their errors. Those of a single camera are in the table of its methods.
 std::string CamerasPart(const ReportData& data) {
-  if (data.single != nullptr) return "";
+  if (IsShort(data.result)) return "";
   const RunResult& result = data.result;
   std::vector<FigureLine> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
@@ -191,8 +191,8 @@ std::string CamerasPart(const ReportData& data) {
 
 // Shows the result of a single camera; that of a rig is longer than a page, and has sections of its own.
 std::string ResultPart(const ReportData& data) {
-  if (data.single == nullptr) return "";
-  return Heading("Result (" + FindFinal(*data.single)->method + ")") +
+  if (!IsShort(data.result)) return "";
+  return Heading("Result (" + FindFinal(data.result)->method + ")") +
          PoseParts(PosesOf(data.result), IntrinsicsTables(data));
 }
 
@@ -249,24 +249,23 @@ std::string NextPart(const ReportData& data, const ReportContext& context) {
 std::vector<std::pair<std::string, std::string>> FactsOf(const ReportData& data) {
   const RunResult& result = data.result;
   std::vector<std::pair<std::string, std::string>> facts;
-  if (data.single == nullptr) {
-    facts.emplace_back("cameras", std::to_string(result.rig.cameras.size()));
-  } else {
-    const bool is_fixed = data.single->setup == Setup::kEyeToHand;
+  if (IsShort(result)) {
+    const Setup setup = SetupOf(result.rig.cameras[0].mount);
+    const bool is_fixed = setup == Setup::kEyeToHand;
     facts.emplace_back("setup",
-                       std::string(SetupName(data.single->setup)) +
+                       std::string(SetupName(setup)) +
                            (is_fixed ? ": the camera is fixed beside the robot" : ": the robot carries the camera"));
     facts.emplace_back("target",
-                       data.single->target_type + ", " + std::to_string(data.single->num_target_points) + " points");
+                       result.target_types[0] + ", " + std::to_string(result.num_target_points[0]) + " points");
+  } else {
+    facts.emplace_back("cameras", std::to_string(result.rig.cameras.size()));
+    for (size_t t = 0; t < result.rig.targets.size(); ++t) {
+      facts.emplace_back("target " + result.rig.targets[t].name,
+                         result.target_types[t] + ", " + std::to_string(data.target_points[t].cols()) +
+                             " points, on " + MountText(result.rig, result.rig.targets[t]));
+    }
   }
-  for (size_t t = 0; t < result.rig.targets.size() && data.single == nullptr; ++t) {
-    facts.emplace_back("target " + result.rig.targets[t].name,
-                       result.target_types[t] + ", " + std::to_string(data.target_points[t].cols()) + " points, on " +
-                           MountText(result.rig, result.rig.targets[t]));
-  }
-  const size_t num_captures = data.single != nullptr ? data.single->captures.size() : result.captures.size();
-  const int num_used = data.single != nullptr ? NumUsedCaptures(*data.single) : NumUsedCaptures(result);
-  facts.emplace_back("captures", std::to_string(num_used) + " of " + std::to_string(num_captures) + " used");
+  facts.emplace_back("captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(NumCaptures(result)) + " used");
   return facts;
 }
 

@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "heba/base/text.h"
+#include "heba/data/hand_eye.h"
 #include "tools/pages/page.h"
 #include "tools/text/camera_figures.h"
 #include "tools/text/figure_columns.h"
@@ -49,17 +50,20 @@ struct Row {
   CameraFigures figures;
 };
 
-std::vector<Row> RowsOf(const PairResult& result) {
+// Returns the rows of one camera whose parts have no names.
+std::vector<Row> RowsOfMethods(const RunResult& result) {
   std::vector<Row> rows;
   for (const Estimate& estimate : result.estimates) {
-    rows.push_back({std::string(SetupName(result.setup)), result.target_type, std::to_string(result.num_target_points),
-                    NumUsedCaptures(result), static_cast<int>(result.captures.size()), estimate.method, estimate.kind,
-                    estimate.ok, estimate.reason.ToString(), FiguresOf(estimate.ok ? &estimate : nullptr)});
+    rows.push_back({std::string(SetupName(SetupOf(result.rig.cameras[0].mount))), result.target_types[0],
+                    std::to_string(result.num_target_points[0]), NumUsedCaptures(result), NumCaptures(result),
+                    estimate.method, estimate.kind, estimate.ok, estimate.reason.ToString(),
+                    FiguresOf(estimate.ok ? &estimate : nullptr)});
   }
   return rows;
 }
 
 std::vector<Row> RowsOf(const RunResult& result) {
+  if (IsShort(result)) return RowsOfMethods(result);
   std::vector<Row> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
     const ProblemCamera& camera = result.rig.cameras[c];
@@ -73,12 +77,6 @@ std::vector<Row> RowsOf(const RunResult& result) {
   return rows;
 }
 
-std::vector<Row> RowsOf(const AnyResult& any) {
-  return std::visit([](const auto& result) { return RowsOf(result); }, any);
-}
-
-bool IsLong(const AnyResult& any) { return std::holds_alternative<RunResult>(any); }
-
 // A run as one line: its refined estimate or, of a rig, the worst camera.
 struct RunLine {
   std::string name;
@@ -89,29 +87,24 @@ struct RunLine {
   std::optional<double> sigma_mm = {};
 };
 
-RunLine LineOf(const std::string& name, const PairResult& result) {
-  const CameraFigures refined = FiguresOf(FindRefined(result));
-  return {name,
-          result.target_type,
-          std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()),
-          FiguresOf(FindBestClosedForm(result, &HoldOutPx)).holdout_rms_px,
-          refined.holdout_rms_px,
-          refined.sigma_mm};
-}
-
-RunLine LineOf(const std::string& name, const RunResult& result) {
+RunLine LineOf(const BatchRun& run) {
+  const RunResult& result = *run.result;
+  RunLine line{run.name, "", std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(NumCaptures(result))};
+  if (IsShort(result)) {
+    const CameraFigures refined = FiguresOf(FindRefined(result));
+    line.target = result.target_types[0];
+    line.closed_px = FiguresOf(FindBestClosedForm(result, &HoldOutPx)).holdout_rms_px;
+    line.refined_px = refined.holdout_rms_px;
+    line.sigma_mm = refined.sigma_mm;
+    return line;
+  }
   const size_t num_cameras = result.rig.cameras.size();
-  RunLine line{name, "rig, " + std::to_string(num_cameras) + (num_cameras == 1 ? " camera" : " cameras"),
-               std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size())};
+  line.target = "rig, " + std::to_string(num_cameras) + (num_cameras == 1 ? " camera" : " cameras");
   for (const Row& row : RowsOf(result)) {
     line.refined_px = std::max(line.refined_px, row.figures.holdout_rms_px);
     line.sigma_mm = std::max(line.sigma_mm, row.figures.sigma_mm);
   }
   return line;
-}
-
-RunLine LineOf(const BatchRun& run) {
-  return std::visit([&](const auto& result) { return LineOf(run.name, result); }, *run.result);
 }
 
 // Returns the chart of the hold-out errors of the runs that have a result.
@@ -128,7 +121,7 @@ std::string HoldOutFigure(const std::vector<BatchRun>& runs) {
 }
 
 std::vector<PageCell> PageRow(const BatchRun& run, const Row& row) {
-  const bool is_rig = IsLong(*run.result);
+  const bool is_rig = !IsShort(*run.result);
   std::vector<PageCell> cells = {
       {run.name, false, LinkTo(run.name + "/report.html")},
       {std::string(GradeName(run.verdict()->grade))},
@@ -218,7 +211,7 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
       table += " failed: " + run.reason + "\n";
       continue;
     }
-    has_rig = has_rig || IsLong(*run.result);
+    has_rig = has_rig || !IsShort(*run.result);
     const RunLine line = LineOf(run);
     table += PadRight(" " + line.target, kTargetWidth) + PadLeft(line.captures, kCapturesWidth) +
              FigureCells(columns, line) + "\n";

@@ -5,18 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "tools/files/any_result.h"
+#include "heba/evaluation/run_result.h"
 
 namespace heba {
 
 // One run of a batch: its result, or the reason why it failed.
 struct BatchRun {
   std::string name;
-  std::optional<AnyResult> result;
+  std::optional<RunResult> result;
   std::string reason;
 
   // Returns the verdict; null if the run failed.
-  const Verdict* verdict() const { return result ? &VerdictOf(*result) : nullptr; }
+  const Verdict* verdict() const { return result ? &result->verdict : nullptr; }
 };
 
 // Returns a header and one line for each run and method, or for each run and camera of a rig; a failed run has one line

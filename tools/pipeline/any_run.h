@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/evaluation/run_result.h"
 #include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
-#include "tools/files/any_result.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -29,11 +29,11 @@ inline const std::filesystem::path& OutputOf(const AnyConfig& any) {
 }
 
 // Runs RunPipeline (tools/pipeline/pipeline.h).
-Outcome<AnyResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,
+Outcome<RunResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,
                           Console* console, RunObserver* listener = nullptr);
 
 // Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.
-std::optional<AnyResult> CurrentResult(const std::filesystem::path& output, const AnyConfig& config);
+std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const AnyConfig& config);
 
 }  // namespace heba

@@ -55,21 +55,21 @@ std::optional<Failure> WriteAndCommit(const Config& config, const std::string& i
 }
 
 // Returns whether captures that show the target were left out, other than copies.
-bool HasContradictions(const PairResult& result) {
-  return std::any_of(result.captures.begin(), result.captures.end(), [](const CaptureResult& capture) {
-    return !capture.used && capture.num_points > 0 && capture.repeat_of.empty();
+bool HasContradictions(const RunResult& result) {
+  return std::any_of(result.images.begin(), result.images.end(), [](const ImageResult& image) {
+    return !image.used && !image.targets.empty() && image.repeat_of.empty();
   });
 }
 
 // Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out.
-void AppendDiagnosis(const PairConfig& config, int num_threads, PairResult* result) {
+void AppendDiagnosis(const PairConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
   const bool is_good = result->verdict.grade == Grade::kGood;
   if (is_good && !HasContradictions(*result)) return;
   Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   // The doctor looks for an arm that reaches all poses in one configuration. One whose errors explain the captures is
   // the right one, in several.
-  if (result->robot && result->robot->is_estimated) {
+  if (FindEstimatedArm(*result, 0) != nullptr) {
     std::erase_if(diagnosis.symptoms, [](const Symptom& symptom) { return symptom.code.name().starts_with("robot_"); });
   }
   // Poses that the doctor cannot explain are no cause of a fit that is only doubtful.
@@ -82,7 +82,7 @@ void AppendDiagnosis(const PairConfig& config, int num_threads, PairResult* resu
   result->verdict = JudgeRun(*result);
 }
 
-Outcome<PairResult> RunAndWrite(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+Outcome<RunResult> RunAndWrite(const PairConfig& config, const std::filesystem::path& output, int num_threads,
                                 Console* console, RunObserver* listener) {
   const auto start = std::chrono::steady_clock::now();
   // The folder is created first, so that a run that cannot be written fails before the work.
@@ -97,7 +97,7 @@ Outcome<PairResult> RunAndWrite(const PairConfig& config, const std::filesystem:
   const Outcome<PairRunOutput> run = Run(data, options, &observer);
   if (!run) return run.failure();
   const bool has_images = data.target_poses.empty();
-  PairResult result = run->result;
+  RunResult result = run->result;
   if (has_images && data.target->Symmetries().size() > 1) {
     const auto num_symmetries = static_cast<double>(data.target->Symmetries().size());
     result.observations.push_back({Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}});
@@ -118,13 +118,13 @@ Outcome<PairResult> RunAndWrite(const PairConfig& config, const std::filesystem:
 
 }  // namespace
 
-Outcome<PairResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
                                 Console* console, RunObserver* listener) {
   if (config.imported) {
     console->Note(config.data.name + ": read as a data set of " + config.imported->format);
     for (const std::string& remark : config.imported->remarks) console->Note(config.data.name + ": " + remark);
   }
-  Outcome<PairResult> result = RunAndWrite(config, output, num_threads, console, listener);
+  Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
   if (result || result.failure().code == kCancelled) return result;
   return Failure{
       WithDiagnosis(FailureText(result.failure()), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};

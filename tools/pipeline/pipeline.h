@@ -17,7 +17,7 @@ namespace heba {
 // input. `listener`, which may be null, is told about the stages and can cancel the run. Returns a Failure, and writes
 // no folder, if the result cannot be trusted. The first fault that the doctor (doctor/doctor.h) finds is part of the
 // Failure, and of the findings of a result that is bad.
-Outcome<PairResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
                                 Console* console, RunObserver* listener = nullptr);
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener = nullptr);

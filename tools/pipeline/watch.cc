@@ -148,36 +148,29 @@ Gauges GaugesOf(const std::vector<CaptureDetection>& detections) {
   return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize)};
 }
 
-std::vector<Requirement> RequirementsOf(const PairResult& result) { return result.requirements; }
-std::vector<Requirement> RequirementsOf(const RunResult& result) {
-  std::vector<Requirement> requirements;
-  for (const CameraRequirement& of_camera : result.requirements) requirements.push_back(of_camera.requirement);
-  return requirements;
-}
-
 // Returns whether there are requirements, and all are met.
-bool IsMet(const AnyResult& result) {
-  const std::vector<Requirement> requirements = std::visit([](const auto& any) { return RequirementsOf(any); }, result);
-  return !requirements.empty() && std::all_of(requirements.begin(), requirements.end(), [](const Requirement& one) {
-    return one.reached_m && *one.reached_m <= one.within_m;
-  });
+bool IsMet(const RunResult& result) {
+  return !result.requirements.empty() &&
+         std::all_of(result.requirements.begin(), result.requirements.end(), [](const CameraRequirement& of_camera) {
+           const Requirement& one = of_camera.requirement;
+           return one.reached_m && *one.reached_m <= one.within_m;
+         });
 }
 
 // Returns what is known, and what to take next.
-std::string KnownText(const AnyResult& result) {
-  const int num_used = std::visit([](const auto& any) { return NumUsedCaptures(any); }, result);
-  std::string text = std::to_string(num_used) + " captures: " + std::string(GradeName(VerdictOf(result).grade));
-  if (const auto* const single = std::get_if<PairResult>(&result)) {
-    if (const Estimate* const refined = FindRefined(*single)) {
-      const auto covariance = PoseCovarianceOf(refined->solution->covariance, kHandEyeBlock);
-      if (covariance) {
-        const auto [sigma_m, sigma_rad] = LargestSigmas(*covariance);
-        text += ", the camera's pose is known to " + ShownAmount(1000 * sigma_m, 2) + " mm and " +
-                ShownAmount(RadToDeg(sigma_rad), 2) + " deg";
-      }
-    }
+std::string KnownText(const RunResult& result) {
+  std::string text = std::to_string(NumUsedCaptures(result)) + " captures: " +
+                     std::string(GradeName(result.verdict.grade));
+  const auto covariance = IsShort(result) && FindRefined(result) != nullptr
+                              ? PoseCovarianceOf(result.solution.covariance, kHandEyeBlock)
+                              : std::nullopt;
+  if (covariance) {
+    const auto [sigma_m, sigma_rad] = LargestSigmas(*covariance);
+    text += ", the camera's pose is known to " + ShownAmount(1000 * sigma_m, 2) + " mm and " +
+            ShownAmount(RadToDeg(sigma_rad), 2) + " deg";
   }
-  for (const Requirement& one : std::visit([](const auto& any) { return RequirementsOf(any); }, result)) {
+  for (const CameraRequirement& of_camera : result.requirements) {
+    const Requirement& one = of_camera.requirement;
     text += "; " + one.place + ": " + (one.reached_m ? ShownAmount(1000 * *one.reached_m, 2) + " mm" : "not located") +
             " of " + ShownAmount(1000 * one.within_m, 2) + " mm";
   }
@@ -185,11 +178,11 @@ std::string KnownText(const AnyResult& result) {
 }
 
 // Returns the advice about the captures to take next; empty if there is none.
-std::string NextText(const AnyResult& result) {
-  for (const Finding& finding : VerdictOf(result).findings) {
+std::string NextText(const RunResult& result) {
+  for (const Finding& finding : result.verdict.findings) {
     if (finding.code == "weak_direction" && !finding.action.empty()) return finding.action;
   }
-  for (const Finding& finding : VerdictOf(result).findings) {
+  for (const Finding& finding : result.verdict.findings) {
     if (finding.code != "weak_direction") continue;
     const size_t place = finding.text.find("; from capture");
     return place == std::string::npos ? "" : finding.text.substr(place + 2);
@@ -299,7 +292,7 @@ class WatchedSession {
   bool CalibratePair(const AnyConfig& config) {
     const fs::path output = options_.output.empty() ? OutputOf(config) : options_.output;
     Console console(Verbosity::kQuiet);
-    const Outcome<AnyResult> result = RunAny(config, output, options_.num_threads, &console);
+    const Outcome<RunResult> result = RunAny(config, output, options_.num_threads, &console);
     if (!result) {
       Tell("not yet: " + FailureText(result.failure()));
       return false;

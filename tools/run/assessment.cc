@@ -54,47 +54,59 @@ ModelSummary SummariseModel(const PairCalibration& calibration) {
   return model;
 }
 
-std::vector<CaptureResult> DescribeCaptures(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
-                                            const PairCalibration& calibration,
-                                            const std::vector<std::optional<CaptureMove>>& moves) {
+std::vector<ImageResult> DescribeCaptures(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
+                                          const PairCalibration& calibration,
+                                          const std::vector<std::optional<CaptureMove>>& moves) {
   const PairSolution& solution = *calibration.refined;
-  std::vector<CaptureResult> results;
+  std::vector<ImageResult> results;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    CaptureResult result;
-    result.image = dataset.captures[i].name;
-    result.role = dataset.captures[i].role;
-    result.num_points = static_cast<int>(detections[i].detection.ids.size());
-    result.num_second_pass = detections[i].num_second_pass;
+    ImageResult& result = results.emplace_back(EntryOfUnused(dataset.captures[i]));
     result.reason = detections[i].detection.reason;
-    results.push_back(std::move(result));
+    const auto num_points = static_cast<int>(detections[i].detection.ids.size());
+    if (num_points == 0) continue;
+    TargetInImage& target = result.targets.emplace_back();
+    target.num_points = num_points;
+    target.num_second_pass = detections[i].num_second_pass;
   }
   for (size_t v = 0; v < calibration.views.size(); ++v) {
     const View& view = calibration.views[v];
-    CaptureResult& result = results[view.capture];
+    ImageResult& result = results[view.capture];
+    TargetInImage& target = result.targets.front();
     result.used = true;
+    target.used = true;
     const std::optional<SquaredErrors> errors =
         ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution)),
                    ApplyShape(view.observations, solution.shape));
-    if (errors) result.rms_px = errors->RmsPx();
-    const ViewOutcome& outcome = solution.views[v];
-    result.num_rejected = static_cast<int>(outcome.rejected_ids.size());
-    if (result.num_rejected > 0) {
-      result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
-                       (result.num_rejected == 1 ? " point is" : " points are") +
+    if (errors) target.rms_px = errors->RmsPx();
+    target.num_rejected = static_cast<int>(solution.views[v].rejected_ids.size());
+    if (target.num_rejected > 0) {
+      result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(target.num_rejected) +
+                       (target.num_rejected == 1 ? " point is" : " points are") +
                        " rejected as inconsistent with the estimate from the others";
     }
-    result.correction = outcome.correction;
     result.move_without = moves[v];
   }
   for (const UnusedView& unused : calibration.unused) results[unused.capture].reason = unused.reason;
   for (const LeftOut& entry : dataset.left_out) {
-    CaptureResult result;
+    ImageResult& result = results.emplace_back();
+    result.capture = entry.name;
     result.image = entry.name;
     result.reason = entry.reason;
     result.was_searched = false;
-    results.push_back(std::move(result));
   }
   return results;
+}
+
+// Returns the poses of the arm in all captures, with the corrections of those that the calibration uses.
+std::vector<CapturePoses> PosesOfCaptures(const PairDataset& dataset, const PairCalibration& calibration) {
+  std::vector<CapturePoses> poses;
+  for (const Capture& capture : dataset.captures) poses.push_back({capture.name, {capture.base_from_gripper}, {}});
+  if (!calibration.refined) return poses;
+  for (size_t v = 0; v < calibration.views.size(); ++v) {
+    const std::optional<Rigid3d>& correction = calibration.refined->views[v].correction;
+    if (correction) poses[calibration.views[v].capture].corrections = {*correction};
+  }
+  return poses;
 }
 
 template <typename T>
@@ -198,7 +210,7 @@ std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibrat
 
 namespace {
 
-void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method, std::vector<CaptureResult>* captures) {
+void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method, std::vector<ImageResult>* captures) {
   for (const HoldOut& hold_out : hold_outs) {
     if (hold_out.method != method) continue;
     for (const auto& distance_of : hold_out.target_m_of_capture) {
@@ -208,22 +220,21 @@ void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method,
 }
 
 // Returns the result of a data set without estimates and captures.
-PairResult ResultOf(const PairDataset& dataset) {
-  PairResult result;
+RunResult ResultOf(const PairDataset& dataset) {
+  const Target* const target = dataset.target.get();
+  RunResult result = ShortResult(dataset.setup, target != nullptr ? std::string(target->type()) : "",
+                                 target != nullptr ? static_cast<int>(target->points().size()) : 0);
   result.name = dataset.name;
   result.about = dataset.about;
-  result.setup = dataset.setup;
-  result.target_type = dataset.target ? dataset.target->type() : "";
-  result.num_target_points = dataset.target ? static_cast<int>(dataset.target->points().size()) : 0;
   return result;
 }
 
 }  // namespace
 
-PairResult Assess(const PairDataset& dataset, const PairRunOptions& run,
+RunResult Assess(const PairDataset& dataset, const PairRunOptions& run,
                   const std::vector<CaptureDetection>& detections, const PairCalibration& calibration,
                   const Advice& advice, PairCalibrationOptions options, RunObserver* observer) {
-  PairResult result = ResultOf(dataset);
+  RunResult result = ResultOf(dataset);
   result.observations = advice.findings;
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();
@@ -253,29 +264,27 @@ PairResult Assess(const PairDataset& dataset, const PairRunOptions& run,
     SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
                &result.estimates.back().errors);
   }
-  result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
-  AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
+  result.captures = PosesOfCaptures(dataset, calibration);
+  result.images = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
+  AddHoldOuts(hold_outs, kBundleMethod, &result.images);
   // A wrong scale moves the camera, and not what it sees of an object of known size.
   Solution solution = of_all.judged.solution;
   AddChanges(scales.changes, &solution.covariance);
   std::vector<Eigen::VectorXd> all_changes = advice.changes;
   all_changes.insert(all_changes.end(), of_arm.begin(), of_arm.end());
-  const std::vector<std::optional<WorkingPoint>> working_points = WorkingPointsOf(used, solution, all_changes);
-  result.working_point = working_points.front();
+  result.working_points = WorkingPointsOf(used, solution, all_changes);
   result.model = SummariseModel(calibration);
   for (Finding& missing : FindMissingIds(AsDataset(dataset), AsTargetDetections(detections),
                                          PredictCaptures(dataset, *calibration.refined, 0))) {
     result.observations.push_back(std::move(missing));
   }
-  for (CameraRequirement& reached : ReachedAccuracies(run.requirements, used, solution, working_points)) {
-    result.requirements.push_back(std::move(reached.requirement));
-  }
-  return result;
+  result.requirements = ReachedAccuracies(run.requirements, used, solution, result.working_points);
+  return WithFinalEstimate(std::move(result));
 }
 
-PairResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
+RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
                        PoseCalibrationOptions options) {
-  PairResult result = ResultOf(dataset);
+  RunResult result = ResultOf(dataset);
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();
   for (const MethodResult& method : calibration.methods) {
@@ -288,15 +297,13 @@ PairResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, co
   }
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, {Rigid3d()});
   result.model = SummariseModel(calibration);
+  result.captures = PosesOfCaptures(dataset, calibration);
   for (const Capture& capture : dataset.captures) {
-    CaptureResult described;
-    described.image = capture.name;
-    described.role = capture.role;
+    ImageResult& described = result.images.emplace_back(EntryOfUnused(capture));
     described.used = true;
-    result.captures.push_back(std::move(described));
   }
-  AddHoldOuts(hold_outs, kChainMethod, &result.captures);
-  return result;
+  AddHoldOuts(hold_outs, kChainMethod, &result.images);
+  return WithFinalEstimate(std::move(result));
 }
 
 }  // namespace heba

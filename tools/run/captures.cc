@@ -75,6 +75,14 @@ void FitCameraToImages(const std::vector<CaptureDetection>& detections, PairData
   dataset->camera = rig.cameras[0].camera;
 }
 
+ImageResult EntryOfUnused(const Capture& capture) {
+  ImageResult image;
+  image.capture = capture.name;
+  image.image = capture.name;
+  image.role = capture.role;
+  return image;
+}
+
 View ViewOf(const PairDataset& dataset, size_t capture, Observations observations) {
   const Capture& from = dataset.captures[capture];
   return {from.name,

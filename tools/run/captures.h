@@ -30,6 +30,9 @@ ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved);
 std::vector<TargetDetection> AsTargetDetections(const std::vector<CaptureDetection>& detections);
 std::vector<CaptureDetection> AsCaptureDetections(std::vector<TargetDetection> detections);
 
+// Returns the entry of a capture that is not used, without a reason.
+ImageResult EntryOfUnused(const Capture& capture);
+
 // Removes the elements with these indices, which must be in increasing order; an empty list stays as it is.
 template <typename T>
 void RemoveAt(const std::vector<size_t>& indices, std::vector<T>* list) {

@@ -112,10 +112,9 @@ LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDe
   LeftOutCaptures left_out;
   int num_repeats = 0;
   for (const DuplicateImage& duplicate : FindDuplicates(PosedImagesOf(captures, *detections))) {
-    CaptureResult& result = left_out.results.emplace_back();
-    result.image = captures[duplicate.image].name;
-    result.role = captures[duplicate.image].role;
-    result.num_points = static_cast<int>((*detections)[duplicate.image].detection.ids.size());
+    ImageResult& result = left_out.results.emplace_back(EntryOfUnused(captures[duplicate.image]));
+    const auto num_points = static_cast<int>((*detections)[duplicate.image].detection.ids.size());
+    if (num_points > 0) result.targets.push_back({"", num_points, 0, {}, false});
     result.repeat_of = duplicate.repeat_of;
     result.reason = duplicate.reason;
     left_out.indices.push_back(duplicate.image);
@@ -137,7 +136,7 @@ LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDe
   return left_out;
 }
 
-void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<CaptureResult>* results) {
+void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<ImageResult>* results) {
   for (size_t k = 0; k < left_out.indices.size(); ++k) {
     results->insert(results->begin() + static_cast<std::ptrdiff_t>(left_out.indices[k]), left_out.results[k]);
   }

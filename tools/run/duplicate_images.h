@@ -60,6 +60,6 @@ std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std
 LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDetection>* detections);
 
 // Inserts the captures that were left out at their indices among the results of the others.
-void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<CaptureResult>* results);
+void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<ImageResult>* results);
 
 }  // namespace heba

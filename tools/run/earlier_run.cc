@@ -158,7 +158,7 @@ void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* op
   if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
     throw InputError(earlier.name + ": is a run of several cameras, targets or arms, but the captures are of one each");
   }
-  const Setup setup = result.rig.cameras[0].mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  const Setup setup = SetupOf(result.rig.cameras[0].mount);
   if (setup != dataset->setup) {
     throw InputError(earlier.name + ": is a run with the setup " + std::string(SetupName(setup)) +
                      ", but the captures are of " + std::string(SetupName(dataset->setup)));

@@ -58,13 +58,13 @@ void CheckDataset(const PairDataset& dataset, bool has_prior) {
 
 // Adds the arm, and what is to be said of it, to a result.
 void AddRobot(const PairDataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot,
-              const PairCalibration& calibration, PairResult* result) {
+              const PairCalibration& calibration, RunResult* result) {
   for (Finding& finding : FindingsOf(robot, dataset, calibration)) result->observations.push_back(std::move(finding));
   if (setup) {
     std::optional<Finding> singular = FindSingularCaptures(dataset, *setup, robot.is_estimated);
     if (singular) result->observations.push_back(std::move(*singular));
   }
-  result->robot = std::move(robot);
+  result->arms = {std::move(robot)};
 }
 
 // Leaves out the captures whose recorded joints contradict their poses: one of the two is wrong.
@@ -72,12 +72,9 @@ LeftOutCaptures LeaveOutWrongJoints(PairDataset* dataset) {
   LeftOutCaptures left_out;
   const std::vector<ContradictingJoints> wrong = FindContradictingJoints(*dataset);
   for (const ContradictingJoints& joints : wrong) {
-    CaptureResult result;
-    result.image = dataset->captures[joints.capture].name;
-    result.role = dataset->captures[joints.capture].role;
-    result.reason = WhyLeftOut(joints, "its joints");
     left_out.indices.push_back(joints.capture);
-    left_out.results.push_back(std::move(result));
+    left_out.results.push_back(EntryOfUnused(dataset->captures[joints.capture]));
+    left_out.results.back().reason = WhyLeftOut(joints, "its joints");
   }
   RemoveAt(left_out.indices, &dataset->captures);
   RemoveAt(left_out.indices, &dataset->given_detections);
@@ -105,16 +102,13 @@ LeftOutCaptures LeaveOutWrongPoses(PairDataset* dataset) {
   }
   if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
   for (const size_t i : left_out.indices) {
-    CaptureResult result;
-    result.image = dataset->captures[i].name;
-    result.role = dataset->captures[i].role;
+    ImageResult& result = left_out.results.emplace_back(EntryOfUnused(dataset->captures[i]));
     result.reason = "contradicts the other captures: the pose of the target is " +
                     Significant(1000 * fit->translation_m[i], 2) + " mm and " +
                     Significant(RadToDeg(fit->rotation_rad[i]), 2) +
                     " deg from where they predict it (7 of 10 captures differ by less than " +
                     Significant(1000 * fit->typical_misfit_m, 2) +
                     " mm); wrong pose for the image, robot not settled, or target misread";
-    left_out.results.push_back(std::move(result));
   }
   RemoveAt(left_out.indices, &dataset->captures);
   RemoveAt(left_out.indices, &dataset->target_poses);
@@ -152,7 +146,7 @@ Outcome<PairRunOutput> RunOnPoses(PairDataset dataset, const PairRunOptions& run
   if (dataset.robot) {
     AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
   }
-  InsertLeftOut(left_out, &output.result.captures);
+  InsertLeftOut(left_out, &output.result.images);
   return output;
 }
 
@@ -472,7 +466,7 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
   }
   if (calibrated->of_smooth_errors) observations.push_back(std::move(*calibrated->of_smooth_errors));
   output.result.timing = timing;
-  InsertLeftOut(left_out, &output.result.captures);
+  InsertLeftOut(left_out, &output.result.images);
   return output;
 }
 
@@ -490,7 +484,7 @@ Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& opt
     Outcome<PairRunOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
                                                               : RunOnPoses(std::move(used), options, observer);
     if (!output) return output;
-    InsertLeftOut(left_out, &output->result.captures);
+    InsertLeftOut(left_out, &output->result.images);
     output->result.verdict = JudgeRun(output->result);
     output->result.timing.total_s = total.Seconds();
     return output;

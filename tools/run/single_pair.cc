@@ -19,7 +19,7 @@ PairDataset DatasetOfPair(const Dataset& rig) {
   const ProblemCamera& camera = rig.rig.cameras.front();
   dataset.name = rig.name;
   dataset.about = rig.about;
-  dataset.setup = camera.mount.part == Mount::Part::kGripper ? Setup::kEyeInHand : Setup::kEyeToHand;
+  dataset.setup = SetupOf(camera.mount);
   dataset.target = rig.targets.front();
   if (rig.has_camera.front()) dataset.camera = camera.camera;
   dataset.camera_source = rig.camera_sources.front();
@@ -168,14 +168,14 @@ Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& optio
   return PlacedInDataset(dataset, *run);
 }
 
-RunOutput AsRunOutput(const PairRunOutput& run, const PairResult& result) {
+RunOutput AsRunOutput(const PairRunOutput& run, const RunResult& result) {
   const PairSolution& solution = *run.calibration.refined;
   RunOutput whole;
-  whole.result = AsRunResult(result);
+  whole.result = result;
   whole.dataset = AsDataset(run.dataset);
   whole.detections = AsTargetDetections(run.detections);
   Problem& problem = whole.calibration.problem;
-  problem = HandEyeProblem(result.setup, solution);
+  problem = HandEyeProblem(run.dataset.setup, solution);
   Solution refined = ProblemSolution(solution);
   const std::vector<CaptureOutcome> of_views = std::exchange(refined.captures, {});
   refined.captures.resize(run.dataset.captures.size());
@@ -183,7 +183,6 @@ RunOutput AsRunOutput(const PairRunOutput& run, const PairResult& result) {
   for (const Capture& capture : run.dataset.captures) {
     problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
     effects.push_back(capture.effect);
-    whole.result.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
   }
   SetEffects(0, solution.shared_effects, effects, &problem);
   for (size_t v = 0; v < run.calibration.views.size(); ++v) {

@@ -16,6 +16,6 @@ Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& optio
 
 // Returns the run of a single camera, which must have a refined estimate, as that of a rig whose parts have no names.
 // `result` is that of the run; a caller may have added to it. The captures are those of PairRunOutput::dataset.
-RunOutput AsRunOutput(const PairRunOutput& run, const PairResult& result);
+RunOutput AsRunOutput(const PairRunOutput& run, const RunResult& result);
 
 }  // namespace heba

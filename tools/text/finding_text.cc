@@ -758,19 +758,15 @@ void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys) {
   for (Finding& finding : *findings) Describe(&finding, keys);
 }
 
-void Describe(PairResult* result, ConfigKeys keys) {
+void Describe(RunResult* result, ConfigKeys keys) {
   const auto describe = [&](Failure* reason) { reason->text = FailureText(*reason, keys); };
   for (Estimate& estimate : result->estimates) describe(&estimate.reason);
   for (ModelEntry& entry : result->model.alternatives) describe(&entry.reason);
-  if (result->robot) describe(&result->robot->reason);
-  DescribeAll(&result->verdict.findings, keys);
-}
-
-void Describe(RunResult* result, ConfigKeys keys) {
   for (size_t r = 0; r < result->arms.size(); ++r) {
     if (!result->arms[r]) continue;
     Failure& reason = result->arms[r]->reason;
-    reason.text = WithArmKeys(FailureText(reason, keys), result->rig.robots[r]);
+    describe(&reason);
+    reason.text = WithArmKeys(reason.text, result->rig.robots[r]);
   }
   DescribeAll(&result->verdict.findings, keys);
 }

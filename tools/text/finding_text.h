@@ -31,8 +31,7 @@ FindingText FindingWords(const Finding& finding);
 void Describe(Finding* finding, ConfigKeys keys = ConfigKeys::kNamed);
 void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys = ConfigKeys::kNamed);
 
-// Set the texts of the findings of a verdict, and of the failures in its result.
-void Describe(PairResult* result, ConfigKeys keys = ConfigKeys::kNamed);
+// Sets the texts of the findings of a verdict, and of the failures in its result.
 void Describe(RunResult* result, ConfigKeys keys = ConfigKeys::kNamed);
 
 }  // namespace heba

@@ -5,7 +5,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/verdict.h"
+#include "heba/data/hand_eye.h"
 #include "tools/text/camera_figures.h"
 #include "tools/text/figure_columns.h"
 
@@ -54,7 +54,7 @@ std::string FigureTable(const std::string& begin, const std::string& below, Colu
   return table;
 }
 
-std::string MethodsTable(const PairResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+std::string MethodsTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const Columns columns = {{"in-sample", "px rms", 9, 3, &CameraFigures::reprojection_rms_px},
                            {"hold-out", "px rms", 9, 3, &CameraFigures::holdout_rms_px},
                            {"hold-out", "mm rms", 9, 3, &CameraFigures::holdout_target_mm},
@@ -229,40 +229,46 @@ std::string ModelLines(const RunResult& result) {
 }
 
 // The same of a single camera, whose pixel noise has no column.
-std::string ModelLines(const PairResult& result, const Estimate& refined) {
-  const PairSolution& solution = *refined.solution;
-  std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px per coordinate";
-  if (solution.robot_noise) line += ", robot noise " + RobotNoiseText(*solution.robot_noise, solution.smooth_noise);
-  if (refined.errors.holdout_chi2) line += "; " + ChiSquareText(refined.errors.holdout_chi2);
-  return line + "\n" + ShapeLine({}, solution.shape, solution.covariance) + FindingLines(result.verdict, std::nullopt);
+std::string ModelLinesOfPair(const RunResult& result) {
+  const Solution& solution = result.solution;
+  std::string line = "pixel noise " + Significant(solution.pixel_sigmas_px[0], 3) + " px per coordinate";
+  if (solution.robot_noise[0]) {
+    line += ", robot noise " + RobotNoiseText(*solution.robot_noise[0], SmoothNoiseOf(solution, 0));
+  }
+  if (result.holdout_chi2) line += "; " + ChiSquareText(result.holdout_chi2);
+  return line + "\n" + ShapeLine({}, solution.shapes[0], solution.covariance) +
+         FindingLines(result.verdict, std::nullopt);
 }
 
-}  // namespace
-
-std::string ResultTable(const PairResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+std::string TableOfMethods(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+  const Setup setup = SetupOf(result.rig.cameras[0].mount);
+  const std::string& target = result.target_types[0];
   const std::string table = Title(result.name,
-                                  std::string(SetupName(result.setup)) + ", " +
-                                      (result.target_type.empty() ? "poses of the target" : result.target_type) + ", " +
+                                  std::string(SetupName(setup)) + ", " +
+                                      (target.empty() ? "poses of the target" : target) + ", " +
                                       std::to_string(NumUsedCaptures(result)) + " of " +
-                                      std::to_string(result.captures.size()) + " captures used",
+                                      std::to_string(NumCaptures(result)) + " captures used",
                                   result.verdict, colour) +
                             MethodsTable(result, colour, asked_for);
   const auto pose_lines = [&](const std::string& title, const Estimate& estimate, SigmasText sigmas) {
-    return PoseLines("\n" + std::string(CameraMountName(result.setup)) + "_from_camera" + title,
+    return PoseLines("\n" + std::string(CameraMountName(setup)) + "_from_camera" + title,
                      estimate.hand_eye.camera_mount_from_camera,
                      estimate.solution ? PoseCovarianceOf(estimate.solution->covariance, kHandEyeBlock) : std::nullopt,
                      std::nullopt, sigmas);
   };
   // The refinement of the reprojection error.
   if (const Estimate* const refined = FindRefined(result)) {
-    return table + pose_lines("", *refined, &SigmasOfAxesText) + ModelLines(result, *refined);
+    return table + pose_lines("", *refined, &SigmasOfAxesText) + ModelLinesOfPair(result);
   }
   // There is none in a result from poses alone.
   const Estimate* const found = FindFinal(result);
   return found == nullptr ? table : table + pose_lines(" (" + found->method + ")", *found, nullptr);
 }
 
-std::string ResultTable(const RunResult& result, Colour colour) {
+}  // namespace
+
+std::string ResultTable(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
+  if (IsShort(result)) return TableOfMethods(result, colour, asked_for);
   const auto count = [](size_t number, const std::string& what) {
     return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
   };

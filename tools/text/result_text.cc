@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <set>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -25,7 +24,7 @@ std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vect
   return names_of;
 }
 
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const PairResult& result,
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
                                                                       const std::vector<std::string>& asked_for) {
   std::vector<NamedReason> methods;
   for (const Estimate& estimate : result.estimates) {
@@ -36,19 +35,6 @@ std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const Pair
     if (suits || is_asked_for) methods.emplace_back(estimate.method, estimate.reason.ToString());
   }
   return GroupedByReason(methods);
-}
-
-int NumUsedCaptures(const PairResult& result) {
-  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
-                                        [](const CaptureResult& capture) { return capture.used; }));
-}
-
-int NumUsedCaptures(const RunResult& result) {
-  std::set<std::string> used;
-  for (const ImageResult& image : result.images) {
-    if (image.used) used.insert(image.capture);
-  }
-  return static_cast<int>(used.size());
 }
 
 std::pair<int, int> CountImages(const RunResult& result, const std::string& camera) {

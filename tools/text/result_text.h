@@ -17,12 +17,9 @@ using NamedReason = std::pair<std::string, std::string>;
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named);
 // Groups the methods of a result that have no estimate. A method for a motion that was not made is left out unless it
 // is one of `asked_for`.
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const PairResult& result,
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result,
                                                                       const std::vector<std::string>& asked_for = {});
 
-int NumUsedCaptures(const PairResult& result);
-// Returns how many captures of a rig have an image that was used.
-int NumUsedCaptures(const RunResult& result);
 // Returns how many images of a camera were used, and how many there are.
 std::pair<int, int> CountImages(const RunResult& result, const std::string& camera);
 // Returns the largest sigma of a pose along and about its axes: m and rad.

@@ -1,15 +1,17 @@
 // Locates a target that an image shows, or a pixel on a plane, in the robot's base, and states how closely the gripper
 // reaches it. The world of the types is that base.
 //
-//   const heba::PairResult result = heba::ReadPairResult("runs/cell/result.json");
+//   const heba::RunResult result = heba::ReadWholeResult("runs/cell/result.json");
 //   const heba::PairSolution& solution = *heba::FindRefined(result)->solution;
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
-//   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
+//   const auto located =
+//       heba::LocateTarget(heba::SetupOf(result.rig.cameras[0].mount), solution, seen, base_from_gripper);
 //
 // If the run has estimated the errors of an arm that carries the camera, the pose comes with them, and with the effect
 // of the noise of its joints:
-//   {base_from_gripper, heba::MakeArmEffect(result.robot->nominal, joints, result.robot->tip_from_gripper),
-//    heba::GripperByJoints(result.robot->nominal, joints, result.robot->tip_from_gripper)}
+//   {base_from_gripper, heba::MakeArmEffect(arm.nominal, joints, arm.tip_from_gripper),
+//    heba::GripperByJoints(arm.nominal, joints, arm.tip_from_gripper)}
+// where `arm` is *result.arms[0].
 #pragma once
 
 #include <optional>

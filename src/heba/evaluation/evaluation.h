@@ -1,4 +1,5 @@
-// The accuracy of every method, on the captures that it was given and on held-out captures.
+// The parts of a result: the accuracy of every method, on the captures that it was given and on held-out captures, the
+// models that were compared, and the arms.
 #pragma once
 
 #include <array>
@@ -63,30 +64,6 @@ struct Estimate {
   Camera camera;
   Errors errors;
   std::optional<PairSolution> solution;  // Set for refinements.
-};
-
-// The outcome of a run for one capture.
-struct CaptureResult {
-  std::string image;
-  CaptureRole role = CaptureRole::kNone;
-  int num_points = 0;
-  bool used = false;
-  std::string reason;  // Reason why it was not used, or a remark on it.
-  // Number of points that were found only in the second pass, near their pixels predicted by the first estimate.
-  int num_second_pass = 0;
-  int num_rejected = 0;          // Number of points that the estimate rejected.
-  std::optional<double> rms_px;  // RMS with the refined estimate and the robot's pose as given.
-  // The pose of the gripper according to the image, in the gripper's frame according to the robot; set if robot noise
-  // is modelled.
-  std::optional<Rigid3d> correction;
-  // Change of the refined hand-eye pose without this capture (solvers/calibration/influence.h).
-  std::optional<CaptureMove> move_without;
-  // Name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
-  std::string repeat_of = {};
-  // Distance between the target and its position predicted by a refinement that had not seen this capture.
-  std::optional<double> holdout_target_mm = {};
-  // False for entries that are not captures: an image without a pose, or one that was left out.
-  bool was_searched = true;
 };
 
 struct Timing {
@@ -154,36 +131,8 @@ struct PointDeviation {
   double p_value = 1;
 };
 
-// A finished run of one camera, one target and one arm, from which result.json is written.
-struct PairResult {
-  std::string name;
-  // Remarks on the cell from the config, for the record: serial numbers, an operator's name.
-  std::vector<std::pair<std::string, std::string>> about;
-  Setup setup = Setup::kEyeToHand;
-  std::string target_type;
-  int num_target_points = 0;
-  std::vector<CaptureResult> captures;
-  std::vector<Estimate> estimates;
-  std::optional<WorkingPoint> working_point;
-  ModelSummary model;
-  std::optional<RobotSummary> robot;  // Set if the data set names an arm.
-  std::vector<Requirement> requirements;
-  // Findings about the run that its figures do not show.
-  std::vector<Finding> observations;
-  // The points of the target that were seen often enough. Not written to files.
-  std::vector<PointDeviation> point_deviations;
-  Verdict verdict;  // Result of JudgeRun.
-  Timing timing;
-};
-
-// Returns the final refinement of reprojection errors that has a covariance; null if there is none.
-const Estimate* FindRefined(const PairResult& result);
-
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
 inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
 inline std::optional<double> HoldOutSigmas(const Errors& errors) { return errors.holdout_sigmas; }
-// Returns the closed-form estimate with the lowest value of a figure; null if none has the figure.
-const Estimate* FindBestClosedForm(const PairResult& result, FigureOf figure);
-
 }  // namespace heba

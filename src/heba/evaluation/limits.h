@@ -15,7 +15,7 @@ struct Limits {
 };
 
 // Errors of a target's position as shares of its distance from the camera, and errors of orientations in rad, which
-// move the target by that share. A requirement (PairResult::requirements) replaces them. What the robot's noise
+// move the target by that share. A requirement (RunResult::requirements) replaces them. What the robot's noise
 // explains is bad only beyond kUseless.
 inline constexpr Limits kSigmaShare = {0.003, 0.015};
 inline constexpr Limits kHeldOutShare = {0.005, 0.02};

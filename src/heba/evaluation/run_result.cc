@@ -1,67 +1,133 @@
 #include "heba/evaluation/run_result.h"
 
-#include "heba/base/error.h"
+#include <algorithm>
+#include <set>
+#include <utility>
+
 #include "heba/data/hand_eye.h"
 
 namespace heba {
+
 std::optional<PoseError> ErrorAt(const std::vector<std::optional<PoseError>>& errors, size_t place) {
   return errors.empty() ? std::nullopt : errors[place];
 }
 
-RunResult AsRunResult(const PairResult& result) {
-  const Estimate* const refined = FindRefined(result);
-  CHECK(refined != nullptr);
-  return AsRunResult(result, *refined);
+RunResult ShortResult(Setup setup, std::string target_type, int num_target_points) {
+  RunResult result;
+  result.rig = HandEyeProblem(setup, Camera(), TargetShape());
+  result.target_types = {std::move(target_type)};
+  result.num_target_points = {num_target_points};
+  result.arms = {std::nullopt};
+  result.working_points = {std::nullopt};
+  result.errors.emplace_back();
+  return result;
 }
 
-RunResult AsRunResult(const PairResult& result, const Estimate& estimate) {
-  const Estimate* const refined = FindRefined(result);
+bool IsShort(const RunResult& result) { return result.rig.cameras.size() == 1 && result.rig.cameras[0].name.empty(); }
+
+const Estimate* FindRefined(const RunResult& result) {
+  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {
+    return estimate.ok && estimate.solution && estimate.method != kChainMethod &&
+           estimate.solution->covariance.matrix.rows() >= 6;
+  });
+  return found == result.estimates.rend() ? nullptr : &*found;
+}
+
+const Estimate* FindFinal(const RunResult& result) {
+  if (const Estimate* const refined = FindRefined(result)) return refined;
+  const auto find = [&](std::string_view method) -> const Estimate* {
+    const auto found = std::find_if(result.estimates.begin(), result.estimates.end(),
+                                    [&](const Estimate& estimate) { return estimate.ok && estimate.method == method; });
+    return found == result.estimates.end() ? nullptr : &*found;
+  };
+  const Estimate* const chain = find(kChainMethod);
+  const Estimate* const two_step = find("two_step_ls");
+  if (chain == nullptr && two_step == nullptr && !result.estimates.empty()) {
+    const auto last = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
+                                   [](const Estimate& estimate) { return estimate.ok; });
+    return last == result.estimates.rend() ? nullptr : &*last;
+  }
+  if (chain == nullptr || two_step == nullptr) return chain == nullptr ? two_step : chain;
+  constexpr double kClearlyBetter = 0.7;
+  const bool is_better = chain->errors.holdout_target_mm && two_step->errors.holdout_target_mm &&
+                         *two_step->errors.holdout_target_mm < kClearlyBetter * *chain->errors.holdout_target_mm &&
+                         two_step->errors.holdout_target_deg <= chain->errors.holdout_target_deg;
+  return is_better ? two_step : chain;
+}
+
+const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure) {
+  const Estimate* best = nullptr;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.kind != EstimateKind::kClosedForm || !figure(estimate.errors)) continue;
+    if (best == nullptr || *figure(estimate.errors) < *figure(best->errors)) best = &estimate;
+  }
+  return best;
+}
+
+const Estimate* EstimateWithArm(const RunResult& result) {
+  const Estimate* found = nullptr;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.method == kBundleMethod && (estimate.ok || found == nullptr)) found = &estimate;
+    if (estimate.method == kChainMethod && estimate.ok) found = &estimate;
+  }
+  return found;
+}
+
+namespace {
+
+// Sets the poses, cameras, shapes and errors of a result of the short form.
+void TakeEstimate(const Estimate& estimate, RunResult* result) {
   PairSolution solution;
   solution.hand_eye = estimate.hand_eye;
   solution.camera = estimate.camera;
   if (estimate.solution) solution = *estimate.solution;
-  RunResult whole;
-  whole.name = result.name;
-  whole.about = result.about;
-  whole.rig = HandEyeProblem(result.setup, solution);
-  const bool has_arm = estimate.method == (refined != nullptr ? refined->method : kChainMethod);
-  whole.arms = {has_arm ? result.robot : std::nullopt};
-  whole.target_types = {result.target_type};
-  whole.solution = ProblemSolution(solution);
-  whole.solution.captures.clear();
-  CameraErrors& errors = whole.errors.emplace_back();
+  result->rig = HandEyeProblem(SetupOf(result->rig.cameras[0].mount), solution);
+  result->solution = ProblemSolution(solution);
+  result->solution.captures.clear();
+  CameraErrors errors;
   errors.reprojection_rms_px = estimate.errors.reprojection_rms_px;
   errors.holdout_rms_px = estimate.errors.holdout_rms_px;
   errors.holdout_target_mm = estimate.errors.holdout_target_mm;
   errors.holdout_target_deg = estimate.errors.holdout_target_deg;
   errors.left_out_rms_px = estimate.errors.left_out_rms_px;
   errors.left_out_target_mm = estimate.errors.left_out_target_mm;
-  whole.working_points = {result.working_point};
-  if (result.working_point) errors.distance_m = result.working_point->in_camera_m.norm();
+  if (result->working_points[0]) errors.distance_m = result->working_points[0]->in_camera_m.norm();
   if (estimate.errors.truth) {
     errors.truth_mm = estimate.errors.truth->hand_eye_mm;
     errors.truth_deg = estimate.errors.truth->hand_eye_deg;
   }
-  whole.holdout_chi2 = estimate.errors.holdout_chi2;
-  for (const CaptureResult& capture : result.captures) {
-    ImageResult& image = whole.images.emplace_back();
-    image.capture = capture.image;
-    image.image = capture.image;
-    image.used = capture.used;
-    image.reason = capture.reason;
-    image.repeat_of = capture.repeat_of;
-    image.was_searched = capture.was_searched;
-    image.holdout_target_mm = capture.holdout_target_mm;
-    image.move_without = capture.move_without;
-    if (capture.num_points == 0) continue;
-    image.targets.push_back({"", capture.num_points, capture.num_rejected, capture.rms_px, capture.used});
+  result->errors = {errors};
+  result->holdout_chi2 = estimate.errors.holdout_chi2;
+}
+
+}  // namespace
+
+RunResult WithFinalEstimate(RunResult result) {
+  if (const Estimate* const estimate = FindFinal(result)) TakeEstimate(*estimate, &result);
+  return result;
+}
+
+RunResult WithEstimate(RunResult result, const Estimate& estimate) {
+  const Estimate* const with_arm = EstimateWithArm(result);
+  if (with_arm == nullptr || with_arm->method != estimate.method) result.arms = {std::nullopt};
+  TakeEstimate(estimate, &result);
+  return result;
+}
+
+int NumCaptures(const RunResult& result) {
+  std::set<std::string> captures;
+  for (const ImageResult& image : result.images) {
+    if (!image.capture.empty()) captures.insert(image.capture);
   }
-  for (const Requirement& requirement : result.requirements) whole.requirements.push_back({0, requirement});
-  whole.observations = result.observations;
-  whole.point_deviations = result.point_deviations;
-  whole.verdict = result.verdict;
-  whole.timing = result.timing;
-  return whole;
+  return static_cast<int>(captures.size());
+}
+
+int NumUsedCaptures(const RunResult& result) {
+  std::set<std::string> used;
+  for (const ImageResult& image : result.images) {
+    if (image.used) used.insert(image.capture);
+  }
+  return static_cast<int>(used.size());
 }
 
 const RobotSummary* FindEstimatedArm(const RunResult& result, size_t robot) {

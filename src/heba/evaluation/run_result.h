@@ -1,5 +1,6 @@
 // The result of a run: the adjustment of any number of cameras, targets and arms, its errors on captures that it was
-// given and on held-out ones, and the verdict.
+// given and on held-out ones, and the verdict. That of one camera whose parts have no names has the short form: it has
+// the estimates of all methods beside the adjustment.
 #pragma once
 
 #include <optional>
@@ -7,7 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "heba/data/capture_role.h"
 #include "heba/data/problem.h"
+#include "heba/data/setup.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
@@ -43,6 +46,9 @@ struct TargetInImage {
   std::optional<double> rms_px;
   bool used = false;
   std::string reason = {};  // The reason why it was not used; empty in a result that was read from a file.
+  // Number of points that were found only in the second pass, near their pixels predicted by the first estimate. Not
+  // written to files of the long form.
+  int num_second_pass = 0;
 };
 
 // The outcome for one image of one capture.
@@ -60,7 +66,9 @@ struct ImageResult {
   // The change of the pose of this camera if the capture, with its images of all cameras, is left out
   // (solvers/calibration/influence.h).
   std::optional<CaptureMove> move_without = {};
-  std::string repeat_of = {};  // CaptureResult::repeat_of.
+  // Name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
+  std::string repeat_of = {};
+  CaptureRole role = CaptureRole::kNone;
 };
 
 // A capture: the poses of the arms, and their corrections.
@@ -107,14 +115,20 @@ struct CameraRequirement {
 // A finished run, from which result.json is written.
 struct RunResult {
   std::string name;
-  std::vector<std::pair<std::string, std::string>> about;  // PairResult::about.
+  // Remarks on the cell from the config, for the record: serial numbers, an operator's name.
+  std::vector<std::pair<std::string, std::string>> about;
   // The names, mounts, cameras and targets, and the errors of the arms' kinematics that were estimated. It has no
   // captures.
   Problem rig;
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
-  std::vector<std::string> target_types;
-  Solution solution;                 // Without the outcomes of the captures.
+  std::vector<std::string> target_types;  // Empty if poses of a target were given.
+  std::vector<int> num_target_points;     // One per target; not written to files of the long form.
+  Solution solution;                      // Without the outcomes of the captures.
+  // Of one camera, one target and one arm: the estimates of all methods, of which `solution` is the final one
+  // (WithEstimate), and the model. Not written to files of the long form.
+  std::vector<Estimate> estimates;
+  ModelSummary model;
   std::vector<CameraErrors> errors;  // One per camera.
   // One per camera, or empty in a result of an earlier version.
   std::vector<std::optional<WorkingPoint>> working_points;
@@ -129,18 +143,41 @@ struct RunResult {
   // In the order of the requirements; a requirement has an entry for every camera that it concerns, whose built-in
   // limits on uncertainty and hold-out errors it replaces.
   std::vector<CameraRequirement> requirements;
-  std::vector<Finding> observations;             // Findings about the run that its figures do not show.
-  std::vector<PointDeviation> point_deviations;  // PairResult::point_deviations.
-  Verdict verdict;                               // Result of JudgeRun.
+  std::vector<Finding> observations;  // Findings about the run that its figures do not show.
+  // The points of the targets that were seen often enough. Not written to files.
+  std::vector<PointDeviation> point_deviations;
+  Verdict verdict;  // Result of JudgeRun.
   Timing timing;
 };
 
-// Returns the result of one camera, which must have a refined estimate, as that of a rig whose parts have no names
-// (heba/data/hand_eye.h). It has no captures: the poses of the arm are not part of such a result.
-RunResult AsRunResult(const PairResult& result);
-// Likewise with one of its estimates that are ok. That of a closed form has no covariance, and that of poses alone no
-// camera. The arm is part of the refined estimate or, if there is none, of that of the poses.
-RunResult AsRunResult(const PairResult& result, const Estimate& estimate);
+// Returns a result of the short form without captures and estimates.
+RunResult ShortResult(Setup setup, std::string target_type, int num_target_points);
+// Returns whether the result has the short form: that of one camera whose parts have no names.
+bool IsShort(const RunResult& result);
+
+// Returns the final refinement of reprojection errors that has a covariance; null if there is none, and in a result
+// that has no estimates.
+const Estimate* FindRefined(const RunResult& result);
+// Returns the estimate that stands for the whole result: the refined one. A run on poses of the target has none: there
+// it is the chain, unless the least-squares form of the two-step method predicts held-out captures clearly better,
+// whose rotation and translation are estimated one after the other. Null if there is no estimate.
+const Estimate* FindFinal(const RunResult& result);
+// Returns the closed-form estimate with the lowest value of a figure; null if none has the figure.
+const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure);
+
+// Returns the estimate that the errors of the arm are part of: that of the refinement of reprojection errors, unless
+// only that of the poses has a result. Null if there is neither.
+const Estimate* EstimateWithArm(const RunResult& result);
+// Returns a result of the short form whose poses, cameras, shapes and errors are those of FindFinal; without an
+// estimate it stays as it is.
+RunResult WithFinalEstimate(RunResult result);
+// Likewise with one of its estimates that are ok, and without the arm if its errors are not part of that estimate. A
+// closed form has no covariance, and an estimate from poses alone no camera.
+RunResult WithEstimate(RunResult result, const Estimate& estimate);
+
+// Returns how many captures there are, and how many of them have an image that was used.
+int NumCaptures(const RunResult& result);
+int NumUsedCaptures(const RunResult& result);
 
 // Returns the kinematics of an arm whose errors are part of the solution; null if they were not estimated.
 const RobotSummary* FindEstimatedArm(const RunResult& result, size_t robot);

@@ -295,22 +295,22 @@ std::vector<Finding> JudgeCameras(const RunResult& result) {
 }
 
 // Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.
-std::optional<Finding> JudgeGain(const PairResult& result, const RunResult& whole) {
-  const Estimate& refined = *FindRefined(result);
-  if (!refined.errors.holdout_sigmas) return std::nullopt;
-  const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
+std::optional<Finding> JudgeGain(const RunResult& result) {
+  const Estimate* const refined = FindRefined(result);
+  if (refined == nullptr || !refined->errors.holdout_sigmas) return std::nullopt;
+  const Estimate* const best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
-  const double ratio = *best->errors.holdout_sigmas / *refined.errors.holdout_sigmas;
+  const double ratio = *best->errors.holdout_sigmas / *refined->errors.holdout_sigmas;
   constexpr double kUnlikely = 0.01;
   const bool is_better = ratio < kClosedFormBetter && best->errors.holdout_better_p.value_or(0) < kUnlikely;
   return Finding{is_better ? Grade::kDoubtful : Grade::kGood,
                  FindingCode("closed_form_better"),
                  {{"ratio", ratio}},
-                 {{"method", best->method}, RobotNoiseName(whole)}};
+                 {{"method", best->method}, RobotNoiseName(result)}};
 }
 
 // Tells a refinement that failed without the held-out captures from captures that were not held out.
-void ExplainMissingHoldOut(const PairResult& result, std::vector<Finding>* findings) {
+void ExplainMissingHoldOut(const RunResult& result, std::vector<Finding>* findings) {
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
     return estimate.errors.holdout_rms_px.has_value();
   });
@@ -344,43 +344,16 @@ Verdict VerdictOf(std::vector<Finding> findings) {
 
 }  // namespace
 
-const Estimate* FindFinal(const PairResult& result) {
-  if (const Estimate* const refined = FindRefined(result)) return refined;
-  const auto find = [&](std::string_view method) -> const Estimate* {
-    const auto found = std::find_if(result.estimates.begin(), result.estimates.end(),
-                                    [&](const Estimate& estimate) { return estimate.ok && estimate.method == method; });
-    return found == result.estimates.end() ? nullptr : &*found;
-  };
-  const Estimate* const chain = find(kChainMethod);
-  const Estimate* const two_step = find("two_step_ls");
-  if (chain == nullptr && two_step == nullptr && !result.estimates.empty()) {
-    const auto last = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
-                                   [](const Estimate& estimate) { return estimate.ok; });
-    return last == result.estimates.rend() ? nullptr : &*last;
-  }
-  if (chain == nullptr || two_step == nullptr) return chain == nullptr ? two_step : chain;
-  constexpr double kClearlyBetter = 0.7;
-  const bool is_better = chain->errors.holdout_target_mm && two_step->errors.holdout_target_mm &&
-                         *two_step->errors.holdout_target_mm < kClearlyBetter * *chain->errors.holdout_target_mm &&
-                         two_step->errors.holdout_target_deg <= chain->errors.holdout_target_deg;
-  return is_better ? two_step : chain;
-}
-
-Verdict JudgeRun(const RunResult& result) { return VerdictOf(JudgeCameras(result)); }
-
-Verdict JudgeRun(const PairResult& result) {
-  const Estimate* const refined = FindRefined(result);
-  if (refined == nullptr) {
-    const Estimate* const final_estimate = FindFinal(result);
+Verdict JudgeRun(const RunResult& result) {
+  if (IsShort(result) && FindRefined(result) == nullptr) {
     std::vector<Finding> findings = result.observations;
-    findings.push_back(JudgePoses(final_estimate));
-    findings.push_back(JudgeImages(AsRunResult(result, final_estimate == nullptr ? Estimate() : *final_estimate)));
+    findings.push_back(JudgePoses(FindFinal(result)));
+    findings.push_back(JudgeImages(result));
     return VerdictOf(std::move(findings));
   }
-  const RunResult whole = AsRunResult(result, *refined);
-  std::vector<Finding> findings = JudgeCameras(whole);
+  std::vector<Finding> findings = JudgeCameras(result);
   ExplainMissingHoldOut(result, &findings);
-  if (std::optional<Finding> gain = JudgeGain(result, whole)) findings.push_back(std::move(*gain));
+  if (std::optional<Finding> gain = JudgeGain(result)) findings.push_back(std::move(*gain));
   return VerdictOf(std::move(findings));
 }
 

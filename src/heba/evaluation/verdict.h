@@ -12,14 +12,9 @@ namespace heba {
 // Requirements of a camera (RunResult::requirements) replace the built-in limits on its uncertainty and hold-out
 // errors. Each cause gives one finding, whose first part is its worst consequence. The texts of findings are neither
 // set nor read.
+//
+// The refined estimate of a result that has those of several methods is compared with the closed forms, too. A result
+// of the short form without a refined estimate, from poses of the target, is judged by FindFinal.
 Verdict JudgeRun(const RunResult& result);
-// Judges the refined estimate likewise, and by a comparison with the closed forms. A result without one, from poses of
-// the target, is judged by FindFinal.
-Verdict JudgeRun(const PairResult& result);
-
-// Returns the estimate that stands for the whole result: the refined one. A run on poses of the target has none: there
-// it is the chain, unless the least-squares form of the two-step method predicts held-out captures clearly better,
-// whose rotation and translation are estimated one after the other. Null if there is no estimate.
-const Estimate* FindFinal(const PairResult& result);
 
 }  // namespace heba

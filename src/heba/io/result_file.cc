@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/base/units.h"
+#include "heba/data/hand_eye.h"
 #include "heba/io/arm_json.h"
 #include "heba/io/result_json.h"
 
@@ -150,30 +151,30 @@ Json ModelJson(const ModelSummary& model) {
               {"alternatives", alternatives}};
 }
 
-Json CaptureJson(const CaptureResult& capture) {
-  return Json{{"image", capture.image},
-              {"role", RoleName(capture.role)},
-              {"points", capture.num_points},
-              {"points_second_pass", capture.num_second_pass},
-              {"points_rejected", capture.num_rejected},
-              {"used", capture.used},
-              {"reason", capture.reason},
-              {"repeat_of", capture.repeat_of.empty() ? Json(nullptr) : Json(capture.repeat_of)},
-              {"rms_px", OrNull(capture.rms_px)},
-              {"holdout_target_mm", OrNull(capture.holdout_target_mm)},
-              {"robot_correction", capture.correction ? CorrectionJson(*capture.correction) : Json(nullptr)},
-              {"move_without", MoveJson(capture.move_without)}};
+// Returns the correction of the only arm in each capture.
+std::map<std::string, Rigid3d> CorrectionsOfArm(const RunResult& result) {
+  std::map<std::string, Rigid3d> corrections;
+  for (const CapturePoses& capture : result.captures) {
+    if (!capture.corrections.empty()) corrections[capture.name] = capture.corrections[0];
+  }
+  return corrections;
 }
 
-// Returns the estimate that the arm is part of: that of the refinement of reprojection errors, unless only that of the
-// poses has a result. Null if there is neither.
-const Estimate* EstimateWithRobot(const PairResult& result) {
-  const Estimate* found = nullptr;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.method == kBundleMethod && (estimate.ok || found == nullptr)) found = &estimate;
-    if (estimate.method == kChainMethod && estimate.ok) found = &estimate;
-  }
-  return found;
+Json CaptureJson(const ImageResult& image, const std::map<std::string, Rigid3d>& corrections) {
+  const TargetInImage target = image.targets.empty() ? TargetInImage() : image.targets.front();
+  const auto correction = corrections.find(image.capture);
+  return Json{{"image", image.capture},
+              {"role", RoleName(image.role)},
+              {"points", target.num_points},
+              {"points_second_pass", target.num_second_pass},
+              {"points_rejected", target.num_rejected},
+              {"used", image.used},
+              {"reason", image.reason},
+              {"repeat_of", image.repeat_of.empty() ? Json(nullptr) : Json(image.repeat_of)},
+              {"rms_px", OrNull(target.rms_px)},
+              {"holdout_target_mm", OrNull(image.holdout_target_mm)},
+              {"robot_correction", correction == corrections.end() ? Json(nullptr) : CorrectionJson(correction->second)},
+              {"move_without", MoveJson(image.move_without)}};
 }
 
 // Parts of the result of several cameras.
@@ -308,41 +309,40 @@ Json RobotEntryJson(const RunResult& result, size_t index) {
               {"robot", KinematicsJson(result, index)}};
 }
 
-}  // namespace
-
-std::string Version() { return HEBA_VERSION; }
-
-std::string ResultToJson(const PairResult& result) {
+Json ShortJson(const RunResult& result) {
+  const Setup setup = SetupOf(result.rig.cameras[0].mount);
   Json json;
   json["schema"] = kResultSchema;
   json["heba"] = Version();
   json["name"] = result.name;
-  json["setup"] = SetupName(result.setup);
-  json["target"] = Json{{"type", result.target_type}, {"points", result.num_target_points}};
+  json["setup"] = SetupName(setup);
+  json["target"] = Json{{"type", result.target_types[0]}, {"points", result.num_target_points[0]}};
   AddAbout(result.about, &json);
   json["captures"] = Json::array();
-  for (const CaptureResult& capture : result.captures) json["captures"].push_back(CaptureJson(capture));
+  const std::map<std::string, Rigid3d> corrections = CorrectionsOfArm(result);
+  for (const ImageResult& image : result.images) json["captures"].push_back(CaptureJson(image, corrections));
   json["verdict"] = VerdictJson(result.verdict);
   json["model"] = ModelJson(result.model);
-  const Estimate* const with_robot = EstimateWithRobot(result);
+  const Estimate* const with_arm = EstimateWithArm(result);
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) {
-    json["estimates"].push_back(EstimateJson(estimate, result.setup));
-    if (!result.robot || &estimate != with_robot) continue;
+    json["estimates"].push_back(EstimateJson(estimate, setup));
+    if (!result.arms[0] || &estimate != with_arm) continue;
+    const RobotSummary& arm = *result.arms[0];
     Json& robot = json["estimates"].back()["robot"];
-    if (!result.robot->is_estimated || !estimate.solution) {
-      robot = ArmJson(*result.robot);
+    if (!arm.is_estimated || !estimate.solution) {
+      robot = ArmJson(arm);
     } else {
       const PairSolution& solution = *estimate.solution;
-      robot = ArmJson(*result.robot, {solution.shared_effects, solution.effects, solution.effect_sigmas});
+      robot = ArmJson(arm, {solution.shared_effects, solution.effects, solution.effect_sigmas});
     }
   }
-  json["working_point"] = WorkingPointJson(result.working_point);
+  json["working_point"] = WorkingPointJson(result.working_points[0]);
   json["timing_s"] = TimingJson(result.timing);
-  return FileText(json);
+  return json;
 }
 
-std::string ResultToJson(const RunResult& result) {
+Json LongJson(const RunResult& result) {
   const Problem& rig = result.rig;
   Json json;
   json["schema"] = kLongSchema;
@@ -368,7 +368,15 @@ std::string ResultToJson(const RunResult& result) {
   json["solve"] = SolveJson(result.solution.convergence, result.solution.covariance_dof, Json::object(),
                             Json{{"holdout_chi2_per_dof", OrNull(result.holdout_chi2)}});
   json["timing_s"] = TimingJson(result.timing);
-  return FileText(json);
+  return json;
+}
+
+}  // namespace
+
+std::string Version() { return HEBA_VERSION; }
+
+std::string ResultToJson(const RunResult& result) {
+  return FileText(IsShort(result) ? ShortJson(result) : LongJson(result));
 }
 
 std::string TruthToJson(const Truth& truth, Setup setup) {

@@ -1,10 +1,7 @@
 // The files result.json and truth.json, of one camera (schema heba/result/1) and of several (heba/rig/1).
 //
-//   const heba::PairResult result = heba::ReadPairResult("runs/cell/result.json");
-//   const heba::Estimate* const refined = heba::FindRefined(result);
-//
-//   const heba::RunResult whole = heba::ReadWholeResult("runs/cell/result.json");  // One camera or several.
-//   const heba::Rigid3d& mount_from_camera = whole.solution.poses.mount_from_camera[0];
+//   const heba::RunResult result = heba::ReadWholeResult("runs/cell/result.json");
+//   const heba::Rigid3d& mount_from_camera = result.solution.poses.mount_from_camera[0];
 #pragma once
 
 #include <filesystem>
@@ -19,18 +16,15 @@ namespace heba {
 inline constexpr const char* kResultSchema = "heba/result/1";
 inline constexpr const char* kLongSchema = "heba/rig/1";
 
-// Return the text of result.json. A figure that does not exist is null.
-std::string ResultToJson(const PairResult& result);
+// Returns the text of result.json, in the short form if the result has it (IsShort). A figure that does not exist is
+// null.
 std::string ResultToJson(const RunResult& result);
 
-// Returns whether a result.json is that of several cameras, by its schema. Throws InputError if it cannot be read.
-bool IsLongResult(const std::filesystem::path& path);
-// Read result.json. The parts of a Solution that the file does not contain (corrections, rejected points) stay empty.
-// Throw InputError with the file and the fault.
-PairResult ReadPairResult(const std::filesystem::path& path);
+// Reads result.json of either schema. What the file does not contain (poses of the captures and their corrections,
+// rejected points) stays empty. A result of the short form may have no estimate. Throws InputError with the file and
+// the fault.
 RunResult ReadRunResult(const std::filesystem::path& path);
-// Reads result.json of either schema. That of one camera has the refined estimate or, if there is none, that of the
-// poses (AsRunResult); having neither is a fault.
+// Reads result.json, of the short form that of FindFinal (WithEstimate); that there is none is a fault.
 RunResult ReadWholeResult(const std::filesystem::path& path);
 
 // Return the text of truth.json: the poses in the form of result.json.

@@ -131,26 +131,29 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   return estimate;
 }
 
-CaptureResult ReadCapture(const JsonReader& reader) {
-  CaptureResult capture;
-  capture.image = reader.Get("image").Text();
+ImageResult ReadCapture(const JsonReader& reader) {
+  ImageResult image;
+  image.image = reader.Get("image").Text();
+  image.capture = image.image;
   const std::optional<CaptureRole> role = FindCaptureRole(reader.Get("role").Text());
   if (!role)
     reader.Get("role").Fail("the role is unknown; one of: home, translate_x, translate_y, rotate, free; or empty");
-  capture.role = *role;
-  capture.num_points = reader.Get("points").Int(0, kMostCounted);
-  capture.num_second_pass = reader.Get("points_second_pass").Int(0, kMostCounted);
-  capture.num_rejected = reader.Get("points_rejected").Int(0, kMostCounted);
-  capture.used = reader.Get("used").Bool();
-  capture.reason = reader.Get("reason").Text();
-  if (reader.Has("repeat_of")) capture.repeat_of = reader.Get("repeat_of").Text();
-  capture.rms_px = ReadOptionalMagnitude(reader, "rms_px");
+  image.role = *role;
+  image.used = reader.Get("used").Bool();
+  image.reason = reader.Get("reason").Text();
+  if (reader.Has("repeat_of")) image.repeat_of = reader.Get("repeat_of").Text();
   // Results of earlier versions lack this member.
-  if (reader.Has("holdout_target_mm")) capture.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
-  const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
-  if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
-  capture.move_without = ReadMove(reader);
-  return capture;
+  if (reader.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
+  ReadTangent(reader, "robot_correction");
+  image.move_without = ReadMove(reader);
+  TargetInImage target;
+  target.num_points = reader.Get("points").Int(0, kMostCounted);
+  target.num_second_pass = reader.Get("points_second_pass").Int(0, kMostCounted);
+  target.num_rejected = reader.Get("points_rejected").Int(0, kMostCounted);
+  target.rms_px = ReadOptionalMagnitude(reader, "rms_px");
+  target.used = image.used;
+  if (target.num_points > 0) image.targets.push_back(std::move(target));
+  return image;
 }
 
 ModelSummary ReadModel(const JsonReader& reader) {
@@ -177,35 +180,35 @@ WorkingPoint ReadWorkingPoint(const JsonReader& reader) {
 }
 
 // Reads the arm of the last estimate of a result.
-void ReadArmOfEstimate(const JsonReader& reader, PairResult* result) {
-  result->robot = ReadArmJson(reader);
+void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
+  result->arms[0] = ReadArmJson(reader);
   std::optional<PairSolution>& solution = result->estimates.back().solution;
-  if (!solution || !result->robot->is_estimated) return;
-  ArmEffects effects = ReadArmEffects(reader, *result->robot, solution->covariance.layout.Block(kRobotBlock).effects);
-  result->robot->errors_name = effects.shared->name;
+  if (!solution || !result->arms[0]->is_estimated) return;
+  ArmEffects effects = ReadArmEffects(reader, *result->arms[0], solution->covariance.layout.Block(kRobotBlock).effects);
+  result->arms[0]->errors_name = effects.shared->name;
   solution->shared_effects = std::move(effects.shared);
   solution->effects = std::move(effects.values);
   solution->effect_sigmas = std::move(effects.sigmas);
 }
 
-PairResult ReadPairResult(const JsonReader& reader) {
-  PairResult result;
-  result.name = reader.Get("name").Text();
+RunResult ReadShort(const JsonReader& reader) {
+  const std::string name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
   if (!setup) reader.Fail("the setup is unknown");
-  result.setup = *setup;
-  result.target_type = reader.Get("target").Get("type").Text();
-  result.num_target_points = reader.Get("target").Get("points").Int(0, kMostCounted);
-  for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
+  const JsonReader target = reader.Get("target");
+  RunResult result = ShortResult(*setup, target.Get("type").Text(), target.Get("points").Int(0, kMostCounted));
+  result.name = name;
+  for (const JsonReader& capture : reader.Get("captures").List()) result.images.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
-    result.estimates.push_back(ReadEstimate(estimate, result.setup));
+    result.estimates.push_back(ReadEstimate(estimate, *setup));
     if (estimate.Has("robot")) ReadArmOfEstimate(estimate.Get("robot"), &result);
   }
-  if (reader.Has("working_point")) result.working_point = ReadWorkingPoint(reader.Get("working_point"));
+  if (reader.Has("working_point")) result.working_points[0] = ReadWorkingPoint(reader.Get("working_point"));
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
+  result.timing = ReadTiming(reader.Get("timing_s"));
+  result = WithFinalEstimate(std::move(result));
   // Results of versions before 0.2 contain no verdict.
   result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
-  result.timing = ReadTiming(reader.Get("timing_s"));
   return result;
 }
 
@@ -332,7 +335,7 @@ void ReadCaptures(const JsonReader& reader, RunResult* result) {
   }
 }
 
-RunResult ReadRunResult(const JsonReader& reader) {
+RunResult ReadLong(const JsonReader& reader) {
   RunResult result;
   result.name = reader.Get("name").Text();
   for (const auto& [name, robot] : reader.Get("robots").Members()) result.rig.robots.push_back(name);
@@ -393,39 +396,23 @@ Eigen::VectorXd ReadArmErrors(const JsonReader& reader) {
 
 }  // namespace
 
-bool IsLongResult(const std::filesystem::path& path) {
-  const Json json = ReadJsonFile(path, kMaxBytes);
-  const JsonReader reader(json, path.string());
-  return reader.Has("schema") && reader.Get("schema").Text() == kLongSchema;
-}
-
-PairResult ReadPairResult(const std::filesystem::path& path) {
-  const Json json = ReadJsonFile(path, kMaxBytes);
-  const JsonReader reader(json, path.string());
-  const std::string schema = reader.Get("schema").Text();
-  if (schema == kLongSchema) {
-    reader.Fail(
-        "is the result of a rig; this command needs that of one camera ('heba compare', 'heba export' and 'heba "
-        "locate' read both)");
-  }
-  if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
-  return ReadPairResult(reader);
-}
-
 RunResult ReadRunResult(const std::filesystem::path& path) {
   const Json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();
-  if (schema != kLongSchema) reader.Fail("has the schema '" + schema + "', not '" + kLongSchema + "'");
-  return ReadRunResult(reader);
+  if (schema == kLongSchema) return ReadLong(reader);
+  if (schema != kResultSchema) {
+    reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "' or '" + kLongSchema + "'");
+  }
+  return ReadShort(reader);
 }
 
 RunResult ReadWholeResult(const std::filesystem::path& path) {
-  if (IsLongResult(path)) return ReadRunResult(path);
-  const PairResult result = ReadPairResult(path);
+  RunResult result = ReadRunResult(path);
+  if (!IsShort(result)) return result;
   const Estimate* const estimate = FindFinal(result);
   if (estimate == nullptr) throw InputError(path.string() + ": contains no refined estimate");
-  return AsRunResult(result, *estimate);
+  return WithEstimate(result, *estimate);
 }
 
 Truth ReadTruth(const std::filesystem::path& path, Setup setup) {

@@ -59,8 +59,8 @@ int main(int /*argc*/, char** argv) {
   }
   const heba::Estimate& refined = *heba::FindRefined(run->result);
   const double error_m = heba::DistanceM(refined.hand_eye.camera_mount_from_camera, truth.camera_mount_from_camera);
-  std::printf("%zu captures, %.3f mm from the truth\n", run->result.captures.size(), 1000 * error_m);
-  const heba::ExportRequests requests = heba::MakeExportRequests(heba::AsRunResult(run->result));
+  std::printf("%zu captures, %.3f mm from the truth\n", run->result.images.size(), 1000 * error_m);
+  const heba::ExportRequests requests = heba::MakeExportRequests(run->result);
   int num_formats = 0;
   for (const heba::ExportFormat& format : heba::ExportFormats()) {
     for (const heba::ExportedFile& file : ExportFiles(format, requests)) num_formats += file.text.empty() ? 0 : 1;

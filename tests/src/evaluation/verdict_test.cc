@@ -8,12 +8,23 @@
 namespace heba {
 namespace {
 
+ImageResult Image(const std::string& name, int num_points, bool used) {
+  ImageResult image;
+  image.capture = name;
+  image.image = name;
+  image.used = used;
+  if (num_points > 0) image.targets.push_back({"", num_points, 0, 0.1, used});
+  return image;
+}
+
+// Judges a result by its final estimate.
+Verdict Judged(const RunResult& result) { return JudgeRun(WithFinalEstimate(result)); }
+
 // Returns a result that deserves the grade kGood: 20 captures, sigmas of the hand-eye pose near 0.1 mm and 0.01 deg,
 // and residuals that agree with the noise model.
-PairResult GoodResult() {
-  PairResult result;
-  for (int i = 0; i < 20; ++i)
-    result.captures.push_back({std::to_string(i), CaptureRole::kNone, 48, true, "", 0, 0, 0.1, {}, {}});
+RunResult GoodResult() {
+  RunResult result = ShortResult(Setup::kEyeToHand, "chessboard", 48);
+  for (int i = 0; i < 20; ++i) result.images.push_back(Image(std::to_string(i), 48, true));
   Estimate closed;
   closed.method = "park";
   closed.kind = EstimateKind::kClosedForm;
@@ -40,12 +51,12 @@ PairResult GoodResult() {
 }
 
 TEST(VerdictTest, JudgesUncertaintyAtTheWorkingPoint) {
-  PairResult result = GoodResult();
-  result.working_point = WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()};
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
-  result.working_point->covariance_m2(1, 1) = std::pow(15e-3, 2);
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
-  const Finding finding = JudgeRun(result).findings.front();
+  RunResult result = GoodResult();
+  result.working_points[0] = WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()};
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
+  result.working_points[0]->covariance_m2(1, 1) = std::pow(15e-3, 2);
+  EXPECT_EQ(Judged(result).grade, Grade::kDoubtful);
+  const Finding finding = Judged(result).findings.front();
   EXPECT_EQ(finding.code, "uncertainty");
   EXPECT_NEAR(finding.Number("at_work_mm").value_or(0), 15, 1e-9);
   ASSERT_EQ(finding.parts.size(), 1U);
@@ -54,7 +65,7 @@ TEST(VerdictTest, JudgesUncertaintyAtTheWorkingPoint) {
 }
 
 TEST(VerdictTest, AGoodResultIsGood) {
-  const Verdict verdict = JudgeRun(GoodResult());
+  const Verdict verdict = Judged(GoodResult());
   EXPECT_EQ(verdict.grade, Grade::kGood);
   for (const Finding& finding : verdict.findings) EXPECT_EQ(finding.grade, Grade::kGood) << finding.code;
 }
@@ -66,37 +77,37 @@ TEST(VerdictTest, OneFaultDecides) {
     const char* code;
     const char* number;  // Key of a number that states the fault; empty if there is none.
     double value;
-    void (*spoil)(PairResult* result);
+    void (*spoil)(RunResult* result);
   };
   const Case cases[] = {
       {Grade::kDoubtful, "uncertainty", "position_mm", 2,
-       [](PairResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
+       [](RunResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
       {Grade::kBad, "uncertainty", "orientation_deg", 1,
-       [](PairResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
-      {Grade::kBad, "hold_out", "target_mm", 16, [](PairResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
-      {Grade::kDoubtful, "no_hold_out", "", 0, [](PairResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
+       [](RunResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
+      {Grade::kBad, "hold_out", "target_mm", 16, [](RunResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
+      {Grade::kDoubtful, "no_hold_out", "", 0, [](RunResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
       {Grade::kDoubtful, "unmodelled_error", "chi2_per_dof", 2,
-       [](PairResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
+       [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
       {Grade::kDoubtful, "closed_form_better", "ratio", 0.667,
-       [](PairResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
-      {Grade::kDoubtful, "few_captures", "used", 6, [](PairResult* r) { r->captures.resize(6); }},
+       [](RunResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
+      {Grade::kDoubtful, "few_captures", "used", 6, [](RunResult* r) { r->images.resize(6); }},
       {Grade::kDoubtful, "captures_left_out", "used", 10,
-       [](PairResult* r) {
-         for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
+       [](RunResult* r) {
+         for (size_t i = 0; i < 10; ++i) r->images[i].used = false;
        }},
       {Grade::kBad, "pixel_noise", "pixel_sigma_px", 8,
-       [](PairResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+       [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
       {Grade::kDoubtful, "influential_capture", "move_mm", 3,
-       [](PairResult* r) {
-         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
-         r->captures[7].move_without = CaptureMove{3e-3 * Tangent6::Unit(1), 1e-4};
+       [](RunResult* r) {
+         for (ImageResult& image : r->images) image.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
+         r->images[7].move_without = CaptureMove{3e-3 * Tangent6::Unit(1), 1e-4};
        }},
-      {Grade::kBad, "no_estimate", "", 0, [](PairResult* r) { r->estimates.pop_back(); }},
+      {Grade::kBad, "no_estimate", "", 0, [](RunResult* r) { r->estimates.pop_back(); }},
   };
   for (const Case& test : cases) {
-    PairResult result = GoodResult();
+    RunResult result = GoodResult();
     test.spoil(&result);
-    const Verdict verdict = JudgeRun(result);
+    const Verdict verdict = Judged(result);
     EXPECT_EQ(verdict.grade, test.grade) << test.code;
     const Finding& first = verdict.findings.front();
     EXPECT_EQ(first.code, test.code);
@@ -121,43 +132,43 @@ TEST(VerdictTest, WhatTheRobotExplainsIsNotBad) {
        {Case{0.1, 10, 1, Grade::kBad}, Case{10, 10, 1, Grade::kDoubtful}, Case{1, 10, 1, Grade::kBad},
         Case{0.1, 0.1, 15, Grade::kBad}, Case{10, 0.1, 15, Grade::kDoubtful}, Case{100, 60, 1, Grade::kBad},
         Case{100, 0.1, 60, Grade::kBad}}) {
-    PairResult result = GoodResult();
+    RunResult result = GoodResult();
     PairSolution& solution = *result.estimates[1].solution;
     solution.robot_noise = RobotNoise{1e-3 * test.robot_mm, 0, 0};
     solution.covariance.matrix(2, 2) = std::pow(1e-3 * test.sigma_mm, 2);
     result.estimates[1].errors.holdout_target_mm = test.held_out_mm;
-    EXPECT_EQ(JudgeRun(result).grade, test.grade) << test.robot_mm << " " << test.sigma_mm << " " << test.held_out_mm;
+    EXPECT_EQ(Judged(result).grade, test.grade) << test.robot_mm << " " << test.sigma_mm << " " << test.held_out_mm;
   }
 }
 
 // Names say what a finding is about, and which remedy applies.
 TEST(VerdictTest, FindingsHaveNames) {
-  PairResult result = GoodResult();
-  for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
-  result.captures[7].move_without->p_value = 1e-4;
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("image"), "7");
+  RunResult result = GoodResult();
+  for (ImageResult& image : result.images) image.move_without = CaptureMove{3e-3 * Tangent6::Unit(0), 0.02};
+  result.images[7].move_without->p_value = 1e-4;
+  EXPECT_EQ(Judged(result).findings.front().Name("image"), "7");
   result = GoodResult();
   result.estimates[0].errors.holdout_sigmas = 0.5;
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("method"), "park");
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("robot_noise"), "none");
+  EXPECT_EQ(Judged(result).findings.front().Name("method"), "park");
+  EXPECT_EQ(Judged(result).findings.front().Name("robot_noise"), "none");
   result.estimates[1].solution->robot_noise.emplace();
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("robot_noise"), "modelled");
+  EXPECT_EQ(Judged(result).findings.front().Name("robot_noise"), "modelled");
   result = GoodResult();
   result.estimates[1].errors.holdout_target_mm.reset();
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("reason"), "none_held_out");
+  EXPECT_EQ(Judged(result).findings.front().Name("reason"), "none_held_out");
   result.estimates[0].errors.holdout_rms_px = 0.1;
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("reason"), "refinement_failed");
-  EXPECT_EQ(JudgeRun(result).findings.front().Name("image"), std::nullopt);
+  EXPECT_EQ(Judged(result).findings.front().Name("reason"), "refinement_failed");
+  EXPECT_EQ(Judged(result).findings.front().Name("image"), std::nullopt);
 }
 
 // A weak direction is part of an uncertainty that is not good, which then has its numbers too.
 TEST(VerdictTest, AWeakDirectionIsPartOfTheUncertainty) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.observations.push_back({Grade::kDoubtful, FindingCode("weak_direction"), {{"the camera's fx, px", 9}}});
-  Verdict verdict = JudgeRun(result);
+  Verdict verdict = Judged(result);
   EXPECT_EQ(verdict.findings.front().code, "weak_direction");
   result.estimates[1].solution->covariance.matrix(2, 2) = 4e-6;
-  verdict = JudgeRun(result);
+  verdict = Judged(result);
   const Finding& uncertainty = verdict.findings.front();
   EXPECT_EQ(uncertainty.code, "uncertainty");
   ASSERT_EQ(uncertainty.parts.size(), 1U);
@@ -168,50 +179,49 @@ TEST(VerdictTest, AWeakDirectionIsPartOfTheUncertainty) {
 
 // Repeated captures do not count as captures that could not be used.
 TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   for (size_t i = 0; i < 60; ++i) {
-    CaptureResult copy;
-    copy.repeat_of = result.captures.front().image;
-    result.captures.push_back(copy);
+    ImageResult copy = Image("copy " + std::to_string(i), 0, false);
+    copy.repeat_of = result.images.front().capture;
+    result.images.push_back(copy);
   }
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
 }
 
 // If every capture has a larger influence than the assumed noise allows, the noise model is wrong and no single
 // capture is blamed.
 TEST(VerdictTest, BlamesNoCaptureIfAllAreInfluential) {
-  PairResult result = GoodResult();
-  for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  RunResult result = GoodResult();
+  for (ImageResult& image : result.images) image.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
 }
 
 // A closed form with smaller pixel residuals is no reason for doubt, because robot noise adds to these residuals; the
 // comparison uses the error that is whitened by all noise.
 TEST(VerdictTest, ComparesClosedFormsByWhitenedErrors) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.estimates[0].errors.holdout_rms_px = 0.1;
   result.estimates[1].errors.holdout_rms_px = 0.5;
   result.estimates[0].errors.holdout_target_mm = 0.1;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
 }
 
 TEST(VerdictTest, ImagesWithoutTheTargetDoNotCount) {
-  PairResult result = GoodResult();
-  for (int i = 0; i < 60; ++i)
-    result.captures.push_back({"away", CaptureRole::kNone, 0, false, "no target", 0, 0, {}, {}, {}});
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  RunResult result = GoodResult();
+  for (int i = 0; i < 60; ++i) result.images.push_back(Image("away", 0, false));
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
 }
 
 // A cause and its consequences are reported in one finding.
 TEST(VerdictTest, OneCauseGivesOneFinding) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 50;
   result.estimates[1].errors.holdout_chi2 = 9;
   result.estimates[1].solution->pixel_sigma_px = 8;
   Finding cause{Grade::kBad, "target_size", {{"larger_percent", 10}}};
   cause.is_cause = true;
   result.observations.push_back(cause);
-  const Verdict verdict = JudgeRun(result);
+  const Verdict verdict = Judged(result);
   EXPECT_EQ(verdict.grade, Grade::kBad);
   EXPECT_EQ(verdict.findings.front().code, "target_size");
   ASSERT_EQ(verdict.findings.front().parts.size(), 3U);
@@ -225,12 +235,12 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
 
 // Without a cause, what an error of the model shows as is one finding, too; what else is wrong is another one.
 TEST(VerdictTest, SymptomsOfOneFaultAreOneFinding) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 4;
   result.estimates[1].errors.holdout_chi2 = 9;
   result.estimates[1].errors.holdout_sigmas = 3;
-  result.captures.resize(7);
-  const Verdict verdict = JudgeRun(result);
+  result.images.resize(7);
+  const Verdict verdict = Judged(result);
   EXPECT_EQ(verdict.grade, Grade::kBad);
   std::vector<std::string> codes;
   for (const Finding& finding : verdict.findings) {
@@ -244,35 +254,35 @@ TEST(VerdictTest, SymptomsOfOneFaultAreOneFinding) {
 
 // Errors that the noise does not explain make a result bad only if they matter at the target.
 TEST(VerdictTest, IsBadOnlyForErrorsThatMatter) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.estimates[1].errors.holdout_chi2 = 30;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
+  EXPECT_EQ(Judged(result).grade, Grade::kDoubtful);
   result.estimates[1].errors.holdout_target_mm = 4;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
+  EXPECT_EQ(Judged(result).grade, Grade::kBad);
 }
 
 // Captures that contradict the others are no finding if the model predicts captures that it has not seen.
 TEST(VerdictTest, ScatterThatTheModelExplainsIsNoFinding) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.observations.push_back({Grade::kDoubtful, FindingCode("captures_scatter"), {{"captures", 5}}});
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
   result.estimates[1].errors.holdout_chi2 = 2;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
+  EXPECT_EQ(Judged(result).grade, Grade::kDoubtful);
 }
 
 // A requirement replaces the built-in limits, whether it is stricter or more lenient.
 TEST(VerdictTest, RequirementsReplaceBuiltInLimits) {
-  PairResult result = GoodResult();
+  RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
-  result.requirements = {{10e-3, 0.95, "the working point", 2e-3}};
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
-  result.requirements = {{1e-3, 0.95, "the working point", 0.5e-3}};
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
-  EXPECT_EQ(JudgeRun(result).findings.front().code, "required");
+  result.requirements = {{0, {10e-3, 0.95, "the working point", 2e-3}}};
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
+  result.requirements = {{0, {1e-3, 0.95, "the working point", 0.5e-3}}};
+  EXPECT_EQ(Judged(result).grade, Grade::kBad);
+  EXPECT_EQ(Judged(result).findings.front().code, "required");
   result.estimates[1].errors.holdout_target_mm = 0.3;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
-  result.requirements[0].reached_m = 2e-3;
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
+  EXPECT_EQ(Judged(result).grade, Grade::kGood);
+  result.requirements[0].requirement.reached_m = 2e-3;
+  EXPECT_EQ(Judged(result).grade, Grade::kBad);
 }
 
 }  // namespace

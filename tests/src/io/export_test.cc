@@ -21,13 +21,13 @@ namespace {
 using testing::HasSubstr;
 
 ExportRequest TestRequest(const Rigid3d& pose, const std::string& model = "brown5", bool is_ur_controller = false) {
-  PairResult result;
+  RunResult result = ShortResult(Setup::kEyeToHand, "chessboard", 48);
   result.name = "cell_7";
   Estimate estimate;
   estimate.ok = true;
   estimate.hand_eye.camera_mount_from_camera = pose;
   estimate.camera = TestCamera(model);
-  return MakeExportRequests(AsRunResult(result, estimate), "park", {is_ur_controller}).cameras[0];
+  return MakeExportRequests(WithEstimate(result, estimate), "park", {is_ur_controller}).cameras[0];
 }
 
 std::string Exported(const std::string& format, const ExportRequest& request) {

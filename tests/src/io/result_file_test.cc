@@ -23,15 +23,14 @@ namespace {
 using ::testing::HasSubstr;
 
 // A result with a closed form, a refinement that failed, and one capture of each role.
-PairResult SmallResult() {
-  PairResult result;
+RunResult SmallResult() {
+  RunResult result = ShortResult(Setup::kEyeToHand, "chessboard", 48);
   result.name = "cell";
-  result.target_type = "chessboard";
   for (const std::string_view name : kCaptureRoleNames) {
-    CaptureResult capture;
-    capture.image = "image_" + std::string(name);
-    capture.role = *FindCaptureRole(name);
-    result.captures.push_back(capture);
+    ImageResult& image = result.images.emplace_back();
+    image.capture = "image_" + std::string(name);
+    image.image = image.capture;
+    image.role = *FindCaptureRole(name);
   }
   Estimate closed;
   closed.method = "park";
@@ -45,10 +44,9 @@ PairResult SmallResult() {
 }
 
 // A result whose refinement has estimated the errors of an arm.
-PairResult ResultWithEstimatedArm() {
-  PairResult result = SmallResult();
-  result.robot.emplace();
-  RobotSummary& robot = *result.robot;
+RunResult ResultWithEstimatedArm() {
+  RunResult result = SmallResult();
+  RobotSummary& robot = result.arms[0].emplace();
   robot.nominal = *FindArm("ur5e");
   robot.configuration = "shoulder +, elbow -, wrist +";
   robot.is_estimated = true;
@@ -75,9 +73,9 @@ PairResult ResultWithEstimatedArm() {
 
 class ResultFileTest : public testing::Test {
  protected:
-  PairResult Read(const std::string& text) const {
+  RunResult Read(const std::string& text) const {
     WriteFileAtomically(folder_ / "result.json", text);
-    return ReadPairResult(folder_ / "result.json");
+    return ReadRunResult(folder_ / "result.json");
   }
   // Returns the error of a result in which the first `from` is replaced.
   std::string ErrorOf(const std::string& from, const std::string& to) const {
@@ -93,10 +91,10 @@ class ResultFileTest : public testing::Test {
 };
 
 TEST_F(ResultFileTest, RolesAndKindsAreReadAsTheyWereWritten) {
-  const PairResult written = SmallResult();
-  const PairResult read = Read(ResultToJson(written));
-  ASSERT_EQ(read.captures.size(), written.captures.size());
-  for (size_t i = 0; i < written.captures.size(); ++i) EXPECT_EQ(read.captures[i].role, written.captures[i].role);
+  const RunResult written = SmallResult();
+  const RunResult read = Read(ResultToJson(written));
+  ASSERT_EQ(read.images.size(), written.images.size());
+  for (size_t i = 0; i < written.images.size(); ++i) EXPECT_EQ(read.images[i].role, written.images[i].role);
   ASSERT_EQ(read.estimates.size(), 2u);
   EXPECT_EQ(read.estimates[0].kind, EstimateKind::kClosedForm);
   EXPECT_EQ(read.estimates[1].kind, EstimateKind::kRefined);
@@ -124,12 +122,12 @@ void ExpectSameArm(const PairSolution& read, const PairSolution& written) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
-  const PairResult written = ResultWithEstimatedArm();
-  const PairResult read = Read(ResultToJson(written));
+  const RunResult written = ResultWithEstimatedArm();
+  const RunResult read = Read(ResultToJson(written));
   const PairSolution& solution = *read.estimates.back().solution;
   const PairSolution& expected = *written.estimates.back().solution;
   ExpectSameArm(solution, expected);
-  EXPECT_EQ(read.robot->errors_name, written.robot->errors_name);
+  EXPECT_EQ(read.arms[0]->errors_name, written.arms[0]->errors_name);
   EXPECT_EQ(solution.effect_sigmas, expected.effect_sigmas);
   for (size_t i = 0; i < expected.shared_effects->effects.size(); ++i) {
     EXPECT_EQ(solution.shared_effects->effects[i].group, expected.shared_effects->effects[i].group);
@@ -137,16 +135,16 @@ TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadFromResultsWithoutTheirGroups) {
-  const PairResult written = ResultWithEstimatedArm();
+  const RunResult written = ResultWithEstimatedArm();
   nlohmann::ordered_json json = nlohmann::ordered_json::parse(ResultToJson(written));
   ASSERT_EQ(json["estimates"].back()["robot"].erase("estimated"), 1U);
-  const PairResult read = Read(json.dump());
+  const RunResult read = Read(json.dump());
   ExpectSameArm(*read.estimates.back().solution, *written.estimates.back().solution);
 }
 
 // A result of the arm with its masses and the compliances that were estimated.
-PairResult ResultWithArm() {
-  PairResult result = SmallResult();
+RunResult ResultWithArm() {
+  RunResult result = SmallResult();
   RobotSummary robot;
   robot.nominal = *FindArm("ur5e");
   robot.is_estimated = true;
@@ -155,30 +153,30 @@ PairResult ResultWithArm() {
   const int place = ArmParamPlace(1, ArmParam::kCompliance);
   robot.errors[place] = 1.5e-5;
   robot.error_sigmas[static_cast<size_t>(place)] = 1e-6;
-  result.robot = robot;
+  result.arms = {robot};
   return result;
 }
 
 TEST_F(ResultFileTest, CompliancesAndMassesOfAnArmAreReadAsTheyWereWritten) {
-  const PairResult written = ResultWithArm();
+  const RunResult written = ResultWithArm();
   const std::string text = ResultToJson(written);
   EXPECT_THAT(text, HasSubstr("\"joint2.compliance\""));
   EXPECT_THAT(text, HasSubstr("\"rad/(N m)\""));
   EXPECT_THAT(text, testing::Not(HasSubstr("joint3.compliance")));
-  const PairResult read = Read(text);
-  ASSERT_TRUE(read.robot.has_value());
-  EXPECT_EQ(read.robot->errors, written.robot->errors);
-  EXPECT_EQ(read.robot->error_sigmas, written.robot->error_sigmas);
+  const RunResult read = Read(text);
+  ASSERT_TRUE(read.arms[0].has_value());
+  EXPECT_EQ(read.arms[0]->errors, written.arms[0]->errors);
+  EXPECT_EQ(read.arms[0]->error_sigmas, written.arms[0]->error_sigmas);
   const Eigen::VectorXd joints = Eigen::VectorXd::LinSpaced(6, -1, 1);
-  EXPECT_EQ(GravityTorques(read.robot->nominal, joints), GravityTorques(written.robot->nominal, joints));
+  EXPECT_EQ(GravityTorques(read.arms[0]->nominal, joints), GravityTorques(written.arms[0]->nominal, joints));
 }
 
 TEST_F(ResultFileTest, ResultsWithoutMassesAreRead) {
-  PairResult written = ResultWithArm();
-  written.robot->nominal.load = nullptr;
-  const PairResult read = Read(ResultToJson(written));
-  ASSERT_TRUE(read.robot.has_value());
-  EXPECT_EQ(read.robot->nominal.load, nullptr);
+  RunResult written = ResultWithArm();
+  written.arms[0]->nominal.load = nullptr;
+  const RunResult read = Read(ResultToJson(written));
+  ASSERT_TRUE(read.arms[0].has_value());
+  EXPECT_EQ(read.arms[0]->nominal.load, nullptr);
   std::string text = ResultToJson(ResultWithArm());
   const std::string mass = "\"mass_kg\"";
   text.replace(text.find(mass), mass.size(), "\"mass\"");
@@ -342,7 +340,7 @@ TEST(CellResultFileTest, AnUnknownParameterOfAnArmIsRefused) {
 // A result of either schema is read in one form.
 TEST(WholeResultTest, HasCamerasAndArmsOfEitherSchema) {
   const TempFolder folder;
-  const PairResult one = ResultWithEstimatedArm();
+  const RunResult one = ResultWithEstimatedArm();
   WriteFileAtomically(folder / "one.json", ResultToJson(one));
   const RunResult whole = ReadWholeResult(folder / "one.json");
   ASSERT_EQ(whole.rig.cameras.size(), 1U);
@@ -358,7 +356,7 @@ TEST(WholeResultTest, HasCamerasAndArmsOfEitherSchema) {
 // Without images, the estimate of the poses stands for the result; without it, there is no result.
 TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
   const TempFolder folder;
-  PairResult result = ResultWithEstimatedArm();
+  RunResult result = ResultWithEstimatedArm();
   Estimate& chain = result.estimates.back();
   chain.method = kChainMethod;
   chain.camera = Camera();
@@ -378,13 +376,13 @@ TEST(WholeResultTest, PosesAloneHaveAResultWithoutACamera) {
 }
 
 TEST(WholeResultTest, AnArmWithoutANameIsNotNamed) {
-  PairResult result = ResultWithEstimatedArm();
-  result.robot->is_estimated = false;
-  result.robot->reason = Failure("they are not significantly better");
-  EXPECT_EQ(WhyNotEstimated(AsRunResult(result), 0),
+  RunResult result = ResultWithEstimatedArm();
+  result.arms[0]->is_estimated = false;
+  result.arms[0]->reason = Failure("they are not significantly better");
+  EXPECT_EQ(WhyNotEstimated(WithFinalEstimate(result), 0),
             "the kinematics of the arm were not estimated (they are not significantly better)");
-  result.robot.reset();
-  EXPECT_EQ(WhyNotEstimated(AsRunResult(result), 0),
+  result.arms[0].reset();
+  EXPECT_EQ(WhyNotEstimated(WithFinalEstimate(result), 0),
             "the kinematics of the arm were not estimated; the config names no arm (robot.model)");
 }
 

@@ -35,11 +35,9 @@ struct PairRunOptions {
 };
 
 // The run of one camera alone.
-PairResult RunOf(const std::string& name, const PairRunOptions& options) {
-  PairResult result;
+RunResult RunOf(const std::string& name, const PairRunOptions& options) {
+  RunResult result = ShortResult(options.setup, options.target_type, 48);
   result.name = name;
-  result.setup = options.setup;
-  result.target_type = options.target_type;
   result.timing.total_s = 1.5;
   Estimate closed;
   closed.method = "park";
@@ -69,9 +67,9 @@ PairResult RunOf(const std::string& name, const PairRunOptions& options) {
 
 Rigid3d Shifted(double x_m) { return {Eigen::Quaterniond::Identity(), {x_m, 0, 0}}; }
 
-Comparison Compare(const std::vector<PairResult>& results) {
+Comparison Compare(const std::vector<RunResult>& results) {
   std::vector<ComparedRun> runs;
-  for (const PairResult& result : results) runs.push_back(ComparedRunOf(result.name, result));
+  for (const RunResult& result : results) runs.push_back(ComparedRunOf(result.name, WithFinalEstimate(result)));
   return CompareRuns(std::move(runs));
 }
 
@@ -99,8 +97,8 @@ TEST(CompareRunsTest, ChanceIsThatOfAChiSquareIfTheNoiseIsKnown) {
 }
 
 TEST(CompareRunsTest, ChanceUsesTheSmallerNumberOfDegreesOfFreedom) {
-  PairResult first = RunOf("a", {});
-  PairResult second = RunOf("b", {.hand_eye = Shifted(5e-3)});
+  RunResult first = RunOf("a", {});
+  RunResult second = RunOf("b", {.hand_eye = Shifted(5e-3)});
   first.estimates.back().solution->covariance_dof = 100;
   second.estimates.back().solution->covariance_dof = 10;
   const double statistic = 25e-6 / (2 * kSigmaM * kSigmaM);
@@ -116,12 +114,12 @@ TEST(CompareRunsTest, EveryPairIsComparedOnce) {
 
 TEST(CompareRunsTest, RunsWithoutAComparablePoseHaveNoPair) {
   EXPECT_THAT(Compare({RunOf("a", {}), RunOf("b", {.setup = Setup::kEyeInHand})}).differences, SizeIs(0));
-  PairResult failed = RunOf("b", {});
+  RunResult failed = RunOf("b", {});
   failed.estimates.back().ok = false;
   EXPECT_THAT(Compare({RunOf("a", {}), failed}).differences, SizeIs(0));
-  PairResult held = RunOf("b", {});
-  PairResult also_held = RunOf("c", {});
-  for (PairResult* run : {&held, &also_held}) run->estimates.back().solution->covariance.matrix.setZero();
+  RunResult held = RunOf("b", {});
+  RunResult also_held = RunOf("c", {});
+  for (RunResult* run : {&held, &also_held}) run->estimates.back().solution->covariance.matrix.setZero();
   EXPECT_THAT(Compare({held, also_held}).differences, SizeIs(0));
 }
 
@@ -136,7 +134,7 @@ TEST(FindingsTest, StateTheGainOverTheBestClosedForm) {
 }
 
 TEST(FindingsTest, SayThatNoRunHasHoldOutFigures) {
-  PairResult run = RunOf("a", {});
+  RunResult run = RunOf("a", {});
   for (Estimate& estimate : run.estimates) estimate.errors.holdout_rms_px.reset();
   EXPECT_EQ(Compare({run}).findings.at(0), "no run has hold-out figures for comparing methods (evaluate.folds)");
 }
@@ -159,7 +157,7 @@ TEST(FindingsTest, DistinguishTypesOfTargets) {
 }
 
 TEST(FindingsTest, StateTrueErrorsIfThereIsATruth) {
-  PairResult run = RunOf("a", {});
+  RunResult run = RunOf("a", {});
   EXPECT_THAT(Compare({run}).findings, Not(Contains(HasSubstr("true error"))));
   for (Estimate& estimate : run.estimates) estimate.errors.truth = TruthErrors{};
   run.estimates[1].errors.truth->hand_eye_mm = 0.6;
@@ -174,7 +172,7 @@ TEST(FindingsTest, StateTrueErrorsIfThereIsATruth) {
 }
 
 TEST(FindingsTest, WarnThatRobotNoiseHidesTheGain) {
-  PairResult run = RunOf("a", {});
+  RunResult run = RunOf("a", {});
   EXPECT_THAT(Compare({run}).findings, Not(Contains(StartsWith("if robot noise is modelled"))));
   run.estimates.back().solution->robot_noise = RobotNoise{1e-4, 1e-4};
   EXPECT_THAT(Compare({run}).findings, Contains(StartsWith("if robot noise is modelled")));
@@ -196,7 +194,7 @@ TEST(ComparisonTableTest, CutsLongNamesBetweenCharacters) {
 }
 
 TEST(ComparisonTableTest, NamesTheTenLeastLikelyPairs) {
-  std::vector<PairResult> runs;
+  std::vector<RunResult> runs;
   for (int i = 0; i < 6; ++i) runs.push_back(RunOf("r" + std::to_string(i), {.hand_eye = Shifted(1e-3 * i * i)}));
   const std::string table = ComparisonTable(Compare(runs));
   EXPECT_THAT(table, HasSubstr("and 5 more pairs\n"));
@@ -219,7 +217,7 @@ TEST(ComparisonCsvTest, HasTheFiguresInFullPrecision) {
 }
 
 TEST(ComparisonCsvTest, MissingFiguresAreEmpty) {
-  PairResult run = RunOf("a", {});
+  RunResult run = RunOf("a", {});
   run.estimates.clear();
   EXPECT_THAT(ComparisonRunsCsv(Compare({run})), HasSubstr("\na,eye_to_hand,chessboard,,,,,,,,1.5\n"));
 }
@@ -355,7 +353,7 @@ TEST(CompareRigsTest, TheRunOfOneCameraIsComparedByItsName) {
 }
 
 TEST(CompareRigsTest, TheRunOfOneCameraStatesTheGainOfItsRefinement) {
-  const Comparison comparison = CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", RunOf("top", {}))});
+  const Comparison comparison = CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", WithFinalEstimate(RunOf("top", {})))});
   EXPECT_THAT(comparison.findings, Contains(StartsWith("hold-out error in px: the refinement is better than the best "
                                                        "closed form in 1 of 1 runs")));
   EXPECT_THAT(ComparisonPage(comparison), HasSubstr("best closed form"));
@@ -377,10 +375,10 @@ TEST(CompareRigsTest, RunsThatCannotBeComparedAreRefused) {
       AllOf(StartsWith("b: its world is the base of arm right"), HasSubstr("that of a is the base of arm left")));
   EXPECT_THAT(InputErrorOf([] {
                 CompareRuns({ComparedRunOf("a", CellOf({.arms = {"left", "right"}})),
-                             ComparedRunOf("alone", RunOf("top", {}))});
+                             ComparedRunOf("alone", WithFinalEstimate(RunOf("top", {})))});
               }),
               StartsWith("alone: its world is the base of an arm without a name"));
-  PairResult failed = RunOf("top", {});
+  RunResult failed = RunOf("top", {});
   failed.estimates.clear();
   EXPECT_THAT(InputErrorOf([&] {
                 CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", failed)});

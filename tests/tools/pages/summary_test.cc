@@ -13,10 +13,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-PairResult SingleResult() {
-  PairResult result;
-  result.target_type = "chessboard";
-  result.num_target_points = 48;
+RunResult SingleResult() {
+  RunResult result = ShortResult(Setup::kEyeToHand, "chessboard", 48);
   Estimate closed;
   closed.method = "park";
   closed.ok = true;
@@ -54,8 +52,8 @@ RunResult TwoCameras() {
   result.images = {{"001", "left", "", true, "", {}},
                    {"001", "right", "", true, "", {}},
                    {"002", "left", "", true, "", {}},
-                   {"002", "right", "", false, "", {}}};
-  result.captures.resize(3);
+                   {"002", "right", "", false, "", {}},
+                   {"003", "left", "", false, "", {}}};
   return result;
 }
 
@@ -68,7 +66,7 @@ TEST(SummaryTest, TheFileHasALineForEachMethodAndCamera) {
   EXPECT_THAT(csv, HasSubstr("\nalone,true,,eye_to_hand,chessboard,48,0,0,park,closed_form,true,good,,0.5,"));
   EXPECT_THAT(csv,
               HasSubstr("\nalone,true,one axis only,eye_to_hand,chessboard,48,0,0,tsai,closed_form,false,good,,,"));
-  EXPECT_THAT(csv, HasSubstr("\nrig,true,,base,charuco tag,,2,2,left,refined,true,good,,0.3,"));
+  EXPECT_THAT(csv, HasSubstr("\nrig,true,,base,charuco tag,,3,2,left,refined,true,good,,0.3,"));
   EXPECT_THAT(csv, HasSubstr("\nrig,true,,base,charuco tag,,2,1,right,refined,true,good,,0.4,"));
   EXPECT_THAT(csv, HasSubstr("\nbad,false,no images,,,"));
   const std::vector<std::string> lines = Split(csv, '\n');
@@ -90,7 +88,7 @@ TEST(SummaryTest, TheTerminalShowsTheWorstCameraOfACell) {
 TEST(SummaryTest, ThePageChartsSingleCamerasAndRigs) {
   const std::string page = SummaryPage("batch", Runs());
   EXPECT_THAT(page, HasSubstr("{\"label\":\"alone\",\"values\":[0.25,0.5]},{\"label\":\"rig\",\"values\":[0.4,null]}"));
-  EXPECT_THAT(page, HasSubstr("2 of 2 images"));
+  EXPECT_THAT(page, HasSubstr("2 of 3 images"));
   EXPECT_THAT(page, HasSubstr("1 of them failed"));
 }
 

@@ -37,7 +37,7 @@ TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
     const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
-    EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
+    EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
     // The folds keep them, too: the error of held-out captures is that of the noise.
     EXPECT_LT(*FindRefined(run->result)->errors.holdout_target_mm, 0.5) << "seed " << seed;
   }
@@ -72,7 +72,7 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
   const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
   ASSERT_TRUE(run) << run.reason();
-  const RobotSummary& robot = *run->result.robot;
+  const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
   EXPECT_EQ(robot.configuration, "");
   // Errors in the wrong configuration would leave most of the noise.
@@ -96,9 +96,9 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   for (Capture& capture : made.dataset.captures) capture.joints.clear();
   const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
-  const RobotSummary& robot = *run->result.robot;
+  const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
-  EXPECT_LT(robot.noise_after->translation_m, 1.3 * with_joints->result.robot->noise_after->translation_m);
+  EXPECT_LT(robot.noise_after->translation_m, 1.3 * with_joints->result.arms[0]->noise_after->translation_m);
 }
 
 // Noise must not look like a change of the configuration.
@@ -123,7 +123,7 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     run_options.folds = 0;
     const Outcome<PairRunOutput> run = heba::Run(dataset, run_options);
     ASSERT_TRUE(run) << run.reason();
-    EXPECT_NE(run->result.robot->configuration, "") << "seed " << seed << ": several";
+    EXPECT_NE(run->result.arms[0]->configuration, "") << "seed " << seed << ": several";
   }
 }
 
@@ -134,9 +134,9 @@ TEST(ArmClustersTest, CaptureWithWrongJointsIsLeftOutAndTheArmIsEstimated) {
   options.folds = 0;
   const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
-  EXPECT_TRUE(run->result.robot->is_estimated) << run->result.robot->reason.ToString();
+  EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
   EXPECT_THAT(LeftOutOf(run->result), testing::ElementsAre(made.dataset.captures[4].name));
-  EXPECT_THAT(run->result.captures[4].reason, testing::HasSubstr("its joints or its pose are wrong"));
+  EXPECT_THAT(run->result.images[4].reason, testing::HasSubstr("its joints or its pose are wrong"));
 }
 
 }  // namespace

@@ -133,7 +133,7 @@ TEST(LeaveOutSharedImagesTest, NothingIsLeftOutOfDifferentImages) {
 TEST(InsertLeftOutTest, RestoresTheOrderOfTheCaptures) {
   Set set({"a", "b", "a", "c", "a"});
   const LeftOutCaptures left_out = set.LeaveOut();
-  std::vector<CaptureResult> results;
+  std::vector<ImageResult> results;
   for (const std::string& name : set.Names()) {
     results.emplace_back();
     results.back().image = name;
@@ -141,7 +141,7 @@ TEST(InsertLeftOutTest, RestoresTheOrderOfTheCaptures) {
   }
   InsertLeftOut(left_out, &results);
   std::vector<std::string> names;
-  for (const CaptureResult& result : results) names.push_back(result.image);
+  for (const ImageResult& result : results) names.push_back(result.image);
   EXPECT_THAT(names, ElementsAre("0.png", "1.png", "2.png", "3.png", "4.png"));
   EXPECT_TRUE(results[3].used);
   EXPECT_FALSE(results[4].used);

@@ -61,11 +61,11 @@ class EarlierRunTest : public testing::Test {
                                        const ChangeOfCell& change = {}) {
     PairRunOptions options;
     options.folds = 0;
-    options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(AsRunResult(earlier.result)), change};
+    options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(earlier.result), change};
     return heba::Run(later, options);
   }
 
-  static const Finding* PriorOf(const PairResult& result) {
+  static const Finding* PriorOf(const RunResult& result) {
     const auto found = std::find_if(result.verdict.findings.begin(), result.verdict.findings.end(),
                                     [](const Finding& finding) { return finding.code == "prior"; });
     return found == result.verdict.findings.end() ? nullptr : &*found;

@@ -109,7 +109,7 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   }
   const Outcome<PairRunOutput> moved = heba::Run(dataset, options);
   ASSERT_TRUE(moved.ok()) << moved.reason();
-  const PairResult& result = moved->result;
+  const RunResult& result = moved->result;
   EXPECT_EQ(result.verdict.grade, Grade::kBad);
   ASSERT_FALSE(result.verdict.findings.empty());
   const Finding& finding = result.verdict.findings.front();
@@ -122,10 +122,10 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
              scene.hand_eye.camera_mount_from_camera.translation)
                 .norm(),
             2e-4);
-  for (size_t i = 0; i < result.captures.size(); ++i) {
-    EXPECT_EQ(result.captures[i].used, i < kFirstAfter) << i;
+  for (size_t i = 0; i < result.images.size(); ++i) {
+    EXPECT_EQ(result.images[i].used, i < kFirstAfter) << i;
     const Matcher<std::string> expected = i < kFirstAfter ? Matcher<std::string>("") : HasSubstr("moved before");
-    EXPECT_THAT(result.captures[i].reason, expected);
+    EXPECT_THAT(result.images[i].reason, expected);
   }
 }
 
@@ -144,7 +144,7 @@ TEST(PairRunTest, FindsTheHandEyePoseAndItsErrors) {
   ASSERT_TRUE(refined->errors.holdout_rms_px.has_value());
   EXPECT_NEAR(*refined->errors.holdout_rms_px, 0.141, 0.02);  // 0.1 px in each of two coordinates.
   EXPECT_EQ(run->result.name, "cell");
-  EXPECT_THAT(run->result.captures, SizeIs(14));
+  EXPECT_THAT(run->result.images, SizeIs(14));
   EXPECT_FALSE(run->result.verdict.findings.empty());
   EXPECT_GT(run->result.timing.total_s, 0);
 }
@@ -181,8 +181,8 @@ TEST(PairRunTest, CapturesWithOneImageCountOnce) {
   const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
   ASSERT_TRUE(run.ok()) << run.reason();
   EXPECT_EQ(recorder.events.front(), "seen 14 of 14, left out 1");
-  EXPECT_THAT(run->result.captures, SizeIs(15));
-  EXPECT_EQ(run->result.captures.back().repeat_of, "3.png");
+  EXPECT_THAT(run->result.images, SizeIs(15));
+  EXPECT_EQ(run->result.images.back().repeat_of, "3.png");
   EXPECT_THAT(run->dataset.captures, SizeIs(14));
   EXPECT_THAT(run->detections, SizeIs(14));
 }
@@ -216,10 +216,10 @@ TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
   ASSERT_TRUE(run.ok()) << run.reason();
   EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
               IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
-  ASSERT_THAT(run->result.captures, SizeIs(14));
-  for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.captures[i].used, i != 6) << i;
-  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("contradicts the other captures"));
-  EXPECT_THAT(run->result.captures[6].reason, HasSubstr("29 deg from where they predict it"));
+  ASSERT_THAT(run->result.images, SizeIs(14));
+  for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.images[i].used, i != 6) << i;
+  EXPECT_THAT(run->result.images[6].reason, HasSubstr("contradicts the other captures"));
+  EXPECT_THAT(run->result.images[6].reason, HasSubstr("29 deg from where they predict it"));
 }
 
 TEST(PairRunTest, FailsWhereNothingWasDetected) {

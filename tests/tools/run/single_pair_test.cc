@@ -120,9 +120,9 @@ TEST_P(SinglePairTest, IsTheSingleCamera) {
   EXPECT_EQ(result.errors[0].holdout_target_mm, refined.errors.holdout_target_mm);
   EXPECT_EQ(result.errors[0].holdout_rms_px, refined.errors.holdout_rms_px);
   EXPECT_EQ(result.holdout_chi2, refined.errors.holdout_chi2);
-  ASSERT_EQ(result.images.size(), single->result.captures.size());
+  ASSERT_EQ(result.images.size(), single->result.images.size());
   for (size_t i = 0; i < result.images.size(); ++i) {
-    const CaptureResult& capture = single->result.captures[i];
+    const ImageResult& capture = single->result.images[i];
     EXPECT_EQ(result.images[i].camera, "top");
     EXPECT_EQ(result.images[i].capture, capture.image);
     EXPECT_EQ(result.images[i].used, capture.used);
@@ -163,7 +163,7 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
   ASSERT_TRUE(pair->result.arms[0]->is_estimated) << pair->result.arms[0]->reason.ToString();
-  EXPECT_LT((pair->result.arms[0]->errors - single->result.robot->errors).norm(), 1e-12);
+  EXPECT_LT((pair->result.arms[0]->errors - single->result.arms[0]->errors).norm(), 1e-12);
   EXPECT_EQ(pair->result.solution.effects[0].size(), pair->result.rig.effects[0]->size());
   EXPECT_FALSE(ReportPage(ReportDataOf(*pair), {}).empty());
 }

@@ -41,7 +41,7 @@ Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseE
     }
     const Outcome<PairRunOutput> run = Run(dataset, options);
     EXPECT_TRUE(run) << run.reason();
-    if (!run || !run->result.robot->is_estimated) continue;
+    if (!run || !run->result.arms[0]->is_estimated) continue;
     ++figures.num_runs;
     const std::vector<Finding>& findings = run->result.verdict.findings;
     figures.num_named += std::any_of(findings.begin(), findings.end(),

@@ -22,12 +22,11 @@ Estimate EstimateOf(const std::string& method, double rms_px) {
   return estimate;
 }
 
-PairResult ResultOf(std::vector<Estimate> estimates) {
-  PairResult result;
+RunResult ResultOf(std::vector<Estimate> estimates) {
+  RunResult result = ShortResult(Setup::kEyeToHand, "chessboard", 48);
   result.name = "cell";
-  result.target_type = "chessboard";
   result.estimates = std::move(estimates);
-  return result;
+  return WithFinalEstimate(std::move(result));
 }
 
 std::vector<std::string> LinesOf(const std::string& text) {
@@ -75,7 +74,7 @@ TEST(ResultTableTest, MethodsForAnotherMotionAreListedIfAskedFor) {
   Estimate two_step = EstimateOf("two_step", 0.5);
   two_step.ok = false;
   two_step.reason = Failure("no capture has the role home");
-  const PairResult result = ResultOf({two_step, EstimateOf("shah", 1)});
+  const RunResult result = ResultOf({two_step, EstimateOf("shah", 1)});
   EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("two_step")));
   EXPECT_THAT(ResultTable(result, Colour::kPlain, {"two_step", "shah"}),
               HasSubstr("\ntwo_step: no result, no capture has the role home\n"));
@@ -89,7 +88,7 @@ TEST(ResultTableTest, TrueErrorsAreThereOnlyWithATruth) {
 }
 
 TEST(ResultTableTest, PlainTextHasNoEscapeSequences) {
-  const PairResult result = ResultOf({EstimateOf("shah", 1)});
+  const RunResult result = ResultOf({EstimateOf("shah", 1)});
   EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("\x1b")));
   EXPECT_THAT(ResultTable(result, Colour::kAnsi), HasSubstr("\x1b[1mshah"));
 }

@@ -1,14 +1,13 @@
 #include <algorithm>
 #include <iostream>
 #include <map>
-#include <variant>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/io/result_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/run_folder.h"
-#include "tools/files/any_result.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/comparison.h"
 #include "tools/text/console.h"
@@ -37,8 +36,7 @@ std::vector<ComparedRun> ReadRuns(const std::vector<std::string>& arguments) {
   std::map<std::string, int> names;
   for (const std::string& argument : arguments) {
     for (const std::filesystem::path& folder : RunsIn(argument)) {
-      runs.push_back(std::visit([&](const auto& result) { return ComparedRunOf(folder.string(), result); },
-                                ReadAnyResult(folder / "result.json")));
+      runs.push_back(ComparedRunOf(folder.string(), ReadRunResult(folder / "result.json")));
       ++names[runs.back().name];
     }
   }

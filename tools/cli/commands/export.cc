@@ -6,7 +6,6 @@
 #include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "heba/evaluation/verdict.h"
 #include "heba/io/export_files.h"
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
@@ -53,19 +52,18 @@ void CheckFlagsOfSeveral() {
 
 // Returns the result; of one camera that of the refined estimate, or of the one that --method names.
 ResultOfMethod ReadResultAskedFor(const fs::path& file) {
-  if (IsLongResult(file)) {
-    const RunResult result = ReadRunResult(file);
+  const RunResult result = ReadRunResult(file);
+  if (!IsShort(result)) {
     if (result.rig.cameras.size() > 1) CheckFlagsOfSeveral();
     if (!FLAGS_method.empty() && FLAGS_method != kBundleMethod) throw NoEstimate(file.string(), {kBundleMethod});
     return {result, kBundleMethod};
   }
-  const PairResult result = ReadPairResult(file);
   const Estimate* const found = FindFinal(result);
-  if (FLAGS_method.empty() && found != nullptr) return {AsRunResult(result, *found), found->method};
+  if (FLAGS_method.empty() && found != nullptr) return {WithEstimate(result, *found), found->method};
   std::vector<std::string> names;
   for (const Estimate& estimate : result.estimates) {
     if (!estimate.ok) continue;
-    if (estimate.method == FLAGS_method) return {AsRunResult(result, estimate), estimate.method};
+    if (estimate.method == FLAGS_method) return {WithEstimate(result, estimate), estimate.method};
     names.push_back(estimate.method);
   }
   throw NoEstimate(file.string(), names);

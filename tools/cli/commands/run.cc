@@ -13,25 +13,24 @@
 namespace heba {
 namespace {
 
-std::string TableOf(const AnyResult& result, const AnyConfig& config) {
-  const Colour colour = UseColour() ? Colour::kAnsi : Colour::kPlain;
-  const auto* const single = std::get_if<PairResult>(&result);
-  if (single == nullptr) return ResultTable(std::get<RunResult>(result), colour);
+std::string TableOf(const RunResult& result, const AnyConfig& config) {
   // A method that the config names is one that the user expects.
-  const PairRunOptions& options = std::get<PairConfig>(config).options;
-  std::vector<std::string> asked_for = options.methods;
-  asked_for.push_back(options.seed);
-  return ResultTable(*single, colour, asked_for);
+  std::vector<std::string> asked_for;
+  if (const auto* const pair = std::get_if<PairConfig>(&config)) {
+    asked_for = pair->options.methods;
+    asked_for.push_back(pair->options.seed);
+  }
+  return ResultTable(result, UseColour() ? Colour::kAnsi : Colour::kPlain, asked_for);
 }
 
 int RunOne(const std::string& config_path, const RunDemands& demands) {
   const AnyConfig config = ReadAnyConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? OutputOf(config) : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  const std::optional<AnyResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
+  const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
   if (current) console.Note(NameOf(config) + ": the inputs have not changed since these results");
-  const Outcome<AnyResult> result =
-      current ? Outcome<AnyResult>(*current) : RunAny(config, output, NumThreads(), &console);
+  const Outcome<RunResult> result =
+      current ? Outcome<RunResult>(*current) : RunAny(config, output, NumThreads(), &console);
   if (!result) {
     PrintError(config_path + ": " + FailureText(result.failure()));
     return kWorkFailed;

@@ -46,7 +46,7 @@ struct RobotArm {
 // others estimated.
 struct PairDataset {
   std::string name;                                        // Is copied to the result.
-  std::vector<std::pair<std::string, std::string>> about;  // PairResult::about.
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
   Setup setup = Setup::kEyeToHand;
   std::shared_ptr<const Target> target;  // May be null if `target_poses` are given.
   // Is estimated from the captures if it is not set. A size of 0 x 0 stands for that of the images.
@@ -119,7 +119,7 @@ inline constexpr std::array<const char*, 3> kRunStageNames = {"detection", "seco
 // Captures that are not used because their image is that of another capture (tools/run/duplicate_images.h).
 struct LeftOutCaptures {
   std::vector<size_t> indices;         // Sorted in increasing order.
-  std::vector<CaptureResult> results;  // Marked as not used, with the reason.
+  std::vector<ImageResult> results;  // Marked as not used, with the reason.
   std::vector<std::string> notes;      // One sentence for each cause.
 };
 
@@ -142,8 +142,8 @@ class RunObserver {
 };
 
 struct PairRunOutput {
-  // All figures and findings. `timing.total_s` covers the call of Run.
-  PairResult result;
+  // All figures and findings, in the short form. `timing.total_s` covers the call of Run.
+  RunResult result;
   // The data set without the captures that were left out, with the size of its camera filled in, and the detection in
   // each capture; no detections if the target's poses were given.
   PairDataset dataset;

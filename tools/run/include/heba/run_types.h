@@ -46,7 +46,7 @@ struct TargetDetection {
 // The recorded data of any number of cameras, targets and arms.
 struct Dataset {
   std::string name;
-  std::vector<std::pair<std::string, std::string>> about;  // PairResult::about.
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
   // Names, mounts, and the cameras that are given. The shapes of targets follow from `targets`.
   Problem rig;
   std::vector<bool> has_camera;             // One per camera: whether it is given.
