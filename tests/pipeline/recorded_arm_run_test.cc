@@ -13,6 +13,7 @@
 
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/data/hand_eye.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/pose_correction.h"
 #include "heba/io/pose_formats.h"

@@ -90,7 +90,8 @@ TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {
   ASSERT_THAT(left_out.results, SizeIs(2));
   EXPECT_EQ(left_out.results[0].image, "2.png");
   EXPECT_EQ(left_out.results[0].role, CaptureRole::kRotate);
-  EXPECT_EQ(left_out.results[0].num_points, 3);
+  ASSERT_THAT(left_out.results[0].targets, SizeIs(1));
+  EXPECT_EQ(left_out.results[0].targets[0].num_points, 3);
   EXPECT_FALSE(left_out.results[0].used);
   EXPECT_EQ(left_out.results[0].reason, "the same image as 0.png, byte by byte");
   EXPECT_EQ(left_out.results[0].repeat_of, "0.png");
