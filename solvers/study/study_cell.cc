@@ -7,9 +7,7 @@ namespace heba {
 
 bool IsHandEye(const StudyCell& cell) { return cell.problem.cameras.at(0).name.empty(); }
 
-Setup SetupOf(const StudyCell& cell) {
-  return SetupOf(cell.problem.cameras[0].mount);
-}
+Setup SetupOf(const StudyCell& cell) { return SetupOf(cell.problem.cameras[0].mount); }
 
 HandEye HandEyeOf(const StudyCell& cell) { return {cell.poses.mount_from_camera[0], cell.poses.mount_from_target[0]}; }
 

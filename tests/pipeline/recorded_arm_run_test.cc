@@ -156,8 +156,8 @@ double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& 
     Eigen::VectorXd positions(6);
     for (Eigen::Index j = 0; j < 6; ++j) positions[j] = std::stod(joints[i + 1][static_cast<size_t>(j) + 1]);
     const Rigid3d base_from_gripper = *TruePose(*result.arms[0], reported, positions);
-    const Rigid3d camera_from_target =
-        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(SetupOf(result.rig.cameras[0].mount), base_from_gripper));
+    const Rigid3d camera_from_target = CameraFromTarget(
+        solution.hand_eye, CameraMountFromTargetMount(SetupOf(result.rig.cameras[0].mount), base_from_gripper));
     const std::optional<SquaredErrors> errors = ViewErrors(
         solution.camera, camera_from_target, ApplyShape(ObservationsOf(target, capture.detection), solution.shape));
     EXPECT_TRUE(errors.has_value()) << name;

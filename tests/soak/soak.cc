@@ -148,7 +148,7 @@ RecordedSet ReadSet(const fs::path& config_file) {
 Answer AnswerOf(const PairDataset& data, const PairRunOptions& options) {
   Answer answer;
   try {
-    const Outcome<PairRunOutput> output = Run(data, options);
+    const Outcome<RunOutput> output = Run(data, options);
     if (!output) {
       answer.end = Answer::End::kRefused;
       answer.text = output.reason();
@@ -536,7 +536,7 @@ int Soak() {
       whole_runs.resize(whole_runs.size() + kFixed.size());
       continue;
     }
-    const Outcome<PairRunOutput> output = Run(sets[s].data, sets[s].options);
+    const Outcome<RunOutput> output = Run(sets[s].data, sets[s].options);
     if (output) {
       sets[s].data.camera.reset();
       held[s].camera = FindRefined(output->result)->camera;

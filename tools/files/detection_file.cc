@@ -32,19 +32,21 @@ std::string DetectionsToJson(const std::vector<Capture>& captures, const std::ve
 
 void WriteDetections(const Dataset& data, const std::vector<TargetDetection>& detections,
                      const std::filesystem::path& folder) {
-  std::filesystem::create_directory(folder);
+  const bool has_names = !data.rig.cameras[0].name.empty();
+  if (has_names) std::filesystem::create_directory(folder / "detections");
   for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
     for (size_t t = 0; t < data.targets.size(); ++t) {
       std::vector<Capture> captures;
       std::vector<CaptureDetection> of_pair;
       for (const TargetDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
+        const Recording& recording = data.captures[detection.capture];
         Capture& capture = captures.emplace_back();
-        capture.image = data.captures[detection.capture].images[c];
-        capture.name = capture.image.filename().string();
+        capture.name = has_names ? recording.images[c].filename().string() : recording.name;
         of_pair.push_back(detection.detection);
       }
-      WriteFileAtomically(folder / (data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json"),
+      const std::string pair = data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json";
+      WriteFileAtomically(folder / (has_names ? "detections/" + pair : "detections.json"),
                           DetectionsToJson(captures, of_pair));
     }
   }

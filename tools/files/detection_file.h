@@ -16,8 +16,9 @@ namespace heba {
 // "pixels": [[u, v], ...], "reason"}]}. Pixel (0, 0) is the centre of the first pixel.
 std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections);
 
-// Writes the detections of a rig into a folder, which must not exist: a file CAMERA.TARGET.json for each pair, with the
-// images of that camera. Throws OutputError if a file cannot be written.
+// Writes the detections of a data set into a folder: the file detections.json if its camera has no name; otherwise the
+// folder `detections`, which must not exist, with a file CAMERA.TARGET.json for each pair, with the images of that
+// camera. Throws OutputError if a file cannot be written.
 void WriteDetections(const Dataset& data, const std::vector<TargetDetection>& detections,
                      const std::filesystem::path& folder);
 

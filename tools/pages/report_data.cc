@@ -10,8 +10,6 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
-#include "tools/run/captures.h"
-#include "tools/run/single_pair.h"
 
 namespace heba {
 namespace {
@@ -126,6 +124,7 @@ std::vector<CameraResiduals> ResidualsOf(const RunOutput& run) {
 ReportData ReportDataOf(const RunOutput& run) {
   ReportData data;
   data.result = run.result;
+  if (!run.calibration.refined) return data;
   for (const std::shared_ptr<const Target>& target : run.dataset.targets) {
     data.target_points.push_back(AllPoints(*target).points_in_target);
   }
@@ -135,15 +134,6 @@ ReportData ReportDataOf(const RunOutput& run) {
     data.result.captures[i].corrections = run.calibration.refined->captures[i].corrections;
     data.has_corrections = data.has_corrections || !data.result.captures[i].corrections.empty();
   }
-  return data;
-}
-
-ReportData ReportDataOf(const PairRunOutput& run, const RunResult& result) {
-  ReportData data;
-  data.result = result;
-  if (FindRefined(result) == nullptr) return data;
-  data = ReportDataOf(AsRunOutput(run, result));
-  if (run.dataset.truth) data.true_cameras = {run.dataset.truth->camera};
   return data;
 }
 

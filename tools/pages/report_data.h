@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "heba/evaluation/run_result.h"
-#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
@@ -49,7 +48,5 @@ struct ReportData {
 };
 
 ReportData ReportDataOf(const RunOutput& run);
-// `result` is that of the run, with everything that was found out after it.
-ReportData ReportDataOf(const PairRunOutput& run, const RunResult& result);
 
 }  // namespace heba

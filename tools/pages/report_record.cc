@@ -252,20 +252,20 @@ std::vector<std::pair<std::string, std::string>> FactsOf(const ReportData& data)
   if (IsShort(result)) {
     const Setup setup = SetupOf(result.rig.cameras[0].mount);
     const bool is_fixed = setup == Setup::kEyeToHand;
-    facts.emplace_back("setup",
-                       std::string(SetupName(setup)) +
-                           (is_fixed ? ": the camera is fixed beside the robot" : ": the robot carries the camera"));
+    facts.emplace_back("setup", std::string(SetupName(setup)) + (is_fixed ? ": the camera is fixed beside the robot"
+                                                                          : ": the robot carries the camera"));
     facts.emplace_back("target",
                        result.target_types[0] + ", " + std::to_string(result.num_target_points[0]) + " points");
   } else {
     facts.emplace_back("cameras", std::to_string(result.rig.cameras.size()));
     for (size_t t = 0; t < result.rig.targets.size(); ++t) {
       facts.emplace_back("target " + result.rig.targets[t].name,
-                         result.target_types[t] + ", " + std::to_string(data.target_points[t].cols()) +
-                             " points, on " + MountText(result.rig, result.rig.targets[t]));
+                         result.target_types[t] + ", " + std::to_string(data.target_points[t].cols()) + " points, on " +
+                             MountText(result.rig, result.rig.targets[t]));
     }
   }
-  facts.emplace_back("captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(NumCaptures(result)) + " used");
+  facts.emplace_back("captures",
+                     std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(NumCaptures(result)) + " used");
   return facts;
 }
 

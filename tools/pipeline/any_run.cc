@@ -14,8 +14,8 @@ AnyConfig ReadAnyConfig(const std::filesystem::path& path, const std::vector<std
 
 Outcome<RunResult> RunAny(const AnyConfig& config, const std::filesystem::path& output, int num_threads,
                           Console* console, RunObserver* listener) {
-  return std::visit(
-      [&](const auto& of_run) { return RunPipeline(of_run, output, num_threads, console, listener); }, config);
+  return std::visit([&](const auto& of_run) { return RunPipeline(of_run, output, num_threads, console, listener); },
+                    config);
 }
 
 std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const AnyConfig& config) {

@@ -1,12 +1,11 @@
 #include "tools/pipeline/pipeline.h"
 
 #include <algorithm>
-#include <chrono>
-#include <optional>
 #include <utility>
 #include <vector>
 
 #include "heba/base/files.h"
+#include "heba/base/stopwatch.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "heba/run.h"
@@ -30,30 +29,6 @@ ReportContext ContextOf(const std::filesystem::path& config_file, const std::str
           std::filesystem::absolute(output).lexically_normal()};
 }
 
-// The texts of a run's folder that every run has.
-struct RunTexts {
-  std::string report;
-  std::string result;
-};
-
-// Writes them, with the config as used, the log and the inputs, and commits the folder. Returns a Failure if files of
-// the config are not those of `inputs` any more.
-template <class Config>
-std::optional<Failure> WriteAndCommit(const Config& config, const std::string& inputs, const Console& console,
-                                      const RunTexts& texts, StagedFolder* folder) {
-  if (RunInputsText(config) != inputs) {
-    return Failure{"images or other input files were changed during the run; run it again"};
-  }
-  const std::filesystem::path& staging = folder->staging();
-  WriteFileAtomically(staging / "config.yaml", config.used);
-  WriteFileAtomically(staging / "log.txt", console.log());
-  WriteFileAtomically(staging / "report.html", texts.report);
-  WriteFileAtomically(staging / "inputs.json", inputs);
-  WriteFileAtomically(staging / "result.json", texts.result);
-  folder->Commit();
-  return std::nullopt;
-}
-
 // Returns whether captures that show the target were left out, other than copies.
 bool HasContradictions(const RunResult& result) {
   return std::any_of(result.images.begin(), result.images.end(), [](const ImageResult& image) {
@@ -61,80 +36,60 @@ bool HasContradictions(const RunResult& result) {
   });
 }
 
-// Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out.
-void AppendDiagnosis(const PairConfig& config, int num_threads, RunResult* result) {
-  result->verdict = JudgeRun(*result);
-  const bool is_good = result->verdict.grade == Grade::kGood;
-  if (is_good && !HasContradictions(*result)) return;
+// Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out; of
+// a rig only if the result is bad.
+template <class Config>
+void AppendDiagnosis(const Config& config, int num_threads, RunOutput* run) {
+  RunResult& result = run->result;
+  result.verdict = JudgeRun(result);
+  const bool is_good = result.verdict.grade == Grade::kGood;
+  const bool is_bad = result.verdict.grade == Grade::kBad;
+  if (IsShort(result) ? is_good && !HasContradictions(result) : !is_bad) return;
   Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
-  // The doctor looks for an arm that reaches all poses in one configuration. One whose errors explain the captures is
-  // the right one, in several.
-  if (FindEstimatedArm(*result, 0) != nullptr) {
-    std::erase_if(diagnosis.symptoms, [](const Symptom& symptom) { return symptom.code.name().starts_with("robot_"); });
-  }
+  // A motion that the adjustment has measured is not replaced by its consequences. The doctor looks for an arm that
+  // reaches all poses in one configuration; one whose errors explain the captures is the right one, in several.
+  const bool has_arm = result.arms.size() == 1 && FindEstimatedArm(result, 0) != nullptr;
+  std::erase_if(diagnosis.symptoms, [&](const Symptom& symptom) {
+    return IsExplainedByMotion(symptom, run->calibration) || (has_arm && symptom.code.name().starts_with("robot_"));
+  });
   // Poses that the doctor cannot explain are no cause of a fit that is only doubtful.
   const bool explains = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() != "poses_unexplained";
-  if (result->verdict.grade != Grade::kBad && !explains) return;
+  if (!is_bad && !explains) return;
   // The cause of captures that were left out does not make the rest doubtful.
   if (is_good && !IsOfSingleCaptures(diagnosis.symptoms.front())) return;
-  InsertCause(diagnosis, &result->observations);
-  if (is_good) result->observations.front().grade = Grade::kGood;
-  result->verdict = JudgeRun(*result);
+  InsertCause(diagnosis, &result.observations);
+  if (is_good) result.observations.front().grade = Grade::kGood;
+  result.verdict = JudgeRun(result);
 }
 
-Outcome<RunResult> RunAndWrite(const PairConfig& config, const std::filesystem::path& output, int num_threads,
-                                Console* console, RunObserver* listener) {
-  const auto start = std::chrono::steady_clock::now();
-  // The folder is created first, so that a run that cannot be written fails before the work.
-  StagedFolder folder(output, "the results of a run");
-  const std::string inputs = RunInputsText(config);
+// Names the targets that look the same in several orientations.
+void AppendSymmetries(const Dataset& dataset, RunResult* result) {
+  for (size_t t = 0; t < dataset.targets.size(); ++t) {
+    if (dataset.targets[t]->Symmetries().size() < 2) continue;
+    const auto num_symmetries = static_cast<double>(dataset.targets[t]->Symmetries().size());
+    Finding finding{Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}};
+    const std::string& name = dataset.rig.targets[t].name;
+    if (!name.empty()) finding.names.emplace_back("of_target", name);
+    result->observations.push_back(std::move(finding));
+  }
+}
+
+// Runs the data set of a config, and adds notes on the run to the console.
+Outcome<RunOutput> RunData(const PairConfig& config, int num_threads, Console* console, RunObserver* listener) {
   PairDataset data = config.data;
   if (config.truth) data.truth = ReadTruth(*config.truth, data.setup);
+  if (config.imported) {
+    console->Note(data.name + ": read as a data set of " + config.imported->format);
+    for (const std::string& remark : config.imported->remarks) console->Note(data.name + ": " + remark);
+  }
   PairRunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = CachedDetection(data, config.target_used);
   SharedObserver<ConsoleObserver> observer(listener, data, console);
-  const Outcome<PairRunOutput> run = Run(data, options, &observer);
-  if (!run) return run.failure();
-  const bool has_images = data.target_poses.empty();
-  RunResult result = run->result;
-  if (has_images && data.target->Symmetries().size() > 1) {
-    const auto num_symmetries = static_cast<double>(data.target->Symmetries().size());
-    result.observations.push_back({Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}});
-  }
-  AppendDiagnosis(config, num_threads, &result);
-  Describe(&result);
-  result.timing.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (has_images) {
-    WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(run->dataset.captures, run->detections));
-  }
-  const std::string report = ReportPage(ReportDataOf(*run, result), ContextOf(config.file, config.used, output));
-  if (std::optional<Failure> fault =
-          WriteAndCommit(config, inputs, *console, {report, ResultToJson(result)}, &folder)) {
-    return *std::move(fault);
-  }
-  return result;
+  return Run(data, options, &observer);
 }
 
-}  // namespace
-
-Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
-                                Console* console, RunObserver* listener) {
-  if (config.imported) {
-    console->Note(config.data.name + ": read as a data set of " + config.imported->format);
-    for (const std::string& remark : config.imported->remarks) console->Note(config.data.name + ": " + remark);
-  }
-  Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
-  if (result || result.failure().code == kCancelled) return result;
-  return Failure{
-      WithDiagnosis(FailureText(result.failure()), Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs))};
-}
-
-Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener) {
-  // The folder is created first, so that a run that cannot be written fails before the work.
-  StagedFolder folder(output, "the results of a run");
-  const std::string inputs = RunInputsText(config);
+Outcome<RunOutput> RunData(const RunConfig& config, int num_threads, Console* console, RunObserver* listener) {
   Dataset data = config.data;
   if (config.truth) data.truth = ReadCellTruth(*config.truth, data.rig);
   for (const LeftOutImages& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
@@ -143,27 +98,55 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
   for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
   SharedObserver<ProgressObserver> observer(listener, console->verbosity());
   Outcome<RunOutput> run = Run(data, options, &observer);
-  const auto diagnose = [&] { return Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs); };
-  if (!run) return Failure{WithDiagnosis(FailureText(run.failure()), diagnose())};
+  if (!run) return run;
   for (const std::string& note : DetectionNotes(run->dataset, run->detections)) console->Note(note);
+  for (const std::string& note : LeftOutNotes(run->result.images)) console->Note(data.name + ": " + note);
+  return run;
+}
+
+template <class Config>
+Outcome<RunResult> RunAndWrite(const Config& config, const std::filesystem::path& output, int num_threads,
+                               Console* console, RunObserver* listener) {
+  const Stopwatch watch;
+  // The folder is created first, so that a run that cannot be written fails before the work.
+  StagedFolder folder(output, "the results of a run");
+  const std::string inputs = RunInputsText(config);
+  Outcome<RunOutput> run = RunData(config, num_threads, console, listener);
+  if (!run && run.failure().code == kCancelled) return run.failure();
+  if (!run) {
+    const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
+    return Failure{WithDiagnosis(FailureText(run.failure()), diagnosis)};
+  }
   RunResult& result = run->result;
-  for (const std::string& note : LeftOutNotes(result.images)) console->Note(data.name + ": " + note);
-  if (result.verdict.grade == Grade::kBad) {
-    // A motion that the adjustment has measured is not replaced by its consequences.
-    Diagnosis diagnosis = diagnose();
-    std::erase_if(diagnosis.symptoms,
-                  [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
-    InsertCause(diagnosis, &result.observations);
-    result.verdict = JudgeRun(result);
-  }
+  if (!run->detections.empty()) AppendSymmetries(run->dataset, &result);
+  AppendDiagnosis(config, num_threads, &*run);
   Describe(&result);
-  WriteDetections(run->dataset, run->detections, folder.staging() / "detections");
+  result.timing.total_s = watch.Seconds();
+  const std::filesystem::path& staging = folder.staging();
+  if (!run->detections.empty()) WriteDetections(run->dataset, run->detections, staging);
   const std::string report = ReportPage(ReportDataOf(*run), ContextOf(config.file, config.used, output));
-  if (std::optional<Failure> fault =
-          WriteAndCommit(config, inputs, *console, {report, ResultToJson(result)}, &folder)) {
-    return *std::move(fault);
+  if (RunInputsText(config) != inputs) {
+    return Failure{"images or other input files were changed during the run; run it again"};
   }
+  WriteFileAtomically(staging / "config.yaml", config.used);
+  WriteFileAtomically(staging / "log.txt", console->log());
+  WriteFileAtomically(staging / "report.html", report);
+  WriteFileAtomically(staging / "inputs.json", inputs);
+  WriteFileAtomically(staging / "result.json", ResultToJson(result));
+  folder.Commit();
   return result;
+}
+
+}  // namespace
+
+Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
+                               Console* console, RunObserver* listener) {
+  return RunAndWrite(config, output, num_threads, console, listener);
+}
+
+Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
+                               Console* console, RunObserver* listener) {
+  return RunAndWrite(config, output, num_threads, console, listener);
 }
 
 }  // namespace heba

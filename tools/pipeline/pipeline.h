@@ -18,7 +18,7 @@ namespace heba {
 // no folder, if the result cannot be trusted. The first fault that the doctor (doctor/doctor.h) finds is part of the
 // Failure, and of the findings of a result that is bad.
 Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
-                                Console* console, RunObserver* listener = nullptr);
+                               Console* console, RunObserver* listener = nullptr);
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener = nullptr);
 

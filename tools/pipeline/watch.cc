@@ -159,8 +159,8 @@ bool IsMet(const RunResult& result) {
 
 // Returns what is known, and what to take next.
 std::string KnownText(const RunResult& result) {
-  std::string text = std::to_string(NumUsedCaptures(result)) + " captures: " +
-                     std::string(GradeName(result.verdict.grade));
+  std::string text =
+      std::to_string(NumUsedCaptures(result)) + " captures: " + std::string(GradeName(result.verdict.grade));
   const auto covariance = IsShort(result) && FindRefined(result) != nullptr
                               ? PoseCovarianceOf(result.solution.covariance, kHandEyeBlock)
                               : std::nullopt;

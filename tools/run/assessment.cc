@@ -231,9 +231,9 @@ RunResult ResultOf(const PairDataset& dataset) {
 
 }  // namespace
 
-RunResult Assess(const PairDataset& dataset, const PairRunOptions& run,
-                  const std::vector<CaptureDetection>& detections, const PairCalibration& calibration,
-                  const Advice& advice, PairCalibrationOptions options, RunObserver* observer) {
+RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const std::vector<CaptureDetection>& detections,
+                 const PairCalibration& calibration, const Advice& advice, PairCalibrationOptions options,
+                 RunObserver* observer) {
   RunResult result = ResultOf(dataset);
   result.observations = advice.findings;
   // The folds run the methods that succeeded on all captures.
@@ -283,7 +283,7 @@ RunResult Assess(const PairDataset& dataset, const PairRunOptions& run,
 }
 
 RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
-                       PoseCalibrationOptions options) {
+                      PoseCalibrationOptions options) {
   RunResult result = ResultOf(dataset);
   // The folds run the methods that succeeded on all captures.
   options.methods.clear();

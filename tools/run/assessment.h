@@ -28,13 +28,13 @@ void SetLeftOut(const HeldOutErrors& left_out, ErrorFigures* figures) {
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
 // (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used. `advice` is
 // that of the calibration, whose covariance does not have its changes yet: those of the result have them.
-RunResult Assess(const PairDataset& dataset, const PairRunOptions& run,
-                  const std::vector<CaptureDetection>& detections, const PairCalibration& calibration,
-                  const Advice& advice, PairCalibrationOptions options, RunObserver* observer);
+RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const std::vector<CaptureDetection>& detections,
+                 const PairCalibration& calibration, const Advice& advice, PairCalibrationOptions options,
+                 RunObserver* observer);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
 RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
-                       PoseCalibrationOptions options);
+                      PoseCalibrationOptions options);
 
 }  // namespace heba

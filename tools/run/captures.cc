@@ -32,6 +32,14 @@ Dataset AsDataset(const PairDataset& dataset) {
   whole.detections_source = dataset.detections_source;
   whole.arms = {dataset.robot};
   whole.robot_scale_sigmas = {dataset.robot_scale_sigma};
+  if (dataset.truth) {
+    const Truth& truth = *dataset.truth;
+    whole.truth = CellTruth{{truth.camera_mount_from_camera},
+                            {truth.target_mount_from_target},
+                            {Rigid3d()},
+                            {truth.camera},
+                            {truth.arm_errors}};
+  }
   return whole;
 }
 

@@ -6,8 +6,6 @@
 
 #include "heba/data/hand_eye.h"
 #include "heba/pair_run.h"
-#include "solvers/calibration/problem_model.h"
-#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -117,32 +115,27 @@ void PlaceCaptures(const Dataset& rig, const std::map<std::string, size_t>& plac
 }
 
 // Gives the parts and captures of a run the names and places that they have in the rig.
-RunOutput PlacedInDataset(const Dataset& rig, const PairRunOutput& run) {
-  RunOutput output = AsRunOutput(run, run.result);
+RunOutput PlacedInDataset(const Dataset& rig, RunOutput output) {
+  const PairCalibration& of_pair = *output.calibration.pairs.front().calibration;
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < rig.captures.size(); ++i) place_of[rig.captures[i].name] = i;
   for (TargetDetection& detection : output.detections) {
-    detection.capture = place_of.at(run.dataset.captures[detection.capture].name);
+    detection.capture = place_of.at(output.dataset.captures[detection.capture].name);
   }
   PlaceCaptures(rig, place_of, &output);
   Calibration& calibration = output.calibration;
   Problem named = rig.rig;
   named.targets.front().symmetries = rig.targets.front()->Symmetries();
-  NameParts(named, run.calibration, &calibration.problem);
+  NameParts(named, of_pair, &calibration.problem);
   calibration.refined->covariance.layout = UnknownsOf(calibration.problem);
   calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
-  calibration.start = HandEyePosesOf(run.result.estimates.back().hand_eye);
-  CalibratedPair& pair = calibration.pairs.emplace_back();
-  pair.robot = 0;
-  pair.num_images = static_cast<int>(run.calibration.views.size() + run.calibration.unused.size());
-  pair.calibration = run.calibration;
 
   RunResult& result = output.result;
-  NameParts(named, run.calibration, &result.rig);
+  NameParts(named, of_pair, &result.rig);
   // The basis of smooth errors is not written.
-  const bool is_smooth = run.calibration.refined->shared_effects != nullptr &&
-                         run.calibration.refined->shared_effects->kind == SharedEffectsKind::kSmooth;
+  const bool is_smooth =
+      of_pair.refined->shared_effects != nullptr && of_pair.refined->shared_effects->kind == SharedEffectsKind::kSmooth;
   if (is_smooth) result.rig.effects.clear();
   result.solution = WithEffectsOf(result.rig, *calibration.refined);
   result.solution.captures.clear();
@@ -163,35 +156,9 @@ bool IsSinglePair(const Dataset& dataset) {
 }
 
 Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
-  const Outcome<PairRunOutput> run = Run(DatasetOfPair(dataset), OptionsOfPair(dataset, options), observer);
+  Outcome<RunOutput> run = Run(DatasetOfPair(dataset), OptionsOfPair(dataset, options), observer);
   if (!run) return run.failure();
-  return PlacedInDataset(dataset, *run);
-}
-
-RunOutput AsRunOutput(const PairRunOutput& run, const RunResult& result) {
-  const PairSolution& solution = *run.calibration.refined;
-  RunOutput whole;
-  whole.result = result;
-  whole.dataset = AsDataset(run.dataset);
-  whole.detections = AsTargetDetections(run.detections);
-  Problem& problem = whole.calibration.problem;
-  problem = HandEyeProblem(run.dataset.setup, solution);
-  Solution refined = ProblemSolution(solution);
-  const std::vector<CaptureOutcome> of_views = std::exchange(refined.captures, {});
-  refined.captures.resize(run.dataset.captures.size());
-  std::vector<std::shared_ptr<const PoseEffect>> effects;  // Functions of all effects, estimated or not.
-  for (const Capture& capture : run.dataset.captures) {
-    problem.captures.push_back({capture.name, {capture.base_from_gripper}, {}});
-    effects.push_back(capture.effect);
-  }
-  SetEffects(0, solution.shared_effects, effects, &problem);
-  for (size_t v = 0; v < run.calibration.views.size(); ++v) {
-    const View& view = run.calibration.views[v];
-    problem.captures[view.capture].images.push_back({0, 0, view.observations});
-    refined.captures[view.capture] = of_views[v];
-  }
-  whole.calibration.refined = std::move(refined);
-  return whole;
+  return PlacedInDataset(dataset, *std::move(run));
 }
 
 }  // namespace heba

@@ -14,8 +14,4 @@ bool IsSinglePair(const Dataset& dataset);
 // Runs such a data set (heba/pair_run.h). The result lacks what Dataset::left_out and Dataset::truth add to it.
 Outcome<RunOutput> RunSinglePair(const Dataset& dataset, const RunOptions& options, RunObserver* observer);
 
-// Returns the run of a single camera, which must have a refined estimate, as that of a rig whose parts have no names.
-// `result` is that of the run; a caller may have added to it. The captures are those of PairRunOutput::dataset.
-RunOutput AsRunOutput(const PairRunOutput& run, const RunResult& result);
-
 }  // namespace heba

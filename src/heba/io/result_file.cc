@@ -163,18 +163,19 @@ std::map<std::string, Rigid3d> CorrectionsOfArm(const RunResult& result) {
 Json CaptureJson(const ImageResult& image, const std::map<std::string, Rigid3d>& corrections) {
   const TargetInImage target = image.targets.empty() ? TargetInImage() : image.targets.front();
   const auto correction = corrections.find(image.capture);
-  return Json{{"image", image.capture},
-              {"role", RoleName(image.role)},
-              {"points", target.num_points},
-              {"points_second_pass", target.num_second_pass},
-              {"points_rejected", target.num_rejected},
-              {"used", image.used},
-              {"reason", image.reason},
-              {"repeat_of", image.repeat_of.empty() ? Json(nullptr) : Json(image.repeat_of)},
-              {"rms_px", OrNull(target.rms_px)},
-              {"holdout_target_mm", OrNull(image.holdout_target_mm)},
-              {"robot_correction", correction == corrections.end() ? Json(nullptr) : CorrectionJson(correction->second)},
-              {"move_without", MoveJson(image.move_without)}};
+  return Json{
+      {"image", image.capture},
+      {"role", RoleName(image.role)},
+      {"points", target.num_points},
+      {"points_second_pass", target.num_second_pass},
+      {"points_rejected", target.num_rejected},
+      {"used", image.used},
+      {"reason", image.reason},
+      {"repeat_of", image.repeat_of.empty() ? Json(nullptr) : Json(image.repeat_of)},
+      {"rms_px", OrNull(target.rms_px)},
+      {"holdout_target_mm", OrNull(image.holdout_target_mm)},
+      {"robot_correction", correction == corrections.end() ? Json(nullptr) : CorrectionJson(correction->second)},
+      {"move_without", MoveJson(image.move_without)}};
 }
 
 // Parts of the result of several cameras.

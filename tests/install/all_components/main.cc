@@ -52,7 +52,7 @@ int main(int /*argc*/, char** argv) {
         truth.camera_mount_from_camera * camera_from_target * Inverse(truth.target_mount_from_target);
     dataset.captures.push_back({image.filename().string(), image, {}, Inverse(gripper_from_base)});
   }
-  const heba::Outcome<heba::PairRunOutput> run = heba::Run(dataset, heba::PairRunOptions());
+  const heba::Outcome<heba::RunOutput> run = heba::Run(dataset, heba::PairRunOptions());
   if (!run) {
     std::printf("%s\n", run.reason().c_str());
     return 1;

@@ -62,7 +62,7 @@ RunResult RunOf(const std::string& name, const PairRunOptions& options) {
   covariance.matrix.diagonal().head<3>().setConstant(kSigmaM * kSigmaM);
   covariance.matrix.diagonal().segment<3>(3).setConstant(kSigmaRad * kSigmaRad);
   result.estimates = {worse, closed, refined};
-  return result;
+  return WithFinalEstimate(std::move(result));
 }
 
 Rigid3d Shifted(double x_m) { return {Eigen::Quaterniond::Identity(), {x_m, 0, 0}}; }
@@ -353,7 +353,7 @@ TEST(CompareRigsTest, TheRunOfOneCameraIsComparedByItsName) {
 }
 
 TEST(CompareRigsTest, TheRunOfOneCameraStatesTheGainOfItsRefinement) {
-  const Comparison comparison = CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", WithFinalEstimate(RunOf("top", {})))});
+  const Comparison comparison = CompareRuns({ComparedRunOf("a", CellOf({})), ComparedRunOf("alone", RunOf("top", {}))});
   EXPECT_THAT(comparison.findings, Contains(StartsWith("hold-out error in px: the refinement is better than the best "
                                                        "closed form in 1 of 1 runs")));
   EXPECT_THAT(ComparisonPage(comparison), HasSubstr("best closed form"));
@@ -375,7 +375,7 @@ TEST(CompareRigsTest, RunsThatCannotBeComparedAreRefused) {
       AllOf(StartsWith("b: its world is the base of arm right"), HasSubstr("that of a is the base of arm left")));
   EXPECT_THAT(InputErrorOf([] {
                 CompareRuns({ComparedRunOf("a", CellOf({.arms = {"left", "right"}})),
-                             ComparedRunOf("alone", WithFinalEstimate(RunOf("top", {})))});
+                             ComparedRunOf("alone", RunOf("top", {}))});
               }),
               StartsWith("alone: its world is the base of an arm without a name"));
   RunResult failed = RunOf("top", {});

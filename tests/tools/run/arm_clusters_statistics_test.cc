@@ -35,7 +35,7 @@ TEST_P(ArmClustersStatisticsTest, RareConfigurationIsLeftOutInLessThanTwoOfAHund
   std::atomic<int> num_with_loss = 0;
   ParallelFor(kNumSeeds, static_cast<int>(std::thread::hardware_concurrency()), [&](int i) {
     const ArmDataset made = ThreeConfigurations(static_cast<uint64_t>(i + 1), scene, 40, 4);
-    const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
+    const Outcome<RunOutput> run = heba::Run(made.dataset, options);
     EXPECT_TRUE(run) << run.reason();
     if (!run) return;
     const std::vector<std::string> left_out = LeftOutOf(run->result);

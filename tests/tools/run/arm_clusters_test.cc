@@ -34,7 +34,7 @@ PairRunOptions FixedCamera() {
 TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
   for (const uint64_t seed : {1, 2, 3}) {
     const ArmDataset made = ThreeConfigurations(seed, LargeErrors(), 40, 4);
-    const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
+    const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
     EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
@@ -58,7 +58,7 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
   made.dataset.robot.reset();
   PairRunOptions run_options = FixedCamera();
   run_options.folds = 0;
-  const Outcome<PairRunOutput> run = heba::Run(made.dataset, run_options);
+  const Outcome<RunOutput> run = heba::Run(made.dataset, run_options);
   ASSERT_TRUE(run) << run.reason();
   const std::vector<std::string> left_out = LeftOutOf(run->result);
   for (const std::string& name : wrong) EXPECT_THAT(left_out, Contains(name));
@@ -70,7 +70,7 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
   std::vector<std::vector<double>> joints;
   for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
-  const Outcome<PairRunOutput> run = heba::Run(made.dataset, FixedCamera());
+  const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -91,10 +91,10 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   made.dataset.given_detections.clear();
   PairRunOptions options;
   options.folds = 0;
-  const Outcome<PairRunOutput> with_joints = heba::Run(made.dataset, options);
+  const Outcome<RunOutput> with_joints = heba::Run(made.dataset, options);
   ASSERT_TRUE(with_joints) << with_joints.reason();
   for (Capture& capture : made.dataset.captures) capture.joints.clear();
-  const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
+  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -121,7 +121,7 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     }
     PairRunOptions run_options;
     run_options.folds = 0;
-    const Outcome<PairRunOutput> run = heba::Run(dataset, run_options);
+    const Outcome<RunOutput> run = heba::Run(dataset, run_options);
     ASSERT_TRUE(run) << run.reason();
     EXPECT_NE(run->result.arms[0]->configuration, "") << "seed " << seed << ": several";
   }
@@ -132,7 +132,7 @@ TEST(ArmClustersTest, CaptureWithWrongJointsIsLeftOutAndTheArmIsEstimated) {
   made.dataset.captures[4].joints[2] = 1e9;
   PairRunOptions options = FixedCamera();
   options.folds = 0;
-  const Outcome<PairRunOutput> run = heba::Run(made.dataset, options);
+  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
   ASSERT_TRUE(run) << run.reason();
   EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
   EXPECT_THAT(LeftOutOf(run->result), testing::ElementsAre(made.dataset.captures[4].name));

@@ -57,8 +57,8 @@ class EarlierRunTest : public testing::Test {
   }
 
   // The run of the later captures on top of that of the earlier ones.
-  static Outcome<PairRunOutput> Update(const PairRunOutput& earlier, const PairDataset& later,
-                                       const ChangeOfCell& change = {}) {
+  static Outcome<RunOutput> Update(const RunOutput& earlier, const PairDataset& later,
+                                   const ChangeOfCell& change = {}) {
     PairRunOptions options;
     options.folds = 0;
     options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(earlier.result), change};
@@ -76,15 +76,15 @@ class EarlierRunTest : public testing::Test {
 };
 
 TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
-  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
   ASSERT_TRUE(earlier) << earlier.reason();
-  const Outcome<PairRunOutput> of_all = heba::Run(all_, Options());
+  const Outcome<RunOutput> of_all = heba::Run(all_, Options());
   ASSERT_TRUE(of_all) << of_all.reason();
   PairDataset later = Part(kNumEarlier, all_.captures.size());
-  const Outcome<PairRunOutput> updated = Update(*earlier, later);
+  const Outcome<RunOutput> updated = Update(*earlier, later);
   ASSERT_TRUE(updated) << updated.reason();
-  const PairSolution& solution = *updated->calibration.refined;
-  const PairSolution& whole = *of_all->calibration.refined;
+  const PairSolution& solution = *FindRefined(updated->result)->solution;
+  const PairSolution& whole = *FindRefined(of_all->result)->solution;
   EXPECT_EQ(solution.camera.model, whole.camera.model);
   const Eigen::Matrix<double, 6, 6> covariance = *PoseCovarianceOf(whole.covariance_repeatable, kHandEyeBlock);
   const Eigen::Matrix<double, 6, 6> of_update = *PoseCovarianceOf(solution.covariance_repeatable, kHandEyeBlock);
@@ -104,21 +104,21 @@ TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
   for (CaptureDetection& seen : later.given_detections) {
     for (int& id : seen.detection.ids) id = static_cast<int>(target_->points().size()) - 1 - id;
   }
-  const Outcome<PairRunOutput> turned = Update(*earlier, later);
+  const Outcome<RunOutput> turned = Update(*earlier, later);
   ASSERT_TRUE(turned) << turned.reason();
-  const HandEye& read = turned->calibration.refined->hand_eye;
+  const HandEye& read = FindRefined(turned->result)->hand_eye;
   EXPECT_LT(DistanceM(read.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera), 1e-6);
   EXPECT_LT(AngleRad(read.target_mount_from_target, solution.hand_eye.target_mount_from_target), 1e-6);
 }
 
 TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
-  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
   ASSERT_TRUE(earlier) << earlier.reason();
   // The images are the same if the base is where the motion is undone.
   PairDataset later = Part(kNumEarlier, all_.captures.size());
   const Rigid3d motion(ExpRotation({0, 0.005, 0}), {0.003, 0, 0});
   for (Capture& capture : later.captures) capture.base_from_gripper = motion * capture.base_from_gripper;
-  const Outcome<PairRunOutput> updated = Update(*earlier, later);
+  const Outcome<RunOutput> updated = Update(*earlier, later);
   ASSERT_TRUE(updated) << updated.reason();
   const Finding* const prior = PriorOf(updated->result);
   ASSERT_NE(prior, nullptr);
@@ -127,13 +127,13 @@ TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
   EXPECT_EQ(prior->Name("run"), "earlier");
   EXPECT_EQ(updated->result.verdict.grade, Grade::kBad);
   // A motion that is stated is taken in.
-  const Outcome<PairRunOutput> told = Update(*earlier, later, {3e-3, 5e-3, false});
+  const Outcome<RunOutput> told = Update(*earlier, later, {3e-3, 5e-3, false});
   ASSERT_TRUE(told) << told.reason();
   EXPECT_EQ(PriorOf(told->result)->grade, Grade::kGood);
 }
 
 TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
-  const Outcome<PairRunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
   ASSERT_TRUE(earlier) << earlier.reason();
   PairDataset other = Part(kNumEarlier, all_.captures.size());
   other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, dot_diameter: 10 mm}");
@@ -144,7 +144,7 @@ TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with the setup eye_to_hand, but the captures are of eye_in_hand");
   other = Part(kNumEarlier, all_.captures.size());
-  other.camera = earlier->calibration.refined->camera;
+  other.camera = FindRefined(earlier->result)->camera;
   other.camera->width_px /= 2;
   EXPECT_NE(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }).find("earlier: is a run with images of "),
             std::string::npos);

@@ -97,7 +97,7 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   PairDataset dataset = NamedDatasetOf(scene, target);
   PairRunOptions options = FixedCamera();
   options.folds = 0;
-  const Outcome<PairRunOutput> still = heba::Run(dataset, options);
+  const Outcome<RunOutput> still = heba::Run(dataset, options);
   ASSERT_TRUE(still.ok()) << still.reason();
   EXPECT_THAT(still->result.verdict.findings,
               Each(Truly([](const Finding& finding) { return finding.code != "camera_moved"; })));
@@ -107,7 +107,7 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   for (size_t i = kFirstAfter; i < dataset.captures.size(); ++i) {
     dataset.captures[i].base_from_gripper = dataset.captures[i].base_from_gripper * Inverse(motion);
   }
-  const Outcome<PairRunOutput> moved = heba::Run(dataset, options);
+  const Outcome<RunOutput> moved = heba::Run(dataset, options);
   ASSERT_TRUE(moved.ok()) << moved.reason();
   const RunResult& result = moved->result;
   EXPECT_EQ(result.verdict.grade, Grade::kBad);
@@ -132,7 +132,7 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
 TEST(PairRunTest, FindsTheHandEyePoseAndItsErrors) {
   PairDataset dataset = SimulatedDataset();
   dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
-  const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera());
+  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera());
   ASSERT_TRUE(run.ok()) << run.reason();
   const Estimate* const refined = FindRefined(run->result);
   ASSERT_NE(refined, nullptr);
@@ -162,7 +162,7 @@ TEST(PairRunTest, TellsItsObserverWhatItDoes) {
 TEST(PairRunTest, EndsWhenItIsCancelled) {
   Recorder recorder;
   recorder.cancel_after = 2;
-  const Outcome<PairRunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
+  const Outcome<RunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
   EXPECT_FALSE(run.ok());
   EXPECT_EQ(run.failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("hold-outs")));
@@ -178,7 +178,7 @@ TEST(PairRunTest, CapturesWithOneImageCountOnce) {
   dataset.captures.back().name = "again.png";
   dataset.given_detections.push_back(dataset.given_detections[3]);
   Recorder recorder;
-  const Outcome<PairRunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
+  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
   ASSERT_TRUE(run.ok()) << run.reason();
   EXPECT_EQ(recorder.events.front(), "seen 14 of 14, left out 1");
   EXPECT_THAT(run->result.images, SizeIs(15));
@@ -196,10 +196,10 @@ TEST(PairRunTest, CalibratesFromPosesOfTheTarget) {
   dataset.given_detections.clear();
   dataset.camera.reset();
   dataset.target.reset();
-  const Outcome<PairRunOutput> run = heba::Run(dataset, PairRunOptions());
+  const Outcome<RunOutput> run = heba::Run(dataset, PairRunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
-  ASSERT_TRUE(run->calibration.chain.ok());
-  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
+  ASSERT_TRUE(run->calibration.pairs[0].calibration->chain.ok());
+  EXPECT_THAT(run->calibration.pairs[0].calibration->chain->hand_eye.camera_mount_from_camera,
               IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
   EXPECT_THAT(run->detections, SizeIs(0));
 }
@@ -212,9 +212,9 @@ TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
   }
   // One of the two poses of a flat target, turned.
   dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}), Eigen::Vector3d::Zero());
-  const Outcome<PairRunOutput> run = heba::Run(dataset, PairRunOptions());
+  const Outcome<RunOutput> run = heba::Run(dataset, PairRunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
-  EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
+  EXPECT_THAT(run->calibration.pairs[0].calibration->chain->hand_eye.camera_mount_from_camera,
               IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
   ASSERT_THAT(run->result.images, SizeIs(14));
   for (size_t i = 0; i < 14; ++i) EXPECT_EQ(run->result.images[i].used, i != 6) << i;

@@ -101,7 +101,7 @@ TEST_P(SinglePairTest, IsTheSingleCamera) {
   rig.rig.cameras[0].free_intrinsics = options.bundle.free_intrinsics;
   if (!dataset.camera) rig.rig.cameras[0].camera.model = "pinhole";
 
-  const Outcome<PairRunOutput> single = heba::Run(dataset, options);
+  const Outcome<RunOutput> single = heba::Run(dataset, options);
   const Outcome<RunOutput> pair = heba::Run(rig, of_rig);
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
@@ -156,7 +156,7 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   RunOptions of_rig;
   of_rig.calibration.adjustment.num_threads = 1;
   of_rig.folds = 0;
-  const Outcome<PairRunOutput> single = heba::Run(dataset, options);
+  const Outcome<RunOutput> single = heba::Run(dataset, options);
   Dataset held = rig;
   held.rig.cameras[0].free_intrinsics = {};
   const Outcome<RunOutput> pair = heba::Run(held, of_rig);

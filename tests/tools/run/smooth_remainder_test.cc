@@ -39,14 +39,14 @@ Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseE
     for (size_t i = 0; i < scene.joints.size(); ++i) {
       dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
     }
-    const Outcome<PairRunOutput> run = Run(dataset, options);
+    const Outcome<RunOutput> run = Run(dataset, options);
     EXPECT_TRUE(run) << run.reason();
     if (!run || !run->result.arms[0]->is_estimated) continue;
     ++figures.num_runs;
     const std::vector<Finding>& findings = run->result.verdict.findings;
     figures.num_named += std::any_of(findings.begin(), findings.end(),
                                      [](const Finding& finding) { return finding.Name("beside") == "errors_of_arm"; });
-    const PairSolution& solution = *run->calibration.refined;
+    const PairSolution& solution = *FindRefined(run->result)->solution;
     const Tangent6 error =
         LocalCoordinates(scene.scene.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
     sum += error.dot(SolveSymmetric(solution.covariance.matrix.topLeftCorner<6, 6>(), error)) / 6;

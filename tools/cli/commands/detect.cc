@@ -163,7 +163,7 @@ SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserv
   const std::vector<TargetDetection> detections = DetectDataset(data, detect, NumThreads(), observer);
   Problem rig = data.rig;
   FitCamerasToImages(data, detections, &rig);
-  WriteDetections(data, detections, folder / "detections");
+  WriteDetections(data, detections, folder);
   SearchedImages searched{data.targets, {}, {}};
   for (size_t t = 0; t < data.targets.size(); ++t) {
     searched.target_names.push_back({rig.targets[t].name, data.targets[t]->points().size()});

@@ -23,7 +23,7 @@ std::vector<Symptom> Check_result(Examination* examination) {
     while (data.captures[i].image != image) ++i;
     return detections[i];
   };
-  const Outcome<PairRunOutput> run = Run(data, options);
+  const Outcome<RunOutput> run = Run(data, options);
   if (!run) return {{Severity::kWrong, "no_result", FailureText(run.failure()), ""}};
   std::vector<Symptom> symptoms;
   for (const Finding& finding : run->result.verdict.findings) {

@@ -8,9 +8,9 @@
 //   for (const auto& [image, base_from_gripper] : recorded) {
 //     dataset.captures.push_back({image.filename(), image, {}, base_from_gripper});
 //   }
-//   const heba::Outcome<heba::PairRunOutput> output = heba::Run(dataset, heba::PairRunOptions());
+//   const heba::Outcome<heba::RunOutput> output = heba::Run(dataset, heba::PairRunOptions());
 //   if (!output) throw std::runtime_error(output.reason());
-//   const heba::Estimate& refined = *heba::FindRefined(output->result);
+//   const heba::Rigid3d& gripper_from_camera = output->result.solution.poses.mount_from_camera[0];
 #pragma once
 
 #include <filesystem>
@@ -19,6 +19,7 @@
 #include "heba/base/error.h"
 #include "heba/detection.h"
 #include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 #include "heba/target.h"
 
 namespace heba {
@@ -28,6 +29,6 @@ namespace heba {
 // may be null. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if the
 // data set is incomplete, if an image cannot be read, if images differ in size, or if the camera is not for images of
 // that size.
-Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& options, RunObserver* observer = nullptr);
+Outcome<RunOutput> Run(const PairDataset& dataset, const PairRunOptions& options, RunObserver* observer = nullptr);
 
 }  // namespace heba

@@ -118,9 +118,9 @@ inline constexpr std::array<const char*, 3> kRunStageNames = {"detection", "seco
 
 // Captures that are not used because their image is that of another capture (tools/run/duplicate_images.h).
 struct LeftOutCaptures {
-  std::vector<size_t> indices;         // Sorted in increasing order.
+  std::vector<size_t> indices;       // Sorted in increasing order.
   std::vector<ImageResult> results;  // Marked as not used, with the reason.
-  std::vector<std::string> notes;      // One sentence for each cause.
+  std::vector<std::string> notes;    // One sentence for each cause.
 };
 
 // Is told what a run does. Its functions are called by one thread at a time.
@@ -139,16 +139,6 @@ class RunObserver {
   // Returns whether the run is to end. It is asked before each stage and each step; a calibration that has begun is
   // completed first.
   virtual bool IsCancelled() { return false; }
-};
-
-struct PairRunOutput {
-  // All figures and findings, in the short form. `timing.total_s` covers the call of Run.
-  RunResult result;
-  // The data set without the captures that were left out, with the size of its camera filled in, and the detection in
-  // each capture; no detections if the target's poses were given.
-  PairDataset dataset;
-  std::vector<CaptureDetection> detections;
-  PairCalibration calibration;
 };
 
 // The code of the Failure of a run that was cancelled.

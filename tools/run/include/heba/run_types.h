@@ -77,10 +77,13 @@ struct RunOptions {
 };
 
 struct RunOutput {
-  RunResult result;
-  // The data set without the captures that were left out, which are in Dataset::left_out.
+  RunResult result;  // All figures and findings. `timing.total_s` covers the call of Run.
+  // The data set without the captures that were left out (Dataset::left_out, or the entries of `result`).
   Dataset dataset;
-  std::vector<TargetDetection> detections;  // Every image of `dataset` has one for every target.
+  // Every image of `dataset` has one for every target; empty if poses of the target were given.
+  std::vector<TargetDetection> detections;
+  // Calibration::pairs has the calibration of one camera, one target and one arm. Calibration::refined is a Failure if
+  // poses of the target were given.
   Calibration calibration;
 };
 
