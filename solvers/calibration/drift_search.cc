@@ -1,9 +1,10 @@
 #include "solvers/calibration/drift_search.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -19,7 +20,8 @@ namespace {
 
 constexpr size_t kFewestCaptures = 8;
 
-constexpr DriftSide kSides[] = {DriftSide::kHand, DriftSide::kWorld};
+// The bodies of a single camera and a single target.
+std::vector<DriftBody> BodiesOfPair() { return {{DriftBody::Kind::kCamera, 0}, {DriftBody::Kind::kTarget, 0}}; }
 // Above this share, the order of the captures is a function of their poses.
 constexpr double kOrderIsPose = 0.3;
 // The repeatability of an industrial arm, and the largest distance at which its errors are the same but for that.
@@ -30,7 +32,7 @@ constexpr double kSameErrorsRad = DegToRad(0.2);
 constexpr RobotNoise kAnyError = {0.1, 0.2};
 
 // The captures that share an error of the robot: the products of their whitened rows. The columns are the unknowns,
-// those of the poses of camera and target once more for each capture, and the offset.
+// those of the poses of the bodies once more for each capture, and the offset.
 struct GroupProducts {
   std::vector<size_t> captures;  // Indices in Problem::captures.
   Eigen::MatrixXd products;
@@ -48,10 +50,11 @@ struct LinearisedDrift {
   std::vector<GroupProducts> groups;
   Eigen::Index num_unknowns = 0;
   CaptureTimes times;
-  Setup setup = Setup::kEyeToHand;
+  std::vector<DriftBody> bodies;
 };
 
-// Returns the six rows of a capture that another pose of the target would explain: a drift acts on no others.
+// Returns the six rows of a capture of one image that another pose of the target would explain: a drift acts on no
+// others.
 LinearisedView PoseRows(const LinearisedView& view) {
   if (view.offset.size() < 6) return view;
   const Eigen::MatrixXd basis = HouseholderFactor(view.by_effects.leftCols<6>()).Basis();
@@ -65,14 +68,15 @@ LinearisedView PoseRows(const LinearisedView& view) {
 // Returns the view of a group: its captures one above the other, with the columns of GroupProducts. `own_effects` adds
 // the effects of each capture by itself after those that all share.
 LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector<size_t>& members,
-                     const std::array<Eigen::Index, 2>& bodies, bool own_effects) {
+                     const std::vector<Eigen::Index>& bodies, bool own_effects) {
   Eigen::Index num_rows = 0;
   for (const size_t v : members) num_rows += views[v].offset.size();
   const Eigen::Index num_unknowns = views.front().by_unknowns.cols();
   const Eigen::Index num_effects = views.front().by_effects.cols();
   const auto num_members = static_cast<Eigen::Index>(members.size());
+  const auto num_own = 6 * static_cast<Eigen::Index>(bodies.size());
   LinearisedView stack;
-  stack.by_unknowns = Eigen::MatrixXd::Zero(num_rows, num_unknowns + 12 * num_members);
+  stack.by_unknowns = Eigen::MatrixXd::Zero(num_rows, num_unknowns + num_own * num_members);
   stack.by_effects = Eigen::MatrixXd::Zero(num_rows, num_effects * (own_effects ? 1 + num_members : 1));
   stack.offset.resize(num_rows);
   Eigen::Index row = 0;
@@ -80,9 +84,9 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
     const LinearisedView& view = views[members[static_cast<size_t>(k)]];
     const Eigen::Index size = view.offset.size();
     stack.by_unknowns.block(row, 0, size, num_unknowns) = view.by_unknowns;
-    for (size_t b = 0; b < 2; ++b) {
-      stack.by_unknowns.block<Eigen::Dynamic, 6>(row, num_unknowns + 12 * k + 6 * static_cast<Eigen::Index>(b), size,
-                                                 6) = view.by_unknowns.middleCols<6>(bodies[b]);
+    for (size_t b = 0; b < bodies.size(); ++b) {
+      stack.by_unknowns.block<Eigen::Dynamic, 6>(row, num_unknowns + num_own * k + 6 * static_cast<Eigen::Index>(b),
+                                                 size, 6) = view.by_unknowns.middleCols<6>(bodies[b]);
     }
     stack.by_effects.block(row, 0, size, num_effects) = view.by_effects;
     if (own_effects) stack.by_effects.block(row, num_effects * (1 + k), size, num_effects) = view.by_effects;
@@ -110,10 +114,24 @@ CaptureGroups Revisits(const Problem& problem) {
   return groups;
 }
 
+// Returns the unknown pose of a body.
+UnknownBlock PoseOf(const Problem& problem, const UnknownLayout& layout, const DriftBody& body) {
+  switch (body.kind) {
+    case DriftBody::Kind::kCamera:
+      return layout.Block(CameraPoseBlock(problem.cameras[body.index]));
+    case DriftBody::Kind::kTarget:
+      return layout.Block(TargetPoseBlock(problem.targets[body.index]));
+    case DriftBody::Kind::kBase:
+      break;
+  }
+  return layout.Block(BaseBlock(problem.robots[body.index]));
+}
+
 // Linearises the captures; `at_revisits`: only what those at one pose say against each other. Returns nothing if a
-// point cannot be projected.
-std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solution& solution, Setup setup,
-                                              const CaptureTimes& times, bool at_revisits) {
+// point cannot be projected, or if the pose of a body is not unknown.
+std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solution& solution,
+                                              const std::vector<DriftBody>& bodies, const CaptureTimes& times,
+                                              bool at_revisits) {
   const Problem weighted = WeightedAs(solution, problem);
   const FitNoise noise = NoiseOf(solution);
   const std::vector<size_t> captures = CapturesWithPoints(weighted);
@@ -140,14 +158,18 @@ std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solu
     // The pixels of a target that is read rightly fit some pose.
     constexpr double kMostSquare = 9;
     is_misread.push_back(view.residual_sum_of_squares > kMostSquare * std::max(1, view.num_residual_dof));
-    view = PoseRows(view);
+    if (weighted.cameras.size() == 1 && weighted.targets.size() == 1) view = PoseRows(view);
   }
   const UnknownLayout layout = UnknownsOf(weighted);
-  const std::array<Eigen::Index, 2> bodies = {layout.Block(CameraPoseBlock(weighted.cameras.front())).first,
-                                              layout.Block(TargetPoseBlock(weighted.targets.front())).first};
+  std::vector<Eigen::Index> first_of_bodies;
+  for (const DriftBody& body : bodies) {
+    const UnknownBlock pose = PoseOf(weighted, layout, body);
+    if (pose.size != 6) return std::nullopt;
+    first_of_bodies.push_back(pose.first);
+  }
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(weighted, MovingRobots(weighted));
   const Eigen::VectorXd variances = CorrectionVariances(noise, num_joints);
-  LinearisedDrift linearised{{}, layout.size(), times, setup};
+  LinearisedDrift linearised{{}, layout.size(), times, bodies};
   for (const std::vector<size_t>& group : at_revisits ? Revisits(weighted) : GroupByRobotPoses(weighted)) {
     if (at_revisits && group.size() < 2) continue;
     std::vector<size_t> members;
@@ -159,7 +181,7 @@ std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solu
       of_group.push_back(i);
     }
     if (members.size() < (at_revisits ? 2U : 1U)) continue;
-    LinearisedView stack = Stack(*views, members, bodies, at_revisits);
+    LinearisedView stack = Stack(*views, members, first_of_bodies, at_revisits);
     Eigen::VectorXd of_effects = variances;
     if (at_revisits) {
       RobotNoise repeated = kRepeatability;
@@ -184,6 +206,7 @@ std::optional<LinearisedDrift> LineariseDrift(const Problem& problem, const Solu
 DriftEquations EquationsOf(const LinearisedDrift& linearised, const std::vector<Drift>& drifts) {
   const Eigen::Index p = linearised.num_unknowns;
   const auto size = 6 * static_cast<Eigen::Index>(drifts.size());
+  const auto num_of_bodies = 6 * static_cast<Eigen::Index>(linearised.bodies.size());
   DriftEquations equations{Eigen::MatrixXd::Zero(p, size), Eigen::MatrixXd::Zero(size, size),
                            Eigen::VectorXd::Zero(size)};
   for (const GroupProducts& group : linearised.groups) {
@@ -192,10 +215,11 @@ DriftEquations EquationsOf(const LinearisedDrift& linearised, const std::vector<
     Eigen::MatrixXd by_drifts = Eigen::MatrixXd::Zero(last - p, size);
     for (size_t k = 0; k < group.captures.size(); ++k) {
       for (size_t d = 0; d < drifts.size(); ++d) {
-        const Eigen::Index body = IsCameraDrifting(linearised.setup, drifts[d].side) ? 0 : 6;
+        const auto body = std::find(linearised.bodies.begin(), linearised.bodies.end(), drifts[d].body);
+        const auto first = 6 * static_cast<Eigen::Index>(body - linearised.bodies.begin());
         const double share =
             RemainingShare(drifts[d], linearised.times.places[group.captures[k]], linearised.times.num_captures);
-        by_drifts.block<6, 6>(12 * static_cast<Eigen::Index>(k) + body, 6 * static_cast<Eigen::Index>(d)) =
+        by_drifts.block<6, 6>(num_of_bodies * static_cast<Eigen::Index>(k) + first, 6 * static_cast<Eigen::Index>(d)) =
             -share * Eigen::Matrix<double, 6, 6>::Identity();
       }
     }
@@ -250,14 +274,17 @@ SquaresOfResiduals ResidualsOf(const Problem& problem, const Solution& solution,
     residuals.squares += group.products(group.products.cols() - 1, group.products.cols() - 1);
     residuals.dof += static_cast<double>(group.num_rows);
   }
-  const SharedEffects* const effects = EffectsOf(problem, 0);
-  residuals.dof -= static_cast<double>(linearised.num_unknowns - (effects == nullptr ? 0 : effects->size()));
-  if (effects == nullptr) return residuals;
-  // An effect takes as much of a degree of freedom as the captures reduce its variance.
-  const Eigen::Index first = solution.covariance.layout.Block(ErrorsBlock(problem.robots.front())).first;
-  for (Eigen::Index i = 0; i < effects->size(); ++i) {
-    const double sigma = solution.effect_sigmas.front()[effects->effects[static_cast<size_t>(i)].group];
-    if (sigma > 0) residuals.dof -= 1 - solution.covariance.matrix(first + i, first + i) / (sigma * sigma);
+  residuals.dof -= static_cast<double>(linearised.num_unknowns);
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const SharedEffects* const effects = EffectsOf(problem, r);
+    if (effects == nullptr) continue;
+    // An effect takes as much of a degree of freedom as the captures reduce its variance.
+    const Eigen::Index first = solution.covariance.layout.Block(ErrorsBlock(problem.robots[r])).first;
+    for (Eigen::Index i = 0; i < effects->size(); ++i) {
+      const double sigma = solution.effect_sigmas[r][effects->effects[static_cast<size_t>(i)].group];
+      const double variance = solution.covariance.matrix(first + i, first + i);
+      residuals.dof += sigma > 0 ? variance / (sigma * sigma) : 1;
+    }
   }
   return residuals;
 }
@@ -289,12 +316,12 @@ double OddsOf(double statistic, double other, const std::optional<SquaresOfResid
 // Long sessions are tested for steps at so many places, and then at those beside the clearest.
 constexpr size_t kMostSteps = 60;
 
-// Returns the steps of a side before every `stride`-th capture from `first` on, up to `last`.
-std::vector<Drift> StepsOf(DriftSide side, size_t first, size_t last, size_t stride) {
+// Returns the steps of a body before every `stride`-th capture from `first` on, up to `last`.
+std::vector<Drift> StepsOf(const DriftBody& body, size_t first, size_t last, size_t stride) {
   std::vector<Drift> steps;
   for (size_t k = first; k <= last; k += stride) {
     Drift& step = steps.emplace_back();
-    step.side = side;
+    step.body = body;
     step.form = DriftForm::kStep;
     step.capture = k;
   }
@@ -319,7 +346,8 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const Solution&
           Solve(EquationsOf(linearised, {drift}), solution.covariance.matrix, are_held);
       if (!solved) continue;
       SetChange(*solved, 0, &drift);
-      const double num_tests = (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * std::size(kSides);
+      const double num_tests =
+          (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * static_cast<double>(linearised.bodies.size());
       drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, residuals));
       tested.emplace_back(drift, solved->statistic);
       const bool is_clearer = !clearest || drift.p_value < clearest->p_value ||
@@ -332,25 +360,25 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const Solution&
   // The first and the last step leave two captures on either side.
   constexpr size_t kFewestAtEnd = 2;
   const size_t stride = 1 + num_captures / kMostSteps;
-  for (const DriftSide side : kSides) {
+  for (const DriftBody& body : linearised.bodies) {
     Drift linear;
-    linear.side = side;
+    linear.body = body;
     test({linear});
-    if (num_captures >= 2 * kFewestAtEnd) test(StepsOf(side, kFewestAtEnd, num_captures - kFewestAtEnd, stride));
+    if (num_captures >= 2 * kFewestAtEnd) test(StepsOf(body, kFewestAtEnd, num_captures - kFewestAtEnd, stride));
   }
   if (stride > 1 && clearest && clearest->form == DriftForm::kStep) {
     const size_t first = std::max(kFewestAtEnd, clearest->capture - std::min(clearest->capture, stride));
     const size_t last = std::min(num_captures - kFewestAtEnd, clearest->capture + stride);
-    for (const DriftSide side : kSides) test(StepsOf(side, first, last, 1));
+    for (const DriftBody& body : linearised.bodies) test(StepsOf(body, first, last, 1));
   }
-  std::optional<double> best_of_other_side;
+  std::optional<double> best_of_other_body;
   for (const auto& [drift, statistic] : tested) {
-    if (drift.side != clearest->side && (!best_of_other_side || statistic > *best_of_other_side)) {
-      best_of_other_side = statistic;
+    if (drift.body != clearest->body && (!best_of_other_body || statistic > *best_of_other_body)) {
+      best_of_other_body = statistic;
     }
   }
-  if (best_of_other_side) {
-    clearest->odds_of_side = OddsOf(statistic_of_clearest, *best_of_other_side, residuals);
+  if (best_of_other_body) {
+    clearest->odds_of_side = OddsOf(statistic_of_clearest, *best_of_other_body, residuals);
   }
   return clearest;
 }
@@ -402,6 +430,14 @@ std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const Solut
   return found;
 }
 
+std::vector<DriftBody> BodiesOf(const std::vector<Drift>& drifts) {
+  std::vector<DriftBody> bodies;
+  for (const Drift& drift : drifts) {
+    if (std::find(bodies.begin(), bodies.end(), drift.body) == bodies.end()) bodies.push_back(drift.body);
+  }
+  return bodies;
+}
+
 // Returns what excludes that the errors of the robot look like a drift to a test in the order of the captures.
 std::optional<DriftEvidence> EvidenceOf(const Problem& problem, const Solution& solution, double order_by_pose) {
   // Without noise of the robot, its errors are in the residuals of the pixels, which they make unequal.
@@ -410,6 +446,30 @@ std::optional<DriftEvidence> EvidenceOf(const Problem& problem, const Solution& 
   if (effects != nullptr && effects->kind == SharedEffectsKind::kArm) return DriftEvidence::kArm;
   if (order_by_pose < kOrderIsPose) return DriftEvidence::kOrder;
   return std::nullopt;
+}
+
+}  // namespace
+
+namespace {
+
+DriftSide SideOf(const Problem& problem, const DriftBody& body) {
+  const bool is_carried =
+      (body.kind == DriftBody::Kind::kCamera && problem.cameras[body.index].mount.part == Mount::Part::kGripper) ||
+      (body.kind == DriftBody::Kind::kTarget && problem.targets[body.index].mount.part == Mount::Part::kGripper);
+  return is_carried ? DriftSide::kHand : DriftSide::kWorld;
+}
+
+// Returns the name of a body, after the key that it has in findings.
+std::pair<std::string, std::string> NameOfBody(const Problem& problem, const DriftBody& body) {
+  switch (body.kind) {
+    case DriftBody::Kind::kCamera:
+      return {"of_camera", problem.cameras[body.index].name};
+    case DriftBody::Kind::kTarget:
+      return {"of_target", problem.targets[body.index].name};
+    case DriftBody::Kind::kBase:
+      break;
+  }
+  return {"of_arm", problem.robots[body.index]};
 }
 
 }  // namespace
@@ -463,7 +523,13 @@ double OrderByPose(const std::vector<Rigid3d>& all_poses, const std::vector<size
   return best;
 }
 
-DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup setup, const CaptureTimes& times,
+CaptureTimes TimesInOrder(size_t num_captures) {
+  CaptureTimes times{std::vector<size_t>(num_captures), num_captures};
+  std::iota(times.places.begin(), times.places.end(), size_t{0});
+  return times;
+}
+
+DriftSearch FindDrift(const Problem& problem, const Solution& solution, const CaptureTimes& times,
                       const DetectedCaptures& detected) {
   DriftSearch search;
   const bool is_single =
@@ -478,7 +544,7 @@ DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup se
   }
   const double order_by_pose = OrderByPose(poses, places);
   const std::optional<DriftEvidence> evidence = EvidenceOf(problem, solution, order_by_pose);
-  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
+  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, BodiesOfPair(), times, false);
   if (!all) return search;
   std::optional<Drift> in_order = Clearest(*all, solution, ResidualsOf(problem, solution, *all));
   const double by_chance = evidence == DriftEvidence::kArm ? kDriftByChanceBesideArm : kDriftByChanceInOrder;
@@ -488,7 +554,7 @@ DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup se
     return search;
   }
   const std::optional<LinearisedDrift> revisits =
-      LineariseDrift(detected.problem, AtDetected(solution, detected.problem), setup, detected.times, true);
+      LineariseDrift(detected.problem, AtDetected(solution, detected.problem), BodiesOfPair(), detected.times, true);
   constexpr size_t kFewestRevisits = 2;
   const bool has_revisits = revisits && revisits->groups.size() >= kFewestRevisits;
   if (has_revisits) search.found = FindAtRevisits(*revisits, solution, in_order);
@@ -499,9 +565,41 @@ DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup se
   return search;
 }
 
-std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution, Setup setup,
+std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& solution, const CaptureTimes& times) {
+  std::vector<size_t> num_shared(problem.cameras.size(), 0);
+  for (const ProblemCapture& capture : problem.captures) {
+    std::set<size_t> seen_by;
+    for (const ProblemImage& image : capture.images) {
+      if (image.observations.size() > 0) seen_by.insert(image.camera);
+    }
+    for (const size_t c : seen_by) num_shared[c] += seen_by.size() > 1 ? 1 : 0;
+  }
+  std::vector<DriftBody> cameras;
+  for (size_t c = 0; c < num_shared.size(); ++c) {
+    if (num_shared[c] >= kFewestCaptures) cameras.push_back({DriftBody::Kind::kCamera, c});
+  }
+  if (cameras.empty()) return std::nullopt;
+  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, cameras, times, false);
+  if (!all) return std::nullopt;
+  const SquaresOfResiduals residuals = ResidualsOf(problem, solution, *all);
+  std::optional<Drift> clearest;
+  for (const DriftBody& camera : cameras) {
+    Drift drift;
+    drift.body = camera;
+    drift.evidence = DriftEvidence::kCameras;
+    const std::optional<DriftSolution> solved = Solve(EquationsOf(*all, {drift}), solution.covariance.matrix, false);
+    if (!solved) continue;
+    SetChange(*solved, 0, &drift);
+    drift.p_value = std::min(1.0, static_cast<double>(cameras.size()) * TailOf(solved->statistic, residuals));
+    if (!clearest || drift.p_value < clearest->p_value) clearest = drift;
+  }
+  if (!clearest || clearest->p_value >= kDriftByChanceBesideArm) return std::nullopt;
+  return clearest;
+}
+
+std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution,
                                                  const CaptureTimes& times, std::vector<Drift> drifts) {
-  const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, setup, times, false);
+  const std::optional<LinearisedDrift> linearised = LineariseDrift(problem, solution, BodiesOf(drifts), times, false);
   if (!linearised || linearised->groups.empty()) return std::nullopt;
   const std::optional<DriftSolution> solved =
       Solve(EquationsOf(*linearised, drifts), solution.covariance.matrix, false);
@@ -510,9 +608,9 @@ std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const S
   return drifts;
 }
 
-std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution, Setup setup,
+std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts) {
-  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, setup, times, false);
+  const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, BodiesOf(drifts), times, false);
   if (drifts.empty() || !all) return {};
   const DriftEquations equations = EquationsOf(*all, drifts);
   Eigen::MatrixXd covariance = drifts.front().covariance;
@@ -530,12 +628,12 @@ std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solut
   return changes;
 }
 
-Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture, bool is_corrected) {
+Finding DescribeDrift(const Problem& problem, const Drift& drift, const std::string& capture, bool is_corrected) {
   const auto root_of_sum = [&](Eigen::Index first) {
     return std::sqrt(drift.covariance.diagonal().segment<3>(first).sum());
   };
   // A drift that was estimated without a test may be none.
-  const bool is_wanted = drift.evidence == DriftEvidence::kWanted;
+  const bool is_wanted = drift.evidence == DriftEvidence::kWanted || drift.evidence == DriftEvidence::kMotion;
   const double p_value =
       is_wanted ? ChiSquareTail(MahalanobisSquare(drift.change, drift.covariance), 6) : drift.p_value;
   Finding finding{p_value < kDriftByChance ? Grade::kDoubtful : Grade::kGood, FindingCode("drift")};
@@ -546,14 +644,15 @@ Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& captur
                      {"p", p_value},
                      {"odds_of_side", drift.odds_of_side}};
   for (Eigen::Index i = 0; i < 6; ++i) {
-    constexpr std::array<const char*, 6> kNames = {"x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"};
-    finding.numbers.emplace_back(kNames[static_cast<size_t>(i)],
-                                 i < 3 ? 1000 * drift.change[i] : RadToDeg(drift.change[i]));
+    constexpr const char* kNames[] = {"x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"};
+    finding.numbers.emplace_back(kNames[i], i < 3 ? 1000 * drift.change[i] : RadToDeg(drift.change[i]));
   }
-  finding.names = {{"body", IsCameraDrifting(setup, drift.side) ? "camera" : "target"},
-                   {"side", std::string(kDriftSideNames[static_cast<size_t>(drift.side)])},
+  finding.names = {{"body", std::string(kDriftBodyNames[static_cast<size_t>(drift.body.kind)])},
+                   {"side", std::string(kDriftSideNames[static_cast<size_t>(SideOf(problem, drift.body))])},
                    {"form", std::string(kDriftFormNames[static_cast<size_t>(drift.form)])},
                    {"evidence", std::string(kDriftEvidenceNames[static_cast<size_t>(drift.evidence)])}};
+  const auto [key, name] = NameOfBody(problem, drift.body);
+  if (!name.empty()) finding.names.emplace_back(key, name);
   finding.names.emplace_back("use", is_corrected ? "corrected" : "not_corrected");
   if (drift.form == DriftForm::kStep) finding.names.emplace_back("capture", capture);
   finding.is_cause = finding.grade != Grade::kGood;

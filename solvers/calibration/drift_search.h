@@ -13,7 +13,6 @@
 
 #include "heba/data/drift.h"
 #include "heba/data/problem.h"
-#include "heba/data/setup.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 
@@ -24,6 +23,8 @@ struct CaptureTimes {
   std::vector<size_t> places;
   size_t num_captures = 0;
 };
+// Returns the times of captures that are in the order of time, none of which is missing.
+CaptureTimes TimesInOrder(size_t num_captures);
 
 // Below this probability by chance, for all drifts that are tested, captures at one pose show a drift.
 inline constexpr double kDriftByChance = 0.01;
@@ -59,22 +60,28 @@ struct DetectedCaptures {
 // two poses must have been taken again, and what the drift leaves of their differences must be noise. p-values are
 // corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than eight
 // captures.
-DriftSearch FindDrift(const Problem& problem, const Solution& solution, Setup setup, const CaptureTimes& times,
+DriftSearch FindDrift(const Problem& problem, const Solution& solution, const CaptureTimes& times,
                       const DetectedCaptures& detected);
 
+// Looks for a linear creep of one of several cameras, by the images that they have of the same captures: errors of the
+// arms are common to all of them. Returns the clearest, by the test of FindDrift for all cameras with eight such
+// captures; nothing unless its p-value is below kDriftByChanceBesideArm.
+std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& solution, const CaptureTimes& times);
+
 // Returns drifts of the same bodies and forms as `drifts`, estimated together from all captures without a test: what is
-// left of them at the solution. Returns nothing if the captures do not determine them.
-std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution, Setup setup,
+// left of them at the solution. The problem may have any number of cameras, targets and arms. Returns nothing if the
+// captures do not determine them.
+std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const Solution& solution,
                                                  const CaptureTimes& times, std::vector<Drift> drifts);
 
 // Returns the changes of an estimate by the uncertainty of drifts that it was corrected for, as the columns that
 // AddChanges takes: C A_x^T D S^(1/2).
-std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution, Setup setup,
+std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts);
 
-// The finding `drift`. `capture` is the name of Drift::capture; `is_corrected`: whether the result was corrected for
-// it.
-Finding DescribeDrift(const Drift& drift, Setup setup, const std::string& capture, bool is_corrected);
+// The finding `drift`. `problem` names the body; `capture` is the name of Drift::capture; `is_corrected`: whether the
+// result was corrected for it.
+Finding DescribeDrift(const Problem& problem, const Drift& drift, const std::string& capture, bool is_corrected);
 
 // Returns how much of the captures' order is a function of their poses: the coefficient of determination of the
 // leave-one-out kernel regression of the place on the pose, at the best width; 0 for fewer than three.

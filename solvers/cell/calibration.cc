@@ -210,13 +210,14 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
   while (!judged && options.choose_target_shape && HoldShape(&rig)) {
     judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
-  const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
+  const bool finds_motions = options.adjustment.loss != LossKind::kNone && (options.is_model_searched || !knows_arms);
+  const int most_motions = finds_motions ? kMostMotions : 0;
   SearchedModel model;
   FoundErrors found;
   // Two motions of one camera, or those of several cameras, are found one after the other.
   for (int motion = 0; judged; ++motion) {
     model = {rig, options.adjustment, *judged};
-    if (knows_arms) found = AddErrors(space, LeaveOutOutliers, &model);
+    if (knows_arms && options.is_model_searched) found = AddErrors(space, LeaveOutOutliers, &model);
     if (motion == most_motions) break;
     const std::optional<MovedCamera> moved = FindMovedCamera(model.problem, model.judged, options.adjustment);
     if (!moved) break;
@@ -229,11 +230,11 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
     calibration.refined = judged.failure();
     return calibration;
   }
-  if (!knows_arms) found = AddErrors(space, LeaveOutOutliers, &model);
+  if (!knows_arms && options.is_model_searched) found = AddErrors(space, LeaveOutOutliers, &model);
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
   std::optional<Failure> failure;
-  if (options.choose_target_shape) {
+  if (options.choose_target_shape && options.is_model_searched) {
     ModelSpace shapes = MovedShapes(model.problem);
     const std::vector<bool> twists = shapes.twists;
     if (knows_arms) shapes.twists.clear();
@@ -250,6 +251,17 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
   calibration.refined = std::move(model.judged.solution);
   return calibration;
+}
+
+bool IsAtLeastAsGood(const Calibration& calibration, const Calibration& other) {
+  constexpr double kMaxRise = 1.05;
+  const auto num_used = [](const Calibration& of) {
+    return CountImages(of.problem, [](const ProblemImage&) { return true; });
+  };
+  const std::vector<double>& sigmas_px = calibration.refined->pixel_sigmas_px;
+  return num_used(calibration) >= num_used(other) &&
+         std::equal(sigmas_px.begin(), sigmas_px.end(), other.refined->pixel_sigmas_px.begin(),
+                    [](double sigma_px, double of_other) { return sigma_px <= kMaxRise * of_other; });
 }
 
 Advice DiagnoseHeldIntrinsics(const Problem& problem, const Calibration& calibration,

@@ -194,26 +194,29 @@ std::optional<CameraPrior> ReadIntrinsicsPrior(MapReader& refine, const CameraKe
   return prior;
 }
 
-DriftOptions ReadDrift(MapReader& refine, bool has_sides) {
+DriftOptions ReadDrift(MapReader& refine, const std::vector<std::pair<std::string, DriftBody>>& bodies) {
   DriftOptions drift;
   const std::optional<ConfigValue> value = refine.Find("drift");
-  if (!value || value->IsText() || !has_sides) {
+  if (!value || value->IsText()) {
     const std::string name = value ? value->AsChoice({"auto", "none"}) : "auto";
     drift.is_tested = name == "auto";
     refine.Record("drift", YAML::Node(name));
     return drift;
   }
   drift.is_tested = false;
-  YAML::Node sides(YAML::NodeType::Sequence);
+  std::vector<std::string> names;
+  for (const auto& [name, body] : bodies) names.push_back(name);
+  YAML::Node listed(YAML::NodeType::Sequence);
   for (const ConfigValue& item : value->AsList()) {
-    const std::string name = item.AsChoice({kDriftSideNames.begin(), kDriftSideNames.end()});
-    const DriftSide side = name == kDriftSideNames[0] ? DriftSide::kHand : DriftSide::kWorld;
-    const bool is_new = std::find(drift.wanted.begin(), drift.wanted.end(), side) == drift.wanted.end();
+    const std::string name = item.AsChoice(names);
+    const DriftBody& body =
+        bodies[static_cast<size_t>(std::find(names.begin(), names.end(), name) - names.begin())].second;
+    const bool is_new = std::find(drift.wanted.begin(), drift.wanted.end(), body) == drift.wanted.end();
     if (!is_new) item.Fail("is listed twice");
-    drift.wanted.push_back(side);
-    sides.push_back(name);
+    drift.wanted.push_back(body);
+    listed.push_back(name);
   }
-  refine.Record("drift", sides);
+  refine.Record("drift", listed);
   return drift;
 }
 

@@ -73,8 +73,8 @@ FreeShape ReadFreeShape(MapReader& refine);
 inline constexpr std::array<const char*, TargetShape::kNumParams> kTargetShapeKeys = {
     "scale_x", "scale_y", "bend_x", "bend_y", "twist", "cubic_xxx", "cubic_xxy", "cubic_xyy", "cubic_yyy"};
 
-// Reads the key `drift` of `refine`; a list of sides only if `has_sides`.
-DriftOptions ReadDrift(MapReader& refine, bool has_sides);
+// Reads the key `drift` of `refine`. A list has names of bodies, each with what it stands for.
+DriftOptions ReadDrift(MapReader& refine, const std::vector<std::pair<std::string, DriftBody>>& bodies);
 
 // Reads the key `pixel_noise` of `refine`, px; nothing if it is to be estimated.
 std::optional<double> ReadPixelNoise(MapReader& refine);

@@ -142,7 +142,11 @@ void ReadRefine(MapReader& root, PairConfig* config) {
       ReadIntrinsicsPrior(reader, {is_imported ? std::nullopt : config->data.camera, source, ""},
                           config->options.bundle.free_intrinsics, "camera.intrinsics");
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
-  config->options.drift = ReadDrift(reader, true);
+  std::vector<std::pair<std::string, DriftBody>> bodies;
+  for (const DriftSide side : {DriftSide::kHand, DriftSide::kWorld}) {
+    bodies.emplace_back(kDriftSideNames[static_cast<size_t>(side)], BodyOn(config->data.setup, side));
+  }
+  config->options.drift = ReadDrift(reader, bodies);
   if (!config->options.drift.wanted.empty() && !config->data.target_poses.empty()) {
     reader.Get("drift").Fail("a drift is estimated from images or points, not from captures.target_poses");
   }

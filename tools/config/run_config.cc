@@ -380,6 +380,22 @@ void ReadNoise(MapReader& refine, CalibrationOptions* calibration) {
   refine.Record("robot_noise", reader.used());
 }
 
+// Returns the names of the bodies that `refine.drift` may list. The base of the first arm is the world, in which the
+// others move.
+std::vector<std::pair<std::string, DriftBody>> BodiesThatDrift(const Problem& rig) {
+  std::vector<std::pair<std::string, DriftBody>> bodies;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    bodies.emplace_back(rig.cameras[c].name, DriftBody{DriftBody::Kind::kCamera, c});
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    bodies.emplace_back(rig.targets[t].name, DriftBody{DriftBody::Kind::kTarget, t});
+  }
+  for (size_t r = 1; r < rig.robots.size(); ++r) {
+    bodies.emplace_back(MountText(rig.robots, {r, Mount::Part::kBase}), DriftBody{DriftBody::Kind::kBase, r});
+  }
+  return bodies;
+}
+
 void ReadRefine(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("refine");
   // ReadCameras gives these to the cameras.
@@ -397,7 +413,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   ReadNoise(reader, &config->options.calibration);
   adjustment.pixel_noise_px = ReadPixelNoise(reader);
   adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
-  config->options.drift = ReadDrift(reader, false);
+  config->options.drift = ReadDrift(reader, BodiesThatDrift(config->data.rig));
   reader.Finish();
   root.Record("refine", reader.used());
 }

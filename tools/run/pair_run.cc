@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "heba/base/failure_code.h"
 #include "heba/base/stopwatch.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/data/hand_eye.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/image_detection.h"
 #include "heba/robot/arm_errors.h"
@@ -25,6 +27,7 @@
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/earlier_run.h"
+#include "tools/run/pair_output.h"
 #include "tools/run/robot_errors.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
@@ -116,8 +119,8 @@ LeftOutCaptures LeaveOutWrongPoses(PairDataset* dataset) {
 }
 
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<PairRunOutput> RunOnPoses(PairDataset dataset, const PairRunOptions& run, RunObserver* observer) {
-  PairRunOutput output;
+Outcome<PairOutput> RunOnPoses(PairDataset dataset, const PairRunOptions& run, RunObserver* observer) {
+  PairOutput output;
   LeftOutCaptures left_out;
   if (run.bundle.loss != LossKind::kNone) left_out = LeaveOutWrongPoses(&dataset);
   output.dataset = dataset;
@@ -189,7 +192,7 @@ void Correct(const PairDataset& dataset, const KnownDrifts& known, std::vector<V
     for (const Drift& drift : known.drifts) {
       view.camera_mount_from_target_mount = WithoutDrift(
           view.camera_mount_from_target_mount, drift, RemainingShare(drift, view.capture, dataset.captures.size()),
-          dataset.setup, known.hand_eye.camera_mount_from_camera, known.hand_eye.target_mount_from_target);
+          known.hand_eye.camera_mount_from_camera, known.hand_eye.target_mount_from_target);
     }
   }
 }
@@ -288,7 +291,7 @@ std::optional<Calibrated> CalibrateWithDrifts(const PairDataset& dataset, const 
     if (is_at_revisits) return std::move(*next);
     const UsedCaptures used = UsedBy(*next);
     const std::optional<std::vector<Drift>> rest =
-        EstimateDrifts(used.problem, used.solution, dataset.setup, used.times, known.drifts);
+        EstimateDrifts(used.problem, used.solution, used.times, known.drifts);
     if (!rest) return with_drifts;
     for (size_t d = 0; d < known.drifts.size(); ++d) {
       next->known.drifts[d].covariance = (*rest)[d].covariance;
@@ -304,18 +307,16 @@ std::optional<Calibrated> CalibrateWithDrifts(const PairDataset& dataset, const 
 DriftSearch SearchDrift(const Calibrated& calibrated, const PairRunOptions& options,
                         const std::vector<CaptureDetection>& detections, std::vector<Drift>* drifts) {
   const UsedCaptures used = UsedBy(calibrated);
-  const Setup setup = calibrated.dataset.setup;
   DriftSearch search;
   if (options.drift.is_tested) {
-    search = FindDrift(used.problem, used.solution, setup, used.times, DetectedBy(calibrated, detections));
+    search = FindDrift(used.problem, used.solution, used.times, DetectedBy(calibrated, detections));
     if (search.found) drifts->push_back(*search.found);
     return search;
   }
   std::vector<Drift> wanted;
-  for (const DriftSide side : options.drift.wanted) wanted.emplace_back().side = side;
+  for (const DriftBody& body : options.drift.wanted) wanted.emplace_back().body = body;
   if (wanted.empty()) return search;
-  const std::optional<std::vector<Drift>> estimated =
-      EstimateDrifts(used.problem, used.solution, setup, used.times, wanted);
+  const std::optional<std::vector<Drift>> estimated = EstimateDrifts(used.problem, used.solution, used.times, wanted);
   if (estimated) *drifts = *estimated;
   return search;
 }
@@ -391,7 +392,8 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const Pa
   // A drift that the calibration was not corrected for is said, too.
   const bool is_corrected = !calibrated->known.drifts.empty();
   for (const Drift& drift : is_corrected ? calibrated->known.drifts : drifts) {
-    motions->push_back(DescribeDrift(drift, dataset.setup, dataset.captures[drift.capture].name, is_corrected));
+    motions->push_back(DescribeDrift(HandEyeProblem(dataset.setup, Camera(), TargetShape()), drift,
+                                     dataset.captures[drift.capture].name, is_corrected));
   }
   if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
   std::vector<UnusedView>& all = calibrated->calibration.unused;
@@ -399,8 +401,8 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const Pa
   return calibrated;
 }
 
-Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& options, RunObserver* observer) {
-  PairRunOutput output;
+Outcome<PairOutput> RunOnImages(PairDataset dataset, const PairRunOptions& options, RunObserver* observer) {
+  PairOutput output;
   std::vector<CaptureDetection>& detections = output.detections;
 
   const Stopwatch detect_watch;
@@ -448,8 +450,7 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
     of_output.calibration = calibration;
     of_output.dataset = output.dataset;
     const UsedCaptures used = UsedBy(of_output);
-    for (Eigen::VectorXd& change :
-         ChangesByDrifts(used.problem, used.solution, dataset.setup, used.times, calibrated->known.drifts)) {
+    for (Eigen::VectorXd& change : ChangesByDrifts(used.problem, used.solution, used.times, calibrated->known.drifts)) {
       advice.changes.push_back(std::move(change));
     }
   }
@@ -472,7 +473,7 @@ Outcome<PairRunOutput> RunOnImages(PairDataset dataset, const PairRunOptions& op
 
 }  // namespace
 
-Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& options_in, RunObserver* observer) {
+Outcome<RunOutput> Run(const PairDataset& dataset, const PairRunOptions& options_in, RunObserver* observer) {
   const Stopwatch total;
   CheckDataset(dataset, options_in.earlier.has_value());
   try {
@@ -481,13 +482,13 @@ Outcome<PairRunOutput> Run(const PairDataset& dataset, const PairRunOptions& opt
     if (options.earlier) BuildOn(*options.earlier, &used, &options);
     LeftOutCaptures left_out;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
-    Outcome<PairRunOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
-                                                              : RunOnPoses(std::move(used), options, observer);
-    if (!output) return output;
+    Outcome<PairOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
+                                                           : RunOnPoses(std::move(used), options, observer);
+    if (!output) return output.failure();
     InsertLeftOut(left_out, &output->result.images);
     output->result.verdict = JudgeRun(output->result);
     output->result.timing.total_s = total.Seconds();
-    return output;
+    return AsRunOutput(*std::move(output));
   } catch (const Cancelled&) {
     return Failure{FailureCode(kCancelled)};
   }

@@ -15,10 +15,12 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/image_detection.h"
+#include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/influence.h"
 #include "solvers/calibration/residual_structure.h"
 #include "solvers/calibration/scale_share.h"
 #include "solvers/calibration/smooth_remainder.h"
+#include "solvers/cell/drift_calibration.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
 #include "tools/run/arm_errors.h"
@@ -293,40 +295,55 @@ Outcome<SeenAndCalibrated> CalibrateSeen(Problem seen, const CalibrationOptions&
   return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
 }
 
-// Returns whether a calibration from more points is no worse: it uses at least as many images, and the residuals of no
-// camera are more than 5 % larger than those of the first.
-bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
-  constexpr double kMaxRise = 1.05;
-  const auto num_used = [](const Calibration& calibration) {
-    size_t count = 0;
-    for (const ProblemCapture& capture : calibration.problem.captures) {
-      count += std::count_if(capture.images.begin(), capture.images.end(),
-                             [](const ProblemImage& image) { return image.observations.size() > 0; });
-    }
-    return count;
-  };
-  const std::vector<double>& sigmas_px = second.refined->pixel_sigmas_px;
-  return num_used(second) >= num_used(first) &&
-         std::equal(sigmas_px.begin(), sigmas_px.end(), first.refined->pixel_sigmas_px.begin(),
-                    [](double sigma_px, double of_first) { return sigma_px <= kMaxRise * of_first; });
+// Returns whether a target was not seen as a whole in some image.
+bool IsAnyIncomplete(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
+  return std::any_of(detections.begin(), detections.end(), [&](const TargetDetection& detection) {
+    return detection.detection.detection.ids.size() < dataset.targets[detection.target]->points().size();
+  });
 }
 
-// Calibrates from the detections. The images are then searched again for the points that the calibration predicts.
+// Calibrates from the detections. Images that lack points are searched again for those that a first calibration
+// predicts.
 Outcome<SeenAndCalibrated> CalibrateDetections(const Dataset& dataset,
                                                const std::vector<DuplicateInDataset>& duplicates,
                                                const CalibrationOptions& options,
                                                const std::optional<EarlierRun>& earlier,
                                                std::vector<TargetDetection>* detections, RunObserver* observer) {
-  Outcome<SeenAndCalibrated> first = CalibrateSeen(ProblemOf(dataset, *detections, duplicates, earlier), options);
-  if (!first) return first;
-  std::optional<std::vector<TargetDetection>> again =
-      DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
-  if (!again) return first;
+  const auto calibrate = [&](const std::vector<TargetDetection>& seen, const CalibrationOptions& with) {
+    return CalibrateSeen(ProblemOf(dataset, seen, duplicates, earlier), with);
+  };
+  if (!dataset.given_detections.empty() || !IsAnyIncomplete(dataset, *detections)) {
+    return calibrate(*detections, options);
+  }
+  CalibrationOptions of_first = options;
+  of_first.is_model_searched = false;
+  const Outcome<SeenAndCalibrated> first = calibrate(*detections, of_first);
+  std::optional<std::vector<TargetDetection>> again;
+  if (first) {
+    again = DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
+  }
   EndIfCancelled(observer);
-  Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates, earlier), options);
-  if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return first;
+  if (!again) return calibrate(*detections, options);
+  Outcome<SeenAndCalibrated> second = calibrate(*again, options);
+  if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return calibrate(*detections, options);
   *detections = std::move(*again);
   return second;
+}
+
+// Corrects the images for drifts, if there are any, and calibrates from the corrected ones. Returns the drifts, and
+// adds a finding if those that are wanted are not determined.
+std::vector<Drift> CorrectForDrifts(const RunOptions& options, const CalibrationOptions& of_calibration,
+                                    SeenAndCalibrated* calibrated, std::vector<Finding>* findings) {
+  std::optional<DriftCalibration> corrected =
+      CalibrateWithDrifts(calibrated->seen, calibrated->calibration, of_calibration, options.drift);
+  if (corrected) {
+    *calibrated = {std::move(corrected->seen), std::move(corrected->calibration)};
+    return corrected->drifts;
+  }
+  if (!options.drift.wanted.empty()) {
+    findings->push_back({Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}});
+  }
+  return {};
 }
 
 MovesOfCameras MovesWithoutCaptures(const Problem& used, const Solution& solution) {
@@ -448,6 +465,9 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   Outcome<SeenAndCalibrated> calibrated =
       CalibrateDetections(dataset, duplicates, calibration_options, options.earlier, &output.detections, observer);
   if (!calibrated) return calibrated.failure();
+  EndIfCancelled(observer);
+  std::vector<Finding> of_drifts;
+  const std::vector<Drift> drifts = CorrectForDrifts(options, calibration_options, &*calibrated, &of_drifts);
   const std::vector<Finding> missing_ids =
       FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
   const Problem seen = std::move(calibrated->seen);
@@ -466,6 +486,11 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
   std::vector<Eigen::VectorXd> changes = of_held.changes;
   changes.insert(changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());
+  const CaptureTimes times = TimesInOrder(dataset.captures.size());
+  for (Eigen::VectorXd& change : ChangesByDrifts(used, solution, times, drifts)) changes.push_back(std::move(change));
+  for (const Drift& drift : drifts) {
+    of_drifts.push_back(DescribeDrift(used, drift, dataset.captures[drift.capture].name, true));
+  }
   const ScaleShare scales = ShareOfScales(used, solution, ScaleSigmasOf(dataset, output.calibration.problem));
   // A wrong scale moves the cameras, and not what they see of an object of known size.
   Solution with_scales = solution;
@@ -498,7 +523,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   ArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
   NameKnownArms(result.arms, result.rig.robots, &of_rig);
-  for (const std::vector<Finding>& findings : {scales.findings, of_rig, summaries.findings, of_held.findings,
+  for (const std::vector<Finding>& findings : {scales.findings, of_rig, of_drifts, summaries.findings, of_held.findings,
                                                of_smooth.findings, structure.findings, directions, missing_ids}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }

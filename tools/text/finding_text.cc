@@ -470,17 +470,19 @@ FindingText DriftText(const Finding& finding) {
                      Amount(finding, "sigma_mm") + " mm and " + Amount(finding, "sigma_deg") + " deg) ";
   text += Is(finding, "form", "linear") ? "from the first capture to the last"
                                         : "just before the capture " + Name(finding, "capture");
-  if (!Is(finding, "evidence", "wanted")) text += " (" + ChanceText(Number(finding, "p")) + ")";
+  const bool is_tested = !Is(finding, "evidence", "wanted") && !Is(finding, "evidence", "motion");
+  if (is_tested) text += " (" + ChanceText(Number(finding, "p")) + ")";
   const double odds = Number(finding, "odds_of_side");
   constexpr double kClear = 100;
-  if (odds < kClear && !Is(finding, "evidence", "wanted")) {
+  if (odds < kClear && is_tested && !Is(finding, "evidence", "cameras")) {
     text += "; that it was not the " + std::string(body == "camera" ? "target" : "camera") +
             " or the robot's base is " + Significant(odds, 2) + " times as likely";
   }
   text += Is(finding, "use", "not_corrected") ? "; the result could not be corrected for it"
                                               : "; the result is that of the last capture";
   if (finding.grade == Grade::kGood) return {text, ""};
-  return {text, "tighten what carries the " + body + ", and record the captures again if it is to hold"};
+  return {text, (body == "base" ? "tighten the base" : "tighten what carries the " + body) +
+                    ", and record the captures again if it is to hold"};
 }
 
 FindingText DriftUnseen(const Finding& finding) {

@@ -243,13 +243,13 @@ std::string ModelLinesOfPair(const RunResult& result) {
 std::string TableOfMethods(const RunResult& result, Colour colour, const std::vector<std::string>& asked_for) {
   const Setup setup = SetupOf(result.rig.cameras[0].mount);
   const std::string& target = result.target_types[0];
-  const std::string table = Title(result.name,
-                                  std::string(SetupName(setup)) + ", " +
-                                      (target.empty() ? "poses of the target" : target) + ", " +
-                                      std::to_string(NumUsedCaptures(result)) + " of " +
-                                      std::to_string(NumCaptures(result)) + " captures used",
-                                  result.verdict, colour) +
-                            MethodsTable(result, colour, asked_for);
+  const std::string table =
+      Title(result.name,
+            std::string(SetupName(setup)) + ", " + (target.empty() ? "poses of the target" : target) + ", " +
+                std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(NumCaptures(result)) +
+                " captures used",
+            result.verdict, colour) +
+      MethodsTable(result, colour, asked_for);
   const auto pose_lines = [&](const std::string& title, const Estimate& estimate, SigmasText sigmas) {
     return PoseLines("\n" + std::string(CameraMountName(setup)) + "_from_camera" + title,
                      estimate.hand_eye.camera_mount_from_camera,

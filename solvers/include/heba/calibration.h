@@ -25,6 +25,10 @@ namespace heba {
 // Calibration::refined.
 Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options);
 
+// Returns whether a calibration is no worse than another one of the same images: it uses at least as many, and the
+// residuals of no camera are more than 5 % larger. Both adjustments succeeded.
+bool IsAtLeastAsGood(const Calibration& calibration, const Calibration& other);
+
 // Returns a finding `held_intrinsics`, and the change of the estimate, for each camera whose intrinsics were held and
 // contradict the images and the poses of the arms, by a joint F-test of their changes in an adjustment that frees them,
 // with all images of the camera: wrong intrinsics make images outliers. Cameras that no arm moves against a target, and

@@ -41,8 +41,8 @@ void AddDrift(const Drift& drift, const TestSceneOptions& options, uint64_t seed
   for (size_t i = 0; i < num_captures; ++i) {
     HandEye then = scene->hand_eye;
     const Tangent6 back = -RemainingShare(drift, i, num_captures) * drift.change;
-    Rigid3d& body =
-        IsCameraDrifting(options.setup, drift.side) ? then.camera_mount_from_camera : then.target_mount_from_target;
+    const bool is_camera = drift.body.kind == DriftBody::Kind::kCamera;
+    Rigid3d& body = is_camera ? then.camera_mount_from_camera : then.target_mount_from_target;
     body = Retract(body, back);
     std::optional<View> view = SimulateView("", scene->camera, then, scene->pairs[i].camera_mount_from_target_mount,
                                             options.points, options.noise_px, &rng);
@@ -51,9 +51,9 @@ void AddDrift(const Drift& drift, const TestSceneOptions& options, uint64_t seed
   }
 }
 
-Drift LinearDrift(DriftSide side, double rotation_deg, double translation_m) {
+Drift LinearDrift(Setup setup, DriftSide side, double rotation_deg, double translation_m) {
   Drift drift;
-  drift.side = side;
+  drift.body = BodyOn(setup, side);
   drift.change << translation_m, -translation_m, 0, 0, DegToRad(rotation_deg), 0;
   return drift;
 }
@@ -84,7 +84,7 @@ TEST(DriftTest, WithoutDriftTakesItBack) {
       TestSceneOptions options = SceneWith(setup);
       options.noise_px = 0;
       TestScene scene = MakeTestScene(1, options);
-      const Drift drift = LinearDrift(side, 0.1, 1e-3);
+      const Drift drift = LinearDrift(setup, side, 0.1, 1e-3);
       AddDrift(drift, options, 1, &scene);
       const auto largest_error_px = [&](bool is_corrected) {
         double largest = 0;
@@ -94,7 +94,7 @@ TEST(DriftTest, WithoutDriftTakesItBack) {
           if (is_corrected) {
             view.camera_mount_from_target_mount =
                 WithoutDrift(view.camera_mount_from_target_mount, drift, RemainingShare(drift, i, scene.views.size()),
-                             setup, scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target);
+                             scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target);
           }
           const auto errors = ReprojectionErrors(scene.hand_eye, scene.camera, {view});
           largest = std::max(largest, errors ? errors->RmsPx().value_or(1e9) : 1e9);
@@ -122,20 +122,18 @@ TEST(DriftSearchTest, FindsADriftAndNothingElse) {
     const TestSceneOptions options = SceneWith(setup);
     TestScene scene = MakeTestScene(seed, options);
     const Solved still = Solve(scene, options);
-    const DriftSearch of_still =
-        FindDrift(still.problem, still.solution, setup, still.times, {still.problem, still.times});
+    const DriftSearch of_still = FindDrift(still.problem, still.solution, still.times, {still.problem, still.times});
     if (of_still.unseen) continue;  // The order follows the poses by chance.
     ++num_tried;
     num_false += of_still.found ? 1 : 0;
-    const Drift drift = LinearDrift(side, 0.1, 5e-4);
+    const Drift drift = LinearDrift(setup, side, 0.1, 5e-4);
     AddDrift(drift, options, 1000 + seed, &scene);
     const Solved moved = Solve(scene, options);
-    const DriftSearch search =
-        FindDrift(moved.problem, moved.solution, setup, moved.times, {moved.problem, moved.times});
+    const DriftSearch search = FindDrift(moved.problem, moved.solution, moved.times, {moved.problem, moved.times});
     if (!search.found) continue;
     ++num_found;
     EXPECT_EQ(search.found->evidence, DriftEvidence::kOrder);
-    if (search.found->side != side || search.found->form != DriftForm::kLinear) continue;
+    if (search.found->body != drift.body || search.found->form != DriftForm::kLinear) continue;
     ++num_right_sides;
     const Tangent6 error = search.found->change - drift.change;
     squares += error.dot(search.found->covariance.ldlt().solve(error));
@@ -155,13 +153,12 @@ TEST(DriftSearchTest, FindsAStep) {
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
     const TestSceneOptions options = SceneWith(Setup::kEyeToHand);
     TestScene scene = MakeTestScene(seed, options);
-    Drift drift = LinearDrift(DriftSide::kWorld, 0.15, 1e-3);
+    Drift drift = LinearDrift(options.setup, DriftSide::kWorld, 0.15, 1e-3);
     drift.form = DriftForm::kStep;
     drift.capture = 8;
     AddDrift(drift, options, 1000 + seed, &scene);
     const Solved solved = Solve(scene, options);
-    const DriftSearch search =
-        FindDrift(solved.problem, solved.solution, Setup::kEyeToHand, solved.times, {solved.problem, solved.times});
+    const DriftSearch search = FindDrift(solved.problem, solved.solution, solved.times, {solved.problem, solved.times});
     if (search.found && search.found->form == DriftForm::kStep && search.found->capture == drift.capture) ++num_right;
   }
   EXPECT_GE(num_right, 8);
@@ -202,10 +199,10 @@ TEST(DriftSearchTest, OnlyRevisitsTellADriftFromSmoothErrors) {
       }
       AddDrift(drift, options, seed, &with);
       const Solved solved = Solve(with, options);
-      return FindDrift(solved.problem, solved.solution, options.setup, solved.times, {solved.problem, solved.times});
+      return FindDrift(solved.problem, solved.solution, solved.times, {solved.problem, solved.times});
     };
     const Drift none;
-    const Drift drift = LinearDrift(DriftSide::kWorld, 0.15, 1e-3);
+    const Drift drift = LinearDrift(options.setup, DriftSide::kWorld, 0.15, 1e-3);
     const DriftSearch without_revisits = search(scene, drift);
     num_unseen += without_revisits.unseen && !without_revisits.found ? 1 : 0;
     for (size_t k = 0; k < 3; ++k) {

@@ -209,6 +209,22 @@ TEST_F(RunConfigTest, NamesThatMakeOneFrameAreRefused) {
       HasSubstr("cameras.cameras: a camera cannot have this name"));
 }
 
+// The base of the first arm is the world, in which the others move.
+TEST_F(RunConfigTest, DriftsAreOfBodiesByTheirNames) {
+  WritePoses("left.csv", "image", {{"1.png", 1}});
+  WritePoses("right.csv", "image", {{"1.png", 10}});
+  EXPECT_TRUE(Read().options.drift.is_tested);
+  const RunConfig config = Read({"refine.drift=[right.base, side, plate]"});
+  EXPECT_FALSE(config.options.drift.is_tested);
+  ASSERT_EQ(config.options.drift.wanted.size(), 3U);
+  EXPECT_EQ(config.options.drift.wanted[0], (DriftBody{DriftBody::Kind::kBase, 1}));
+  EXPECT_EQ(config.data.rig.cameras[config.options.drift.wanted[1].index].name, "side");
+  EXPECT_EQ(config.options.drift.wanted[2], (DriftBody{DriftBody::Kind::kTarget, 0}));
+  EXPECT_THAT(config.used, HasSubstr("drift: [right.base, side, plate]"));
+  EXPECT_THAT(InputErrorOf([&] { Read({"refine.drift=[left.base]"}); }), HasSubstr("refine.drift"));
+  EXPECT_THAT(InputErrorOf([&] { Read({"refine.drift=[side, side]"}); }), HasSubstr("is listed twice"));
+}
+
 // Two arms with kinematics, of which the first has recorded joints.
 class CellArmConfigTest : public RunConfigTest {
  protected:
