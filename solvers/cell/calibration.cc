@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <memory>
 #include <utility>
@@ -13,6 +14,7 @@
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/model_search.h"
 #include "solvers/calibration/smooth_search.h"
+#include "solvers/cell/calibration_stages.h"
 #include "solvers/cell/camera_motion.h"
 #include "solvers/cell/diagnosis.h"
 #include "solvers/cell/outliers.h"
@@ -155,6 +157,36 @@ std::vector<UnusedProblemImage> Describe(const Problem& problem, const JudgedPro
   return unused;
 }
 
+// Returns whether errors of an arm are searched for, which make what looks like a motion of a camera without them.
+bool KnowsArms(const CalibrationOptions& options) {
+  return std::any_of(options.arms.begin(), options.arms.end(),
+                     [](const ArmErrorModels& arm) { return !arm.models.empty(); });
+}
+
+// Leaves out the images of cameras on one side of their motions: two motions of one camera, or those of several
+// cameras, are found one after the other. `add_errors`, which may be null, makes errors of arms part of the model
+// before a motion is looked for. Returns the last model; the adjustment of `started` fails if one without the images
+// does.
+SearchedModel LeaveOutMotions(const CalibrationOptions& options, const std::function<void(SearchedModel*)>& add_errors,
+                              StartedCalibration* started) {
+  Problem& rig = started->calibration.problem;
+  const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
+  SearchedModel model;
+  for (int motion = 0; started->judged; ++motion) {
+    model = {rig, options.adjustment, *started->judged};
+    if (add_errors) add_errors(&model);
+    if (motion == most_motions) break;
+    const std::optional<MovedCamera> moved = FindMovedCamera(model.problem, model.judged, options.adjustment);
+    if (!moved) break;
+    LeaveOutPart(*moved, &rig, &started->calibration.unused);
+    started->calibration.moved.push_back(*moved);
+    const JudgedProblem& judged = *started->judged;
+    started->judged = RefineWithoutOutliers(rig, judged.solution.poses,
+                                            ImagesOfOthers(rig, judged.left_out, moved->camera), options.adjustment);
+  }
+  return model;
+}
+
 // Returns the change from one solution of a problem to another, in the layout of the first one's covariance.
 Eigen::VectorXd ChangeBetween(const Problem& problem, const Solution& from, const Solution& to) {
   UnknownChange change(from.covariance.layout);
@@ -176,9 +208,10 @@ Eigen::VectorXd ChangeBetween(const Problem& problem, const Solution& from, cons
 
 }  // namespace
 
-Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options) {
+Outcome<StartedCalibration> StartCalibration(const Problem& problem, const CalibrationOptions& options) {
   CHECK(options.arms.empty() || options.arms.size() == problem.robots.size());
-  Calibration calibration;
+  StartedCalibration started;
+  Calibration& calibration = started.calibration;
   calibration.problem = problem;
   Problem& rig = calibration.problem;
   Outcome<std::vector<Camera>> cameras = EstimateCameras(problem, options);
@@ -196,51 +229,51 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
   // An outlier in one pair's calibration may be none in the adjustment of all.
   ImageSet left_out;
   if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
-
-  ErrorSpace space;
-  space.arms = options.arms;
-  space.smooth = options.smooth;
-  space.must_be_shown = true;
-  // The errors of an arm that is known make what looks like a motion of a camera without them.
-  const bool knows_arms =
-      std::any_of(space.arms.begin(), space.arms.end(), [](const ArmErrorModels& arm) { return !arm.models.empty(); });
   // A target that differs from its design must not make images outliers.
-  if (options.choose_target_shape) FreeShapes(knows_arms, &rig);
-  Outcome<JudgedProblem> judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
-  while (!judged && options.choose_target_shape && HoldShape(&rig)) {
-    judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  if (options.choose_target_shape) FreeShapes(KnowsArms(options), &rig);
+  started.judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
+  while (!started.judged && options.choose_target_shape && HoldShape(&rig)) {
+    started.judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
-  const bool finds_motions = options.adjustment.loss != LossKind::kNone && (options.is_model_searched || !knows_arms);
-  const int most_motions = finds_motions ? kMostMotions : 0;
-  SearchedModel model;
+  if (!KnowsArms(options)) LeaveOutMotions(options, nullptr, &started);
+  return started;
+}
+
+Calibration FirstAdjustment(const StartedCalibration& started) {
+  Calibration calibration = started.calibration;
+  calibration.problem = Without(std::move(calibration.problem), started.judged->left_out);
+  calibration.refined = started.judged->solution;
+  return calibration;
+}
+
+Calibration FinishCalibration(StartedCalibration started, const CalibrationOptions& options) {
+  const ErrorSpace space{{}, options.arms, options.smooth, true};
+  const bool knows_arms = KnowsArms(options);
   FoundErrors found;
-  // Two motions of one camera, or those of several cameras, are found one after the other.
-  for (int motion = 0; judged; ++motion) {
-    model = {rig, options.adjustment, *judged};
-    if (knows_arms && options.is_model_searched) found = AddErrors(space, LeaveOutOutliers, &model);
-    if (motion == most_motions) break;
-    const std::optional<MovedCamera> moved = FindMovedCamera(model.problem, model.judged, options.adjustment);
-    if (!moved) break;
-    LeaveOutPart(*moved, &rig, &calibration.unused);
-    calibration.moved.push_back(*moved);
-    judged = RefineWithoutOutliers(rig, judged->solution.poses, ImagesOfOthers(rig, judged->left_out, moved->camera),
-                                   options.adjustment);
+  const auto add_errors = [&](SearchedModel* model) { found = AddErrors(space, LeaveOutOutliers, model); };
+  SearchedModel model;
+  if (knows_arms) {
+    model = LeaveOutMotions(options, add_errors, &started);
+  } else if (started.judged) {
+    model = {started.calibration.problem, options.adjustment, *started.judged};
+    add_errors(&model);
   }
-  if (!judged) {
-    calibration.refined = judged.failure();
+  Calibration calibration = std::move(started.calibration);
+  if (!started.judged) {
+    calibration.refined = started.judged.failure();
     return calibration;
   }
-  if (!knows_arms && options.is_model_searched) found = AddErrors(space, LeaveOutOutliers, &model);
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
   std::optional<Failure> failure;
-  if (options.choose_target_shape && options.is_model_searched) {
+  if (options.choose_target_shape) {
     ModelSpace shapes = MovedShapes(model.problem);
     const std::vector<bool> twists = shapes.twists;
     if (knows_arms) shapes.twists.clear();
     failure = ChooseParts(shapes, LeaveOutOutliers, &model);
     if (knows_arms && !failure) ChooseTwists(twists, &model);
   }
+  Problem& rig = calibration.problem;
   rig = std::move(model.problem);
   if (failure) {
     calibration.refined = *failure;
@@ -251,6 +284,12 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
   calibration.refined = std::move(model.judged.solution);
   return calibration;
+}
+
+Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options) {
+  Outcome<StartedCalibration> started = StartCalibration(problem, options);
+  if (!started) return started.failure();
+  return FinishCalibration(*std::move(started), options);
 }
 
 bool IsAtLeastAsGood(const Calibration& calibration, const Calibration& other) {

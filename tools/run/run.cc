@@ -20,6 +20,7 @@
 #include "solvers/calibration/residual_structure.h"
 #include "solvers/calibration/scale_share.h"
 #include "solvers/calibration/smooth_remainder.h"
+#include "solvers/cell/calibration_stages.h"
 #include "solvers/cell/drift_calibration.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
@@ -295,39 +296,31 @@ Outcome<SeenAndCalibrated> CalibrateSeen(Problem seen, const CalibrationOptions&
   return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
 }
 
-// Returns whether a target was not seen as a whole in some image.
-bool IsAnyIncomplete(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
-  return std::any_of(detections.begin(), detections.end(), [&](const TargetDetection& detection) {
-    return detection.detection.detection.ids.size() < dataset.targets[detection.target]->points().size();
-  });
-}
-
-// Calibrates from the detections. Images that lack points are searched again for those that a first calibration
-// predicts.
+// Calibrates from the detections. The images are then searched again for the points that the first adjustment predicts.
 Outcome<SeenAndCalibrated> CalibrateDetections(const Dataset& dataset,
                                                const std::vector<DuplicateInDataset>& duplicates,
                                                const CalibrationOptions& options,
                                                const std::optional<EarlierRun>& earlier,
                                                std::vector<TargetDetection>* detections, RunObserver* observer) {
-  const auto calibrate = [&](const std::vector<TargetDetection>& seen, const CalibrationOptions& with) {
-    return CalibrateSeen(ProblemOf(dataset, seen, duplicates, earlier), with);
-  };
-  if (!dataset.given_detections.empty() || !IsAnyIncomplete(dataset, *detections)) {
-    return calibrate(*detections, options);
+  SeenAndCalibrated first{ProblemOf(dataset, *detections, duplicates, earlier), {}};
+  Outcome<StartedCalibration> started = StartCalibration(first.seen, options);
+  if (!started) return started.failure();
+  if (started->judged) {
+    first.calibration = FirstAdjustment(*started);
+    std::optional<std::vector<TargetDetection>> again =
+        DetectAgain(dataset, *detections, first.Predicted(*detections), options.adjustment.num_threads, observer);
+    EndIfCancelled(observer);
+    if (again) {
+      Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates, earlier), options);
+      if (second && IsAtLeastAsGood(second->calibration, first.calibration)) {
+        *detections = std::move(*again);
+        return second;
+      }
+    }
   }
-  CalibrationOptions of_first = options;
-  of_first.is_model_searched = false;
-  const Outcome<SeenAndCalibrated> first = calibrate(*detections, of_first);
-  std::optional<std::vector<TargetDetection>> again;
-  if (first) {
-    again = DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
-  }
-  EndIfCancelled(observer);
-  if (!again) return calibrate(*detections, options);
-  Outcome<SeenAndCalibrated> second = calibrate(*again, options);
-  if (!second || !IsAtLeastAsGood(second->calibration, first->calibration)) return calibrate(*detections, options);
-  *detections = std::move(*again);
-  return second;
+  first.calibration = FinishCalibration(*std::move(started), options);
+  if (!first.calibration.refined) return first.calibration.refined.failure();
+  return first;
 }
 
 // Corrects the images for drifts, if there are any, and calibrates from the corrected ones. Returns the drifts, and

@@ -21,9 +21,6 @@ struct CalibrationOptions {
   // chosen, for which it is empty. An empty list: none is given.
   std::vector<bool> has_camera;
   bool choose_target_shape = true;  // Otherwise ProblemTarget::free_shape holds.
-  // Whether the model is searched for. Otherwise the shapes that may be chosen are free as far as the images determine
-  // them, and the arms have no errors but noise, which is enough to predict where images show points.
-  bool is_model_searched = true;
   // Errors of the arms' poses that vary smoothly with the pose. They need an estimated noise of the arms without a
   // prior.
   SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;

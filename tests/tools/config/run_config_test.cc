@@ -220,7 +220,7 @@ TEST_F(RunConfigTest, DriftsAreOfBodiesByTheirNames) {
   EXPECT_EQ(config.options.drift.wanted[0], (DriftBody{DriftBody::Kind::kBase, 1}));
   EXPECT_EQ(config.data.rig.cameras[config.options.drift.wanted[1].index].name, "side");
   EXPECT_EQ(config.options.drift.wanted[2], (DriftBody{DriftBody::Kind::kTarget, 0}));
-  EXPECT_THAT(config.used, HasSubstr("drift: [right.base, side, plate]"));
+  EXPECT_THAT(config.used, HasSubstr("drift:\n    - right.base\n    - side\n    - plate\n"));
   EXPECT_THAT(InputErrorOf([&] { Read({"refine.drift=[left.base]"}); }), HasSubstr("refine.drift"));
   EXPECT_THAT(InputErrorOf([&] { Read({"refine.drift=[side, side]"}); }), HasSubstr("is listed twice"));
 }
