@@ -9,50 +9,81 @@
 #include "solvers/cell/outliers.h"
 #include "solvers/refine/fit.h"
 #include "solvers/residuals/inliers.h"
+#include "solvers/residuals/loss.h"
 
 namespace heba {
 namespace {
 
-// Tests the images one by one, until nothing changes. The images that the others do not contradict at an estimate
-// without them are not tested again: two that contradict each other would otherwise take turns.
-JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options) {
+// Adjusts without these images. The points that `at` rejected are left out, and no others are looked for.
+Outcome<JudgedProblem> RefineInliers(const Problem& problem, const JudgedProblem& at, ImageSet left_out,
+                                     const AdjustmentOptions& options_in) {
+  AdjustmentOptions options = options_in;
+  options.loss = OfInliers(options.loss);
+  const Problem used = WithoutRejected(Without(problem, left_out), at.solution);
+  Outcome<Solution> solution = RefineProblem(StartingFrom(used, at.solution), at.solution.poses, options);
+  if (!solution) return solution.failure();
+  AddRejected(at.solution, &*solution);
+  return JudgedProblem{std::move(*solution), std::move(left_out)};
+}
+
+// Returns the images to leave out by the tests of all images at an adjustment. Those of `returned`, which others did
+// not contradict at an adjustment without them, are not tested again: two that contradict each other would otherwise
+// take turns.
+ImageSet TestImages(const Problem& problem, const JudgedProblem& at, ImageSet* returned) {
   const double least_p_value =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const ProblemImage&) { return true; }));
+  const Problem used = UsedPoints(problem, at);
+  ImageSet next = at.left_out;
+  for (const ImageVerdict& verdict : TestLeftOutImages(problem, used, at.solution)) {
+    const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
+    if (verdict.p_value < least_p_value) {
+      next.insert(image);
+    } else if (next.erase(image) > 0) {
+      returned->insert(image);
+    }
+  }
+  // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
+  std::map<std::pair<bool, size_t>, ImageVerdict> worst;
+  for (const ImageVerdict& verdict : TestUsedImages(used, at.solution)) {
+    if (verdict.p_value >= least_p_value) continue;
+    if (!verdict.robot && returned->contains({verdict.image.capture, verdict.image.image})) continue;
+    const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
+    const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
+    const auto [found, is_new] = worst.emplace(key, verdict);
+    if (!is_new && verdict.p_value < found->second.p_value) found->second = verdict;
+  }
+  for (const auto& [key, verdict] : worst) {
+    if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
+    if (!verdict.robot) continue;
+    for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
+      if (!returned->contains({verdict.image.capture, k})) next.insert({verdict.image.capture, k});
+    }
+  }
+  return next;
+}
+
+// Tests the images one by one, until nothing changes. Points are looked for that contradict the others when the images
+// have settled, which may unsettle them.
+JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const AdjustmentOptions& options) {
   constexpr int kMaxRounds = 30;
   ImageSet returned;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const Problem used = UsedPoints(problem, at);
-    ImageSet next = at.left_out;
-    for (const ImageVerdict& verdict : TestLeftOutImages(problem, used, at.solution)) {
-      const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
-      if (verdict.p_value < least_p_value) {
-        next.insert(image);
-      } else if (next.erase(image) > 0) {
-        returned.insert(image);
+  bool are_points_judged = true;
+  for (int round = 0; round < kMaxRounds || !are_points_judged; ++round) {
+    ImageSet next = round < kMaxRounds ? TestImages(problem, at, &returned) : at.left_out;
+    const bool has_settled = next == at.left_out;
+    if (has_settled && are_points_judged) break;
+    if (!has_settled) {
+      if (Outcome<JudgedProblem> other = RefineInliers(problem, at, next, options)) {
+        at = std::move(*other);
+        are_points_judged = false;
+        continue;
       }
     }
-    // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
-    std::map<std::pair<bool, size_t>, ImageVerdict> worst;
-    for (const ImageVerdict& verdict : TestUsedImages(used, at.solution)) {
-      if (verdict.p_value >= least_p_value) continue;
-      if (!verdict.robot && returned.contains({verdict.image.capture, verdict.image.image})) continue;
-      const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
-      const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
-      const auto [found, is_new] = worst.emplace(key, verdict);
-      if (!is_new && verdict.p_value < found->second.p_value) found->second = verdict;
-    }
-    for (const auto& [key, verdict] : worst) {
-      if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
-      if (!verdict.robot) continue;
-      for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
-        if (!returned.contains({verdict.image.capture, k})) next.insert({verdict.image.capture, k});
-      }
-    }
-    if (next == at.left_out) break;
     Outcome<Solution> other =
         RefineProblem(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
     if (!other) break;
     at = {std::move(*other), std::move(next)};
+    are_points_judged = true;
   }
   return at;
 }

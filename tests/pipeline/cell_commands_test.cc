@@ -225,7 +225,8 @@ TEST_F(CellCommandsTest, RunStatesTheErrorsOfAnArm) {
            "base: scene.yaml\nrobot: {model: ur10e, offsets: 0.1 deg, lengths: 1 mm, angles: 0.1 deg, configurations: "
            "one, record_joints: true}\nrobot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n");
   ASSERT_EQ(RunHeba({"simulate", Path("arm.yaml"), "--out", Path("arm"), "--quiet"}).status, 0);
-  const CommandResult run = RunHeba({"run", Path("arm/config.yaml"), "--out", Path("arm_run")});
+  const CommandResult run =
+      RunHeba({"run", Path("arm/config.yaml"), "--out", Path("arm_run"), "--set", "evaluate.folds=0"});
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_EQ(Count(run.out, "\narm robot: the kinematics of the arm ur10e were estimated ("), 1) << run.out;
   const std::string page = ReadAll(*folder_ / "arm_run/report.html");
@@ -233,8 +234,8 @@ TEST_F(CellCommandsTest, RunStatesTheErrorsOfAnArm) {
   EXPECT_THAT(section.substr(0, 1000), HasSubstr("The kinematics of the arm ur10e were estimated ("));
   EXPECT_THAT(section, AllOf(HasSubstr("data-view=\"arm-corrections\""), HasSubstr("correction / sigma"),
                              HasSubstr("joint1.offset (the poses of what is fixed in the base)")));
-  const CommandResult none =
-      RunHeba({"run", Path("arm/config.yaml"), "--set", "refine.kinematics=none", "--out", Path("arm_none")});
+  const CommandResult none = RunHeba({"run", Path("arm/config.yaml"), "--set", "refine.kinematics=none", "--set",
+                                      "evaluate.folds=0", "--out", Path("arm_none")});
   EXPECT_EQ(
       Count(none.out, "\narm robot: the kinematics of the arm ur10e were not estimated: refine.kinematics is none"), 1)
       << none.out << none.err;
@@ -251,8 +252,8 @@ TEST_F(CellCommandsTest, TablesOfABatchCountCapturesAndNameTheIntrinsics) {
   const Json params = Json::parse(ReadAll(Path("alone/result.json")))["cameras"]["right"]["camera"];
   EXPECT_NEAR(NumberAfter(alone.out, "camera right in world", "intrinsics brown5: fx "), params["fx"].get<double>(),
               0.01);
-  const CommandResult held =
-      RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--set", "refine.intrinsics=[]"});
+  const CommandResult held = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--set",
+                                      "refine.intrinsics=[]", "--set", "evaluate.folds=0"});
   ASSERT_EQ(held.status, 0) << held.err;
   EXPECT_THAT(held.out, HasSubstr("intrinsics brown5: fx 600.0000, fy 600.0000, cx 320.0000, cy 240.0000 px (held)"));
 }
@@ -563,7 +564,8 @@ TEST_F(CellCommandsTest, ResultsNameTheWeakDirectionOfEachCamera) {
   const CommandResult simulated = RunHeba({"simulate", Path("scene.yaml"), "--out", Path("poor"), "--quiet", "--set",
                                            "robot_noise={translation: 2 mm, rotation: 0.4 deg}"});
   ASSERT_EQ(simulated.status, 0) << simulated.err;
-  const CommandResult run = RunHeba({"run", Path("poor/config.yaml"), "--out", Path("poor_run")});
+  const CommandResult run = RunHeba({"run", Path("poor/config.yaml"), "--out", Path("poor_run"), "--set",
+                                     "evaluate.folds=0", "--set", "refine.robot_noise=white"});
   ASSERT_EQ(run.status, 0) << run.err;
   const std::string words = Unbroken(run.out);
   EXPECT_THAT(words, AllOf(HasSubstr("is determined to only "), HasSubstr("-> from capture "),

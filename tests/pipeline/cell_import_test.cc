@@ -46,8 +46,9 @@ TEST(CellImportTest, CalibratesTheMetricDataSet) {
   ASSERT_EQ(imported.status, 0) << imported.err;
   // 63 and 121 images, 44 of which have the same numbers.
   EXPECT_THAT(imported.out, HasSubstr("2 cameras, 140 captures, read as mchec"));
-  const CommandResult run = RunHeba({"run", out + "/config.yaml", "--out", (folder / "run").string(), "--quiet",
-                                     "--set", "refine.intrinsics=[]", "--set", "evaluate.folds=0"});
+  const CommandResult run =
+      RunHeba({"run", out + "/config.yaml", "--out", (folder / "run").string(), "--quiet", "--set",
+               "refine.intrinsics=[]", "--set", "evaluate.folds=0", "--set", "refine.robot_noise=white"});
   ASSERT_EQ(run.status, 0) << run.err;
   const nlohmann::json result = nlohmann::json::parse(ReadAll(folder / "run/result.json"));
   for (const char* camera : {"camera1", "camera2"}) {
