@@ -153,7 +153,7 @@ void BindLocations(pybind11::module_& module) {
       "is_rig_run",
       [](const std::filesystem::path& folder) {
         const pybind11::gil_scoped_release release;
-        return !IsShort(ReadRunResult(RunFolderOf(folder) / "result.json"));
+        return !IsShortFile(RunFolderOf(folder) / "result.json");
       },
       arg("folder"));
   module.def("locate", &Locate, arg("folder"), arg("images"), arg("base_from_gripper"), arg("joints"));

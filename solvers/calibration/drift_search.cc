@@ -398,7 +398,7 @@ Solution AtDetected(Solution solution, const Problem& detected) {
   return solution;
 }
 
-// Returns the drift that captures at one pose show. They tell that there is one and how large it is; of its side, its
+// Returns the drift that captures at one pose show. They tell that there is one and how large it is; of its body, its
 // form and its place, those that the others show are taken if they explain the captures at one pose, too.
 std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const Solution& solution,
                                     const std::optional<Drift>& in_order) {
@@ -447,10 +447,6 @@ std::optional<DriftEvidence> EvidenceOf(const Problem& problem, const Solution& 
   if (order_by_pose < kOrderIsPose) return DriftEvidence::kOrder;
   return std::nullopt;
 }
-
-}  // namespace
-
-namespace {
 
 DriftSide SideOf(const Problem& problem, const DriftBody& body) {
   const bool is_carried =
@@ -566,6 +562,8 @@ DriftSearch FindDrift(const Problem& problem, const Solution& solution, const Ca
 }
 
 std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& solution, const CaptureTimes& times) {
+  // Without noise of the arms, their errors are in the residuals of the pixels.
+  if (NoiseOf(solution).robots.empty()) return std::nullopt;
   std::vector<size_t> num_shared(problem.cameras.size(), 0);
   for (const ProblemCapture& capture : problem.captures) {
     std::set<size_t> seen_by;
@@ -610,8 +608,9 @@ std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const S
 
 std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts) {
+  if (drifts.empty()) return {};
   const std::optional<LinearisedDrift> all = LineariseDrift(problem, solution, BodiesOf(drifts), times, false);
-  if (drifts.empty() || !all) return {};
+  if (!all) return {};
   const DriftEquations equations = EquationsOf(*all, drifts);
   Eigen::MatrixXd covariance = drifts.front().covariance;
   if (!AreAtRevisits(drifts)) {

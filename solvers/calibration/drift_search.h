@@ -58,14 +58,14 @@ struct DetectedCaptures {
 // is compared with the squares R of the residuals, which the noise was estimated from: (T / 6) / ((R - T) / (dof - 6))
 // follows F if there is none. Captures at one pose are judged by T alone, with the repeatability of robots; at least
 // two poses must have been taken again, and what the drift leaves of their differences must be noise. p-values are
-// corrected for the sides, forms and steps that are tested. Returns neither a drift nor a finding for fewer than eight
+// corrected for the bodies, forms and steps that are tested. Returns neither a drift nor a finding for fewer than eight
 // captures.
 DriftSearch FindDrift(const Problem& problem, const Solution& solution, const CaptureTimes& times,
                       const DetectedCaptures& detected);
 
-// Looks for a linear creep of one of several cameras, by the images that they have of the same captures: errors of the
-// arms are common to all of them. Returns the clearest, by the test of FindDrift for all cameras with eight such
-// captures; nothing unless its p-value is below kDriftByChanceBesideArm.
+// Looks for a linear creep of one of several cameras: errors of the arms, whose noise must be modelled, are common to
+// all images of a capture. Returns the clearest, by the test of FindDrift, of the cameras that share eight captures
+// with others; nothing unless its p-value is below kDriftByChanceBesideArm.
 std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& solution, const CaptureTimes& times);
 
 // Returns drifts of the same bodies and forms as `drifts`, estimated together from all captures without a test: what is

@@ -9,6 +9,7 @@
 #include "heba/calibration.h"
 #include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/problem_model.h"
+#include "solvers/cell/start.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/loss.h"
 
@@ -31,9 +32,7 @@ std::optional<Adjusted> WithMoved(const Problem& seen, const Calibration& calibr
     for (const size_t i : moved.left_out) {
       for (size_t k = 0; k < adjusted.problem.captures[i].images.size(); ++k) {
         ProblemImage& image = adjusted.problem.captures[i].images[k];
-        // The reading order of a symmetric target is known of images that were used only.
-        const bool is_read = adjusted.problem.targets[image.target].symmetries.size() == 1;
-        if (image.camera == moved.camera && is_read) image.observations = seen.captures[i].images[k].observations;
+        if (image.camera == moved.camera) image.observations = seen.captures[i].images[k].observations;
       }
     }
   }
@@ -127,9 +126,12 @@ bool AreExplained(const DriftCalibration& corrected, const Calibration& first) {
 
 }  // namespace
 
-std::optional<DriftCalibration> CalibrateWithDrifts(const Problem& seen, const Calibration& first,
+std::optional<DriftCalibration> CalibrateWithDrifts(const Problem& seen_in, const Calibration& first,
                                                     const CalibrationOptions& options, const DriftOptions& drift) {
-  const CaptureTimes times = TimesInOrder(seen.captures.size());
+  const CaptureTimes times = TimesInOrder(seen_in.captures.size());
+  // Points are moved in the frame of the target as it was read.
+  Problem seen = seen_in;
+  ChooseReadingOrders(first.refined->poses, &seen);
   DriftCalibration last{seen, first, DriftsToEstimate(first, times, drift)};
   if (last.drifts.empty()) return std::nullopt;
   constexpr int kNumRounds = 3;

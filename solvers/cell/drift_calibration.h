@@ -18,10 +18,11 @@ struct DriftCalibration {
 };
 
 // Calibrates again with creeps of DriftOptions::wanted or, if drifts are tested, of the cameras of which the first
-// calibration has found that they were moved; of none of these, with that of FindCreepOfCamera. A creep that uses at
-// least as many images as the first calibration, with residuals that are no larger, is taken; one that takes the place
-// of no motion must also explain much of the errors of the camera's images, which may hide it. `seen` is the problem
-// that was calibrated, in the order of time, `first` its calibration, whose adjustment succeeded.
+// calibration has found that they were moved; of none of these, with that of FindCreepOfCamera. Such a creep is
+// taken if it uses at least as many images as the first calibration, with residuals and errors of images that are at
+// most 5 % larger; one that takes the place of no motion must explain much of the errors of the camera's images, which
+// may hide it. Those that are wanted are taken without a test. `seen` is the problem that was calibrated, in the order
+// of time, `first` its calibration, whose adjustment succeeded.
 //
 // The drifts are estimated beside all unknowns (EstimateDrifts), the images are corrected for them, and both are
 // repeated until little is left. An image is corrected by its points in the target, which are moved to where they would

@@ -68,6 +68,7 @@ JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const Adjus
   constexpr int kMaxRounds = 30;
   ImageSet returned;
   bool are_points_judged = true;
+  JudgedProblem last_judged = at;
   for (int round = 0; round < kMaxRounds || !are_points_judged; ++round) {
     ImageSet next = round < kMaxRounds ? TestImages(problem, at, &returned) : at.left_out;
     const bool has_settled = next == at.left_out;
@@ -81,8 +82,9 @@ JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const Adjus
     }
     Outcome<Solution> other =
         RefineProblem(StartingFrom(Without(problem, next), at.solution), at.solution.poses, options);
-    if (!other) break;
+    if (!other) return last_judged;
     at = {std::move(*other), std::move(next)};
+    last_judged = at;
     are_points_judged = true;
   }
   return at;

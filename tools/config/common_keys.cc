@@ -209,6 +209,9 @@ DriftOptions ReadDrift(MapReader& refine, const std::vector<std::pair<std::strin
   YAML::Node listed(YAML::NodeType::Sequence);
   for (const ConfigValue& item : value->AsList()) {
     const std::string name = item.AsChoice(names);
+    if (std::count(names.begin(), names.end(), name) > 1) {
+      item.Fail("is the name of a camera and of a target; give one of them another name");
+    }
     const DriftBody& body =
         bodies[static_cast<size_t>(std::find(names.begin(), names.end(), name) - names.begin())].second;
     const bool is_new = std::find(drift.wanted.begin(), drift.wanted.end(), body) == drift.wanted.end();

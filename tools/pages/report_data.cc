@@ -124,7 +124,11 @@ std::vector<CameraResiduals> ResidualsOf(const RunOutput& run) {
 ReportData ReportDataOf(const RunOutput& run) {
   ReportData data;
   data.result = run.result;
-  if (!run.calibration.refined) return data;
+  if (!run.calibration.refined) {
+    // The errors of the arm are part of one estimate only.
+    if (const Estimate* const estimate = FindFinal(run.result)) data.result = WithEstimate(run.result, *estimate);
+    return data;
+  }
   for (const std::shared_ptr<const Target>& target : run.dataset.targets) {
     data.target_points.push_back(AllPoints(*target).points_in_target);
   }

@@ -44,6 +44,7 @@ struct ReportData {
   // One per camera; empty if poses of the targets were given in place of images.
   std::vector<CameraResiduals> residuals;
   bool has_corrections = false;  // Whether the poses of the arms were corrected.
+
   bool has_images() const { return !residuals.empty(); }
 };
 

@@ -289,38 +289,41 @@ struct SeenAndCalibrated {
   }
 };
 
-Outcome<SeenAndCalibrated> CalibrateSeen(Problem seen, const CalibrationOptions& options) {
-  Outcome<Calibration> calibration = Calibrate(seen, options);
-  if (!calibration) return calibration.failure();
-  if (!calibration->refined) return calibration->refined.failure();
-  return SeenAndCalibrated{std::move(seen), std::move(*calibration)};
+// Returns the first adjustment of a calibration; a Failure if there is none.
+Outcome<SeenAndCalibrated> FirstOf(const Problem& seen, const Outcome<StartedCalibration>& started) {
+  if (!started) return started.failure();
+  if (!started->judged) return started->judged.failure();
+  return SeenAndCalibrated{seen, FirstAdjustment(*started)};
 }
 
-// Calibrates from the detections. The images are then searched again for the points that the first adjustment predicts.
+// Calibrates from the detections. The images are searched again for the points that the first adjustment predicts; the
+// better of both adjustments is completed.
 Outcome<SeenAndCalibrated> CalibrateDetections(const Dataset& dataset,
                                                const std::vector<DuplicateInDataset>& duplicates,
                                                const CalibrationOptions& options,
                                                const std::optional<EarlierRun>& earlier,
                                                std::vector<TargetDetection>* detections, RunObserver* observer) {
-  SeenAndCalibrated first{ProblemOf(dataset, *detections, duplicates, earlier), {}};
-  Outcome<StartedCalibration> started = StartCalibration(first.seen, options);
-  if (!started) return started.failure();
-  if (started->judged) {
-    first.calibration = FirstAdjustment(*started);
-    std::optional<std::vector<TargetDetection>> again =
-        DetectAgain(dataset, *detections, first.Predicted(*detections), options.adjustment.num_threads, observer);
-    EndIfCancelled(observer);
-    if (again) {
-      Outcome<SeenAndCalibrated> second = CalibrateSeen(ProblemOf(dataset, *again, duplicates, earlier), options);
-      if (second && IsAtLeastAsGood(second->calibration, first.calibration)) {
-        *detections = std::move(*again);
-        return second;
-      }
+  Problem seen = ProblemOf(dataset, *detections, duplicates, earlier);
+  Outcome<StartedCalibration> started = StartCalibration(seen, options);
+  const Outcome<SeenAndCalibrated> first = FirstOf(seen, started);
+  if (!first) return first;
+  std::optional<std::vector<TargetDetection>> again =
+      DetectAgain(dataset, *detections, first->Predicted(*detections), options.adjustment.num_threads, observer);
+  EndIfCancelled(observer);
+  if (again) {
+    Problem more = ProblemOf(dataset, *again, duplicates, earlier);
+    Outcome<StartedCalibration> restarted = StartCalibration(more, options);
+    const Outcome<SeenAndCalibrated> second = FirstOf(more, restarted);
+    if (second && IsAtLeastAsGood(second->calibration, first->calibration)) {
+      *detections = std::move(*again);
+      seen = std::move(more);
+      started = std::move(restarted);
     }
   }
-  first.calibration = FinishCalibration(*std::move(started), options);
-  if (!first.calibration.refined) return first.calibration.refined.failure();
-  return first;
+  EndIfCancelled(observer);
+  SeenAndCalibrated finished{std::move(seen), FinishCalibration(*std::move(started), options)};
+  if (!finished.calibration.refined) return finished.calibration.refined.failure();
+  return finished;
 }
 
 // Corrects the images for drifts, if there are any, and calibrates from the corrected ones. Returns the drifts, and
@@ -461,6 +464,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   EndIfCancelled(observer);
   std::vector<Finding> of_drifts;
   const std::vector<Drift> drifts = CorrectForDrifts(options, calibration_options, &*calibrated, &of_drifts);
+  EndIfCancelled(observer);
   const std::vector<Finding> missing_ids =
       FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
   const Problem seen = std::move(calibrated->seen);

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "heba/data/pair_solution.h"
-#include "heba/data/setup.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/requirement.h"
@@ -135,4 +134,5 @@ using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
 inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
 inline std::optional<double> HoldOutSigmas(const Errors& errors) { return errors.holdout_sigmas; }
+
 }  // namespace heba

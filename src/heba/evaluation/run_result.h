@@ -53,9 +53,11 @@ struct TargetInImage {
 
 // The outcome for one image of one capture.
 struct ImageResult {
-  std::string capture;  // Empty for an image without a pose of the arms; for a pose without a capture, its row.
-  std::string camera;   // Empty for a capture without images.
-  std::string image;    // File name.
+  // Empty for an image without a pose of the arms, whose name it is in the short form; for a pose without a capture,
+  // its row.
+  std::string capture;
+  std::string camera;  // Empty for a capture without images.
+  std::string image;   // File name.
   bool used = false;
   std::string reason;                  // Reason why it, or one of its targets, was not used.
   std::vector<TargetInImage> targets;  // Empty if no target was seen.
@@ -122,11 +124,11 @@ struct RunResult {
   Problem rig;
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
-  std::vector<std::string> target_types;  // Empty if poses of a target were given.
-  std::vector<int> num_target_points;     // One per target; not written to files of the long form.
+  std::vector<std::string> target_types;  // One per target; an empty text if only poses of it were given.
+  std::vector<int> num_target_points;     // One per target, in the short form only.
   Solution solution;                      // Without the outcomes of the captures.
-  // Of one camera, one target and one arm: the estimates of all methods, of which `solution` is the final one
-  // (WithEstimate), and the model. Not written to files of the long form.
+  // Of one camera, one target and one arm: the estimates of all methods, of which `solution` is that of FindFinal, and
+  // the model. Not written to files of the long form.
   std::vector<Estimate> estimates;
   ModelSummary model;
   std::vector<CameraErrors> errors;  // One per camera.
@@ -175,7 +177,8 @@ RunResult WithFinalEstimate(RunResult result);
 // closed form has no covariance, and an estimate from poses alone no camera.
 RunResult WithEstimate(RunResult result, const Estimate& estimate);
 
-// Returns how many captures there are, and how many of them have an image that was used.
+// Returns how many captures are named among the images, those included that were left out, and how many of them have an
+// image that was used.
 int NumCaptures(const RunResult& result);
 int NumUsedCaptures(const RunResult& result);
 

@@ -16,15 +16,20 @@ namespace {
 // factor.
 constexpr double kClosedFormBetter = 0.85;
 
-// Names the camera that a finding is about, unless it is one without a name.
+// Returns the name of a camera in findings; empty for the only camera of a pair, whose findings name none.
+std::string NameInFindings(const RunResult& result, size_t camera) {
+  return result.estimates.empty() ? result.rig.cameras[camera].name : "";
+}
+
+// Names the camera that a finding is about, unless it has no name.
 void NameCamera(const RunResult& result, size_t camera, Finding* finding) {
-  const std::string& name = result.rig.cameras[camera].name;
+  const std::string name = NameInFindings(result, camera);
   if (!name.empty()) finding->names.emplace_back("of_camera", name);
 }
 
 // Returns whether a finding is about this camera; one that names none is about the only one.
 bool IsAbout(const RunResult& result, const Finding& finding, size_t camera) {
-  return finding.Name("of_camera").value_or("") == result.rig.cameras[camera].name;
+  return finding.Name("of_camera").value_or("") == NameInFindings(result, camera);
 }
 
 // Says how the noise of the robot was modelled, on which the remedy of a systematic error depends.

@@ -20,10 +20,11 @@ inline constexpr const char* kLongSchema = "heba/rig/1";
 // null.
 std::string ResultToJson(const RunResult& result);
 
-// Reads result.json of either schema. What the file does not contain (poses of the captures and their corrections,
-// rejected points) stays empty. A result of the short form may have no estimate. Throws InputError with the file and
-// the fault.
+// Reads result.json of either schema. Poses of the captures, their corrections and rejected points stay empty. A result
+// of the short form may have no estimate. Throws InputError with the file and the fault.
 RunResult ReadRunResult(const std::filesystem::path& path);
+// Returns whether a result.json has the short form, by its schema. Throws InputError if it cannot be read.
+bool IsShortFile(const std::filesystem::path& path);
 // Reads result.json, of the short form that of FindFinal (WithEstimate); that there is none is a fault.
 RunResult ReadWholeResult(const std::filesystem::path& path);
 

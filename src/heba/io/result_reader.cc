@@ -144,7 +144,7 @@ ImageResult ReadCapture(const JsonReader& reader) {
   if (reader.Has("repeat_of")) image.repeat_of = reader.Get("repeat_of").Text();
   // Results of earlier versions lack this member.
   if (reader.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
-  ReadTangent(reader, "robot_correction");
+  ReadTangent(reader, "robot_correction");  // It is checked, and belongs to a pose that the file does not contain.
   image.move_without = ReadMove(reader);
   TargetInImage target;
   target.num_points = reader.Get("points").Int(0, kMostCounted);
@@ -313,6 +313,7 @@ void ReadSection(const JsonReader& section, void (*read)(const JsonReader&, cons
                  RunResult* result) {
   for (const auto& [name, entry] : section.Members()) {
     if (!entry) section.Fail(name + " is null");
+    if (name.empty()) section.Fail("a name is empty");
     read(*entry, name, result);
   }
 }
@@ -405,6 +406,12 @@ RunResult ReadRunResult(const std::filesystem::path& path) {
     reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "' or '" + kLongSchema + "'");
   }
   return ReadShort(reader);
+}
+
+bool IsShortFile(const std::filesystem::path& path) {
+  const Json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader reader(json, path.string());
+  return !reader.Has("schema") || reader.Get("schema").Text() != kLongSchema;
 }
 
 RunResult ReadWholeResult(const std::filesystem::path& path) {

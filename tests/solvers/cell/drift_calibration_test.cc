@@ -142,6 +142,32 @@ TEST(DriftCalibrationTest, ACreepOfACameraIsFound) {
   }
 }
 
+// Images that show a symmetric target the other way round are corrected in the frame of the target as it is read.
+TEST(DriftCalibrationTest, ASymmetricTargetMayBeReadInBothOrders) {
+  CellScene scene = MixedCell(20);
+  const Rigid3d half_turn(ExpRotation({0, 0, kPi}), {0, 0, 0});
+  scene.problem.targets[0].symmetries = {Rigid3d(), half_turn};
+  const Drift drift = DriftOf(kSecondCamera, 2e-3, 0.15);
+  AddDrift(drift, &scene);
+  bool is_turned = false;
+  for (ProblemCapture& capture : scene.problem.captures) {
+    for (ProblemImage& image : capture.images) {
+      if (image.target != 0 || image.camera != kSecondCamera.index) continue;
+      is_turned = !is_turned;
+      Points3& points = image.observations.points_in_target;
+      if (is_turned) points = (half_turn.RotationMatrix() * points).eval();
+    }
+  }
+  const CalibrationOptions options = GivenCameras(scene);
+  const Outcome<Calibration> first = Calibrate(scene.problem, options);
+  ASSERT_TRUE(first && first->refined);
+  const std::optional<DriftCalibration> corrected =
+      CalibrateWithDrifts(scene.problem, *first, options, {false, {kSecondCamera}});
+  ASSERT_TRUE(corrected);
+  ExpectDrift(corrected->drifts[0], drift);
+  EXPECT_EQ(NumUsed(corrected->calibration, 1), NumSeen(scene, 1));
+}
+
 TEST(DriftCalibrationTest, AKnockStaysAKnock) {
   CellSceneSetting setting;
   setting.num_captures = 24;
