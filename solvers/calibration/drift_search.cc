@@ -20,7 +20,7 @@ namespace {
 
 constexpr size_t kFewestCaptures = 8;
 
-// The bodies of a single camera and a single target.
+// Returns the bodies of a single camera and a single target.
 std::vector<DriftBody> BodiesOfPair() { return {{DriftBody::Kind::kCamera, 0}, {DriftBody::Kind::kTarget, 0}}; }
 // Above this share, the order of the captures is a function of their poses.
 constexpr double kOrderIsPose = 0.3;
@@ -31,8 +31,8 @@ constexpr double kSameErrorsRad = DegToRad(0.2);
 // One sigma of an error of a pose of which nothing is known.
 constexpr RobotNoise kAnyError = {0.1, 0.2};
 
-// The captures that share an error of the robot: the products of their whitened rows. The columns are the unknowns,
-// those of the poses of the bodies once more for each capture, and the offset.
+// A GroupProducts has the products of the whitened rows of captures that share an error of the robot. Its columns are
+// the unknowns, then the poses of the bodies once more for each capture, and the offset.
 struct GroupProducts {
   std::vector<size_t> captures;  // Indices in Problem::captures.
   Eigen::MatrixXd products;
@@ -562,7 +562,7 @@ DriftSearch FindDrift(const Problem& problem, const Solution& solution, const Ca
 }
 
 std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& solution, const CaptureTimes& times) {
-  // Without noise of the arms, their errors are in the residuals of the pixels.
+  // The residuals of the pixels have the errors of the arms if these have no noise.
   if (NoiseOf(solution).robots.empty()) return std::nullopt;
   std::vector<size_t> num_shared(problem.cameras.size(), 0);
   for (const ProblemCapture& capture : problem.captures) {

@@ -8,9 +8,9 @@
 
 namespace heba {
 
-// What such a run ends with.
+// A PairOutput is what such a run ends with.
 struct PairOutput {
-  RunResult result;  // In the short form.
+  RunResult result;  // The result has the short form.
   // The data set without the captures that were left out, with the size of its camera filled in, and the detection in
   // each capture; no detections if the target's poses were given.
   PairDataset dataset;

@@ -17,7 +17,7 @@ namespace heba {
 struct DriftBody {
   enum class Kind { kCamera, kTarget, kBase };
   Kind kind = Kind::kCamera;
-  size_t index = 0;  // Of the camera, the target or the arm in the problem.
+  size_t index = 0;  // The place of the camera, the target or the arm in the problem.
 
   bool operator==(const DriftBody& other) const = default;
 };

@@ -114,20 +114,25 @@ RunResult WithEstimate(RunResult result, const Estimate& estimate) {
   return result;
 }
 
-int NumCaptures(const RunResult& result) {
+namespace {
+
+// Returns the number of captures that an image for which `is_counted` holds belongs to.
+int CountCaptures(const RunResult& result, bool (*is_counted)(const ImageResult& image)) {
   std::set<std::string> captures;
   for (const ImageResult& image : result.images) {
-    if (!image.capture.empty()) captures.insert(image.capture);
+    if (is_counted(image)) captures.insert(image.capture);
   }
   return static_cast<int>(captures.size());
 }
 
+}  // namespace
+
+int NumCaptures(const RunResult& result) {
+  return CountCaptures(result, [](const ImageResult& image) { return !image.capture.empty(); });
+}
+
 int NumUsedCaptures(const RunResult& result) {
-  std::set<std::string> used;
-  for (const ImageResult& image : result.images) {
-    if (image.used) used.insert(image.capture);
-  }
-  return static_cast<int>(used.size());
+  return CountCaptures(result, [](const ImageResult& image) { return image.used; });
 }
 
 const RobotSummary* FindEstimatedArm(const RunResult& result, size_t robot) {

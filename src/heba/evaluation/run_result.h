@@ -46,15 +46,15 @@ struct TargetInImage {
   std::optional<double> rms_px;
   bool used = false;
   std::string reason = {};  // The reason why it was not used; empty in a result that was read from a file.
-  // Number of points that were found only in the second pass, near their pixels predicted by the first estimate. Not
-  // written to files of the long form.
+  // The number of points that were found only in the second pass, near their pixels predicted by the first estimate. It
+  // is not written to files of the long form.
   int num_second_pass = 0;
 };
 
 // The outcome for one image of one capture.
 struct ImageResult {
-  // Empty for an image without a pose of the arms, whose name it is in the short form; for a pose without a capture,
-  // its row.
+  // The name is empty for an image without a pose of the arms, or that of the image in the short form; a pose without a
+  // capture has that of its row.
   std::string capture;
   std::string camera;  // Empty for a capture without images.
   std::string image;   // File name.
@@ -68,7 +68,7 @@ struct ImageResult {
   // The change of the pose of this camera if the capture, with its images of all cameras, is left out
   // (solvers/calibration/influence.h).
   std::optional<CaptureMove> move_without = {};
-  // Name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
+  // The name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
   std::string repeat_of = {};
   CaptureRole role = CaptureRole::kNone;
 };
@@ -124,11 +124,11 @@ struct RunResult {
   Problem rig;
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
-  std::vector<std::string> target_types;  // One per target; an empty text if only poses of it were given.
-  std::vector<int> num_target_points;     // One per target, in the short form only.
+  std::vector<std::string> target_types;  // Each target has one; an empty text if only poses of it were given.
+  std::vector<int> num_target_points;     // Each target has one in the short form; the long form has none.
   Solution solution;                      // Without the outcomes of the captures.
-  // Of one camera, one target and one arm: the estimates of all methods, of which `solution` is that of FindFinal, and
-  // the model. Not written to files of the long form.
+  // The estimates of all methods, of which `solution` is that of FindFinal, and the model are set for one camera, one
+  // target and one arm. They are not written to files of the long form.
   std::vector<Estimate> estimates;
   ModelSummary model;
   std::vector<CameraErrors> errors;  // One per camera.
