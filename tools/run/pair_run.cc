@@ -277,9 +277,9 @@ DetectedCaptures DetectedBy(const Calibrated& calibrated, const std::vector<Capt
 
 // Calibrates with drifts of the bodies and forms of `known`, which are estimated again with the captures that they
 // bring back. Returns nothing if the captures do not determine them.
-std::optional<Calibrated> CalibrateWithDrifts(const PairDataset& dataset, const PairRunOptions& options,
-                                              const std::set<size_t>& left_out, KnownDrifts known,
-                                              std::vector<CaptureDetection>* detections, RunObserver* observer) {
+std::optional<Calibrated> CalibrateCorrected(const PairDataset& dataset, const PairRunOptions& options,
+                                             const std::set<size_t>& left_out, KnownDrifts known,
+                                             std::vector<CaptureDetection>* detections, RunObserver* observer) {
   // Captures at one pose are told by that of the robot: with the corrections they are at several.
   const bool is_at_revisits = known.drifts.front().evidence == DriftEvidence::kRevisits;
   std::optional<Calibrated> with_drifts;
@@ -365,8 +365,8 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const Pa
     if (is_clear_knock) drifts.clear();
     std::optional<Calibrated> corrected;
     if (!drifts.empty()) {
-      corrected = CalibrateWithDrifts(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
-                                      detections, observer);
+      corrected = CalibrateCorrected(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
+                                     detections, observer);
     }
     if (corrected) calibrated = std::move(*corrected);
     if (!options.drift.wanted.empty() && drifts.empty()) {
