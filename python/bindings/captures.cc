@@ -12,14 +12,12 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
-#include "heba/data/hand_eye.h"
 #include "heba/detection.h"
 #include "heba/io/result_file.h"
 #include "heba/run.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
-#include "tools/run/captures.h"
 #include "tools/text/arm_keys.h"
 #include "tools/text/finding_text.h"
 
@@ -78,15 +76,19 @@ CaptureDetection DetectionOf(const CapturePoints& points, const std::pair<int, i
   return detection;
 }
 
-// Returns the cameras, which one arm moves against the target, and their points. The target is not set.
+// Returns the cameras, which one arm moves against the target, and their points. The target is not set. A camera without
+// a name is that of a config in the short form.
 Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const std::vector<Rigid3d>& poses) {
-  Dataset data;
+  Dataset data = DatasetOf(setup, nullptr);
   data.name = "arrays";
-  data.rig = HandEyeProblem(setup, Camera(), TargetShape());
-  data.rig.robots = {kOnlyArm};
-  data.rig.targets[0].name = "target";
   const ProblemCamera unnamed = data.rig.cameras[0];
+  if (!std::get<0>(cameras.front()).empty()) {
+    data.rig.robots = {kOnlyArm};
+    data.rig.targets[0].name = "target";
+  }
   data.rig.cameras.clear();
+  data.has_camera.clear();
+  data.camera_sources.clear();
   for (size_t i = 0; i < poses.size(); ++i) {
     data.captures.push_back(
         {std::to_string(i), {poses[i]}, std::vector<std::filesystem::path>(cameras.size())});
@@ -97,7 +99,6 @@ Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const s
     camera.name = name;
     camera.camera = {given ? given->first : "", size.first, size.second,
                      given ? given->second : std::vector<double>()};
-    camera.free_intrinsics = BundleOptions().free_intrinsics;
     const std::string faults = given ? CheckCamera(camera.camera) : "";
     const std::string source = name.empty() ? "camera" : "camera " + name;
     if (!faults.empty()) throw InputError(source + ": " + faults);
@@ -112,43 +113,14 @@ Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const s
   return data;
 }
 
-// Returns the options of a calibration.
-template <class Options>
-Options WithFolds(int num_folds, int num_threads) {
-  Options options;
-  options.folds = num_folds;
-  options.num_threads = num_threads;
-  return options;
-}
-
 // Returns the text of result.json, with the findings in words. Throws InputError if the calibration failed.
-template <class Output>
-std::string ResultText(Outcome<Output> output) {
+std::string ResultText(Outcome<RunOutput> output) {
   if (!output) throw InputError(FailureText(output.failure(), ConfigKeys::kOmitted));
   Describe(&output->result, ConfigKeys::kOmitted);
   return ResultToJson(output->result);
 }
 
-// Return the text of result.json.
-std::string ResultOfOne(Setup setup, const Dataset& data, int num_folds, int num_threads, RunObserver* observer) {
-  PairDataset one;
-  one.name = data.name;
-  one.setup = setup;
-  one.target = data.targets[0];
-  if (data.has_camera[0]) one.camera = data.rig.cameras[0].camera;
-  for (const Recording& capture : data.captures) {
-    one.captures.push_back({capture.name, {}, CaptureRole::kNone, capture.base_from_gripper[0]});
-  }
-  one.given_detections = AsCaptureDetections(data.given_detections);
-  return ResultText(Run(one, WithFolds<PairRunOptions>(num_folds, num_threads), observer));
-}
-
-std::string ResultOfSeveral(const Dataset& data, int num_folds, int num_threads, RunObserver* observer) {
-  return ResultText(Run(data, WithFolds<RunOptions>(num_folds, num_threads), observer));
-}
-
-// Calibrates from detected points and returns the text of result.json. A camera without a name is calibrated by itself,
-// as of a config with one camera.
+// Calibrates from detected points and returns the text of result.json.
 std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
                             const std::vector<CameraPoints>& cameras, const DoubleArray& base_from_grippers,
                             int num_folds, int num_threads, const pybind11::object& progress,
@@ -160,10 +132,11 @@ std::string CalibratePoints(const std::string& setup, const std::string& target_
   {
     const pybind11::gil_scoped_release release;
     data.targets = {ParseTarget(target_yaml)};
+    RunOptions options;
+    options.folds = num_folds;
+    options.num_threads = num_threads;
     try {
-      text = std::get<0>(cameras.front()).empty()
-                 ? ResultOfOne(*FindSetup(setup), data, num_folds, num_threads, &observer)
-                 : ResultOfSeveral(data, num_folds, num_threads, &observer);
+      text = ResultText(Run(data, options, &observer));
     } catch (const InputError& error) {
       fault = error.what();
     }

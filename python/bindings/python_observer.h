@@ -8,7 +8,7 @@
 
 #include <pybind11/pybind11.h>
 
-#include "heba/pair_run.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

@@ -19,7 +19,7 @@
 #include "tools/config/run_export.h"
 #include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/doctor.h"
-#include "tools/pipeline/any_run.h"
+#include "tools/pipeline/pipeline.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_table.h"
@@ -36,10 +36,10 @@ std::filesystem::path RunFile(const std::filesystem::path& config_path, const st
   std::optional<std::string> failure;
   {
     const pybind11::gil_scoped_release release;
-    const AnyConfig config = ReadAnyConfig(config_path, settings);
-    output = out ? std::filesystem::absolute(*out) : OutputOf(config);
+    const RunConfig config = ReadRunConfig(config_path, settings);
+    output = out ? std::filesystem::absolute(*out) : config.output;
     Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunAny(config, output, num_threads, &console, &observer);
+    const Outcome<RunResult> result = RunPipeline(config, output, num_threads, &console, &observer);
     if (!result) failure = FailureText(result.failure());
   }
   observer.RethrowIfRaised();
@@ -55,9 +55,7 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
   Diagnosis diagnosis;
   {
     const pybind11::gil_scoped_release release;
-    diagnosis =
-        std::visit([&](const auto& config) { return Diagnose(config, num_threads, Verbosity::kQuiet); },
-                   ReadAnyConfig(config_path, settings));
+    diagnosis = Diagnose(ReadRunConfig(config_path, settings), num_threads, Verbosity::kQuiet);
   }
   std::vector<SymptomTuple> symptoms;
   for (const Symptom& symptom : diagnosis.symptoms) {

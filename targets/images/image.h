@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
-#include "heba/data/dataset.h"
+#include "heba/data/image_size.h"
 
 namespace heba {
 

@@ -68,7 +68,7 @@ TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
     EXPECT_THAT(refused.err, HasSubstr("has no camera")) << form;
   }
   EXPECT_THAT(RunHeba({"locate", Path("run"), "a.png"}).err, HasSubstr("no refined estimate"));
-  EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("has no image"));
+  EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("no images to search"));
 }
 
 // Poses that contradict each other have a result, which is bad, and the reason comes first.

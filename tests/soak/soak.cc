@@ -35,9 +35,11 @@
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/pair_run.h"
+#include "heba/image_detection.h"
+#include "heba/run.h"
 #include "tests/support/data_sets.h"
-#include "tools/config/pair_config.h"
+#include "tests/support/datasets.h"
+#include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/run/captures.h"
 
@@ -76,8 +78,8 @@ constexpr double kMostGoodAndOutside = 0.01;
 // A recorded set with its detections.
 struct RecordedSet {
   std::string name;
-  PairDataset data;
-  PairRunOptions options;
+  Dataset data;
+  RunOptions options;
   std::vector<size_t> seen;  // The captures that show the target.
 };
 
@@ -111,7 +113,7 @@ struct Subset {
   size_t set = 0;
   size_t fixed = 0;
   Spoiling spoiling = Spoiling::kNone;
-  PairDataset data;
+  Dataset data;
   int num_captures = 0;
   bool opencv_answers = false;
 };
@@ -130,22 +132,20 @@ RecordedSet ReadSet(const fs::path& config_file) {
   }
   const fs::path copy = fs::temp_directory_path() / ("heba_soak_" + std::to_string(getpid()) + ".yaml");
   std::ofstream(copy) << text;
-  const PairConfig config = ReadPairConfig(copy);
+  const RunConfig config = ReadShortRunConfig(copy);
   fs::remove(copy);
   set.data = config.data;
   set.options = config.options;
-  const DetectFunction detect = CachedDetection(set.data, config.target_used);
-  set.data.given_detections = DetectCaptures(set.data, detect, 2, nullptr);
-  for (size_t i = 0; i < set.data.captures.size(); ++i) {
-    CaptureDetection& detection = set.data.given_detections[i];
-    detection.small_jpeg.clear();
-    detection.image_digest.clear();
-    if (!detection.detection.ids.empty()) set.seen.push_back(i);
+  set.data.given_detections = DetectDataset(set.data, CachedDetections(set.data, config.targets_used), 2, nullptr);
+  for (TargetDetection& seen : set.data.given_detections) {
+    seen.detection.small_jpeg.clear();
+    seen.detection.image_digest.clear();
+    if (!seen.detection.detection.ids.empty()) set.seen.push_back(seen.capture);
   }
   return set;
 }
 
-Answer AnswerOf(const PairDataset& data, const PairRunOptions& options) {
+Answer AnswerOf(const Dataset& data, const RunOptions& options) {
   Answer answer;
   try {
     const Outcome<RunOutput> output = Run(data, options);
@@ -221,7 +221,7 @@ struct Child {
   std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
 };
 
-Child Start(const PairDataset& data, const PairRunOptions& options) {
+Child Start(const Dataset& data, const RunOptions& options) {
   std::array<int, 2> ends{};
   CHECK_EQ(pipe(ends.data()), 0);
   Child child;
@@ -279,7 +279,7 @@ std::optional<Answer> Poll(Child* child) {
 }
 
 // Runs all data sets, a few at a time.
-std::vector<Answer> AnswersOf(const std::vector<std::pair<const PairDataset*, PairRunOptions>>& runs,
+std::vector<Answer> AnswersOf(const std::vector<std::pair<const Dataset*, RunOptions>>& runs,
                               const std::function<void(size_t, const Answer&)>& on_answer) {
   std::vector<Answer> answers(runs.size());
   std::map<size_t, Child> children;
@@ -307,38 +307,33 @@ std::vector<Answer> AnswersOf(const std::vector<std::pair<const PairDataset*, Pa
   return answers;
 }
 
-PairRunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
-  PairRunOptions options = set.options;
-  if (fixed.shape) options.choose.target_shape = false;
-  if (fixed.lens) options.bundle.free_intrinsics = {};
-  if (FLAGS_robot_noise == "white") options.smooth = SmoothPoseErrors::kNone;
+// Gives a data set a camera that is taken as it is given.
+void Hold(const Camera& camera, Dataset* data) {
+  data->has_camera = {true};
+  data->rig.cameras[0].camera = camera;
+  data->rig.cameras[0].free_intrinsics = {};
+}
+
+RunOptions OptionsOf(const RecordedSet& set, const Fixed& fixed) {
+  RunOptions options = set.options;
+  CalibrationOptions& calibration = options.calibration;
+  if (fixed.shape) calibration.choose_target_shape = false;
+  if (FLAGS_robot_noise == "white") calibration.smooth = SmoothPoseErrors::kNone;
   if (FLAGS_robot_noise == "smooth") {
-    options.choose.robot_noise = false;
-    options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    options.smooth = SmoothPoseErrors::kAlways;
+    calibration.adjustment.robot = BundleOptions::Robot::kEstimatedNoise;
+    calibration.smooth = SmoothPoseErrors::kAlways;
   }
   return options;
 }
 
-PairDataset Part(const RecordedSet& set, const std::vector<size_t>& captures) {
-  PairDataset part = set.data;
-  part.captures.clear();
-  part.given_detections.clear();
-  for (const size_t i : captures) {
-    part.captures.push_back(set.data.captures[i]);
-    part.given_detections.push_back(set.data.given_detections[i]);
-  }
-  return part;
-}
-
 // Returns whether cv::calibrateCamera and the hand-eye method of Park and Martin give a finite pose.
-bool OpenCvAnswers(const PairDataset& data) {
+bool OpenCvAnswers(const Dataset& data) {
   std::vector<std::vector<cv::Point3f>> points;
   std::vector<std::vector<cv::Point2f>> pixels;
   std::vector<cv::Mat> rotations;
   std::vector<cv::Mat> translations;
   for (size_t i = 0; i < data.captures.size(); ++i) {
-    const Observations seen = ObservationsOf(*data.target, data.given_detections[i].detection);
+    const Observations seen = ObservationsOf(*data.targets[0], data.given_detections[i].detection.detection);
     if (seen.size() < 6) continue;
     std::vector<cv::Point3f>& of_points = points.emplace_back();
     std::vector<cv::Point2f>& of_pixels = pixels.emplace_back();
@@ -347,8 +342,8 @@ bool OpenCvAnswers(const PairDataset& data) {
                              static_cast<float>(seen.points_in_target(1, k)), 0.0F);
       of_pixels.emplace_back(static_cast<float>(seen.pixels(0, k)), static_cast<float>(seen.pixels(1, k)));
     }
-    const Rigid3d reported = data.captures[i].base_from_gripper;
-    const Rigid3d mount = data.setup == Setup::kEyeInHand ? reported : Inverse(reported);
+    const Rigid3d reported = data.captures[i].base_from_gripper[0];
+    const Rigid3d mount = SetupOf(data) == Setup::kEyeInHand ? reported : Inverse(reported);
     const Eigen::Matrix3d rotation = mount.RotationMatrix();
     cv::Mat r(3, 3, CV_64F);
     cv::Mat t(3, 1, CV_64F);
@@ -365,7 +360,7 @@ bool OpenCvAnswers(const PairDataset& data) {
     cv::Mat distortion;
     std::vector<cv::Mat> rvecs;
     std::vector<cv::Mat> tvecs;
-    const CaptureDetection& first = data.given_detections.front();
+    const CaptureDetection& first = data.given_detections.front().detection;
     cv::calibrateCamera(points, pixels, {first.width_px, first.height_px}, camera, distortion, rvecs, tvecs);
     cv::Mat r;
     cv::Mat t;
@@ -382,8 +377,7 @@ void Shuffle(Rng* random, std::vector<size_t>* values) {
   }
 }
 
-void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random,
-           PairDataset* data) {
+void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random, Dataset* data) {
   std::vector<size_t> order(captures.size());
   std::iota(order.begin(), order.end(), size_t{0});
   Shuffle(random, &order);
@@ -396,11 +390,11 @@ void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling
       if (std::find(captures.begin(), captures.end(), i) == captures.end()) others.push_back(i);
     }
     Shuffle(random, &others);
-    data->given_detections[order[0]] =
-        others.empty() ? data->given_detections[order[1]] : set.data.given_detections[others.front()];
+    data->given_detections[order[0]].detection = others.empty() ? data->given_detections[order[1]].detection
+                                                                : set.data.given_detections[others.front()].detection;
   } else if (spoiling == Spoiling::kTurned) {
     const Eigen::Vector3d axis = random->NormalVector3().normalized();
-    Rigid3d& pose = data->captures[order[0]].base_from_gripper;
+    Rigid3d& pose = data->captures[order[0]].base_from_gripper[0];
     pose = pose * Rigid3d(ExpRotation(DegToRad(3.0) * axis), Eigen::Vector3d::Zero());
   }
 }
@@ -417,7 +411,7 @@ Subset Draw(const std::vector<RecordedSet>& sets, size_t which, Rng* random) {
   captures.resize(static_cast<size_t>(subset.num_captures));
   std::sort(captures.begin(), captures.end());
   subset.fixed = static_cast<size_t>(random->Index(static_cast<int>(kFixed.size())));
-  subset.data = Part(set, captures);
+  subset.data = PartOf(set.data, captures);
   if (FLAGS_spoil) {
     subset.spoiling = static_cast<Spoiling>(1 + random->Index(3));
     Spoil(set, captures, subset.spoiling, random, &subset.data);
@@ -527,8 +521,8 @@ int Soak() {
   for (const size_t i : chosen) is_needed[i % sets.size()] = true;
 
   // The whole sets. The lens that parts hold is the one that the whole set determines.
-  std::vector<std::pair<const PairDataset*, PairRunOptions>> whole_runs;
-  std::vector<PairDataset> held(sets.size());
+  std::vector<std::pair<const Dataset*, RunOptions>> whole_runs;
+  std::vector<Dataset> held(sets.size());
   for (size_t s = 0; s < sets.size(); ++s) {
     held[s] = sets[s].data;
     if (!FLAGS_statistics) continue;
@@ -538,16 +532,18 @@ int Soak() {
     }
     const Outcome<RunOutput> output = Run(sets[s].data, sets[s].options);
     if (output) {
-      sets[s].data.camera.reset();
-      held[s].camera = FindRefined(output->result)->camera;
+      Camera& camera = sets[s].data.rig.cameras[0].camera;
+      sets[s].data.has_camera = {false};
+      camera = {camera.model, 0, 0, {}};
+      Hold(FindRefined(output->result)->camera, &held[s]);
       std::printf("%-36s %s, %s\n", sets[s].name.c_str(), std::string(GradeName(output->result.verdict.grade)).c_str(),
                   output->result.model.camera.c_str());
     } else {
       std::printf("%-36s %s\n", sets[s].name.c_str(), output.reason().c_str());
     }
     for (size_t f = 0; f < kFixed.size(); ++f) {
-      const PairDataset& data = kFixed[f].lens && held[s].camera ? held[s] : sets[s].data;
-      whole_runs.emplace_back(&data, OptionsOf(sets[s], held[s].camera ? kFixed[f] : Fixed{false, kFixed[f].shape}));
+      const bool is_held = kFixed[f].lens && held[s].has_camera[0];
+      whole_runs.emplace_back(is_held ? &held[s] : &sets[s].data, OptionsOf(sets[s], kFixed[f]));
     }
   }
   const std::vector<Answer> whole = AnswersOf(whole_runs, [](size_t, const Answer&) {});
@@ -558,10 +554,15 @@ int Soak() {
     subsets.push_back(Draw(sets, static_cast<size_t>(i) % sets.size(), &random));
     Subset& subset = subsets.back();
     subset.opencv_answers = subset.spoiling == Spoiling::kNone && OpenCvAnswers(subset.data);
-    if (kFixed[subset.fixed].lens) subset.data.camera = held[subset.set].camera;
-    if (!held[subset.set].camera && kFixed[subset.fixed].lens) subset.fixed = kFixed[subset.fixed].shape ? 2 : 0;
+    if (!kFixed[subset.fixed].lens) continue;
+    const Dataset& of_set = held[subset.set];
+    if (of_set.has_camera[0]) {
+      Hold(of_set.rig.cameras[0].camera, &subset.data);
+    } else {
+      subset.fixed = kFixed[subset.fixed].shape ? 2 : 0;
+    }
   }
-  std::vector<std::pair<const PairDataset*, PairRunOptions>> runs;
+  std::vector<std::pair<const Dataset*, RunOptions>> runs;
   for (const size_t i : chosen) {
     runs.emplace_back(&subsets.at(i).data, OptionsOf(sets[subsets[i].set], kFixed[subsets[i].fixed]));
   }

@@ -19,24 +19,53 @@ std::string NameOfConfiguration(const Arm& arm, const Eigen::VectorXd& joints) {
 
 }  // namespace
 
-PairDataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target) {
-  PairDataset dataset;
+Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target) {
+  Dataset dataset = DatasetOf(setup, std::move(target), scene.camera);
   dataset.name = "cell";
-  dataset.setup = setup;
-  dataset.target = std::move(target);
-  dataset.camera = scene.camera;
   for (const View& view : scene.views) {
-    dataset.captures.push_back(
-        {view.name, "", CaptureRole::kNone, BaseFromGripper(setup, view.camera_mount_from_target_mount)});
-    CaptureDetection capture;
-    capture.width_px = scene.camera.width_px;
-    capture.height_px = scene.camera.height_px;
-    capture.detection.ids = view.observations.ids;
+    TargetDetection& given = dataset.given_detections.emplace_back();
+    given.capture = dataset.captures.size();
+    given.detection.width_px = scene.camera.width_px;
+    given.detection.height_px = scene.camera.height_px;
+    given.detection.detection.ids = view.observations.ids;
     for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
-      capture.detection.pixels.emplace_back(view.observations.pixels.col(i));
+      given.detection.detection.pixels.emplace_back(view.observations.pixels.col(i));
     }
-    dataset.given_detections.push_back(std::move(capture));
+    dataset.captures.push_back({view.name, {BaseFromGripper(setup, view.camera_mount_from_target_mount)}, {view.name}});
   }
+  return dataset;
+}
+
+Dataset PartOf(const Dataset& dataset, const std::vector<size_t>& captures) {
+  Dataset part = dataset;
+  part.captures.clear();
+  part.given_detections.clear();
+  part.target_poses.clear();
+  for (const size_t i : captures) {
+    for (const TargetDetection& given : dataset.given_detections) {
+      if (given.capture == i) part.given_detections.push_back({part.captures.size(), 0, 0, given.detection});
+    }
+    part.captures.push_back(dataset.captures[i]);
+    if (!dataset.target_poses.empty()) part.target_poses.push_back(dataset.target_poses[i]);
+  }
+  return part;
+}
+
+void SetArm(const ArmScene& scene, Dataset* dataset) {
+  dataset->arms = {RobotArm{scene.nominal, scene.tip_from_gripper, {}}};
+  for (size_t i = 0; i < scene.joints.size(); ++i) {
+    dataset->captures[i].joints = {{scene.joints[i].begin(), scene.joints[i].end()}};
+  }
+}
+
+RunOptions WithoutFolds() {
+  RunOptions options;
+  options.folds = 0;
+  return options;
+}
+
+Dataset WithFixedCamera(Dataset dataset) {
+  dataset.rig.cameras.front().free_intrinsics = {};
   return dataset;
 }
 
@@ -46,10 +75,10 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   options.num_captures = 150;
   options.tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.05});
   const ArmScene scene = MakeArmScene(seed, options);
-  PairDataset all = DatasetOf(scene.scene, options.setup, target);
+  Dataset all = DatasetOf(scene.scene, options.setup, target);
+  SetArm(scene, &all);
   std::map<std::string, std::vector<size_t>> captures_in;
   for (size_t i = 0; i < scene.joints.size(); ++i) {
-    all.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
     captures_in[NameOfConfiguration(scene.nominal, scene.joints[i])].push_back(i);
   }
   std::vector<std::pair<size_t, std::string>> by_size;
@@ -58,20 +87,17 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   CHECK_GE(by_size.size(), size_t{3}) << "seed " << seed << " of " << options.arm;
   const size_t in_others = (num_captures - in_third) / 2;
   ArmDataset made;
-  made.dataset = all;
-  made.dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
-  made.dataset.captures.clear();
-  made.dataset.given_detections.clear();
+  std::vector<size_t> taken;
   for (size_t k = 0; k < 3; ++k) {
     const std::vector<size_t>& captures = captures_in[by_size[k].second];
     const size_t num = std::min(captures.size(), k < 2 ? in_others : in_third);
     for (size_t c = 0; c < num; ++c) {
-      made.dataset.captures.push_back(all.captures[captures[c]]);
-      made.dataset.given_detections.push_back(all.given_detections[captures[c]]);
+      taken.push_back(captures[c]);
       made.configuration.push_back(by_size[k].second);
       made.camera_from_target.push_back(scene.scene.pairs[captures[c]].camera_from_target);
     }
   }
+  made.dataset = PartOf(all, taken);
   return made;
 }
 

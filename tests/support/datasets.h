@@ -6,18 +6,29 @@
 #include <vector>
 
 #include "heba/data/setup.h"
-#include "heba/pair_run.h"
+#include "heba/run.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
 
 // Returns the data set of a scene whose points are those of `target`, with the scene's camera.
-PairDataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target);
+Dataset DatasetOf(const TestScene& scene, Setup setup, std::shared_ptr<const Target> target);
+
+// Returns a data set of one camera with some of the captures, in this order, and their detections.
+Dataset PartOf(const Dataset& dataset, const std::vector<size_t>& captures);
+
+// Gives the only arm of a data set its kinematics and the positions of its joints.
+void SetArm(const ArmScene& scene, Dataset* dataset);
+
+// Returns the options of a run without a cross-validation.
+RunOptions WithoutFolds();
+// Takes the camera of a data set as it is given.
+Dataset WithFixedCamera(Dataset dataset);
 
 // A data set of an arm, whose captures are sorted by configuration, as a path visits them.
 struct ArmDataset {
-  PairDataset dataset;
+  Dataset dataset;
   std::vector<std::string> configuration;   // One per capture.
   std::vector<Rigid3d> camera_from_target;  // Likewise, free of noise.
 };

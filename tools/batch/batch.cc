@@ -12,7 +12,7 @@
 #include "heba/base/text.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
-#include "tools/pipeline/any_run.h"
+#include "tools/pipeline/pipeline.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
@@ -34,9 +34,9 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
   item.config_path = path;
   item.run.name = std::filesystem::path(path).stem().string();
   try {
-    const AnyConfig config = ReadAnyConfig(path, options.settings);
-    item.run.name = NameOf(config);
-    item.output = options.output.empty() ? OutputOf(config) : options.output / item.run.name;
+    const RunConfig config = ReadRunConfig(path, options.settings);
+    item.run.name = config.data.name;
+    item.output = options.output.empty() ? config.output : options.output / item.run.name;
   } catch (const std::exception& error) {
     item.is_wrong = true;
     item.run.reason = error.what();
@@ -60,12 +60,12 @@ void RunItem(const BatchOptions& options, int num_threads, Item* item) {
   if (item->is_wrong) return;
   try {
     // The config is read again, because the batch may have run for hours.
-    const AnyConfig config = ReadAnyConfig(item->config_path, options.settings);
+    const RunConfig config = ReadRunConfig(item->config_path, options.settings);
     if (options.resume) item->run.result = CurrentResult(item->output, config);
     item->was_there = item->run.result.has_value();
     if (item->was_there) return;
     Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunAny(config, item->output, num_threads, &console);
+    const Outcome<RunResult> result = RunPipeline(config, item->output, num_threads, &console);
     if (result) {
       item->run.result = *result;
     } else {

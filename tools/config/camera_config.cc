@@ -11,7 +11,7 @@
 #include "tools/config/file_kind.h"
 #include "tools/config/image_list.h"
 #include "tools/config/long_form.h"
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config.h"
 
 namespace heba {
 namespace {
@@ -50,20 +50,23 @@ std::string StatedModel(const ConfigValue& value) {
 }
 
 // Returns what the config of a run says about its camera, whose model is stated or empty.
-CameraConfig FromRun(const PairConfig& run, const std::string& model) {
+CameraConfig FromRun(const RunConfig& run, const std::string& model) {
   CameraConfig config;
   config.file = run.file;
   config.name = run.data.name;
   config.about = run.data.about;
-  config.target = run.data.target;
-  config.target_used = run.target_used;
-  for (const Capture& capture : run.data.captures) {
-    if (capture.image.empty()) throw InputError(run.file.string() + ": a camera is calibrated from images");
-    config.images.push_back(capture.image);
+  config.target = run.data.targets.front();
+  config.target_used = run.targets_used.front();
+  for (const Recording& capture : run.data.captures) {
+    const fs::path& image = capture.images.front();
+    if (image.empty() || !run.data.given_detections.empty()) {
+      throw InputError(run.file.string() + ": a camera is calibrated from images");
+    }
+    config.images.push_back(image);
   }
   config.options.model = model;
-  config.options.choose_bend = run.options.choose.target_shape;
-  config.options.loss = run.options.bundle.loss;
+  config.options.choose_bend = run.options.calibration.choose_target_shape;
+  config.options.loss = run.options.calibration.adjustment.loss;
   config.options.folds = run.options.folds;
   config.output = run.output.parent_path() / (run.data.name + "_camera");
   config.used = run.used;
@@ -84,7 +87,7 @@ CameraConfig ReadCameraConfig(const fs::path& path, const std::vector<std::strin
   MapReader reader(value);
   MapReader captures(reader.Get("captures"));
   for (const char* key : {"poses", "data", "detections", "target_poses"}) {
-    if (captures.Has(key)) return FromRun(ReadPairConfig(path, settings), StatedModel(value));
+    if (captures.Has(key)) return FromRun(ReadShortRunConfig(path, settings), StatedModel(value));
   }
   CameraConfig config;
   config.file = path;

@@ -37,7 +37,7 @@ std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
   return seen;
 }
 
-std::vector<Seen> SeenByOthers(MapReader* reader, PairConfig* config) {
+std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
   std::optional<MapReader> mapping;
   const PoseSource source = ReadPoseSource(*reader, "target_poses", &mapping);
   PoseFormat format = *FindPoseFormat("ros");
@@ -62,7 +62,7 @@ std::vector<Seen> SeenByOthers(MapReader* reader, PairConfig* config) {
 }
 
 // Reads points that another detector found, in the order of the target's points, from records.
-std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, PairConfig* config) {
+std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, RunConfig* config) {
   MapReader mapping(value.DownTo({"file"}));
   const fs::path file = mapping.InputPath("file");
   const std::string pixels = mapping.Text("pixels");
@@ -70,7 +70,6 @@ std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, Pai
   mapping.Finish();
   reader->Record("detections", mapping.used());
   config->data_files.push_back(file);
-  config->are_points_in_order = true;
   std::vector<Seen> seen;
   for (const PixelRecord& record : ReadPixelRecords(file, pixels, images)) {
     CaptureDetection detection;
@@ -82,7 +81,7 @@ std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, Pai
   return seen;
 }
 
-std::vector<Seen> SeenBefore(MapReader* reader, PairConfig* config) {
+std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
   const ConfigValue value = reader->Get("detections");
   if (value.IsMap()) return SeenInRecords(value, reader, config);
   const fs::path file = reader->InputPath("detections");
@@ -93,7 +92,7 @@ std::vector<Seen> SeenBefore(MapReader* reader, PairConfig* config) {
 }
 
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
-std::vector<Seen> SeenInDataSet(MapReader* reader, PairConfig* config) {
+std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
   const fs::path source = reader->InputPath("data");
   std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
@@ -124,15 +123,14 @@ std::vector<Seen> SeenInDataSet(MapReader* reader, PairConfig* config) {
 
 struct Source {
   const char* key;
-  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, PairConfig* config);
+  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, RunConfig* config);
 };
 constexpr Source kSources[] = {
-    {"images", [](const ConfigValue& value, MapReader* reader, PairConfig*) { return SeenInImages(value, reader); }},
+    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInImages(value, reader); }},
     {"target_poses",
-     [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenByOthers(reader, config); }},
-    {"detections",
-     [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenBefore(reader, config); }},
-    {"data", [](const ConfigValue&, MapReader* reader, PairConfig* config) { return SeenInDataSet(reader, config); }}};
+     [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
+    {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
+    {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
 
 // Returns the data set's poses as rows of a file in the form `ros`.
 std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
@@ -240,7 +238,7 @@ std::string ImageMeant(const std::string& name, const std::vector<std::string>& 
 // Returns the image that belongs to each row; nothing if there is none.
 std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
                                             const std::set<std::string>& excluded, const ConfigValue& seen_value,
-                                            const PairConfig& config) {
+                                            const fs::path& poses_file) {
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < seen.size(); ++i) {
     if (!place_of.emplace(seen[i].name, i).second) {
@@ -251,7 +249,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   if (rows.empty() || rows.front().image.empty()) {
     if (rows.size() != seen.size()) {
       if (auto by_number = PairByNumber(rows.size(), seen)) return *std::move(by_number);
-      throw InputError(config.poses_file.string() + ": has " + std::to_string(rows.size()) +
+      throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) +
                        " rows without an image column for " + std::to_string(seen.size()) +
                        " images; the counts must agree, or name the image of each row");
     }
@@ -259,8 +257,8 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     return pairs;
   }
   std::error_code error;
-  if (fs::is_directory(config.poses_file, error)) {
-    pairs = PairFiles(rows, seen, config.poses_file);
+  if (fs::is_directory(poses_file, error)) {
+    pairs = PairFiles(rows, seen, poses_file);
   } else {
     for (size_t i = 0; i < rows.size(); ++i) {
       const auto found = place_of.find(rows[i].image);
@@ -272,7 +270,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     if (!pairs[i]) continue;
     const auto [other, is_new] = row_of.emplace(*pairs[i], i);
     if (!is_new) {
-      throw InputError(config.poses_file.string() + ": " + rows[other->second].image + " and " + rows[i].image +
+      throw InputError(poses_file.string() + ": " + rows[other->second].image + " and " + rows[i].image +
                        " both belong to the image " + seen[*pairs[i]].name);
     }
   }
@@ -287,23 +285,22 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     const std::string meant = ImageMeant(rows[i].image, without_row);
     if (any && meant.empty()) continue;
     const std::string where =
-        rows[i].line > 0 ? config.poses_file.string() + ":" + std::to_string(rows[i].line) : config.poses_file.string();
+        rows[i].line > 0 ? poses_file.string() + ":" + std::to_string(rows[i].line) : poses_file.string();
     throw InputError(where + ": the image " + rows[i].image + " is not among those of " + seen_value.key() +
                      (meant.empty() ? "; nor is that of any other row" : meant));
   }
   return pairs;
 }
 
-void AddCapture(const Seen& seen, const PoseRow& row, PairConfig* config) {
-  Capture capture;
-  capture.name = seen.name;
-  capture.image = seen.image;
-  capture.role = row.role;
-  capture.base_from_gripper = BaseFromGripper(config->pose_reading, row.pose);
-  config->data.captures.push_back(capture);
-  config->pose_numbers.push_back(row.numbers);
-  if (seen.camera_from_target) config->data.target_poses.push_back(*seen.camera_from_target);
-  if (seen.detection) config->data.given_detections.push_back(*seen.detection);
+void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
+  Dataset& data = config->data;
+  PosesFileOfArm& arm = config->arms.front();
+  // The image of a given detection is a name only.
+  const fs::path image = seen.detection && seen.image.empty() ? fs::path(seen.name) : seen.image;
+  if (seen.detection) data.given_detections.push_back({data.captures.size(), 0, 0, *seen.detection});
+  if (seen.camera_from_target) data.target_poses.push_back(*seen.camera_from_target);
+  data.captures.push_back({seen.name, {BaseFromGripper(arm.reading, row.pose)}, {image}, {}, row.role});
+  arm.numbers.push_back(row.numbers);
 }
 
 }  // namespace
@@ -440,10 +437,10 @@ std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
 }
 
 // Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
-void CheckCaptures(const PairDataset& data, const ConfigValue& value) {
+void CheckCaptures(const Dataset& data, const ConfigValue& value) {
   if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
   const bool has_images = std::all_of(data.captures.begin(), data.captures.end(),
-                                      [](const Capture& capture) { return !capture.image.empty(); });
+                                      [](const Recording& capture) { return !capture.images.front().empty(); });
   if (!has_images && data.given_detections.empty() && data.target_poses.size() != data.captures.size()) {
     value.Fail(
         "neither images nor corners nor poses of the target belong to these poses; name the images "
@@ -453,31 +450,40 @@ void CheckCaptures(const PairDataset& data, const ConfigValue& value) {
 
 }  // namespace
 
-YAML::Node ReadCaptures(const ConfigValue& captures, PairConfig* config) {
+CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
+  CaptureSection section;
   MapReader reader(captures);
   const Source& source = FindSource(reader);
   const ConfigValue seen_value = reader.Get(source.key);
   const std::vector<Seen> seen = source.read(seen_value, &reader, config);
+  section.are_points_in_order = source.key == std::string("detections") && seen_value.IsMap();
+  if (!config->data_files.empty()) config->data.detections_source = config->data_files.front().string();
+  PosesFileOfArm& arm = config->arms.emplace_back();
+  arm.section = "captures";
   std::vector<PoseRow> rows;
   if (config->imported && !reader.Has("poses")) {
-    config->pose_reading.format = *FindPoseFormat("ros");
+    arm.reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
   } else {
     RobotPoses poses = ReadRobotPoses(reader);
-    config->poses_file = poses.file;
-    config->pose_reading = poses.reading;
+    arm.file = poses.file;
+    arm.reading = poses.reading;
+    config->data_files.push_back(poses.file);
     config->data_files.insert(config->data_files.end(), poses.data_files.begin(), poses.data_files.end());
     rows = std::move(poses.rows);
   }
-
-  ReadJointsFile(reader, config);
+  if (reader.Has("joints")) {
+    section.joints_file = reader.InputPath("joints");
+    arm.joints_are_deg = ReadJointsAreDeg(reader);
+    config->data_files.push_back(section.joints_file);
+  }
   const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
   reader.Finish();
-  const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, *config);
+  const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, arm.file);
   config->num_images = seen.size();
   config->poses_without_image = PosesWithoutImage(rows, image_of_row, excluded);
   for (const std::string& name : config->poses_without_image) {
-    config->data.left_out.push_back({name, "the image is not among those of " + seen_value.key()});
+    config->data.left_out.push_back({name, "the image is not among those of " + seen_value.key(), "", {}});
   }
   const std::vector<bool> is_excluded = ExcludedImages(seen, rows, image_of_row, excluded);
   std::vector<bool> has_row(seen.size(), false);
@@ -490,14 +496,15 @@ YAML::Node ReadCaptures(const ConfigValue& captures, PairConfig* config) {
   }
   for (size_t i = 0; i < seen.size(); ++i) {
     if (is_excluded[i]) {
-      config->data.left_out.push_back({seen[i].name, std::string(kExcludedReason)});
+      config->data.left_out.push_back({seen[i].name, std::string(kExcludedReason), "", {}});
     } else if (!has_row[i]) {
       config->images_without_pose.push_back(seen[i].name);
-      config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
+      config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file", "", {}});
     }
   }
   CheckCaptures(config->data, seen_value);
-  return reader.used();
+  section.used = reader.used();
+  return section;
 }
 
 }  // namespace heba

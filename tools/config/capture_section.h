@@ -7,7 +7,7 @@
 
 #include "heba/config/yaml_reader.h"
 #include "heba/io/pose_records.h"
-#include "tools/config/pair_config_types.h"
+#include "tools/config/run_config_types.h"
 
 namespace heba {
 
@@ -28,9 +28,16 @@ struct PoseSource {
 // mapping to the caller, who finishes `mapping`; it is nothing for a path.
 PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping);
 
-// Fills in the captures of a PairConfig from images (`images`), another project's data set (`data`, `format`), or
-// earlier measurements (`detections`, as in a run's folder, or `target_poses`: poses of the target in the camera, in
-// the form `ros` or another that they state). Returns the section as used.
-YAML::Node ReadCaptures(const ConfigValue& captures, PairConfig* config);
+// The section as used, and what of it cannot be read without the arm and the target.
+struct CaptureSection {
+  YAML::Node used;
+  std::filesystem::path joints_file;  // The recorded joints; empty if there are none.
+  bool are_points_in_order =
+      false;  // Whether the ids of given detections are places in the list of the target's points.
+};
+// Fills in the captures of a config of one camera and one arm from images (`images`), another project's data set
+// (`data`, `format`), or earlier measurements (`detections`, as in a run's folder, or `target_poses`: poses of the
+// target in the camera, in the form `ros` or another that they state).
+CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config);
 
 }  // namespace heba

@@ -19,12 +19,12 @@
 
 namespace heba {
 
-// The reason of what a config leaves out (LeftOut, LeftOutImages).
+// The reason of what a config leaves out (LeftOutImages).
 inline constexpr std::string_view kExcludedReason = "left out by captures.exclude";
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
-// Returns whether `key`, a target, holds the target in heba's keys (PairConfig::has_target_keys).
+// Returns whether `key`, a target, holds the target in heba's keys (RunConfig::has_target_keys).
 bool HoldsTargetKeys(MapReader& reader, const std::string& key);
 // Reads a key whose value is a pose.
 Rigid3d ReadPoseKey(MapReader& reader, const std::string& key);

@@ -8,7 +8,7 @@
 
 #include "heba/evaluation/run_result.h"
 #include "heba/target.h"
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config_types.h"
 
 namespace heba {
 

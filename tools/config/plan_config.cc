@@ -7,14 +7,15 @@
 #include "heba/robot/arm_postures.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/evaluate_section.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/finished_run.h"
 #include "tools/config/long_form.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/plan_section.h"
-#include "tools/config/requirements.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/run_config.h"
 #include "tools/config/run_folder.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -138,11 +139,11 @@ PlanConfig ReadCell(const fs::path& path, const std::vector<std::string>& settin
 }
 
 // Returns the box around the poses of a run, somewhat enlarged.
-PlanBox BoxAround(const std::vector<Capture>& captures) {
-  PlanBox box{captures.front().base_from_gripper.translation, captures.front().base_from_gripper.translation};
-  for (const Capture& capture : captures) {
-    box.low_m = box.low_m.cwiseMin(capture.base_from_gripper.translation);
-    box.high_m = box.high_m.cwiseMax(capture.base_from_gripper.translation);
+PlanBox BoxAround(const std::vector<Rigid3d>& base_from_gripper) {
+  PlanBox box{base_from_gripper.front().translation, base_from_gripper.front().translation};
+  for (const Rigid3d& pose : base_from_gripper) {
+    box.low_m = box.low_m.cwiseMin(pose.translation);
+    box.high_m = box.high_m.cwiseMax(pose.translation);
   }
   constexpr double kShare = 0.1;
   const Eigen::Vector3d more = kShare * (box.high_m - box.low_m);
@@ -156,7 +157,7 @@ PlanConfig ReadRun(const fs::path& path) {
   if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
     throw InputError(folder.string() + ": is the run of a rig; one of one camera, one target and one arm is needed");
   }
-  const PairConfig before = ReadPairConfig(folder / "config.yaml");
+  const RunConfig before = ReadShortRunConfig(folder / "config.yaml");
   MapReader root(ReadYamlFile(folder / "config.yaml"));
   const PlanSection plan = ReadPlan(root);
   PlanConfig config;
@@ -166,7 +167,7 @@ PlanConfig ReadRun(const fs::path& path) {
   config.output += "_plan.csv";
   config.cell = plan.cell;
   config.num_revisits = plan.num_revisits;
-  config.cell.setup = before.data.setup;
+  config.cell.setup = SetupOf(before.data);
   const Solution& solution = result.solution;
   config.cell.hand_eye = {solution.poses.mount_from_camera.front(), solution.poses.mount_from_target.front()};
   config.cell.camera = solution.cameras.front();
@@ -196,14 +197,14 @@ PlanConfig ReadRun(const fs::path& path) {
   TakeTarget(run.targets.front(), &config);
   config.pose_reading = run.pose_readings.front();
   config.joints_are_deg = run.joints_are_deg.front();
-  config.robot = before.data.robot;
+  config.robot = before.data.arms.front();
   if (config.robot) SetPostures(*config.robot, &config.cell);
   TakeRequirements(before.options.requirements, &config);
-  for (const Capture& capture : before.data.captures) {
+  for (const Recording& capture : before.data.captures) {
     config.former_names.push_back(capture.name);
-    config.cell.former_poses.push_back(capture.base_from_gripper);
+    config.cell.former_poses.push_back(capture.base_from_gripper.front());
   }
-  if (!config.cell.workspace) config.cell.workspace = BoxAround(before.data.captures);
+  if (!config.cell.workspace) config.cell.workspace = BoxAround(config.cell.former_poses);
   return config;
 }
 

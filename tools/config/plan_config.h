@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "heba/capture_plan.h"
-#include "heba/pair_run_types.h"
 #include "heba/robot/arm.h"
+#include "heba/run_types.h"
 #include "heba/target.h"
-#include "tools/config/pair_config_types.h"
+#include "tools/config/run_config_types.h"
 
 namespace heba {
 

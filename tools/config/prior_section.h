@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

@@ -2,6 +2,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -25,6 +26,38 @@ RobotNoise ReadRobotNoise(MapReader& reader, std::optional<double> fallback) {
   CheckRange(reader, "rotation", noise.rotation_rad, DegToRad(1), "deg", kMostDeg);
   reader.Finish();
   return noise;
+}
+
+void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options) {
+  AdjustmentOptions& adjustment = options->calibration.adjustment;
+  SmoothPoseErrors& smooth = options->calibration.smooth;
+  const std::optional<ConfigValue> value = refine.Find("robot_noise");
+  if (!value || value->IsText()) {
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact", "white", "smooth"}) : "auto";
+    const bool is_exact = name == "none" || name == "exact";
+    adjustment.robot = is_exact ? BundleOptions::Robot::kExact : BundleOptions::Robot::kEstimatedNoise;
+    smooth = name == "auto"     ? SmoothPoseErrors::kAuto
+             : name == "smooth" ? SmoothPoseErrors::kAlways
+                                : SmoothPoseErrors::kNone;
+    refine.Record("robot_noise", YAML::Node(name));
+    return;
+  }
+  MapReader reader(*value);
+  smooth = SmoothPoseErrors::kNone;
+  if (reader.Has("joints")) {
+    if (!IsSinglePair(data)) value->Fail("the noise of joints is that of the only arm, with one camera and one target");
+    if (data.arms.empty() || !data.arms.front()) value->Fail("the noise of joints needs an arm (robot.model)");
+    reader.Choice("joints", {"auto"});
+    reader.Finish();
+    options->joint_noise = true;
+    adjustment.robot = BundleOptions::Robot::kEstimatedNoise;
+  } else if (reader.Has("translation") || reader.Has("rotation")) {
+    adjustment.robot = BundleOptions::Robot::kGivenNoise;
+    adjustment.robot_noise = ReadRobotNoise(reader);
+  } else {
+    value->Fail("must be one of: auto, none, white, smooth, {translation: ..., rotation: ...}, {joints: auto}");
+  }
+  refine.Record("robot_noise", reader.used());
 }
 
 }  // namespace heba

@@ -3,6 +3,7 @@
 
 #include "heba/config/yaml_reader.h"
 #include "heba/data/pair_solution.h"
+#include "heba/run_types.h"
 
 namespace heba {
 
@@ -10,5 +11,9 @@ namespace heba {
 // value of a key that is left out; without it both keys are required. Throws InputError for values that no robot has:
 // negative, more than 100 mm or 10 deg, or not zero but less than a millionth of a millimetre or of a degree.
 RobotNoise ReadRobotNoise(MapReader& reader, std::optional<double> fallback = std::nullopt);
+
+// Reads the key `robot_noise` of `refine`: "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth",
+// both sigmas, or {joints: auto}, which the only arm of `data` must have.
+void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options);
 
 }  // namespace heba

@@ -100,13 +100,6 @@ Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, 
   return positions;
 }
 
-void ReadJointsFile(MapReader& captures, PairConfig* config) {
-  if (!captures.Has("joints")) return;
-  config->joints_file = captures.InputPath("joints");
-  config->joints_are_deg = ReadJointsAreDeg(captures);
-  config->data_files.push_back(config->joints_file);
-}
-
 std::optional<double> ReadRobotScale(MapReader& reader) {
   if (reader.Has("scale_sigma")) return reader.Ratio("scale_sigma");
   if (reader.Has("kinematics")) return kCalibratedRobotScaleSigma;
@@ -149,38 +142,38 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
   return robot;
 }
 
-void ReadRobotSection(MapReader& root, PairConfig* config) {
+void ReadRobotSection(MapReader& root, const std::filesystem::path& joints_file, RunConfig* config) {
+  Dataset& data = config->data;
+  data.arms = {std::nullopt};
+  data.robot_scale_sigmas = {std::nullopt};
   const std::optional<ConfigValue> value = root.Find("robot");
   if (!value) {
-    if (!config->joints_file.empty()) {
-      throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
-    }
+    if (!joints_file.empty()) throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
     return;
   }
   if (value->IsText()) value->Fail("must be a mapping: {model: " + value->AsText() + "}");
   MapReader reader(*value);
-  config->data.robot_scale_sigma = ReadRobotScale(reader);
+  data.robot_scale_sigmas = {ReadRobotScale(reader)};
   if (NamesNoArm(*value)) {
     root.Record("robot", reader.used());
-    if (!config->joints_file.empty()) value->Fail("captures.joints needs an arm (robot.model)");
+    if (!joints_file.empty()) value->Fail("captures.joints needs an arm (robot.model)");
     return;
   }
   RobotArm robot = ReadRobotArm(reader, &config->data_files);
   reader.Finish();
   root.Record("robot", reader.used());
-  const PoseFormat& format = config->pose_reading.format;
-  if (config->joints_file.empty() && IsOfJoints(format, robot.arm)) {
-    for (size_t i = 0; i < config->data.captures.size(); ++i) {
-      config->data.captures[i].joints = JointsOfNumbers(robot.arm, format, config->pose_numbers[i]);
+  const PosesFileOfArm& poses = config->arms.front();
+  if (!joints_file.empty()) {
+    std::vector<std::string> names;
+    for (const Recording& capture : data.captures) names.push_back(capture.name);
+    std::vector<std::vector<double>> joints = ReadJoints(robot.arm, joints_file, poses.joints_are_deg, names);
+    for (size_t i = 0; i < names.size(); ++i) data.captures[i].joints = {std::move(joints[i])};
+  } else if (IsOfJoints(poses.reading.format, robot.arm)) {
+    for (size_t i = 0; i < data.captures.size(); ++i) {
+      data.captures[i].joints = {JointsOfNumbers(robot.arm, poses.reading.format, poses.numbers[i])};
     }
   }
-  if (!config->joints_file.empty()) {
-    std::vector<std::string> names;
-    for (const Capture& capture : config->data.captures) names.push_back(capture.name);
-    std::vector<std::vector<double>> joints = ReadJoints(robot.arm, config->joints_file, config->joints_are_deg, names);
-    for (size_t i = 0; i < names.size(); ++i) config->data.captures[i].joints = std::move(joints[i]);
-  }
-  config->data.robot = std::move(robot);
+  data.arms = {std::move(robot)};
 }
 
 bool IsOfJoints(const PoseFormat& format, const Arm& arm) {

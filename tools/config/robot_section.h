@@ -7,7 +7,7 @@
 
 #include "heba/config/yaml_reader.h"
 #include "heba/robot/arm.h"
-#include "tools/config/pair_config_types.h"
+#include "tools/config/run_config_types.h"
 
 namespace heba {
 
@@ -17,10 +17,6 @@ bool ReadJointsAreDeg(MapReader& captures);
 std::vector<std::string> JointColumns(const Arm& arm);
 // Returns the positions of the joints (rad or m) from numbers of a file, whose angles may be in degrees.
 Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, bool are_deg);
-
-// Reads the file of recorded joints, `joints` with `joint_angle` of `captures`, if there is one: columns j1 to jN and
-// optionally image.
-void ReadJointsFile(MapReader& captures, PairConfig* config);
 
 // Reads the recorded joints (rad or m) of the captures with these names: columns j1 to jN and optionally image. The
 // rows belong to the captures by image, or by order.
@@ -44,8 +40,8 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
 bool IsOfJoints(const PoseFormat& format, const Arm& arm);
 std::vector<double> JointsOfNumbers(const Arm& arm, const PoseFormat& format, const std::vector<double>& numbers);
 
-// Reads the arm and, if PairConfig::joints_file names a file, the joints of the captures.
-void ReadRobotSection(MapReader& root, PairConfig* config);
+// Reads the only arm and, unless `joints_file` is empty, the joints of the captures.
+void ReadRobotSection(MapReader& root, const std::filesystem::path& joints_file, RunConfig* config);
 
 // Reads which errors of the arms are estimated. `arms` are those whose kinematics are known, `key` the one that names
 // an arm.

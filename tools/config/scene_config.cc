@@ -12,7 +12,6 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/file_kind.h"
 #include "tools/config/long_form.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/text/arm_keys.h"
 

@@ -13,9 +13,9 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/file_kind.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/scene_config.h"
+#include "tools/config/short_run_config.h"
 #include "tools/config/study_robot.h"
 #include "tools/run/arm_setup.h"
 

@@ -14,6 +14,7 @@
 #include "tools/doctor/mounts.h"
 #include "tools/doctor/pairs.h"
 #include "tools/files/cached_detector.h"
+#include "tools/run/arm_setup.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
@@ -24,19 +25,13 @@ std::vector<Symptom> Check_robot(Examination* examination);
 
 namespace {
 
-// Returns whether the joints of an arm are recorded in all captures.
-bool AreJointsRecorded(const RunConfig& config, size_t robot) {
-  return std::all_of(config.data.captures.begin(), config.data.captures.end(),
-                     [&](const Recording& capture) { return !capture.joints[robot].empty(); });
-}
-
 // Examines whether joints and poses are those of the arms that the config names. Recorded joints need no images.
 // Otherwise arms and tools are compared by the images of one pair of each arm, the one that is seen most.
 std::vector<Symptom> SymptomsOfArms(const RunConfig& config, const std::vector<DiagnosedPair>& pairs, int num_threads) {
   std::vector<Symptom> symptoms;
   for (size_t r = 0; r < config.data.rig.robots.size(); ++r) {
     if (!config.data.arms[r]) continue;
-    const bool is_recorded = AreJointsRecorded(config, r);
+    const bool is_recorded = AreJointsRecorded(config.data, r);
     std::optional<DoctorPair> best;
     for (const DiagnosedPair& diagnosed : pairs) {
       const DoctorPair& pair = diagnosed.pair;
@@ -49,11 +44,11 @@ std::vector<Symptom> SymptomsOfArms(const RunConfig& config, const std::vector<D
     }
     Examination examination;
     examination.config = ConfigWithArm(config, *best);
-    examination.camera = examination.config.data.camera;
+    if (config.data.has_camera[best->camera]) examination.camera = config.data.rig.cameras[best->camera].camera;
     examination.num_threads = num_threads;
     if (!is_recorded) examination.detections = Detections(examination.config, num_threads, Verbosity::kQuiet);
     for (Symptom& symptom : Check_robot(&examination)) {
-      symptoms.push_back(AsTargetDetections(config, *best, std::move(symptom)));
+      symptoms.push_back(InLongForm(config, *best, std::move(symptom)));
       if (config.data.rig.robots.size() == 1) continue;
       symptoms.back().what = "arm " + config.data.rig.robots[r] + ": " + symptoms.back().what;
     }
@@ -83,7 +78,7 @@ std::vector<Symptom> UnseenTargets(const RunConfig& config, const std::vector<Ta
       const Diagnosis diagnosis = DiagnosePair(config, pair, num_threads, Verbosity::kQuiet);
       for (const Symptom& symptom : diagnosis.symptoms) {
         if (symptom.code.name() != "target") continue;
-        unseen = AsTargetDetections(config, pair, symptom);
+        unseen = InLongForm(config, pair, symptom);
         unseen.what = WhereText(config, {pair}) + ": " + unseen.what;
         break;
       }
@@ -156,8 +151,8 @@ bool IsExplainedByMotion(const Symptom& symptom, const Calibration& calibration)
 }
 
 Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine) {
-  std::vector<DetectFunction> detect;
-  for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
+  if (IsShort(config.data.rig)) return DiagnosePair(config, num_threads, verbosity, examine);
+  const std::vector<DetectFunction> detect = CachedDetections(config.data, config.targets_used);
   ProgressObserver observer(verbosity);
   const std::vector<TargetDetection> detections = DetectDataset(config.data, detect, num_threads, &observer);
   Diagnosis diagnosis;

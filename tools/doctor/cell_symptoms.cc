@@ -206,7 +206,7 @@ std::vector<Symptom> SymptomsOfPairs(const RunConfig& config, const std::vector<
       // A fault of all captures may cause those of single ones.
       const bool is_certain = diagnosis.NumWrong() == 0 || of_pair.severity == Severity::kWrong;
       if (!is_certain && IsOfSingleCaptures(of_pair)) continue;
-      Symptom symptom = AsTargetDetections(config, pair, of_pair);
+      Symptom symptom = InLongForm(config, pair, of_pair);
       const auto known = std::find_if(shared.begin(), shared.end(),
                                       [&](const SharedSymptom& other) { return IsShared(other, symptom, pair); });
       if (known == shared.end()) {

@@ -34,8 +34,8 @@ bool Has(const Diagnosis& diagnosis, SymptomCode code) {
 
 int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
 
-Diagnosis Diagnose(const PairConfig& config, int num_threads, Verbosity verbosity, Examine examine,
-                   const CellContext& rig) {
+Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine,
+                       const CellContext& rig) {
   Examination examination;
   examination.config = config;
   examination.num_threads = num_threads;

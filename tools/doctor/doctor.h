@@ -1,11 +1,12 @@
-// Diagnoses a data set: runs every check of checks.def on the data as corrected by the checks before.
+// Diagnoses a data set of one camera, one target and one arm: runs every check of checks.def on the data as corrected
+// by the checks before.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 #include "tools/text/console.h"
@@ -25,9 +26,9 @@ struct Diagnosis {
 // The scope of an examination: the inputs alone, or also the result that they lead to.
 enum class Examine { kInputs, kInputsAndResult };
 
-// Diagnoses a data set. `rig`: Examination::rig. Throws InputError if the images cannot be read.
-Diagnosis Diagnose(const PairConfig& config, int num_threads, Verbosity verbosity,
-                   Examine examine = Examine::kInputsAndResult, const CellContext& rig = {});
+// Diagnoses such a data set. `rig`: Examination::rig. Throws InputError if the images cannot be read.
+Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbosity,
+                       Examine examine = Examine::kInputsAndResult, const CellContext& rig = {});
 
 // Puts faults before remarks; the order is otherwise kept.
 void SortBySeverity(Diagnosis* diagnosis);

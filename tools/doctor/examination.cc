@@ -4,6 +4,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/image_detection.h"
 #include "solvers/initial/target_pose.h"
 #include "tools/files/cached_detector.h"
 #include "tools/run/captures.h"
@@ -12,25 +13,26 @@
 
 namespace heba {
 
-std::vector<CaptureDetection> Detections(const PairConfig& config, int num_threads, Verbosity verbosity) {
+std::vector<TargetDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
   ProgressObserver observer(verbosity);
-  return DetectCaptures(config.data, CachedDetection(config.data, config.target_used), num_threads, &observer);
+  return DetectDataset(config.data, CachedDetections(config.data, config.targets_used), num_threads, &observer);
 }
 
-size_t NumSeen(const std::vector<CaptureDetection>& detections) {
-  return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
-    return static_cast<int>(capture.detection.ids.size()) >= kMinPosePoints;
+size_t NumSeen(const std::vector<TargetDetection>& detections) {
+  return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const TargetDetection& seen) {
+    return static_cast<int>(seen.detection.detection.ids.size()) >= kMinPosePoints;
   }));
 }
 
-std::vector<ExaminedView> ExamineViews(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
+std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                        const Camera& camera) {
-  const std::vector<Rigid3d> symmetries = dataset.target->Symmetries();
+  const Target& target = *dataset.targets.front();
+  const std::vector<Rigid3d> symmetries = target.Symmetries();
   std::vector<ExaminedView> views;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+  for (const TargetDetection& seen : detections) {
     ExaminedView examined;
-    examined.capture = i;
-    examined.view = ViewOf(dataset, i, ObservationsOf(*dataset.target, detections[i].detection));
+    examined.capture = seen.capture;
+    examined.view = ViewOf(dataset, seen.capture, ObservationsOf(target, seen.detection.detection));
     if (examined.view.observations.size() < kMinPosePoints) continue;
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, examined.view.observations);
     if (poses.empty()) continue;
@@ -45,7 +47,7 @@ std::vector<ExaminedView> ExamineViews(const PairDataset& dataset, const std::ve
   return views;
 }
 
-std::vector<ExaminedView> ViewsOfPoses(const PairDataset& dataset) {
+std::vector<ExaminedView> ViewsOfPoses(const Dataset& dataset) {
   std::vector<ExaminedView> views;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     views.push_back({i, ViewOf(dataset, i, {}), {dataset.target_poses[i]}, 0});

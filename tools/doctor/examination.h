@@ -8,14 +8,14 @@
 #include "heba/detection.h"
 #include "solvers/initial/pose_consistency.h"
 #include "solvers/initial/usable_views.h"
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config.h"
 #include "tools/text/console.h"
 
 namespace heba {
 
 // A capture whose image determines a pose of the target.
 struct ExaminedView {
-  size_t capture = 0;  // Index into PairDataset::captures.
+  size_t capture = 0;  // Index into Dataset::captures.
   View view;           // Has the robot pose as corrected by the checks before.
   // All poses that the image allows (PoseCandidates), as seen by Examination::camera.
   std::vector<Rigid3d> camera_from_target;
@@ -50,9 +50,9 @@ struct CellContext {
 };
 
 struct Examination {
-  PairConfig config;
-  std::vector<CaptureDetection> detections;  // Made by the first check.
-  std::optional<Camera> camera;              // Given, or estimated from the images; not set if neither is possible.
+  RunConfig config;                         // Its data set has one camera, one target and one arm.
+  std::vector<TargetDetection> detections;  // Made by the first check.
+  std::optional<Camera> camera;             // Given, or estimated from the images; not set if neither is possible.
   std::vector<ExaminedView> views;
   bool found_wrong = false;  // Whether a check before found a fault.
   // Set by the check of the poses; not set if neither images nor motion determine it.
@@ -63,18 +63,18 @@ struct Examination {
 };
 
 // Returns the detections in the captures of the config, from the cache if they are there.
-std::vector<CaptureDetection> Detections(const PairConfig& config, int num_threads, Verbosity verbosity);
+std::vector<TargetDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity);
 
 // Returns the number of images in which the target shows enough points for a pose.
-size_t NumSeen(const std::vector<CaptureDetection>& detections);
+size_t NumSeen(const std::vector<TargetDetection>& detections);
 
 // Returns the views of the captures with enough points, with the target's poses as seen by `camera`. Views that no
 // pose explains are left out.
-std::vector<ExaminedView> ExamineViews(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
+std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                        const Camera& camera);
 
 // Returns the views of captures whose target poses are given.
-std::vector<ExaminedView> ViewsOfPoses(const PairDataset& dataset);
+std::vector<ExaminedView> ViewsOfPoses(const Dataset& dataset);
 
 // Returns `views` as pairs of poses.
 std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views);

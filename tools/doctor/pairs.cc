@@ -36,51 +36,47 @@ bool IsToBeDiagnosed(const DoctorPair& pair) {
 }
 
 // Returns the given detections of a pair in its captures.
-std::vector<CaptureDetection> GivenDetectionsOf(const Dataset& data, const DoctorPair& pair) {
-  std::vector<CaptureDetection> given;
-  for (const size_t i : pair.captures) {
+std::vector<TargetDetection> GivenDetectionsOf(const Dataset& data, const DoctorPair& pair) {
+  std::vector<TargetDetection> given;
+  for (size_t k = 0; k < pair.captures.size(); ++k) {
     for (const TargetDetection& detection : data.given_detections) {
-      if (detection.capture == i && detection.camera == pair.camera && detection.target == pair.target) {
-        given.push_back(detection.detection);
+      if (detection.capture == pair.captures[k] && detection.camera == pair.camera && detection.target == pair.target) {
+        given.push_back({k, 0, 0, detection.detection});
       }
     }
   }
   return given;
 }
 
-// Returns the data set of a pair as that of one camera.
-PairConfig ConfigOf(const RunConfig& config, const DoctorPair& pair) {
+// Returns the config of a pair in the short form, without the kinematics of the arm.
+RunConfig ConfigOf(const RunConfig& config, const DoctorPair& pair) {
   const Dataset& data = config.data;
   const ProblemCamera& camera = data.rig.cameras[pair.camera];
-  PairConfig of_pair;
+  const bool is_carried = camera.mount == Mount{pair.robot, Mount::Part::kGripper};
+  RunConfig of_pair;
   of_pair.file = config.file;
-  of_pair.data.name = data.name;
-  of_pair.data.setup = camera.mount == Mount{pair.robot, Mount::Part::kGripper} ? Setup::kEyeInHand : Setup::kEyeToHand;
-  of_pair.data.target = data.targets[pair.target];
-  of_pair.target_used = config.targets_used[pair.target];
-  of_pair.has_target_keys = config.has_target_keys[pair.target];
-  if (data.has_camera[pair.camera]) {
-    of_pair.data.camera = camera.camera;
-    of_pair.data.camera_source = data.camera_sources[pair.camera];
-  }
-  of_pair.options.choose_camera_model = camera.camera.model.empty();
-  of_pair.options.camera_model = camera.camera.model.empty() ? "auto" : camera.camera.model;
-  of_pair.options.bundle.free_intrinsics = camera.free_intrinsics;
-  of_pair.options.bundle.camera_prior = camera.prior;
+  of_pair.data = DatasetOf(is_carried ? Setup::kEyeInHand : Setup::kEyeToHand, data.targets[pair.target]);
+  Dataset& of_data = of_pair.data;
+  of_data.name = data.name;
+  ProblemCamera& only = of_data.rig.cameras.front();
+  only.camera = camera.camera;
+  only.free_intrinsics = camera.free_intrinsics;
+  only.prior = camera.prior;
+  of_data.has_camera = {data.has_camera[pair.camera]};
+  of_data.camera_sources = {data.camera_sources[pair.camera]};
+  of_data.arms = {std::nullopt};
+  of_data.given_detections = GivenDetectionsOf(data, pair);
+  of_data.detections_source = data.detections_source;
+  of_pair.targets_used = {config.targets_used[pair.target]};
+  of_pair.has_target_keys = {config.has_target_keys[pair.target]};
   const PosesFileOfArm& arm = config.arms[pair.robot];
-  of_pair.poses_file = arm.file;
-  of_pair.pose_reading = arm.reading;
+  of_pair.arms = {{"captures", arm.file, arm.reading, {}, arm.joints_are_deg}};
   of_pair.num_images = pair.captures.size();
   for (const size_t i : pair.captures) {
-    Capture capture;
-    capture.name = data.captures[i].name;
-    if (data.given_detections.empty()) capture.image = data.captures[i].images[pair.camera];
-    capture.base_from_gripper = data.captures[i].base_from_gripper[pair.robot];
-    of_pair.data.captures.push_back(std::move(capture));
-    of_pair.pose_numbers.push_back(arm.numbers[i]);
+    const Recording& capture = data.captures[i];
+    of_data.captures.push_back({capture.name, {capture.base_from_gripper[pair.robot]}, {capture.images[pair.camera]}});
+    of_pair.arms.front().numbers.push_back(arm.numbers[i]);
   }
-  of_pair.data.given_detections = GivenDetectionsOf(data, pair);
-  of_pair.data.detections_source = data.detections_source;
   return of_pair;
 }
 
@@ -165,18 +161,17 @@ std::vector<DoctorPair> PairsOf(const RunConfig& config, const std::vector<Targe
   return pairs;
 }
 
-PairConfig ConfigWithArm(const RunConfig& config, const DoctorPair& pair) {
-  PairConfig of_pair = ConfigOf(config, pair);
-  of_pair.data.robot = config.data.arms[pair.robot];
-  of_pair.joints_are_deg = config.arms[pair.robot].joints_are_deg;
+RunConfig ConfigWithArm(const RunConfig& config, const DoctorPair& pair) {
+  RunConfig of_pair = ConfigOf(config, pair);
+  of_pair.data.arms = {config.data.arms[pair.robot]};
   of_pair.options.kinematics = config.options.kinematics;
   for (size_t k = 0; k < pair.captures.size(); ++k) {
-    of_pair.data.captures[k].joints = config.data.captures[pair.captures[k]].joints[pair.robot];
+    of_pair.data.captures[k].joints = {config.data.captures[pair.captures[k]].joints[pair.robot]};
   }
   return of_pair;
 }
 
-Symptom AsTargetDetections(const RunConfig& config, const DoctorPair& pair, Symptom symptom) {
+Symptom InLongForm(const RunConfig& config, const DoctorPair& pair, Symptom symptom) {
   const std::vector<std::pair<std::string, std::string>> keys = LongFormKeys(config, pair);
   symptom.what = Replaced(std::move(symptom.what), keys);
   symptom.cure = Replaced(std::move(symptom.cure), keys);
@@ -219,7 +214,7 @@ std::string WhereText(const RunConfig& config, const std::vector<DoctorPair>& pa
 }
 
 Diagnosis DiagnosePair(const RunConfig& config, const DoctorPair& pair, int num_threads, Verbosity verbosity) {
-  return Diagnose(ConfigOf(config, pair), num_threads, verbosity, Examine::kInputs, ContextOf(config, pair));
+  return DiagnosePair(ConfigOf(config, pair), num_threads, verbosity, Examine::kInputs, ContextOf(config, pair));
 }
 
 std::vector<DiagnosedPair> DiagnosePairs(const RunConfig& config, std::vector<DoctorPair> pairs, int num_threads,

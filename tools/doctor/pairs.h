@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "heba/run.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/doctor.h"
 #include "tools/text/console.h"
@@ -52,7 +51,7 @@ bool IsSeen(const TargetDetection& detection);
 std::vector<DoctorPair> PairsOf(const RunConfig& config, const std::vector<TargetDetection>& detections);
 
 // Returns the data set of a pair as that of one camera, with the kinematics and the recorded joints of its arm.
-PairConfig ConfigWithArm(const RunConfig& config, const DoctorPair& pair);
+RunConfig ConfigWithArm(const RunConfig& config, const DoctorPair& pair);
 
 // Diagnose pairs as data sets of one camera.
 Diagnosis DiagnosePair(const RunConfig& config, const DoctorPair& pair, int num_threads, Verbosity verbosity);
@@ -60,7 +59,7 @@ std::vector<DiagnosedPair> DiagnosePairs(const RunConfig& config, std::vector<Do
                                          Verbosity verbosity);
 
 // Returns a symptom of a pair with the keys of the rig's config.
-Symptom AsTargetDetections(const RunConfig& config, const DoctorPair& pair, Symptom symptom);
+Symptom InLongForm(const RunConfig& config, const DoctorPair& pair, Symptom symptom);
 
 // Returns whether a pair has a symptom with one of these codes that is wrong.
 template <class Codes>

@@ -12,7 +12,7 @@
 #include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "tools/config/capture_section.h"
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config.h"
 
 namespace heba {
 namespace {
@@ -308,11 +308,10 @@ PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, con
 }
 
 // Reads the config with `format`, or returns nothing if that fails; the caller reports faults of the pose file.
-std::optional<PairConfig> ReadWith(const fs::path& config, std::vector<std::string> settings,
-                                   const PoseFormat& format) {
+std::optional<RunConfig> ReadWith(const fs::path& config, std::vector<std::string> settings, const PoseFormat& format) {
   settings.push_back(PoseFormatSetting(format));
   try {
-    return ReadPairConfig(config, settings);
+    return ReadShortRunConfig(config, settings);
   } catch (const InputError&) {
     return std::nullopt;
   }
@@ -416,9 +415,9 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
     // The images determine what the size of the numbers does not; the second round shows the other checks the correct
     // poses.
     for (int round = 0; round < 2; ++round) {
-      const std::optional<PairConfig> read = ReadWith(config, settings, guessed.format);
+      const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
       if (!read) return first;
-      guessed.diagnosis = Diagnose(*read, num_threads, verbosity, examine);
+      guessed.diagnosis = DiagnosePair(*read, num_threads, verbosity, examine);
       const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
       guessed.fits = fit && fit->fits;
       if (!fit || PoseFormatText(fit->format) == PoseFormatText(guessed.format)) break;

@@ -19,7 +19,7 @@
 #include "heba/io/pose_source.h"
 #include "heba/target.h"
 #include "tools/config/commented_config.h"
-#include "tools/config/pair_config.h"
+#include "tools/config/run_config.h"
 #include "tools/doctor/pose_guess.h"
 
 namespace heba {
@@ -168,7 +168,7 @@ std::string InPathsOfUser(const std::string& fault, const fs::path& trial, const
 // Explains why the trial config cannot be read; empty if it can be.
 std::string FaultOfTrial(const fs::path& trial, const RawFolder& raw, const RawPoses& poses) {
   try {
-    ReadPairConfig(trial);
+    ReadShortRunConfig(trial);
   } catch (const InputError& fault) {
     return "the data set cannot be read: " + InPathsOfUser(fault.what(), trial, raw, poses);
   }
@@ -243,16 +243,16 @@ void DescribeFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is
 void CheckWritten(const RawConfig& made, const std::string& text, const fs::path& trial, const Trial& best,
                   int num_threads) {
   WriteFileAtomically(trial, text);
-  const PairConfig read =
-      ReadPairConfig(trial, made.setup ? std::vector<std::string>{}
-                                       : std::vector<std::string>{"setup=" + std::string(SetupName(best.setup))});
-  const Diagnosis diagnosis = Diagnose(read, num_threads, Verbosity::kQuiet, Examine::kInputs);
+  const RunConfig read =
+      ReadShortRunConfig(trial, made.setup ? std::vector<std::string>{}
+                                           : std::vector<std::string>{"setup=" + std::string(SetupName(best.setup))});
+  const Diagnosis diagnosis = DiagnosePair(read, num_threads, Verbosity::kQuiet, Examine::kInputs);
   constexpr double kAsGood = 1.2;
   if (diagnosis.pose_fit && diagnosis.pose_fit->fits && diagnosis.pose_fit->misfit_m <= kAsGood * best.MisfitM())
     return;
   throw InputError(PlaceText(best.poses) + ": an error of heba: the poses fit as " +
                    ReadingInWords(best.reading.format) + " (" + best.reading.diagnosis.pose_fit->misfit +
-                   "), but not as pose_format: " + PoseFormatText(read.pose_reading.format) +
+                   "), but not as pose_format: " + PoseFormatText(read.arms.front().reading.format) +
                    " would have been written (" +
                    (diagnosis.pose_fit ? diagnosis.pose_fit->misfit : std::string("no fit")) + ")");
 }
@@ -404,7 +404,7 @@ std::optional<RawConfig> ConfigOfDataSet(const fs::path& folder, const RawFolder
     if (known && setup != *known) continue;
     WriteFileAtomically(trial.config(), text_of(setup, {}, {}));
     const Diagnosis diagnosis =
-        Diagnose(ReadPairConfig(trial.config()), num_threads, Verbosity::kQuiet, Examine::kInputs);
+        DiagnosePair(ReadShortRunConfig(trial.config()), num_threads, Verbosity::kQuiet, Examine::kInputs);
     const std::optional<PoseFit>& fit = diagnosis.pose_fit;
     if (!fit || !fit->fits || (best_m && fit->misfit_m >= *best_m)) continue;
     best_m = fit->misfit_m;

@@ -2,6 +2,7 @@
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/image_detection.h"
 #include "tools/run/digest.h"
 
 namespace heba {
@@ -45,16 +46,18 @@ CaptureDetection CachedDetector::Detect(const std::filesystem::path& image,
   return std::move(*detection);
 }
 
-DetectFunction CachedDetection(const PairDataset& dataset, const std::string& target_used) {
-  if (!dataset.given_detections.empty() || !dataset.target_poses.empty()) return {};
-  return CachedDetection(target_used);
-}
-
 DetectFunction CachedDetection(const std::string& target_used) {
   const auto detector = std::make_shared<const CachedDetector>(target_used);
   return [detector](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
     return detector->Detect(image, expected);
   };
+}
+
+std::vector<DetectFunction> CachedDetections(const Dataset& dataset, const std::vector<std::string>& targets_used) {
+  std::vector<DetectFunction> detect;
+  if (!dataset.given_detections.empty() || !dataset.target_poses.empty()) return detect;
+  for (const std::string& target : targets_used) detect.push_back(CachedDetection(target));
+  return detect;
 }
 
 }  // namespace heba

@@ -6,8 +6,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "heba/pair_run.h"
+#include "heba/run_types.h"
 #include "tools/files/detection_cache.h"
 
 namespace heba {
@@ -36,9 +37,9 @@ class CachedDetector {
   mutable std::atomic<bool> has_kept_ = false;
 };
 
-// Returns a function that detects by a CachedDetector, for PairRunOptions::detect and DetectCaptures; an empty one if
-// the data set has no images to search.
-DetectFunction CachedDetection(const PairDataset& dataset, const std::string& target_used);
+// Returns a function that detects a target by a CachedDetector.
 DetectFunction CachedDetection(const std::string& target_used);
+// Returns such functions for RunOptions::detect, one for each target of a data set; none if it has no images to search.
+std::vector<DetectFunction> CachedDetections(const Dataset& dataset, const std::vector<std::string>& targets_used);
 
 }  // namespace heba

@@ -13,19 +13,19 @@ constexpr const char* kDetectionSchema = "heba/detections/1";
 
 }  // namespace
 
-std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections) {
+std::string DetectionsToJson(const NamedDetections& detections) {
   using Json = nlohmann::ordered_json;
   Json json;
   json["schema"] = kDetectionSchema;
   json["captures"] = Json::array();
-  for (size_t i = 0; i < captures.size(); ++i) {
+  for (const auto& [image, seen] : detections) {
     Json pixels = Json::array();
-    for (const Eigen::Vector2d& pixel : detections[i].detection.pixels) pixels.push_back({pixel.x(), pixel.y()});
-    json["captures"].push_back(Json{{"image", captures[i].name},
-                                    {"image_size", {detections[i].width_px, detections[i].height_px}},
-                                    {"ids", detections[i].detection.ids},
+    for (const Eigen::Vector2d& pixel : seen.detection.pixels) pixels.push_back({pixel.x(), pixel.y()});
+    json["captures"].push_back(Json{{"image", image},
+                                    {"image_size", {seen.width_px, seen.height_px}},
+                                    {"ids", seen.detection.ids},
                                     {"pixels", pixels},
-                                    {"reason", detections[i].detection.reason}});
+                                    {"reason", seen.detection.reason}});
   }
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
@@ -36,23 +36,19 @@ void WriteDetections(const Dataset& data, const std::vector<TargetDetection>& de
   if (has_names) std::filesystem::create_directory(folder / "detections");
   for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
     for (size_t t = 0; t < data.targets.size(); ++t) {
-      std::vector<Capture> captures;
-      std::vector<CaptureDetection> of_pair;
+      NamedDetections of_pair;
       for (const TargetDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
         const Recording& recording = data.captures[detection.capture];
-        Capture& capture = captures.emplace_back();
-        capture.name = has_names ? recording.images[c].filename().string() : recording.name;
-        of_pair.push_back(detection.detection);
+        of_pair.emplace_back(has_names ? recording.images[c].filename().string() : recording.name, detection.detection);
       }
       const std::string pair = data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json";
-      WriteFileAtomically(folder / (has_names ? "detections/" + pair : "detections.json"),
-                          DetectionsToJson(captures, of_pair));
+      WriteFileAtomically(folder / (has_names ? "detections/" + pair : "detections.json"), DetectionsToJson(of_pair));
     }
   }
 }
 
-std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path) {
+NamedDetections ReadDetections(const std::filesystem::path& path) {
   constexpr size_t kMaxBytes = size_t{128} << 20;
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader root(json, path.string());

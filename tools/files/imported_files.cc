@@ -140,16 +140,13 @@ ImportedFiles CameraPart(const ImportedSet& set) {
 
 // Returns the file with the corners.
 std::string DetectionsOf(const ImportedSet& set) {
-  std::vector<Capture> captures;
-  std::vector<CaptureDetection> detections;
+  NamedDetections detections;
   for (const ImportedCapture& capture : set.captures) {
-    captures.push_back({capture.name, capture.image, CaptureRole::kNone, Rigid3d()});
-    CaptureDetection detection;
+    CaptureDetection& detection = detections.emplace_back(capture.name, CaptureDetection()).second;
     detection.detection.ids = capture.ids;
     detection.detection.pixels = capture.pixels;
-    detections.push_back(std::move(detection));
   }
-  return DetectionsToJson(captures, detections);
+  return DetectionsToJson(detections);
 }
 
 // Returns the part with the corners, the images or the poses of the target, of which the first that the data set has

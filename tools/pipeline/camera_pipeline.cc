@@ -9,6 +9,7 @@
 #include "heba/base/failure_code.h"
 #include "heba/base/files.h"
 #include "heba/image_detection.h"
+#include "heba/run.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/camera_result.h"
 #include "tools/files/detection_file.h"
@@ -24,15 +25,11 @@ constexpr int kMapColumns = 9;
 constexpr int kMapRows = 7;
 
 // Returns the images as the captures of a data set, whose robot stands still.
-PairDataset DatasetOf(const CameraConfig& config) {
-  PairDataset data;
+Dataset DatasetOf(const CameraConfig& config) {
+  Dataset data = DatasetOf(Setup::kEyeToHand, config.target);
   data.name = config.name;
-  data.target = config.target;
   for (const std::filesystem::path& image : config.images) {
-    Capture capture;
-    capture.name = image.filename().string();
-    capture.image = image;
-    data.captures.push_back(std::move(capture));
+    data.captures.push_back({image.filename().string(), {Rigid3d()}, {image}});
   }
   return data;
 }
@@ -58,35 +55,37 @@ CameraMap MapOf(const CameraCalibration& calibration, const std::vector<View>& v
 Outcome<CalibratedCamera> RunCamera(const CameraConfig& config, const std::filesystem::path& output, int num_threads,
                                     Console* console) {
   StagedFolder folder(output, "the results of a run");
-  const PairDataset data = DatasetOf(config);
+  const Dataset data = DatasetOf(config);
   ProgressObserver observer(console->verbosity());
-  const std::vector<CaptureDetection> detections =
-      DetectCaptures(data, CachedDetection(config.target_used), num_threads, &observer);
+  const std::vector<TargetDetection> detections =
+      DetectDataset(data, {CachedDetection(config.target_used)}, num_threads, &observer);
   std::vector<UnusedImage> unused;
   std::vector<View> views = ViewsOf(data, detections);
   std::map<std::string, std::string> name_of_digest;
-  for (size_t i = 0; i < detections.size(); ++i) {
-    const std::string& name = data.captures[i].name;
+  for (const TargetDetection& seen : detections) {
+    const std::string& name = data.captures[seen.capture].name;
+    const Detection& detection = seen.detection.detection;
     // A copy of an image says nothing new.
-    const auto [first, is_new] = name_of_digest.emplace(detections[i].image_digest, name);
+    const auto [first, is_new] = name_of_digest.emplace(seen.detection.image_digest, name);
     if (!is_new && !first->first.empty()) {
       unused.push_back({name, "is a copy of " + first->second});
-      std::erase_if(views, [&](const View& view) { return view.capture == i; });
-    } else if (detections[i].detection.ids.empty()) {
-      unused.push_back({name, detections[i].detection.reason});
+      std::erase_if(views, [&](const View& view) { return view.capture == seen.capture; });
+    } else if (detection.ids.empty()) {
+      unused.push_back({name, detection.reason});
     } else {
       continue;
     }
     console->Note(data.name + ": " + name + ": " + unused.back().reason);
   }
+  const CaptureDetection& first = detections.front().detection;
   if (views.empty()) {
     return Failure{FailureCode("nothing_detected"),
                    {{"images", static_cast<double>(detections.size())}},
-                   {{"image", data.captures[0].name}, {"why", detections.front().detection.reason}}};
+                   {{"image", data.captures[0].name}, {"why", first.detection.reason}}};
   }
   CameraCalibrationOptions options = config.options;
-  options.width_px = detections.front().width_px;
-  options.height_px = detections.front().height_px;
+  options.width_px = first.width_px;
+  options.height_px = first.height_px;
   options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
   options.num_threads = num_threads;
   Outcome<CameraCalibration> calibration = CalibrateCamera(views, options);
@@ -97,7 +96,7 @@ Outcome<CalibratedCamera> RunCamera(const CameraConfig& config, const std::files
   for (const auto& [name, text] : CameraFiles(config.name, result.calibration)) {
     WriteFileAtomically(staging / name, text);
   }
-  WriteFileAtomically(staging / "detections.json", DetectionsToJson(data.captures, detections));
+  WriteDetections(data, detections, staging);
   WriteFileAtomically(staging / "config.yaml", config.used);
   WriteFileAtomically(staging / "log.txt", console->log());
   WriteFileAtomically(staging / "report.html", CameraPage(config.name, result.calibration, result.map, unused));

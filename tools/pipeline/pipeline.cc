@@ -38,8 +38,7 @@ bool HasContradictions(const RunResult& result) {
 
 // Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out; of
 // a rig only if the result is bad.
-template <class Config>
-void AppendDiagnosis(const Config& config, int num_threads, RunOutput* run) {
+void AppendDiagnosis(const RunConfig& config, int num_threads, RunOutput* run) {
   RunResult& result = run->result;
   result.verdict = JudgeRun(result);
   const bool is_good = result.verdict.grade == Grade::kGood;
@@ -75,27 +74,21 @@ void AppendSymmetries(const Dataset& dataset, RunResult* result) {
 }
 
 // Runs the data set of a config, and adds notes on the run to the console.
-Outcome<RunOutput> RunData(const PairConfig& config, int num_threads, Console* console, RunObserver* listener) {
-  PairDataset data = config.data;
-  if (config.truth) data.truth = ReadTruth(*config.truth, data.setup);
+Outcome<RunOutput> RunData(const RunConfig& config, int num_threads, Console* console, RunObserver* listener) {
+  Dataset data = config.data;
+  if (config.truth) data.truth = ReadCellTruth(*config.truth, data.rig);
   if (config.imported) {
     console->Note(data.name + ": read as a data set of " + config.imported->format);
     for (const std::string& remark : config.imported->remarks) console->Note(data.name + ": " + remark);
   }
-  PairRunOptions options = config.options;
-  options.num_threads = num_threads;
-  options.detect = CachedDetection(data, config.target_used);
-  SharedObserver<ConsoleObserver> observer(listener, data, console);
-  return Run(data, options, &observer);
-}
-
-Outcome<RunOutput> RunData(const RunConfig& config, int num_threads, Console* console, RunObserver* listener) {
-  Dataset data = config.data;
-  if (config.truth) data.truth = ReadCellTruth(*config.truth, data.rig);
-  for (const LeftOutImages& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
   RunOptions options = config.options;
   options.num_threads = num_threads;
-  for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
+  options.detect = CachedDetections(data, config.targets_used);
+  if (IsShort(data.rig)) {
+    SharedObserver<ConsoleObserver> observer(listener, data, console);
+    return Run(data, options, &observer);
+  }
+  for (const LeftOutImages& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
   SharedObserver<ProgressObserver> observer(listener, console->verbosity());
   Outcome<RunOutput> run = Run(data, options, &observer);
   if (!run) return run;
@@ -104,8 +97,9 @@ Outcome<RunOutput> RunData(const RunConfig& config, int num_threads, Console* co
   return run;
 }
 
-template <class Config>
-Outcome<RunResult> RunAndWrite(const Config& config, const std::filesystem::path& output, int num_threads,
+}  // namespace
+
+Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console, RunObserver* listener) {
   const Stopwatch watch;
   // The folder is created first, so that a run that cannot be written fails before the work.
@@ -137,16 +131,17 @@ Outcome<RunResult> RunAndWrite(const Config& config, const std::filesystem::path
   return result;
 }
 
-}  // namespace
-
-Outcome<RunResult> RunPipeline(const PairConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener) {
-  return RunAndWrite(config, output, num_threads, console, listener);
-}
-
-Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console, RunObserver* listener) {
-  return RunAndWrite(config, output, num_threads, console, listener);
+std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config) {
+  const std::filesystem::path inputs = output / "inputs.json";
+  const std::filesystem::path result = output / "result.json";
+  std::error_code error;
+  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(result, error)) return std::nullopt;
+  try {
+    if (ReadTextFile(inputs) != RunInputsText(config)) return std::nullopt;
+    return ReadRunResult(result);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace heba

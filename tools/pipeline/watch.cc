@@ -18,7 +18,7 @@
 #include "targets/images/image.h"
 #include "tools/files/cached_detector.h"
 #include "tools/pages/page.h"
-#include "tools/pipeline/any_run.h"
+#include "tools/pipeline/pipeline.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
@@ -35,19 +35,14 @@ struct WatchedImage {
   fs::path path;
 };
 
-std::vector<WatchedImage> ImagesOf(const PairConfig& config) {
-  std::vector<WatchedImage> images;
-  for (const Capture& capture : config.data.captures) images.push_back({capture.name, capture.image});
-  return images;
-}
-
 std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
   std::vector<WatchedImage> images;
   for (const Recording& capture : config.data.captures) {
     for (size_t c = 0; c < capture.images.size(); ++c) {
       if (capture.images[c].empty()) continue;
+      const std::string& camera = config.data.rig.cameras[c].name;
       images.push_back(
-          {config.data.rig.cameras[c].name + "/" + capture.images[c].filename().string(), capture.images[c]});
+          {camera.empty() ? capture.name : camera + "/" + capture.images[c].filename().string(), capture.images[c]});
     }
   }
   return images;
@@ -61,10 +56,9 @@ struct Watched {
 };
 
 // Returns what a run depends on: the config as used, its images and its other files, with their sizes and times.
-std::string StateOf(const AnyConfig& any, const std::vector<WatchedImage>& images) {
-  std::string state = std::visit([](const auto& config) { return config.used; }, any);
-  std::vector<fs::path> files = std::visit([](const auto& config) { return config.data_files; }, any);
-  if (const auto* const single = std::get_if<PairConfig>(&any)) files.push_back(single->poses_file);
+std::string StateOf(const RunConfig& config, const std::vector<WatchedImage>& images) {
+  std::string state = config.used;
+  std::vector<fs::path> files = config.data_files;
   for (const WatchedImage& image : images) files.push_back(image.path);
   for (const fs::path& file : files) {
     std::error_code error;
@@ -214,9 +208,9 @@ class WatchedSession {
 
   // Looks once. Returns whether the requirements are met.
   bool Look() {
-    std::optional<AnyConfig> config;
+    std::optional<RunConfig> config;
     try {
-      config = ReadAnyConfig(config_path_, options_.settings);
+      config = ReadRunConfig(config_path_, options_.settings);
     } catch (const InputError& error) {
       // A config that was right may be edited meanwhile.
       if (!has_config_ && !IsAboutCaptures(error.what())) throw;
@@ -224,7 +218,7 @@ class WatchedSession {
       return false;
     }
     has_config_ = true;
-    const std::vector<WatchedImage> images = std::visit([](const auto& of) { return ImagesOf(of); }, *config);
+    const std::vector<WatchedImage> images = ImagesOf(*config);
     std::string missing;
     for (const WatchedImage& image : images) {
       if (!IsComplete(image.path, &watched_)) missing = image.name;
@@ -239,7 +233,7 @@ class WatchedSession {
     if (state == calibrated_) return false;
     TellImages(*config, images);
     calibrated_ = std::move(state);
-    return CalibratePair(*config);
+    return Calibrate(*config);
   }
 
  private:
@@ -257,42 +251,42 @@ class WatchedSession {
   }
 
   // Says of each new image whether it shows the target, and how it is exposed.
-  void TellImages(const AnyConfig& any, const std::vector<WatchedImage>& images) {
-    const auto* const config = std::get_if<PairConfig>(&any);
+  void TellImages(const RunConfig& config, const std::vector<WatchedImage>& images) {
+    const bool is_short = IsShort(config.data.rig);
     std::vector<CaptureDetection> detections;
     for (const WatchedImage& image : images) {
       const bool is_new = watched_.told.insert(image.path).second;
-      if (config == nullptr) {
+      if (!is_short) {
         if (is_new) Tell(image.name + ": has come");
         continue;
       }
-      detections.push_back(DetectOnce(*config, image.path));
+      detections.push_back(DetectOnce(config, image.path));
       if (!is_new) continue;
       const Detection& seen = detections.back().detection;
       const std::string& exposure = watched_.complete.at(image.path);
       Tell(image.name + ": " +
            (seen.ids.empty() ? "the target is not seen" + (seen.reason.empty() ? "" : " (" + seen.reason + ")")
                              : std::to_string(seen.ids.size()) + " of " +
-                                   std::to_string(config->data.target->points().size()) + " points") +
+                                   std::to_string(config.data.targets.front()->points().size()) + " points") +
            (exposure.empty() ? "" : "; " + exposure));
     }
-    if (config == nullptr) return;
+    if (!is_short) return;
     const Gauges gauges = GaugesOf(detections);
     const auto percent = [](double share) { return Fixed(100 * share, 0) + " %"; };
     Tell("covered: x " + percent(gauges.x) + ", y " + percent(gauges.y) + ", size " + percent(gauges.size));
   }
 
-  const CaptureDetection& DetectOnce(const PairConfig& config, const fs::path& image) {
+  const CaptureDetection& DetectOnce(const RunConfig& config, const fs::path& image) {
     const auto known = detections_.find(image);
     if (known != detections_.end()) return known->second;
-    if (!detect_) detect_ = CachedDetection(config.target_used);
+    if (!detect_) detect_ = CachedDetection(config.targets_used.front());
     return detections_.emplace(image, detect_(image, std::nullopt)).first->second;
   }
 
-  bool CalibratePair(const AnyConfig& config) {
-    const fs::path output = options_.output.empty() ? OutputOf(config) : options_.output;
+  bool Calibrate(const RunConfig& config) {
+    const fs::path output = options_.output.empty() ? config.output : options_.output;
     Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunAny(config, output, options_.num_threads, &console);
+    const Outcome<RunResult> result = RunPipeline(config, output, options_.num_threads, &console);
     if (!result) {
       Tell("not yet: " + FailureText(result.failure()));
       return false;
@@ -302,7 +296,7 @@ class WatchedSession {
     if (!next.empty()) Tell("next: " + next);
     const bool is_met = IsMet(*result);
     if (is_met) Tell("the required accuracy is reached; results: " + output.string());
-    WritePage(output, NameOf(config), lines_);
+    WritePage(output, config.data.name, lines_);
     return is_met;
   }
 

@@ -9,6 +9,7 @@
 #include "heba/evaluation/arm_uncertainty.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_postures.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 
@@ -103,8 +104,9 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
   return summary;
 }
 
-RobotSummary SummariseArm(const PairDataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const PairCalibration& calibration) {
+  const RobotArm& robot = *dataset.arms.front();
   const PairSolution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
   ArmEstimate estimate;
   std::vector<Matrix6X> by_joints;
@@ -126,8 +128,7 @@ RobotSummary SummariseArm(const PairDataset& dataset, Kinematics kinematics, con
   } else {
     estimate.reason = WhyDeclined(calibration);
   }
-  return SummariseArm(*dataset.robot, kinematics, setup, UndeterminedParams(dataset.robot->arm, dataset.setup),
-                      estimate);
+  return SummariseArm(robot, kinematics, setup, UndeterminedParams(robot.arm, SetupOf(dataset)), estimate);
 }
 
 Finding DescribeEstimate(const RobotSummary& robot) {
@@ -176,24 +177,24 @@ Finding DescribeConfiguration(const RobotSummary& robot, const GripperLocator& l
   return finding;
 }
 
-std::vector<Finding> FindingsOf(const RobotSummary& robot, const PairDataset& dataset,
-                                const PairCalibration& calibration) {
+std::vector<Finding> FindingsOf(const RobotSummary& robot, Setup setup, const PairCalibration& calibration) {
   std::vector<Finding> findings = {DescribeEstimate(robot)};
   if (!robot.is_estimated) return findings;
   if (robot.configuration.empty()) return findings;
   std::vector<Rigid3d> base_from_gripper;
   for (const View& view : calibration.views) {
-    base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
+    base_from_gripper.push_back(GripperPoseOf(setup, view).base_from_mount);
   }
-  const GripperLocator locate = calibration.refined ? LocatorOf(dataset.setup, *calibration.refined) : GripperLocator();
+  const GripperLocator locate = calibration.refined ? LocatorOf(setup, *calibration.refined) : GripperLocator();
   findings.push_back(DescribeConfiguration(robot, locate, base_from_gripper));
   return findings;
 }
 
-std::optional<Finding> FindSingularCaptures(const PairDataset& dataset, const ArmSetup& setup, bool is_estimated) {
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, size_t robot, const ArmSetup& setup,
+                                            bool is_estimated) {
   // The captures have not told the branches apart if there are several.
   if (setup.branches.size() != 1) return std::nullopt;
-  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches.front());
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.arms[robot]->arm, setup.branches.front());
   if (singular.empty()) return std::nullopt;
   constexpr size_t kMostNames = 5;
   std::vector<std::string> names;
@@ -205,7 +206,7 @@ std::optional<Finding> FindSingularCaptures(const PairDataset& dataset, const Ar
                  FindingCode("arm_singular_captures"),
                  {{"captures", static_cast<double>(singular.size())},
                   {"of_captures", static_cast<double>(dataset.captures.size())}},
-                 {{"arm", dataset.robot->arm.name},
+                 {{"arm", dataset.arms[robot]->arm.name},
                   {"names", Join(names, ", ")},
                   {"singularity", singular.front().singularity},
                   {"joints", setup.is_recorded ? "recorded" : "recovered"}}};

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "heba/evaluation/arm_uncertainty.h"
-#include "heba/pair_run_types.h"
 #include "heba/robot/arm_errors.h"
+#include "heba/run_types.h"
 #include "tools/run/arm_setup.h"
 
 namespace heba {
@@ -29,7 +29,7 @@ RobotSummary SummariseArm(const RobotArm& robot, Kinematics kinematics, const st
                           const std::vector<UndeterminedParam>& undetermined, const ArmEstimate& estimate);
 
 // Likewise for a calibration of one camera and one target.
-RobotSummary SummariseArm(const PairDataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const PairCalibration& calibration);
 
 // Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
@@ -43,8 +43,7 @@ Failure WithRemedyOfJoints(const Failure& reason);
 Finding DescribeEstimate(const RobotSummary& robot);
 
 // Returns what is to be said about it. `calibration` is the one that estimated the arm.
-std::vector<Finding> FindingsOf(const RobotSummary& robot, const PairDataset& dataset,
-                                const PairCalibration& calibration);
+std::vector<Finding> FindingsOf(const RobotSummary& robot, Setup setup, const PairCalibration& calibration);
 
 // Returns the finding that all captures are in one configuration, with the sigmas of the gripper's position there and
 // in others. Names the flips that the captures do not tell the arm's errors for. Without `locate` there are no sigmas.
@@ -52,8 +51,9 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot, const PairDataset& da
 Finding DescribeConfiguration(const RobotSummary& robot, const GripperLocator& locate,
                               const std::vector<Rigid3d>& base_from_gripper);
 
-// Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
+// Returns the finding about captures at or close to a singularity of an arm, if there are any. It is doubtful if the
 // arm was estimated from joints that were recovered there.
-std::optional<Finding> FindSingularCaptures(const PairDataset& dataset, const ArmSetup& setup, bool is_estimated);
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, size_t robot, const ArmSetup& setup,
+                                            bool is_estimated);
 
 }  // namespace heba

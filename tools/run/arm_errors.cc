@@ -36,24 +36,12 @@ ArmEstimate EstimateOf(const Calibration& calibration, const ArmErrorChoice* cho
 
 }  // namespace
 
-PairDataset RecordingOf(const Dataset& dataset, size_t robot) {
-  PairDataset recording;
-  recording.robot = *dataset.arms[robot];
-  for (const Recording& capture : dataset.captures) {
-    Capture& of_arm = recording.captures.emplace_back();
-    of_arm.name = capture.name;
-    of_arm.base_from_gripper = capture.base_from_gripper[robot];
-    if (!capture.joints.empty()) of_arm.joints = capture.joints[robot];
-  }
-  return recording;
-}
-
 std::vector<std::optional<ArmSetup>> SetUpArms(const Dataset& dataset, Kinematics kinematics) {
   std::vector<std::optional<ArmSetup>> setups;
   for (size_t r = 0; r < dataset.arms.size(); ++r) {
     setups.emplace_back();
     if (!dataset.arms[r] || kinematics == Kinematics::kNone) continue;
-    setups.back() = SetUpArm(RecordingOf(dataset, r), kinematics);
+    setups.back() = SetUpArm(dataset, r, kinematics);
   }
   return setups;
 }
@@ -101,7 +89,7 @@ ArmSummaries SummariseArms(const Dataset& dataset, std::vector<std::optional<Arm
           base_from_gripper));
     }
     if (setups[r]) {
-      std::optional<Finding> singular = FindSingularCaptures(RecordingOf(dataset, r), *setups[r], arm.is_estimated);
+      std::optional<Finding> singular = FindSingularCaptures(dataset, r, *setups[r], arm.is_estimated);
       if (singular) findings.push_back(std::move(*singular));
     }
     for (Finding& finding : findings) {

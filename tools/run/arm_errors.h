@@ -11,9 +11,6 @@
 
 namespace heba {
 
-// Returns the recorded data of one arm, without images; its kinematics must be known (Dataset::arms).
-PairDataset RecordingOf(const Dataset& dataset, size_t robot);
-
 // Returns the joints of each arm in all captures; nothing for arms whose kinematics are not known, and for all of them
 // with Kinematics::kNone.
 std::vector<std::optional<ArmSetup>> SetUpArms(const Dataset& dataset, Kinematics kinematics);

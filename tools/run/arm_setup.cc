@@ -76,15 +76,17 @@ ToolScatter ExplainTools(const Arm& arm, const ArmBranch& branch, const std::vec
   return scatter;
 }
 
-Eigen::VectorXd JointsOf(const Capture& capture) {
-  return Eigen::Map<const Eigen::VectorXd>(capture.joints.data(), static_cast<Eigen::Index>(capture.joints.size()));
+Eigen::VectorXd JointsOf(const Recording& capture, size_t robot) {
+  const std::vector<double>& joints = capture.joints[robot];
+  return Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
 }
 
 // Returns the pose of the gripper on the tip that recorded joints imply, for each capture.
-std::vector<Rigid3d> ImpliedTools(const PairDataset& dataset) {
+std::vector<Rigid3d> ImpliedTools(const Dataset& dataset, size_t robot) {
   std::vector<Rigid3d> tools;
-  for (const Capture& capture : dataset.captures) {
-    tools.push_back(Inverse(BaseFromTip(dataset.robot->arm, JointsOf(capture))) * capture.base_from_gripper);
+  for (const Recording& capture : dataset.captures) {
+    const Rigid3d base_from_tip = BaseFromTip(dataset.arms[robot]->arm, JointsOf(capture, robot));
+    tools.push_back(Inverse(base_from_tip) * capture.base_from_gripper[robot]);
   }
   return tools;
 }
@@ -94,11 +96,11 @@ bool IsNear(const Rigid3d& tool, const Rigid3d& other) {
 }
 
 // Sets the joints and the tool from recorded joints.
-void SetUpRecorded(const PairDataset& dataset, ArmSetup* setup) {
-  const Arm& arm = dataset.robot->arm;
+void SetUpRecorded(const Dataset& dataset, size_t robot, ArmSetup* setup) {
+  const Arm& arm = dataset.arms[robot]->arm;
   ArmBranch branch{"recorded", {}};
-  for (const Capture& capture : dataset.captures) branch.joints.push_back(JointsOf(capture));
-  const std::vector<Rigid3d> tools = ImpliedTools(dataset);
+  for (const Recording& capture : dataset.captures) branch.joints.push_back(JointsOf(capture, robot));
+  const std::vector<Rigid3d> tools = ImpliedTools(dataset, robot);
   setup->tip_from_gripper = MeanPose(tools);
   for (size_t i = 0; i < tools.size(); ++i) {
     if (IsNear(tools[i], setup->tip_from_gripper)) continue;
@@ -119,11 +121,12 @@ void SetUpRecorded(const PairDataset& dataset, ArmSetup* setup) {
 }
 
 // Returns, for each capture, its posture that is nearest to that of the capture before it.
-std::optional<ArmBranch> Continued(const PairDataset& dataset, const Rigid3d& gripper_from_tip, Eigen::VectorXd near) {
+std::optional<ArmBranch> Continued(const Dataset& dataset, size_t robot, Eigen::VectorXd near) {
+  const Rigid3d gripper_from_tip = Inverse(dataset.arms[robot]->tip_from_gripper);
   ArmBranch branch;
-  for (const Capture& capture : dataset.captures) {
+  for (const Recording& capture : dataset.captures) {
     const Outcome<Eigen::VectorXd> found =
-        PostureNear(dataset.robot->arm, capture.base_from_gripper * gripper_from_tip, near);
+        PostureNear(dataset.arms[robot]->arm, capture.base_from_gripper[robot] * gripper_from_tip, near);
     if (!found) return std::nullopt;
     near = *found;
     branch.joints.push_back(*found);
@@ -131,42 +134,43 @@ std::optional<ArmBranch> Continued(const PairDataset& dataset, const Rigid3d& gr
   return branch;
 }
 
-void SetUpRecovered(const PairDataset& dataset, ArmSetup* setup) {
-  const RobotArm& robot = *dataset.robot;
-  setup->tip_from_gripper = robot.tip_from_gripper;
-  const Rigid3d gripper_from_tip = Inverse(robot.tip_from_gripper);
-  const bool has_near = robot.joints_near.size() > 0;
+void SetUpRecovered(const Dataset& dataset, size_t robot, ArmSetup* setup) {
+  const RobotArm& of_robot = *dataset.arms[robot];
+  const Arm& arm = of_robot.arm;
+  setup->tip_from_gripper = of_robot.tip_from_gripper;
+  const Rigid3d gripper_from_tip = Inverse(of_robot.tip_from_gripper);
+  const bool has_near = of_robot.joints_near.size() > 0;
   const std::optional<Configuration> configuration_near =
-      has_near ? ConfigurationOf(robot.arm, robot.joints_near) : std::nullopt;
+      has_near ? ConfigurationOf(arm, of_robot.joints_near) : std::nullopt;
   if (has_near && !configuration_near) {
-    if (std::optional<ArmBranch> branch = Continued(dataset, gripper_from_tip, robot.joints_near)) {
+    if (std::optional<ArmBranch> branch = Continued(dataset, robot, of_robot.joints_near)) {
       setup->branches.push_back(std::move(*branch));
     } else {
       setup->reason = FailureCode("no_posture_near");
     }
     return;
   }
-  if (robot.arm.num_joints() > 6) {
-    setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", robot.arm.name}}};
+  if (arm.num_joints() > 6) {
+    setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
     return;
   }
   std::vector<Rigid3d> base_from_tip;
   std::vector<std::vector<Eigen::VectorXd>> postures;
-  for (const Capture& capture : dataset.captures) {
-    base_from_tip.push_back(capture.base_from_gripper * gripper_from_tip);
-    Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(robot.arm, base_from_tip.back());
+  for (const Recording& capture : dataset.captures) {
+    base_from_tip.push_back(capture.base_from_gripper[robot] * gripper_from_tip);
+    Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(arm, base_from_tip.back());
     if (!found) {
       setup->reason = {
-          FailureCode("out_of_reach"), {}, {{"arm", robot.arm.name}, {"capture", capture.name}}, {found.failure()}};
+          FailureCode("out_of_reach"), {}, {{"arm", arm.name}, {"capture", capture.name}}, {found.failure()}};
       return;
     }
-    if (!ConfigurationOf(robot.arm, found->front())) {
-      setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", robot.arm.name}}};
+    if (!ConfigurationOf(arm, found->front())) {
+      setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
       return;
     }
     postures.push_back(std::move(*found));
   }
-  for (ArmBranch& branch : BranchesOf(robot.arm, base_from_tip, postures)) {
+  for (ArmBranch& branch : BranchesOf(arm, base_from_tip, postures)) {
     // The stated configuration is that of the first capture; those of the others are found as without it.
     if (configuration_near && branch.name != NameOf(*configuration_near) && branch.Reaches(0)) {
       branch.joints.front() = Eigen::VectorXd();
@@ -176,7 +180,7 @@ void SetUpRecovered(const PairDataset& dataset, ArmSetup* setup) {
   }
   const bool is_first_reached = std::any_of(setup->branches.begin(), setup->branches.end(),
                                             [](const ArmBranch& branch) { return branch.Reaches(0); });
-  if (!is_first_reached) setup->reason = {FailureCode("near_out_of_reach"), {}, {{"arm", robot.arm.name}}};
+  if (!is_first_reached) setup->reason = {FailureCode("near_out_of_reach"), {}, {{"arm", arm.name}}};
 }
 
 // The joints of a capture in a branch that is being completed.
@@ -227,11 +231,16 @@ ArmBranch Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip, c
 
 }  // namespace
 
-std::vector<ContradictingJoints> FindContradictingJoints(const PairDataset& dataset) {
-  const bool are_recorded = std::none_of(dataset.captures.begin(), dataset.captures.end(),
-                                         [](const Capture& capture) { return capture.joints.empty(); });
-  if (!dataset.robot || !are_recorded || dataset.captures.empty()) return {};
-  const std::vector<Rigid3d> tools = ImpliedTools(dataset);
+bool AreJointsRecorded(const Dataset& dataset, size_t robot) {
+  return std::all_of(dataset.captures.begin(), dataset.captures.end(), [&](const Recording& capture) {
+    return !capture.joints.empty() && !capture.joints[robot].empty();
+  });
+}
+
+std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset, size_t robot) {
+  const bool is_known = !dataset.arms.empty() && dataset.arms[robot];
+  if (!is_known || dataset.captures.empty() || !AreJointsRecorded(dataset, robot)) return {};
+  const std::vector<Rigid3d> tools = ImpliedTools(dataset, robot);
   // The tool of a capture that is near most others is not affected by the rest.
   constexpr size_t kMostStarts = 50;
   std::vector<ContradictingJoints> fewest;
@@ -313,16 +322,15 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
   return singular;
 }
 
-ArmSetup SetUpArm(const PairDataset& dataset, Kinematics kinematics) {
+ArmSetup SetUpArm(const Dataset& dataset, size_t robot, Kinematics kinematics) {
   ArmSetup setup;
-  setup.is_recorded = std::all_of(dataset.captures.begin(), dataset.captures.end(),
-                                  [](const Capture& capture) { return !capture.joints.empty(); });
+  setup.is_recorded = AreJointsRecorded(dataset, robot);
   if (setup.is_recorded) {
-    SetUpRecorded(dataset, &setup);
+    SetUpRecorded(dataset, robot, &setup);
   } else {
-    SetUpRecovered(dataset, &setup);
+    SetUpRecovered(dataset, robot, &setup);
   }
-  const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.robot->arm.load == nullptr;
+  const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.arms[robot]->arm.load == nullptr;
   if (lacks_masses && setup.reason.empty()) {
     setup.reason = FailureCode("no_masses");
   }

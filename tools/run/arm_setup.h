@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 
@@ -28,7 +28,7 @@ struct ArmBranch {
 
 // A capture at or close to a singularity of the arm, where a small change of the pose is a large one of the joints.
 struct SingularCapture {
-  size_t capture = 0;       // Index into PairDataset::captures.
+  size_t capture = 0;       // Index into Dataset::captures.
   std::string singularity;  // SingularityAt; "its joints could not be recovered" if they are missing.
 };
 
@@ -41,15 +41,15 @@ struct ArmSetup {
 
 // A capture whose recorded joints contradict its pose.
 struct ContradictingJoints {
-  size_t capture = 0;  // Index into PairDataset::captures.
+  size_t capture = 0;  // Index into Dataset::captures.
   // How far the joints put the tool from where those of the other captures do.
   double apart_m = 0;
   double apart_rad = 0;
 };
 
-// Returns the captures whose joints put the tool at another place than those of most others; none if joints are not
-// recorded, or if so many do that it is not clear which are right.
-std::vector<ContradictingJoints> FindContradictingJoints(const PairDataset& dataset);
+// Returns the captures whose joints of an arm put the tool at another place than those of most others; none if joints
+// are not recorded, or if so many do that it is not clear which are right.
+std::vector<ContradictingJoints> FindContradictingJoints(const Dataset& dataset, size_t robot);
 
 // Returns why such a capture is left out, as one clause. `whose`: the joints, "its joints" or "the joints of arm left".
 std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& whose);
@@ -57,8 +57,12 @@ std::string WhyLeftOut(const ContradictingJoints& joints, const std::string& who
 // Returns whether a reason is that the arm, its tool or its joints contradict the poses.
 bool IsContradiction(const Failure& reason);
 
-// `dataset.robot` must be set. The compliance of joints (kGravity) needs the masses of the arm's links.
-ArmSetup SetUpArm(const PairDataset& dataset, Kinematics kinematics);
+// Returns the joints of an arm, whose kinematics must be known (Dataset::arms). The compliance of joints (kGravity)
+// needs the masses of the arm's links.
+ArmSetup SetUpArm(const Dataset& dataset, size_t robot, Kinematics kinematics);
+
+// Returns whether the joints of an arm are recorded in all captures.
+bool AreJointsRecorded(const Dataset& dataset, size_t robot);
 
 // Returns, for each configuration that has names, the joints of all captures in it. `base_from_tip`: the pose in each
 // capture; `postures`: those that reach it (PosturesOf). The configuration of a singular posture is uncertain: a

@@ -54,29 +54,43 @@ ModelSummary SummariseModel(const PairCalibration& calibration) {
   return model;
 }
 
-std::vector<ImageResult> DescribeCaptures(const PairDataset& dataset, const std::vector<CaptureDetection>& detections,
-                                          const PairCalibration& calibration,
-                                          const std::vector<std::optional<CaptureMove>>& moves) {
+// Returns the entry of an image that is not used, without a reason.
+ImageResult EntryOfUnused(const Dataset& dataset, size_t capture) {
+  ImageResult image;
+  image.capture = dataset.captures[capture].name;
+  image.camera = dataset.rig.cameras.front().name;
+  image.image = ImageOf(dataset, capture, 0);
+  image.role = dataset.captures[capture].role;
+  return image;
+}
+
+// Returns the entries of the images that were searched, in the order of `detections`.
+std::vector<ImageResult> DescribeImages(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                                        const PairCalibration& calibration,
+                                        const std::vector<std::optional<CaptureMove>>& moves) {
   const PairSolution& solution = *calibration.refined;
   std::vector<ImageResult> results;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    ImageResult& result = results.emplace_back(EntryOfUnused(dataset.captures[i]));
-    result.reason = detections[i].detection.reason;
-    const auto num_points = static_cast<int>(detections[i].detection.ids.size());
-    if (num_points == 0) continue;
+  std::map<size_t, size_t> place_of;
+  for (const TargetDetection& seen : detections) {
+    place_of[seen.capture] = results.size();
+    ImageResult& result = results.emplace_back(EntryOfUnused(dataset, seen.capture));
+    const Detection& detection = seen.detection.detection;
+    result.reason = detection.reason;
+    if (detection.ids.empty()) continue;
     TargetInImage& target = result.targets.emplace_back();
-    target.num_points = num_points;
-    target.num_second_pass = detections[i].num_second_pass;
+    target.target = dataset.rig.targets.front().name;
+    target.num_points = static_cast<int>(detection.ids.size());
+    target.num_second_pass = seen.detection.num_second_pass;
   }
   for (size_t v = 0; v < calibration.views.size(); ++v) {
     const View& view = calibration.views[v];
-    ImageResult& result = results[view.capture];
+    ImageResult& result = results[place_of.at(view.capture)];
     TargetInImage& target = result.targets.front();
     result.used = true;
     target.used = true;
-    const std::optional<SquaredErrors> errors =
-        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution)),
-                   ApplyShape(view.observations, solution.shape));
+    const std::optional<SquaredErrors> errors = ViewErrors(
+        solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(SetupOf(dataset), view, solution)),
+        ApplyShape(view.observations, solution.shape));
     if (errors) target.rms_px = errors->RmsPx();
     target.num_rejected = static_cast<int>(solution.views[v].rejected_ids.size());
     if (target.num_rejected > 0) {
@@ -86,21 +100,14 @@ std::vector<ImageResult> DescribeCaptures(const PairDataset& dataset, const std:
     }
     result.move_without = moves[v];
   }
-  for (const UnusedView& unused : calibration.unused) results[unused.capture].reason = unused.reason;
-  for (const LeftOut& entry : dataset.left_out) {
-    ImageResult& result = results.emplace_back();
-    result.capture = entry.name;
-    result.image = entry.name;
-    result.reason = entry.reason;
-    result.was_searched = false;
-  }
+  for (const UnusedView& unused : calibration.unused) results[place_of.at(unused.capture)].reason = unused.reason;
   return results;
 }
 
 // Returns the poses of the arm in all captures, with the corrections of those that the calibration uses.
-std::vector<CapturePoses> PosesOfCaptures(const PairDataset& dataset, const PairCalibration& calibration) {
+std::vector<CapturePoses> PosesOfCaptures(const Dataset& dataset, const PairCalibration& calibration) {
   std::vector<CapturePoses> poses;
-  for (const Capture& capture : dataset.captures) poses.push_back({capture.name, {capture.base_from_gripper}, {}});
+  for (const Recording& capture : dataset.captures) poses.push_back({capture.name, capture.base_from_gripper, {}});
   if (!calibration.refined) return poses;
   for (size_t v = 0; v < calibration.views.size(); ++v) {
     const std::optional<Rigid3d>& correction = calibration.refined->views[v].correction;
@@ -210,19 +217,32 @@ std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibrat
 
 namespace {
 
-void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method, std::vector<ImageResult>* captures) {
-  for (const HoldOut& hold_out : hold_outs) {
-    if (hold_out.method != method) continue;
-    for (const auto& distance_of : hold_out.target_m_of_capture) {
-      (*captures)[distance_of.first].holdout_target_mm = 1000 * distance_of.second;
-    }
+void AddHoldOuts(const Dataset& dataset, const std::vector<HoldOut>& hold_outs, std::string_view method,
+                 std::vector<ImageResult>* images) {
+  const auto of_method = std::find_if(hold_outs.begin(), hold_outs.end(),
+                                      [&](const HoldOut& hold_out) { return hold_out.method == method; });
+  if (of_method == hold_outs.end()) return;
+  std::map<std::string, double> distance_m_of;
+  for (const auto& [capture, distance_m] : of_method->target_m_of_capture) {
+    distance_m_of[dataset.captures[capture].name] = distance_m;
+  }
+  for (ImageResult& image : *images) {
+    const auto distance_m = distance_m_of.find(image.capture);
+    if (distance_m != distance_m_of.end()) image.holdout_target_mm = 1000 * distance_m->second;
   }
 }
 
+// Returns the truth of the only camera and target; nothing if it is not known.
+std::optional<Truth> TruthOf(const Dataset& dataset) {
+  if (!dataset.truth) return std::nullopt;
+  const CellTruth& truth = *dataset.truth;
+  return Truth{truth.mount_from_camera.front(), truth.mount_from_target.front(), truth.cameras.front(), {}};
+}
+
 // Returns the result of a data set without estimates and captures.
-RunResult ResultOf(const PairDataset& dataset) {
-  const Target* const target = dataset.target.get();
-  RunResult result = ShortResult(dataset.setup, target != nullptr ? std::string(target->type()) : "",
+RunResult ResultOf(const Dataset& dataset) {
+  const Target* const target = dataset.targets.front().get();
+  RunResult result = ShortResult(SetupOf(dataset), target != nullptr ? std::string(target->type()) : "",
                                  target != nullptr ? static_cast<int>(target->points().size()) : 0);
   result.name = dataset.name;
   result.about = dataset.about;
@@ -231,9 +251,9 @@ RunResult ResultOf(const PairDataset& dataset) {
 
 }  // namespace
 
-RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const PairCalibration& calibration, const Advice& advice, PairCalibrationOptions options,
-                 RunObserver* observer) {
+RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<TargetDetection>& detections,
+                 const EffectsOfCaptures& effects, const PairCalibration& calibration, const Advice& advice,
+                 PairCalibrationOptions options, RunObserver* observer) {
   RunResult result = ResultOf(dataset);
   result.observations = advice.findings;
   // The folds run the methods that succeeded on all captures.
@@ -249,11 +269,10 @@ RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const st
     hold_outs = CrossValidate(calibration, options, num_folds, run.num_threads, [&] { report.Step(); });
   }
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
-  result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
+  result.estimates = MakeEstimates(options.setup, calibration, hold_outs, TruthOf(dataset), options.symmetries);
   const SearchedModel of_all = AsProblem(calibration, options).model;
   const Problem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
-  const ScaleShare scales =
-      ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(AsDataset(dataset), of_all.problem));
+  const ScaleShare scales = ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(dataset, of_all.problem));
   const std::vector<Eigen::VectorXd> of_arm = ChangesByUnknownArms(used, of_all.judged.solution);
   AddShare(scales, advice.changes, of_arm, &*result.estimates.back().solution);
   result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
@@ -265,8 +284,8 @@ RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const st
                &result.estimates.back().errors);
   }
   result.captures = PosesOfCaptures(dataset, calibration);
-  result.images = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
-  AddHoldOuts(hold_outs, kBundleMethod, &result.images);
+  result.images = DescribeImages(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
+  AddHoldOuts(dataset, hold_outs, kBundleMethod, &result.images);
   // A wrong scale moves the camera, and not what it sees of an object of known size.
   Solution solution = of_all.judged.solution;
   AddChanges(scales.changes, &solution.covariance);
@@ -274,15 +293,15 @@ RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const st
   all_changes.insert(all_changes.end(), of_arm.begin(), of_arm.end());
   result.working_points = WorkingPointsOf(used, solution, all_changes);
   result.model = SummariseModel(calibration);
-  for (Finding& missing : FindMissingIds(AsDataset(dataset), AsTargetDetections(detections),
-                                         PredictCaptures(dataset, *calibration.refined, 0))) {
+  const PredictedImages predicted = PredictCaptures(dataset, detections, effects, *calibration.refined, 0);
+  for (Finding& missing : FindMissingIds(dataset, detections, predicted)) {
     result.observations.push_back(std::move(missing));
   }
   result.requirements = ReachedAccuracies(run.requirements, used, solution, result.working_points);
   return WithFinalEstimate(std::move(result));
 }
 
-RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
+RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const PairCalibration& calibration,
                       PoseCalibrationOptions options) {
   RunResult result = ResultOf(dataset);
   // The folds run the methods that succeeded on all captures.
@@ -295,14 +314,14 @@ RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, con
     hold_outs =
         CrossValidatePoses(calibration, options, std::min(run.folds, static_cast<int>(calibration.pairs.size())));
   }
-  result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, {Rigid3d()});
+  result.estimates = MakeEstimates(options.setup, calibration, hold_outs, TruthOf(dataset), {Rigid3d()});
   result.model = SummariseModel(calibration);
   result.captures = PosesOfCaptures(dataset, calibration);
-  for (const Capture& capture : dataset.captures) {
-    ImageResult& described = result.images.emplace_back(EntryOfUnused(capture));
-    described.used = true;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    result.images.push_back(EntryOfUnused(dataset, i));
+    result.images.back().used = true;
   }
-  AddHoldOuts(hold_outs, kChainMethod, &result.images);
+  AddHoldOuts(dataset, hold_outs, kChainMethod, &result.images);
   return WithFinalEstimate(std::move(result));
 }
 

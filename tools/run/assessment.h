@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 #include "solvers/calibration/held_out.h"
-#include "tools/run/arm_setup.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 
@@ -26,15 +26,15 @@ void SetLeftOut(const HeldOutErrors& left_out, ErrorFigures* figures) {
 }
 
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
-// (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used. `advice` is
-// that of the calibration, whose covariance does not have its changes yet: those of the result have them.
-RunResult Assess(const PairDataset& dataset, const PairRunOptions& run, const std::vector<CaptureDetection>& detections,
-                 const PairCalibration& calibration, const Advice& advice, PairCalibrationOptions options,
-                 RunObserver* observer);
+// (heba/evaluation/verdict.h). `options` and `effects` are those of the calibration, `detections` those that it used.
+// `advice` is that of the calibration, whose covariance does not have its changes yet: those of the result have them.
+RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<TargetDetection>& detections,
+                 const EffectsOfCaptures& effects, const PairCalibration& calibration, const Advice& advice,
+                 PairCalibrationOptions options, RunObserver* observer);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
-RunResult AssessPoses(const PairDataset& dataset, const PairRunOptions& run, const PairCalibration& calibration,
+RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const PairCalibration& calibration,
                       PoseCalibrationOptions options);
 
 }  // namespace heba

@@ -4,43 +4,25 @@
 #include <utility>
 
 #include "heba/data/hand_eye.h"
-#include "heba/image_detection.h"
+#include "tools/run/earlier_run.h"
 
 namespace heba {
-namespace {
 
-bool StatesSize(const CaptureDetection& detection) { return detection.width_px > 0 && detection.height_px > 0; }
-
-}  // namespace
-
-bool IsImageSizeKnown(const PairDataset& dataset) {
-  return (dataset.camera && dataset.camera->width_px > 0) ||
-         std::all_of(dataset.given_detections.begin(), dataset.given_detections.end(), StatesSize);
+bool IsSinglePair(const Dataset& dataset) {
+  const Problem& rig = dataset.rig;
+  return rig.cameras.size() == 1 && rig.targets.size() == 1 && rig.robots.size() == 1 &&
+         MovesAgainst(rig.cameras.front().mount, rig.targets.front().mount);
 }
 
-Dataset AsDataset(const PairDataset& dataset) {
-  Dataset whole;
-  whole.name = dataset.name;
-  whole.rig = HandEyeProblem(dataset.setup, dataset.camera.value_or(Camera()), TargetShape());
-  whole.has_camera = {dataset.camera.has_value()};
-  whole.camera_sources = {dataset.camera_source};
-  whole.targets = {dataset.target};
-  for (const Capture& capture : dataset.captures) {
-    whole.captures.push_back({capture.name, {capture.base_from_gripper}, {capture.image}, {capture.joints}});
-  }
-  whole.given_detections = AsTargetDetections(dataset.given_detections);
-  whole.detections_source = dataset.detections_source;
-  whole.arms = {dataset.robot};
-  whole.robot_scale_sigmas = {dataset.robot_scale_sigma};
-  if (dataset.truth) {
-    const Truth& truth = *dataset.truth;
-    whole.truth = CellTruth{{truth.camera_mount_from_camera},
-                            {truth.target_mount_from_target},
-                            {Rigid3d()},
-                            {truth.camera},
-                            {truth.arm_errors}};
-  }
-  return whole;
+Setup SetupOf(const Dataset& dataset) { return SetupOf(dataset.rig.cameras.front().mount); }
+
+bool IsImageSizeKnown(const Dataset& dataset) {
+  return std::all_of(
+      dataset.given_detections.begin(), dataset.given_detections.end(), [&](const TargetDetection& given) {
+        const CaptureDetection& detection = given.detection;
+        return (detection.width_px > 0 && detection.height_px > 0) ||
+               (dataset.has_camera[given.camera] && dataset.rig.cameras[given.camera].camera.width_px > 0);
+      });
 }
 
 ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved) {
@@ -58,95 +40,116 @@ ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved) {
   return sigmas;
 }
 
-std::vector<TargetDetection> AsTargetDetections(const std::vector<CaptureDetection>& detections) {
-  std::vector<TargetDetection> all;
-  for (size_t i = 0; i < detections.size(); ++i) all.push_back({i, 0, 0, detections[i]});
-  return all;
+std::string ImageOf(const Dataset& dataset, size_t capture, size_t camera) {
+  const Recording& recording = dataset.captures[capture];
+  const std::filesystem::path& image = recording.images[camera];
+  return image.empty() ? recording.name : image.filename().string();
 }
 
-std::vector<CaptureDetection> AsCaptureDetections(std::vector<TargetDetection> detections) {
-  std::vector<CaptureDetection> all;
-  for (TargetDetection& detection : detections) all.push_back(std::move(detection.detection));
-  return all;
-}
-
-std::vector<CaptureDetection> DetectCaptures(const PairDataset& dataset, const DetectFunction& detect, int num_threads,
-                                             RunObserver* observer) {
-  return AsCaptureDetections(DetectDataset(AsDataset(dataset), {detect}, num_threads, observer));
-}
-
-void FitCameraToImages(const std::vector<CaptureDetection>& detections, PairDataset* dataset) {
-  if (!dataset->camera) return;
-  const Dataset whole = AsDataset(*dataset);
-  Problem rig = whole.rig;
-  FitCamerasToImages(whole, AsTargetDetections({detections.front()}), &rig);
-  dataset->camera = rig.cameras[0].camera;
-}
-
-ImageResult EntryOfUnused(const Capture& capture) {
-  ImageResult image;
-  image.capture = capture.name;
-  image.image = capture.name;
-  image.role = capture.role;
-  return image;
-}
-
-View ViewOf(const PairDataset& dataset, size_t capture, Observations observations) {
-  const Capture& from = dataset.captures[capture];
-  return {from.name,
-          CameraMountFromTargetMount(dataset.setup, from.base_from_gripper),
-          std::move(observations),
-          from.role,
-          capture,
-          from.effect,
-          from.gripper_by_joints,
-          from.joints};
-}
-
-Rigid3d PredictedPose(const PairDataset& dataset, const PairSolution& solution, size_t capture) {
-  const View view = ViewOf(dataset, capture, {});
-  return CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution));
-}
-
-PredictedImages PredictCaptures(const PairDataset& dataset, const PairSolution& solution, double rms_px) {
-  PredictedImages predicted{{solution.camera}, {solution.shape}, {}, {rms_px}};
+Dataset WithoutCaptures(Dataset dataset, const std::map<size_t, std::string>& reason_of) {
+  if (reason_of.empty()) return dataset;
+  std::vector<Recording> captures;
+  std::vector<Rigid3d> target_poses;
+  std::vector<std::optional<size_t>> place_of;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    predicted.camera_from_target.push_back(PredictedPose(dataset, solution, i));
+    Recording& capture = dataset.captures[i];
+    const auto reason = reason_of.find(i);
+    if (reason != reason_of.end()) {
+      place_of.emplace_back();
+      dataset.left_out.push_back({capture.name, reason->second, capture.name, std::move(capture.images)});
+      continue;
+    }
+    place_of.emplace_back(captures.size());
+    captures.push_back(std::move(capture));
+    if (!dataset.target_poses.empty()) target_poses.push_back(dataset.target_poses[i]);
   }
-  return predicted;
+  dataset.captures = std::move(captures);
+  dataset.target_poses = std::move(target_poses);
+  std::erase_if(dataset.given_detections, [&](TargetDetection& detection) {
+    const std::optional<size_t> place = place_of[detection.capture];
+    detection.capture = place.value_or(0);
+    return !place;
+  });
+  return dataset;
 }
 
-std::vector<View> ViewsOf(const PairDataset& dataset, const std::vector<CaptureDetection>& detections) {
+View ViewOf(const Dataset& dataset, size_t capture, Observations observations, const EffectsOfCaptures& effects) {
+  const Recording& from = dataset.captures[capture];
+  View view{from.name, CameraMountFromTargetMount(SetupOf(dataset), from.base_from_gripper.front()),
+            std::move(observations), from.role, capture};
+  if (!effects.effects.empty()) view.effect = effects.effects[capture];
+  if (!effects.gripper_by_joints.empty()) view.gripper_by_joints = effects.gripper_by_joints[capture];
+  if (!from.joints.empty()) view.joints = from.joints.front();
+  return view;
+}
+
+std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                          const EffectsOfCaptures& effects) {
   std::vector<View> views;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    if (detections[i].detection.ids.empty()) continue;
-    views.push_back(ViewOf(dataset, i, ObservationsOf(*dataset.target, detections[i].detection)));
+  for (const TargetDetection& seen : detections) {
+    const Detection& detection = seen.detection.detection;
+    if (detection.ids.empty()) continue;
+    views.push_back(ViewOf(dataset, seen.capture, ObservationsOf(*dataset.targets.front(), detection), effects));
   }
   return views;
 }
 
-PairCalibrationOptions OptionsOf(const PairDataset& dataset, const PairRunOptions& run, int width_px, int height_px) {
+PredictedImages PredictCaptures(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                                const EffectsOfCaptures& effects, const PairSolution& solution, double rms_px) {
+  PredictedImages predicted{{solution.camera}, {solution.shape}, {}, {rms_px}};
+  for (const TargetDetection& detection : detections) {
+    const View view = ViewOf(dataset, detection.capture, {}, effects);
+    predicted.camera_from_target.push_back(
+        CameraFromTarget(solution.hand_eye, CorrectedMount(SetupOf(dataset), view, solution)));
+  }
+  return predicted;
+}
+
+PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, const ImageSize& size) {
+  const ProblemCamera& camera = dataset.rig.cameras.front();
+  const ProblemTarget& of_target = dataset.rig.targets.front();
+  const Target& target = *dataset.targets.front();
+  const AdjustmentOptions& adjustment = run.calibration.adjustment;
   PairCalibrationOptions options;
   options.methods = run.methods;
   options.seed = run.seed;
-  options.bundle = run.bundle;
-  options.bundle.known_target_scale_sigma = dataset.target->scale_sigma().value_or(kTargetScaleSigma);
-  options.choose = run.choose;
-  options.choose_camera_model = run.choose_camera_model;
-  options.setup = dataset.setup;
-  options.camera = dataset.camera;
-  options.camera_model = run.camera_model;
-  options.bundle.num_threads = run.num_threads;
-  options.width_px = width_px;
-  options.height_px = height_px;
-  options.symmetries = dataset.target->Symmetries();
-  options.shape = DesignedShape(AllPoints(*dataset.target).points_in_target);
-  if (run.earlier) {
-    // The captures are read in the orders of the earlier run.
-    if (!run.earlier->change.is_target_moved) options.symmetries = {Rigid3d()};
-    options.shape.params = run.earlier->result->solution.shapes[0].params;
-  }
-  options.has_smooth_remainder = run.smooth != SmoothPoseErrors::kNone;
+  // A noise without a prior is chosen from the captures, unless smooth errors, or noisy joints, are wanted beside it.
+  options.choose.robot_noise = adjustment.robot == BundleOptions::Robot::kEstimatedNoise &&
+                               run.calibration.smooth != SmoothPoseErrors::kAlways && !run.joint_noise &&
+                               !adjustment.robot_noise_prior;
+  options.choose.target_shape = run.calibration.choose_target_shape;
+  BundleOptions& bundle = options.bundle;
+  bundle.free_intrinsics = camera.free_intrinsics;
+  bundle.camera_prior = camera.prior;
+  bundle.free_shape = of_target.free_shape;
+  bundle.target_scale_sigma = of_target.scale_sigma;
+  bundle.known_target_scale_sigma = target.scale_sigma().value_or(kTargetScaleSigma);
+  bundle.loss = adjustment.loss;
+  bundle.pixel_noise_px = adjustment.pixel_noise_px;
+  if (!options.choose.robot_noise) bundle.robot = adjustment.robot;
+  bundle.robot_noise = adjustment.robot_noise;
+  bundle.robot_noise_prior = adjustment.robot_noise_prior;
+  bundle.robot_noise_start = adjustment.robot_noise_start;
+  bundle.effects_avoid_zero = adjustment.effects_avoid_zero;
+  bundle.max_iterations = adjustment.max_iterations;
+  bundle.num_threads = run.num_threads;
+  const bool has_camera = dataset.has_camera.front();
+  if (has_camera) options.camera = camera.camera;
+  options.choose_camera_model = !has_camera && camera.camera.model.empty();
+  options.camera_model = camera.camera.model;
+  options.setup = SetupOf(dataset);
+  options.width_px = size.width_px;
+  options.height_px = size.height_px;
+  options.symmetries = target.Symmetries();
+  options.shape = DesignedShape(AllPoints(target).points_in_target);
+  options.has_smooth_remainder = run.calibration.smooth != SmoothPoseErrors::kNone;
+  if (!run.earlier) return options;
+  Problem problem = HandEyeProblem(options.setup, camera.camera, options.shape);
+  problem.targets.front().symmetries = options.symmetries;
+  AddPrior(*run.earlier, &problem);
+  bundle.prior = problem.prior;
+  options.symmetries = problem.targets.front().symmetries;
+  options.shape = problem.targets.front().shape;
   return options;
 }
 

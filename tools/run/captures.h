@@ -1,59 +1,54 @@
-// Prepares a data set's captures for calibration: detections in its images, the views made from them, the options.
+// Prepares a data set's captures for calibration: what is known of its images, targets and arms, and the views of one
+// camera, one target and one arm with their options.
 #pragma once
 
+#include <map>
+#include <memory>
+#include <string>
 #include <vector>
 
-#include "heba/pair_run_types.h"
+#include "heba/data/scale_sigmas.h"
 #include "heba/run_types.h"
 #include "tools/run/second_detection.h"
 
 namespace heba {
 
-// Returns whether the size of the images is known without any: whether each given detection states it, or the camera.
-bool IsImageSizeKnown(const PairDataset& dataset);
+// Returns whether a data set has one camera, one target and one arm that moves one against the other.
+bool IsSinglePair(const Dataset& dataset);
+// Returns the setup of such a data set.
+Setup SetupOf(const Dataset& dataset);
 
-// Detects the target in all captures by `detect`, or returns the given detections. Throws InputError if images cannot
-// be read or differ in size.
-std::vector<CaptureDetection> DetectCaptures(const PairDataset& dataset, const DetectFunction& detect, int num_threads,
-                                             RunObserver* observer);
+// Returns whether the size of the images is known without any: whether each given detection states it, or its camera.
+bool IsImageSizeKnown(const Dataset& dataset);
 
-// Sets the size of the data set's camera, if there is one, to that of the images if it is not stated. Throws
-// InputError if the sizes differ.
-void FitCameraToImages(const std::vector<CaptureDetection>& detections, PairDataset* dataset);
-
-// Returns the data set in the general form, whose parts have no names (heba/data/hand_eye.h).
-Dataset AsDataset(const PairDataset& dataset);
 // Returns what is known about the scales of a data set's targets and arms. `solved` has the errors of arms that were
 // estimated, which makes their lengths those of arms that were calibrated.
 ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved);
-// Returns the detections as those of such a data set, and back.
-std::vector<TargetDetection> AsTargetDetections(const std::vector<CaptureDetection>& detections);
-std::vector<CaptureDetection> AsCaptureDetections(std::vector<TargetDetection> detections);
 
-// Returns the entry of a capture that is not used, without a reason.
-ImageResult EntryOfUnused(const Capture& capture);
+// Returns how messages and results call the image of a camera in a capture: the capture if it has no image.
+std::string ImageOf(const Dataset& dataset, size_t capture, size_t camera);
 
-// Removes the elements with these indices, which must be in increasing order; an empty list stays as it is.
-template <typename T>
-void RemoveAt(const std::vector<size_t>& indices, std::vector<T>* list) {
-  if (list->empty()) return;
-  for (auto index = indices.rbegin(); index != indices.rend(); ++index) {
-    list->erase(list->begin() + static_cast<std::ptrdiff_t>(*index));
-  }
-}
+// Moves captures to those that are left out, with these reasons.
+Dataset WithoutCaptures(Dataset dataset, const std::map<size_t, std::string>& reason_of);
 
-// Returns the view of one capture, an index into PairDataset::captures, with the observations in its image.
-View ViewOf(const PairDataset& dataset, size_t capture, Observations observations);
+// The errors of the arm at each capture of a data set. An empty list stands for those of an exact arm.
+struct EffectsOfCaptures {
+  std::vector<std::shared_ptr<const PoseEffect>> effects = {};  // View::effect.
+  std::vector<Matrix6X> gripper_by_joints = {};                 // View::gripper_by_joints.
+};
 
-// Returns camera_from_target of one capture as a solution predicts it from the robot's pose.
-Rigid3d PredictedPose(const PairDataset& dataset, const PairSolution& solution, size_t capture);
-// Returns PredictedImages of all captures; `rms_px` is that of the points.
-PredictedImages PredictCaptures(const PairDataset& dataset, const PairSolution& solution, double rms_px);
+// Returns the view of one capture, an index into Dataset::captures, of the only camera with the observations in its
+// image.
+View ViewOf(const Dataset& dataset, size_t capture, Observations observations, const EffectsOfCaptures& effects = {});
+// Returns the views of the captures in which the only target was seen.
+std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                          const EffectsOfCaptures& effects = {});
 
-// Returns the views of the captures in which the target was seen.
-std::vector<View> ViewsOf(const PairDataset& dataset, const std::vector<CaptureDetection>& detections);
+// Returns PredictedImages of all detections by a solution; `rms_px` is that of the points.
+PredictedImages PredictCaptures(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                                const EffectsOfCaptures& effects, const PairSolution& solution, double rms_px);
 
-PairCalibrationOptions OptionsOf(const PairDataset& dataset, const PairRunOptions& options, int width_px,
-                                 int height_px);
+// Returns the options of the calibration of the only camera, whose images have this size.
+PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, const ImageSize& size);
 
 }  // namespace heba

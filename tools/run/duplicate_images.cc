@@ -6,7 +6,6 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -23,18 +22,22 @@ bool HaveSamePose(const PosedImage& a, const PosedImage& b) {
 
 }  // namespace
 
-std::vector<PosedImage> PosedImagesOf(const std::vector<Capture>& captures,
-                                      const std::vector<CaptureDetection>& detections) {
-  if (detections.empty()) return {};  // There are no images.
-  CHECK_EQ(captures.size(), detections.size());
-  std::vector<PosedImage> images;
-  for (size_t i = 0; i < captures.size(); ++i) {
-    images.push_back({captures[i].name,
-                      {captures[i].base_from_gripper},
-                      detections[i].image_digest,
-                      !detections[i].detection.ids.empty()});
+ImagesOfCamera PosedImagesOf(const Dataset& dataset, const std::vector<TargetDetection>& detections, size_t camera) {
+  std::map<size_t, PosedImage> image_of;  // By the capture.
+  for (const TargetDetection& detection : detections) {
+    if (detection.camera != camera) continue;
+    const Recording& capture = dataset.captures[detection.capture];
+    const auto [entry, is_new] = image_of.try_emplace(detection.capture);
+    PosedImage& image = entry->second;
+    if (is_new) image = {capture.name, capture.base_from_gripper, detection.detection.image_digest, false};
+    image.shows_target |= !detection.detection.detection.ids.empty();
   }
-  return images;
+  ImagesOfCamera all;
+  for (auto& [capture, image] : image_of) {
+    all.captures.push_back(capture);
+    all.images.push_back(std::move(image));
+  }
+  return all;
 }
 
 std::vector<SharedImage> FindSharedImages(const std::vector<PosedImage>& images) {
@@ -51,22 +54,22 @@ std::vector<SharedImage> FindSharedImages(const std::vector<PosedImage>& images)
     all.push_back({sharing, has_one_pose});
   }
   std::sort(all.begin(), all.end(),
-            [](const SharedImage& a, const SharedImage& b) { return a.captures.front() < b.captures.front(); });
+            [](const SharedImage& a, const SharedImage& b) { return a.images.front() < b.images.front(); });
   return all;
 }
 
 size_t FindOtherPose(const std::vector<PosedImage>& images, const SharedImage& shared, size_t image) {
-  const auto other = std::find_if(shared.captures.begin(), shared.captures.end(),
+  const auto other = std::find_if(shared.images.begin(), shared.images.end(),
                                   [&](size_t i) { return !HaveSamePose(images[i], images[image]); });
-  return other == shared.captures.end() ? shared.captures.front() : *other;
+  return other == shared.images.end() ? shared.images.front() : *other;
 }
 
 std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images) {
   std::vector<DuplicateImage> duplicates;
   for (const SharedImage& shared : FindSharedImages(images)) {
-    const size_t first = shared.captures.front();
+    const size_t first = shared.images.front();
     if (!images[first].shows_target) continue;
-    for (const size_t i : shared.captures) {
+    for (const size_t i : shared.images) {
       if (!shared.has_one_pose) {
         duplicates.push_back({i, "",
                               "the same image as " + images[FindOtherPose(images, shared, i)].name +
@@ -85,60 +88,51 @@ std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images
 std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
   std::vector<DuplicateInDataset> duplicates;
   for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
-    std::map<size_t, PosedImage> image_of;  // By the capture.
-    for (const TargetDetection& detection : detections) {
-      if (detection.camera != c) continue;
-      const Recording& capture = dataset.captures[detection.capture];
-      const auto [entry, is_new] = image_of.try_emplace(detection.capture);
-      PosedImage& image = entry->second;
-      if (is_new) image = {capture.name, capture.base_from_gripper, detection.detection.image_digest, false};
-      image.shows_target |= !detection.detection.detection.ids.empty();
-    }
-    std::vector<size_t> captures;
-    std::vector<PosedImage> images;
-    for (auto& [capture, image] : image_of) {
-      captures.push_back(capture);
-      images.push_back(std::move(image));
-    }
-    for (DuplicateImage& duplicate : FindDuplicates(images)) {
-      duplicates.push_back({captures[duplicate.image], c, std::move(duplicate.repeat_of), std::move(duplicate.reason)});
+    const ImagesOfCamera searched = PosedImagesOf(dataset, detections, c);
+    for (DuplicateImage& duplicate : FindDuplicates(searched.images)) {
+      duplicates.push_back(
+          {searched.captures[duplicate.image], c, std::move(duplicate.repeat_of), std::move(duplicate.reason)});
     }
   }
   return duplicates;
 }
 
-LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDetection>* detections) {
-  const std::vector<Capture>& captures = dataset->captures;
-  LeftOutCaptures left_out;
-  int num_repeats = 0;
-  for (const DuplicateImage& duplicate : FindDuplicates(PosedImagesOf(captures, *detections))) {
-    ImageResult& result = left_out.results.emplace_back(EntryOfUnused(captures[duplicate.image]));
-    const auto num_points = static_cast<int>((*detections)[duplicate.image].detection.ids.size());
-    if (num_points > 0) result.targets.push_back({"", num_points, 0, {}, false});
-    result.repeat_of = duplicate.repeat_of;
-    result.reason = duplicate.reason;
-    left_out.indices.push_back(duplicate.image);
-    num_repeats += duplicate.repeat_of.empty() ? 0 : 1;
-  }
-  const int num_contradictory = static_cast<int>(left_out.results.size()) - num_repeats;
+std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& duplicates, size_t num_captures) {
+  const auto num_repeats = std::count_if(duplicates.begin(), duplicates.end(), [](const DuplicateInDataset& duplicate) {
+    return !duplicate.repeat_of.empty();
+  });
+  const auto num_contradictory = static_cast<std::ptrdiff_t>(duplicates.size()) - num_repeats;
+  const std::string of_captures = " of " + std::to_string(num_captures) + " captures ";
+  std::vector<std::string> notes;
   if (num_repeats > 0) {
-    left_out.notes.push_back(
-        std::to_string(num_repeats) + " of " + std::to_string(captures.size()) +
-        " captures repeat the image of another one, byte by byte, and its pose; they do not count");
+    notes.push_back(std::to_string(num_repeats) + of_captures +
+                    "repeat the image of another one, byte by byte, and its pose; they do not count");
   }
   if (num_contradictory > 0) {
-    left_out.notes.push_back(std::to_string(num_contradictory) + " of " + std::to_string(captures.size()) +
-                             " captures share their images, byte by byte, with captures that have another pose; none "
-                             "of them is used");
+    notes.push_back(std::to_string(num_contradictory) + of_captures +
+                    "share their images, byte by byte, with captures that have another pose; none of them is used");
   }
-  RemoveAt(left_out.indices, detections);
-  RemoveAt(left_out.indices, &dataset->captures);
-  return left_out;
+  return notes;
 }
 
-void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<ImageResult>* results) {
-  for (size_t k = 0; k < left_out.indices.size(); ++k) {
-    results->insert(results->begin() + static_cast<std::ptrdiff_t>(left_out.indices[k]), left_out.results[k]);
+void MarkDuplicates(const Dataset& dataset, const std::vector<DuplicateInDataset>& duplicates,
+                    const std::vector<TargetDetection>& detections, std::vector<ImageResult>* images) {
+  for (const DuplicateInDataset& duplicate : duplicates) {
+    const auto entry = std::find_if(images->begin(), images->end(), [&](const ImageResult& image) {
+      return image.capture == dataset.captures[duplicate.capture].name &&
+             image.camera == dataset.rig.cameras[duplicate.camera].name;
+    });
+    CHECK(entry != images->end());
+    entry->reason = duplicate.reason;
+    entry->repeat_of = duplicate.repeat_of;
+    entry->targets.clear();
+    for (const TargetDetection& detection : detections) {
+      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
+      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
+      if (num_points == 0) continue;
+      entry->targets.push_back(
+          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
+    }
   }
 }
 

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
 
 namespace heba {
@@ -21,13 +20,16 @@ struct PosedImage {
   std::string digest;  // CaptureDetection::image_digest; images without a digest are shared by no captures.
   bool shows_target = true;
 };
-// Returns the images of captures; `detections` are those of `captures`, or empty if there are no images.
-std::vector<PosedImage> PosedImagesOf(const std::vector<Capture>& captures,
-                                      const std::vector<CaptureDetection>& detections);
+// The images of one camera that were searched, and the capture of each.
+struct ImagesOfCamera {
+  std::vector<PosedImage> images;
+  std::vector<size_t> captures;
+};
+ImagesOfCamera PosedImagesOf(const Dataset& dataset, const std::vector<TargetDetection>& detections, size_t camera);
 
 // Indices of two or more images with the same bytes, in their order.
 struct SharedImage {
-  std::vector<size_t> captures;
+  std::vector<size_t> images;
   // Whether all robot poses are equal within 0.1 mm and 0.01 deg: the readings of a robot that stands still differ a
   // little.
   bool has_one_pose = true;
@@ -47,7 +49,7 @@ struct DuplicateImage {
 // equal.
 std::vector<DuplicateImage> FindDuplicates(const std::vector<PosedImage>& images);
 
-// An image of one camera of several that must not be used.
+// An image of a data set that must not be used.
 struct DuplicateInDataset {
   size_t capture = 0;
   size_t camera = 0;
@@ -56,10 +58,11 @@ struct DuplicateInDataset {
 };
 std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections);
 
-// Removes the captures that must not be used from `dataset` and `detections`.
-LeftOutCaptures LeaveOutSharedImages(PairDataset* dataset, std::vector<CaptureDetection>* detections);
+// Returns one sentence for each cause of duplicates among the captures of one camera.
+std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& duplicates, size_t num_captures);
 
-// Inserts the captures that were left out at their indices among the results of the others.
-void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<ImageResult>* results);
+// Gives the entries of images that must not be used the reason, and their points as `detections` has them.
+void MarkDuplicates(const Dataset& dataset, const std::vector<DuplicateInDataset>& duplicates,
+                    const std::vector<TargetDetection>& detections, std::vector<ImageResult>* images);
 
 }  // namespace heba

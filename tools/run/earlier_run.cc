@@ -138,85 +138,33 @@ std::vector<int> TurnedIds(const Target& target, const Rigid3d& symmetry, const 
   return all;
 }
 
-// Gives the captures the smooth errors of the earlier run, with the sigmas that they have there. A few captures are
-// near each other, and err alike.
-void SetSmoothErrors(const SmoothPrior& smooth, const RobotNoise& noise, PairDataset* dataset, BundleOptions* bundle) {
-  std::vector<Rigid3d> poses;
-  for (const Capture& capture : dataset->captures) poses.push_back(capture.base_from_gripper);
-  SmoothErrors errors(poses, smooth.lengths);
-  errors.SetSigmas({smooth.sigma.translation_m, smooth.sigma.rotation_rad});
-  for (Capture& capture : dataset->captures) capture.effect = errors.EffectAt(capture.base_from_gripper);
-  bundle->effects = std::make_shared<const SharedEffects>(errors.effects());
-  bundle->robot = BundleOptions::Robot::kGivenNoise;
-  bundle->robot_noise = noise;
-}
-
-}  // namespace
-
-void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* options) {
+// Throws InputError unless an earlier run is one of the only camera, target and arm.
+void CheckPair(const EarlierRun& earlier, const Dataset& dataset) {
   const RunResult& result = *earlier.result;
   if (result.rig.cameras.size() != 1 || result.rig.targets.size() != 1 || result.rig.robots.size() != 1) {
     throw InputError(earlier.name + ": is a run of several cameras, targets or arms, but the captures are of one each");
   }
   const Setup setup = SetupOf(result.rig.cameras[0].mount);
-  if (setup != dataset->setup) {
+  const Setup of_captures = SetupOf(dataset.rig.cameras[0].mount);
+  if (setup != of_captures) {
     throw InputError(earlier.name + ": is a run with the setup " + std::string(SetupName(setup)) +
-                     ", but the captures are of " + std::string(SetupName(dataset->setup)));
+                     ", but the captures are of " + std::string(SetupName(of_captures)));
   }
-  CheckTarget(earlier, *dataset->target, 0);
-  BundleOptions& bundle = options->bundle;
-  if (dataset->camera) {
-    CheckCamera(earlier, *dataset->camera, result.solution.cameras[0]);
-  } else {
-    const std::string& model = result.solution.cameras[0].model;
-    if (!options->choose_camera_model && !options->camera_model.empty() && options->camera_model != model) {
-      throw InputError(earlier.name + ": is a run with the camera model " + model + ", but that of the camera is " +
-                       options->camera_model);
-    }
-    dataset->camera = result.solution.cameras[0];
-    dataset->camera_source = earlier.name;
-    bundle.free_intrinsics = FreeIntrinsicsOf(result, 0);
-    options->choose_camera_model = false;
-  }
-  if (options->choose.target_shape) bundle.free_shape = FreeShapeOf(result, 0);
-  options->choose.target_shape = false;
-  // The prior has what the earlier run knew about the scale and the lens.
-  bundle.target_scale_sigma = std::nullopt;
-  if (!FreeIntrinsicsOf(result, 0).empty()) bundle.camera_prior = std::nullopt;
-  Problem named = HandEyeProblem(dataset->setup, *dataset->camera, TargetShape());
-  AddPrior(earlier, &named);
-  bundle.prior = named.prior;
-  const std::optional<RobotNoisePrior> noise = NoisePriorOf(result);
-  if (!options->choose.robot_noise || options->joint_noise) return;
-  if (!result.solution.robot_noise.empty() && !result.solution.robot_noise[0]) {
-    options->choose.robot_noise = false;
-    bundle.robot = BundleOptions::Robot::kExact;
-  }
-  if (!noise) return;
-  const bool names_arm = dataset->robot && options->kinematics != Kinematics::kNone;
-  const bool takes_smooth = options->smooth != SmoothPoseErrors::kNone && !names_arm;
-  options->choose.robot_noise = false;
-  options->smooth = SmoothPoseErrors::kNone;
-  if (const std::optional<SmoothPrior> smooth = SmoothPriorsOf(result)[0]; smooth && takes_smooth) {
-    SetSmoothErrors(*smooth, *result.solution.robot_noise[0], dataset, &bundle);
-    return;
-  }
-  bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-  bundle.robot_noise_prior = noise;
-  bundle.robot_noise_start = noise->median;
 }
+
+}  // namespace
 
 void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   const RunResult& result = *earlier.result;
+  if (IsShort(dataset->rig)) CheckPair(earlier, *dataset);
   std::vector<ProblemCamera>& cameras = dataset->rig.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::optional<size_t> place = PlaceOfSame(cameras[c].name, cameras.size(), result.rig.cameras);
     if (!place) continue;
     if (!FreeIntrinsicsOf(result, *place).empty()) cameras[c].prior = std::nullopt;
-    if (dataset->has_camera[c]) {
-      CheckCamera(earlier, cameras[c].camera, result.solution.cameras[*place]);
-      continue;
-    }
+    const bool states_model = !cameras[c].camera.model.empty();
+    if (states_model) CheckCamera(earlier, cameras[c].camera, result.solution.cameras[*place]);
+    if (dataset->has_camera[c]) continue;
     cameras[c].camera = result.solution.cameras[*place];
     cameras[c].free_intrinsics = FreeIntrinsicsOf(result, *place);
     dataset->has_camera[c] = true;
@@ -239,6 +187,35 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   if (named.prior->covariance.layout.size() == 0) {
     throw InputError(earlier.name + ": is a run without a camera, target or arm of the same name and mount");
   }
+}
+
+std::optional<SmoothErrors> BuildNoiseOn(const EarlierRun& earlier, const Dataset& dataset, RunOptions* options) {
+  const RunResult& result = *earlier.result;
+  AdjustmentOptions& adjustment = options->calibration.adjustment;
+  SmoothPoseErrors& smooth = options->calibration.smooth;
+  const bool is_chosen =
+      adjustment.robot == BundleOptions::Robot::kEstimatedNoise && smooth != SmoothPoseErrors::kAlways;
+  if (!is_chosen || options->joint_noise) return std::nullopt;
+  if (!result.solution.robot_noise.empty() && !result.solution.robot_noise[0]) {
+    adjustment.robot = BundleOptions::Robot::kExact;
+  }
+  const std::optional<RobotNoisePrior> noise = NoisePriorOf(result);
+  if (!noise) return std::nullopt;
+  const bool names_arm = !dataset.arms.empty() && dataset.arms[0] && options->kinematics != Kinematics::kNone;
+  const bool takes_smooth = smooth != SmoothPoseErrors::kNone && !names_arm;
+  smooth = SmoothPoseErrors::kNone;
+  if (const std::optional<SmoothPrior> known = SmoothPriorsOf(result)[0]; known && takes_smooth) {
+    adjustment.robot = BundleOptions::Robot::kGivenNoise;
+    adjustment.robot_noise = *result.solution.robot_noise[0];
+    std::vector<Rigid3d> poses;
+    for (const Recording& capture : dataset.captures) poses.push_back(capture.base_from_gripper[0]);
+    SmoothErrors errors(poses, known->lengths);
+    errors.SetSigmas({known->sigma.translation_m, known->sigma.rotation_rad});
+    return errors;
+  }
+  adjustment.robot_noise_prior = noise;
+  adjustment.robot_noise_start = noise->median;
+  return std::nullopt;
 }
 
 void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections) {

@@ -1,20 +1,24 @@
 // Builds a calibration on an earlier run of the same cell, whose result counts as an observation.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "heba/data/smooth_errors.h"
 #include "heba/evaluation/finding.h"
 #include "heba/run_types.h"
 
 namespace heba {
 
-// Gives a data set and its options what the earlier run tells: the camera, if none is given, with the parts of its
-// intrinsics that were unknown; the shape of the target, as it was modelled; the noise of the robot, if it is to be
-// chosen; and the prior of the adjustment. Throws InputError, which begins with the name of the earlier run, if that
-// run is of another kind of target or has a camera of another model or image size.
-void BuildOn(const EarlierRun& earlier, PairDataset* dataset, PairRunOptions* options);
-// Likewise for any number of cameras, targets and arms. The noise of the arms is estimated anew.
+// Gives a data set and its options what the earlier run tells: the cameras that are not given, with the parts of their
+// intrinsics that were unknown, and the shapes of the targets, as they were modelled. Throws InputError, which begins
+// with the name of the earlier run, if that run has another kind of target, a camera of another model or image size, or
+// nothing in common.
 void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options);
+// Gives the run of one camera, one target and one arm the noise of the arm, if it is to be chosen. Returns the smooth
+// errors of the arm with the sigmas that they have there, if it has any and the run may have some: a few captures are
+// near each other, and err alike. That of several arms is estimated anew.
+std::optional<SmoothErrors> BuildNoiseOn(const EarlierRun& earlier, const Dataset& dataset, RunOptions* options);
 
 // Gives a problem the shapes of targets that the earlier run found, and its prior. Targets that are read as there
 // (ReadAsEarlier) have no symmetries any more. Throws InputError if the covariance of the earlier run is of no use.

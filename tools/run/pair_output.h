@@ -3,23 +3,21 @@
 
 #include <vector>
 
-#include "heba/pair_run_types.h"
 #include "heba/run_types.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 
 // A PairOutput is what such a run ends with.
 struct PairOutput {
   RunResult result;  // The result has the short form.
-  // The data set without the captures that were left out, with the size of its camera filled in, and the detection in
-  // each capture; no detections if the target's poses were given.
-  PairDataset dataset;
-  std::vector<CaptureDetection> detections;
+  Dataset dataset;   // RunOutput::dataset.
+  std::vector<TargetDetection> detections;
+  EffectsOfCaptures effects;  // The effects at the captures of `dataset`.
   PairCalibration calibration;
 };
 
-// Returns it in the general form, whose parts have no names (heba/data/hand_eye.h). Its captures are those of
-// PairOutput::dataset.
+// Returns it in the general form. Its parts have the names that they have in the data set.
 RunOutput AsRunOutput(PairOutput run);
 
 }  // namespace heba

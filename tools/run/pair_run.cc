@@ -1,4 +1,4 @@
-#include "heba/pair_run.h"
+#include "tools/run/pair_run.h"
 
 #include <algorithm>
 #include <map>
@@ -43,102 +43,69 @@ bool IsAtLeastAsGood(const PairCalibration& second, const PairCalibration& first
          second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
 }
 
-// Throws InputError if the data set is incomplete.
-void CheckDataset(const PairDataset& dataset, bool has_prior) {
-  const auto check_count = [&](size_t count, const std::string& what) {
-    if (count == 0 || count == dataset.captures.size()) return;
-    throw InputError("the data set has " + std::to_string(dataset.captures.size()) + " captures, but " +
-                     std::to_string(count) + " " + what);
-  };
-  if (dataset.captures.empty()) throw InputError("the data set has no captures");
-  check_count(dataset.given_detections.size(), "detections");
-  check_count(dataset.target_poses.size(), "poses of the target");
-  if (has_prior && !dataset.target_poses.empty()) {
-    throw InputError("the result of an earlier run is combined with images or points, not with poses of the target");
-  }
-  if (!dataset.target && dataset.target_poses.empty()) throw InputError("the data set has no target");
-}
-
 // Adds the arm, and what is to be said of it, to a result.
-void AddRobot(const PairDataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot,
+void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot,
               const PairCalibration& calibration, RunResult* result) {
-  for (Finding& finding : FindingsOf(robot, dataset, calibration)) result->observations.push_back(std::move(finding));
+  for (Finding& finding : FindingsOf(robot, SetupOf(dataset), calibration)) {
+    result->observations.push_back(std::move(finding));
+  }
   if (setup) {
-    std::optional<Finding> singular = FindSingularCaptures(dataset, *setup, robot.is_estimated);
+    std::optional<Finding> singular = FindSingularCaptures(dataset, 0, *setup, robot.is_estimated);
     if (singular) result->observations.push_back(std::move(*singular));
   }
   result->arms = {std::move(robot)};
 }
 
-// Leaves out the captures whose recorded joints contradict their poses: one of the two is wrong.
-LeftOutCaptures LeaveOutWrongJoints(PairDataset* dataset) {
-  LeftOutCaptures left_out;
-  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(*dataset);
-  for (const ContradictingJoints& joints : wrong) {
-    left_out.indices.push_back(joints.capture);
-    left_out.results.push_back(EntryOfUnused(dataset->captures[joints.capture]));
-    left_out.results.back().reason = WhyLeftOut(joints, "its joints");
-  }
-  RemoveAt(left_out.indices, &dataset->captures);
-  RemoveAt(left_out.indices, &dataset->given_detections);
-  RemoveAt(left_out.indices, &dataset->target_poses);
-  return left_out;
-}
+bool HasArm(const Dataset& dataset) { return !dataset.arms.empty() && dataset.arms.front(); }
 
 // Leaves out the captures whose pose of the target is not where the others predict it, by a robust fit to most of them;
 // none if so many are that it is not clear which are wrong.
-LeftOutCaptures LeaveOutWrongPoses(PairDataset* dataset) {
-  LeftOutCaptures left_out;
+Dataset WithoutWrongPoses(Dataset dataset) {
   std::vector<PoseCandidates> pairs;
-  for (size_t i = 0; i < dataset->captures.size(); ++i) {
-    pairs.push_back({CameraMountFromTargetMount(dataset->setup, dataset->captures[i].base_from_gripper),
-                     {dataset->target_poses[i]}});
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    pairs.push_back({ViewOf(dataset, i, {}).camera_mount_from_target_mount, {dataset.target_poses[i]}});
   }
   const std::optional<PoseConsistency> fit = FindPoseConsistency(pairs, RobotScale::kOne);
-  if (!fit) return left_out;
+  if (!fit) return dataset;
   // Seven of ten normal errors in six directions are below 2.7 sigmas, so that this is some twelve sigmas.
   constexpr double kDistinct = 4.5;
   constexpr double kLeastM = 1e-4;
   const double most_m = std::max(kLeastM, kDistinct * fit->typical_misfit_m);
+  std::map<size_t, std::string> reason_of;
   for (size_t i = 0; i < pairs.size(); ++i) {
-    if (fit->misfit_m[i] > most_m) left_out.indices.push_back(i);
+    if (fit->misfit_m[i] <= most_m) continue;
+    reason_of[i] = "contradicts the other captures: the pose of the target is " +
+                   Significant(1000 * fit->translation_m[i], 2) + " mm and " +
+                   Significant(RadToDeg(fit->rotation_rad[i]), 2) +
+                   " deg from where they predict it (7 of 10 captures differ by less than " +
+                   Significant(1000 * fit->typical_misfit_m, 2) +
+                   " mm); wrong pose for the image, robot not settled, or target misread";
   }
-  if (static_cast<double>(left_out.indices.size()) > kMostWrong * static_cast<double>(pairs.size())) return {};
-  for (const size_t i : left_out.indices) {
-    ImageResult& result = left_out.results.emplace_back(EntryOfUnused(dataset->captures[i]));
-    result.reason = "contradicts the other captures: the pose of the target is " +
-                    Significant(1000 * fit->translation_m[i], 2) + " mm and " +
-                    Significant(RadToDeg(fit->rotation_rad[i]), 2) +
-                    " deg from where they predict it (7 of 10 captures differ by less than " +
-                    Significant(1000 * fit->typical_misfit_m, 2) +
-                    " mm); wrong pose for the image, robot not settled, or target misread";
-  }
-  RemoveAt(left_out.indices, &dataset->captures);
-  RemoveAt(left_out.indices, &dataset->target_poses);
-  return left_out;
+  if (static_cast<double>(reason_of.size()) > kMostWrong * static_cast<double>(pairs.size())) return dataset;
+  return WithoutCaptures(std::move(dataset), reason_of);
 }
 
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<PairOutput> RunOnPoses(PairDataset dataset, const PairRunOptions& run, RunObserver* observer) {
+Outcome<PairOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunObserver* observer) {
   PairOutput output;
-  LeftOutCaptures left_out;
-  if (run.bundle.loss != LossKind::kNone) left_out = LeaveOutWrongPoses(&dataset);
-  output.dataset = dataset;
+  output.dataset = run.calibration.adjustment.loss == LossKind::kNone ? given : WithoutWrongPoses(given);
+  const Dataset& dataset = output.dataset;
   PairCalibration& calibration = output.calibration;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
-    calibration.pairs.push_back({mount, dataset.target_poses[i], dataset.captures[i].role, std::nullopt});
-    calibration.pairs.back().joints = dataset.captures[i].joints;
+    View view = ViewOf(dataset, i, {});
+    calibration.pairs.push_back(
+        {view.camera_mount_from_target_mount, dataset.target_poses[i], view.role, std::nullopt});
+    calibration.pairs.back().joints = std::move(view.joints);
   }
   PoseCalibrationOptions options;
   options.methods = run.methods;
   options.seed = run.seed;
-  options.setup = dataset.setup;
+  options.setup = SetupOf(dataset);
   CalibratePoses(options, &calibration);
   if (!calibration.chain) return calibration.chain.failure();
   std::optional<ArmSetup> arm;
-  if (dataset.robot && run.kinematics != Kinematics::kNone) {
-    arm = SetUpArm(dataset, run.kinematics);
+  if (HasArm(dataset) && run.kinematics != Kinematics::kNone) {
+    arm = SetUpArm(dataset, 0, run.kinematics);
     options.has_robot_noise = true;
     SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
     CalibratePoses(options, &calibration);
@@ -146,29 +113,36 @@ Outcome<PairOutput> RunOnPoses(PairDataset dataset, const PairRunOptions& run, R
   }
   if (observer != nullptr) observer->OnCalibrated(calibration);
   output.result = AssessPoses(dataset, run, calibration, options);
-  if (dataset.robot) {
+  if (HasArm(dataset)) {
     AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
   }
-  InsertLeftOut(left_out, &output.result.images);
   return output;
 }
 
+// What a run begins with, once its images have been searched.
+struct PairInput {
+  Dataset dataset;
+  RunOptions options;
+  ImageSize image_size;
+  std::optional<SmoothErrors> smooth;  // The smooth errors of an earlier run, which are taken as they are.
+  std::set<size_t> unusable;           // The captures whose images must not be used.
+  RunObserver* observer = nullptr;
+};
+
 // Returns the detections with the points that a calibration has shown where to search; nothing if there are no others.
-std::optional<std::vector<CaptureDetection>> DetectCapturesAgain(const PairDataset& dataset,
-                                                                 const std::vector<CaptureDetection>& detections,
-                                                                 const PairCalibration& calibration, int num_threads,
-                                                                 RunObserver* observer) {
+std::optional<std::vector<TargetDetection>> DetectCapturesAgain(const PairInput& input,
+                                                                const std::vector<TargetDetection>& detections,
+                                                                const EffectsOfCaptures& effects,
+                                                                const PairCalibration& calibration) {
   if (!calibration.refined) return std::nullopt;
   const PairSolution& solution = *calibration.refined;
-  const std::optional<SquaredErrors> errors =
-      ReprojectionErrors(solution.hand_eye, solution.camera,
-                         ApplyShape(CorrectedViews(dataset.setup, calibration.views, solution), solution.shape));
+  const std::optional<SquaredErrors> errors = ReprojectionErrors(
+      solution.hand_eye, solution.camera,
+      ApplyShape(CorrectedViews(SetupOf(input.dataset), calibration.views, solution), solution.shape));
   if (!errors) return std::nullopt;
-  std::optional<std::vector<TargetDetection>> again =
-      DetectAgain(AsDataset(dataset), AsTargetDetections(detections),
-                  PredictCaptures(dataset, solution, errors->RmsPx().value_or(0)), num_threads, observer);
-  if (!again) return std::nullopt;
-  return AsCaptureDetections(std::move(*again));
+  return DetectAgain(input.dataset, detections,
+                     PredictCaptures(input.dataset, detections, effects, solution, errors->RmsPx().value_or(0)),
+                     input.options.num_threads, input.observer);
 }
 
 // The drifts that the views are corrected for, with the poses of their bodies.
@@ -177,17 +151,17 @@ struct KnownDrifts {
   HandEye hand_eye = {};
 };
 
-// A calibration that is not assessed yet, with the data and options that it ended with.
+// A calibration that is not assessed yet, with the options and the errors of the arm that it ended with.
 struct Calibrated {
   PairCalibration calibration;
-  PairDataset dataset;             // The data set has the joints that were recovered.
+  EffectsOfCaptures effects;
   PairCalibrationOptions options;  // The final refinement used these.
   std::optional<ArmSetup> arm;
   std::optional<Finding> of_smooth_errors;
   KnownDrifts known;  // The views were corrected for these.
 };
 
-void Correct(const PairDataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
+void Correct(const Dataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
   for (View& view : *views) {
     for (const Drift& drift : known.drifts) {
       view.camera_mount_from_target_mount = WithoutDrift(
@@ -197,28 +171,37 @@ void Correct(const PairDataset& dataset, const KnownDrifts& known, std::vector<V
   }
 }
 
+// Gives a calibration the smooth errors that are taken as they are.
+void SetSmoothErrors(const Dataset& dataset, const SmoothErrors& errors, Calibrated* calibrated) {
+  calibrated->options.bundle.effects = std::make_shared<const SharedEffects>(errors.effects());
+  for (const Recording& capture : dataset.captures) {
+    calibrated->effects.effects.push_back(errors.EffectAt(capture.base_from_gripper.front()));
+  }
+}
+
 // Calibrates from the detections of the captures that are not in `left_out`, with the drifts that are known; the target
 // may be detected again.
-Outcome<Calibrated> CalibrateCaptures(const PairDataset& dataset, const PairRunOptions& options,
-                                      const std::set<size_t>& left_out, const KnownDrifts& known,
-                                      std::vector<CaptureDetection>* detections, RunObserver* observer) {
-  const auto views_of = [&](const std::vector<CaptureDetection>& seen) {
-    std::vector<View> views = ViewsOf(dataset, seen);
+Outcome<Calibrated> CalibrateCaptures(const PairInput& input, const std::set<size_t>& left_out,
+                                      const KnownDrifts& known, std::vector<TargetDetection>* detections) {
+  const Dataset& dataset = input.dataset;
+  const RunOptions& options = input.options;
+  EndIfCancelled(input.observer);
+  Calibrated calibrated;
+  calibrated.known = known;
+  calibrated.options = OptionsOf(dataset, options, input.image_size);
+  if (input.smooth) SetSmoothErrors(dataset, *input.smooth, &calibrated);
+  const auto calibrate = [&](const std::vector<TargetDetection>& seen) {
+    std::vector<View> views = ViewsOf(dataset, seen, calibrated.effects);
     std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
     Correct(dataset, known, &views);
-    return views;
+    return CalibratePair(views, calibrated.options);
   };
-  EndIfCancelled(observer);
-  Calibrated calibrated;
-  calibrated.dataset = dataset;
-  calibrated.known = known;
-  calibrated.options = OptionsOf(dataset, options, detections->front().width_px, detections->front().height_px);
-  Outcome<PairCalibration> calibration = CalibratePair(views_of(*detections), calibrated.options);
+  Outcome<PairCalibration> calibration = calibrate(*detections);
   if (!calibration) return calibration.failure();
-  if (std::optional<std::vector<CaptureDetection>> again =
-          DetectCapturesAgain(dataset, *detections, *calibration, options.num_threads, observer)) {
-    EndIfCancelled(observer);
-    Outcome<PairCalibration> second = CalibratePair(views_of(*again), calibrated.options);
+  if (std::optional<std::vector<TargetDetection>> again =
+          DetectCapturesAgain(input, *detections, calibrated.effects, *calibration)) {
+    EndIfCancelled(input.observer);
+    Outcome<PairCalibration> second = calibrate(*again);
     if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
       calibration = std::move(second);
       *detections = std::move(*again);
@@ -226,10 +209,11 @@ Outcome<Calibrated> CalibrateCaptures(const PairDataset& dataset, const PairRunO
   }
   const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
   if (calibration->refined) {
-    EndIfCancelled(observer);
-    if (dataset.robot && needs_arm) calibrated.arm = SetUpArm(dataset, options.kinematics);
-    calibrated.of_smooth_errors = CalibrateWithRobotErrors(options, calibrated.arm ? &*calibrated.arm : nullptr,
-                                                           &calibrated.dataset, &calibrated.options, &*calibration);
+    EndIfCancelled(input.observer);
+    if (HasArm(dataset) && needs_arm) calibrated.arm = SetUpArm(dataset, 0, options.kinematics);
+    calibrated.of_smooth_errors =
+        CalibrateWithRobotErrors(dataset, options, calibrated.arm ? &*calibrated.arm : nullptr, &calibrated.effects,
+                                 &calibrated.options, &*calibration);
   }
   calibrated.calibration = std::move(*calibration);
   return calibrated;
@@ -242,27 +226,30 @@ struct UsedCaptures {
   CaptureTimes times;
 };
 
-UsedCaptures UsedBy(const Calibrated& calibrated) {
+UsedCaptures UsedBy(const PairInput& input, const Calibrated& calibrated) {
   const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
   const JudgedProblem& judged = of_captures.model.judged;
   UsedCaptures used{WithoutRejected(Without(of_captures.model.problem, judged.left_out), judged.solution),
                     judged.solution,
-                    {{}, calibrated.dataset.captures.size()}};
+                    {{}, input.dataset.captures.size()}};
   for (const View& view : of_captures.views) used.times.places.push_back(view.capture);
   return used;
 }
 
 // Returns all captures as they were detected, with the readings that the calibration chose.
-DetectedCaptures DetectedBy(const Calibrated& calibrated, const std::vector<CaptureDetection>& detections) {
+DetectedCaptures DetectedBy(const PairInput& input, const Calibrated& calibrated,
+                            const std::vector<TargetDetection>& detections) {
   const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
   std::map<size_t, View> views;
   // The reading of a target with a symmetry is known of captures that were calibrated only.
   if (calibrated.options.symmetries.size() == 1) {
-    for (View& view : ViewsOf(calibrated.dataset, detections)) views[view.capture] = std::move(view);
+    for (View& view : ViewsOf(input.dataset, detections)) {
+      if (!input.unusable.contains(view.capture)) views[view.capture] = std::move(view);
+    }
   }
   for (const View& view : of_captures.views) views[view.capture] = view;
-  PairProblem problem{calibrated.calibration.refined->camera, {}, calibrated.dataset.setup, calibrated.options.shape};
-  DetectedCaptures detected{{}, {{}, calibrated.dataset.captures.size()}};
+  PairProblem problem{calibrated.calibration.refined->camera, {}, calibrated.options.setup, calibrated.options.shape};
+  DetectedCaptures detected{{}, {{}, input.dataset.captures.size()}};
   for (auto& [capture, view] : views) {
     view.effect = nullptr;
     view.gripper_by_joints.resize(6, 0);
@@ -277,19 +264,18 @@ DetectedCaptures DetectedBy(const Calibrated& calibrated, const std::vector<Capt
 
 // Calibrates with drifts of the bodies and forms of `known`, which are estimated again with the captures that they
 // bring back. Returns nothing if the captures do not determine them.
-std::optional<Calibrated> CalibrateCorrected(const PairDataset& dataset, const PairRunOptions& options,
-                                             const std::set<size_t>& left_out, KnownDrifts known,
-                                             std::vector<CaptureDetection>* detections, RunObserver* observer) {
+std::optional<Calibrated> CalibrateCorrected(const PairInput& input, KnownDrifts known,
+                                             std::vector<TargetDetection>* detections) {
   // Captures at one pose are told by that of the robot: with the corrections they are at several.
   const bool is_at_revisits = known.drifts.front().evidence == DriftEvidence::kRevisits;
   std::optional<Calibrated> with_drifts;
   const int num_rounds = is_at_revisits ? 1 : 2;
   for (int round = 0; round < num_rounds; ++round) {
-    EndIfCancelled(observer);
-    Outcome<Calibrated> next = CalibrateCaptures(dataset, options, left_out, known, detections, observer);
+    EndIfCancelled(input.observer);
+    Outcome<Calibrated> next = CalibrateCaptures(input, input.unusable, known, detections);
     if (!next || !next->calibration.refined) return with_drifts;
     if (is_at_revisits) return std::move(*next);
-    const UsedCaptures used = UsedBy(*next);
+    const UsedCaptures used = UsedBy(input, *next);
     const std::optional<std::vector<Drift>> rest =
         EstimateDrifts(used.problem, used.solution, used.times, known.drifts);
     if (!rest) return with_drifts;
@@ -304,17 +290,18 @@ std::optional<Calibrated> CalibrateCorrected(const PairDataset& dataset, const P
 }
 
 // Looks for a drift, or takes the drifts that are wanted.
-DriftSearch SearchDrift(const Calibrated& calibrated, const PairRunOptions& options,
-                        const std::vector<CaptureDetection>& detections, std::vector<Drift>* drifts) {
-  const UsedCaptures used = UsedBy(calibrated);
+DriftSearch SearchDrift(const PairInput& input, const Calibrated& calibrated,
+                        const std::vector<TargetDetection>& detections, std::vector<Drift>* drifts) {
+  const UsedCaptures used = UsedBy(input, calibrated);
+  const DriftOptions& options = input.options.drift;
   DriftSearch search;
-  if (options.drift.is_tested) {
-    search = FindDrift(used.problem, used.solution, used.times, DetectedBy(calibrated, detections));
+  if (options.is_tested) {
+    search = FindDrift(used.problem, used.solution, used.times, DetectedBy(input, calibrated, detections));
     if (search.found) drifts->push_back(*search.found);
     return search;
   }
   std::vector<Drift> wanted;
-  for (const DriftBody& body : options.drift.wanted) wanted.emplace_back().body = body;
+  for (const DriftBody& body : options.wanted) wanted.emplace_back().body = body;
   if (wanted.empty()) return search;
   const std::optional<std::vector<Drift>> estimated = EstimateDrifts(used.problem, used.solution, used.times, wanted);
   if (estimated) *drifts = *estimated;
@@ -347,40 +334,40 @@ std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_
 
 // Calibrates from the captures, corrected for a drift or without those on the shorter side of each motion of the
 // camera; `motions` are the findings about them.
-Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const PairRunOptions& options,
-                                            std::vector<CaptureDetection>* detections, std::vector<Finding>* motions,
-                                            RunObserver* observer) {
-  std::set<size_t> left_out;
+Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, std::vector<TargetDetection>* detections,
+                                            std::vector<Finding>* motions) {
+  const Dataset& dataset = input.dataset;
+  const int num_threads = input.options.num_threads;
+  const bool leaves_out = input.options.calibration.adjustment.loss != LossKind::kNone;
+  const bool wants_drifts = !input.options.drift.wanted.empty();
+  std::set<size_t> left_out = input.unusable;
   std::vector<UnusedView> unused;
-  Outcome<Calibrated> calibrated = CalibrateCaptures(dataset, options, left_out, {}, detections, observer);
+  Outcome<Calibrated> calibrated = CalibrateCaptures(input, left_out, {}, detections);
   std::optional<Finding> unseen;
   std::vector<Drift> drifts;
   if (calibrated && calibrated->calibration.refined) {
-    EndIfCancelled(observer);
-    unseen = SearchDrift(*calibrated, options, *detections, &drifts).unseen;
+    EndIfCancelled(input.observer);
+    unseen = SearchDrift(input, *calibrated, *detections, &drifts).unseen;
     // A knock that is clear by itself leaves out the captures on one side of it.
     const bool is_step = !drifts.empty() && drifts.front().form == DriftForm::kStep;
-    const bool is_clear_knock =
-        is_step && options.bundle.loss != LossKind::kNone && FindMotion(*calibrated, options.num_threads).has_value();
-    if (is_clear_knock) drifts.clear();
+    if (is_step && leaves_out && FindMotion(*calibrated, num_threads)) drifts.clear();
     std::optional<Calibrated> corrected;
     if (!drifts.empty()) {
-      corrected = CalibrateCorrected(dataset, options, left_out, {drifts, calibrated->calibration.refined->hand_eye},
-                                     detections, observer);
+      corrected = CalibrateCorrected(input, {drifts, calibrated->calibration.refined->hand_eye}, detections);
     }
     if (corrected) calibrated = std::move(*corrected);
-    if (!options.drift.wanted.empty() && drifts.empty()) {
+    if (wants_drifts && drifts.empty()) {
       unseen = Finding{Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}};
     }
   }
   for (int motion = 0; motion < kMostMotions; ++motion) {
-    if (!calibrated || !calibrated->calibration.refined || options.bundle.loss == LossKind::kNone) break;
-    EndIfCancelled(observer);
-    const std::optional<LeftOutByMotion> found = FindMotion(*calibrated, options.num_threads);
+    if (!calibrated || !calibrated->calibration.refined || !leaves_out) break;
+    EndIfCancelled(input.observer);
+    const std::optional<LeftOutByMotion> found = FindMotion(*calibrated, num_threads);
     if (!found) break;
     std::set<size_t> without = left_out;
     without.insert(found->captures.begin(), found->captures.end());
-    Outcome<Calibrated> rest = CalibrateCaptures(dataset, options, without, calibrated->known, detections, observer);
+    Outcome<Calibrated> rest = CalibrateCaptures(input, without, calibrated->known, detections);
     // A motion that leaves too few captures is not found out.
     if (!rest || !rest->calibration.refined) break;
     calibrated = std::move(rest);
@@ -392,7 +379,7 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const Pa
   // A drift that the calibration was not corrected for is said, too.
   const bool is_corrected = !calibrated->known.drifts.empty();
   for (const Drift& drift : is_corrected ? calibrated->known.drifts : drifts) {
-    motions->push_back(DescribeDrift(HandEyeProblem(dataset.setup, Camera(), TargetShape()), drift,
+    motions->push_back(DescribeDrift(HandEyeProblem(SetupOf(dataset), Camera(), TargetShape()), drift,
                                      dataset.captures[drift.capture].name, is_corrected));
   }
   if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
@@ -401,40 +388,60 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairDataset& dataset, const Pa
   return calibrated;
 }
 
-Outcome<PairOutput> RunOnImages(PairDataset dataset, const PairRunOptions& options, RunObserver* observer) {
-  PairOutput output;
-  std::vector<CaptureDetection>& detections = output.detections;
+// The detections in the images, and the images that must not be used.
+struct SearchedImages {
+  std::vector<TargetDetection> detections;
+  std::vector<DuplicateInDataset> duplicates;
+};
 
-  const Stopwatch detect_watch;
-  CheckCamerasByHeader(AsDataset(dataset));
-  detections = DetectCaptures(dataset, options.detect, options.num_threads, observer);
-  FitCameraToImages(detections, &dataset);
-  if (options.earlier) {
-    std::vector<TargetDetection> read = AsTargetDetections(std::move(detections));
-    ReadAsEarlier(*options.earlier, AsDataset(dataset), &read);
-    detections = AsCaptureDetections(std::move(read));
+// Detects the target in the images, or takes the given detections; the camera gets the size of its images.
+SearchedImages SearchImages(const RunOptions& options, RunObserver* observer, Dataset* dataset) {
+  SearchedImages searched;
+  CheckCamerasByHeader(*dataset);
+  searched.detections = DetectDataset(*dataset, options.detect, options.num_threads, observer);
+  FitCamerasToImages(*dataset, searched.detections, &dataset->rig);
+  if (options.earlier) ReadAsEarlier(*options.earlier, *dataset, &searched.detections);
+  searched.duplicates = FindDuplicates(*dataset, searched.detections);
+  return searched;
+}
+
+// Tells the observer what was detected. Returns the failure of images of which none can be used; nothing if some can.
+std::optional<Failure> TellDetected(const PairInput& input, const SearchedImages& searched) {
+  const std::vector<std::string> notes = DuplicateNotes(searched.duplicates, input.dataset.captures.size());
+  const size_t num_images = searched.detections.size() - input.unusable.size();
+  const TargetDetection* first = nullptr;
+  int num_seen = 0;
+  for (const TargetDetection& seen : searched.detections) {
+    if (input.unusable.contains(seen.capture)) continue;
+    if (first == nullptr) first = &seen;
+    num_seen += seen.detection.detection.ids.empty() ? 0 : 1;
   }
+  if (input.observer != nullptr) input.observer->OnDetected(notes, num_seen, static_cast<int>(num_images));
+  if (first == nullptr) return Failure{FailureCode("all_left_out"), {}, {{"notes", Join(notes, "; ")}}};
+  if (num_seen > 0) return std::nullopt;
+  return Failure{FailureCode("nothing_detected"),
+                 {{"images", static_cast<double>(num_images)}},
+                 {{"image", input.dataset.captures[first->capture].name}, {"why", first->detection.detection.reason}}};
+}
+
+Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& options, std::optional<SmoothErrors> smooth,
+                                RunObserver* observer) {
+  PairOutput output;
+  PairInput input{dataset, options, {}, std::move(smooth), {}, observer};
+  const Stopwatch detect_watch;
+  SearchedImages searched = SearchImages(options, observer, &input.dataset);
   Timing timing;
   timing.detect_s = detect_watch.Seconds();
-  const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);
-  const size_t num_seen = ViewsOf(dataset, detections).size();
-  if (observer != nullptr) {
-    observer->OnDetected(left_out, static_cast<int>(num_seen), static_cast<int>(detections.size()));
-  }
-  if (detections.empty()) return Failure{FailureCode("all_left_out"), {}, {{"notes", Join(left_out.notes, "; ")}}};
-  if (num_seen == 0) {
-    return Failure{FailureCode("nothing_detected"),
-                   {{"images", static_cast<double>(detections.size())}},
-                   {{"image", dataset.captures[0].name}, {"why", detections.front().detection.reason}}};
-  }
+  for (const DuplicateInDataset& duplicate : searched.duplicates) input.unusable.insert(duplicate.capture);
+  if (const std::optional<Failure> failure = TellDetected(input, searched)) return *failure;
+  const CaptureDetection& first = searched.detections.front().detection;
+  input.image_size = {first.width_px, first.height_px};
 
   const Stopwatch solve_watch;
   std::vector<Finding> motions;
-  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(dataset, options, &detections, &motions, observer);
+  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(input, &searched.detections, &motions);
   if (!calibrated) return calibrated.failure();
-  PairCalibration& calibration = output.calibration;
-  calibration = std::move(calibrated->calibration);
-  output.dataset = std::move(calibrated->dataset);
+  PairCalibration& calibration = calibrated->calibration;
   if (observer != nullptr) observer->OnCalibrated(calibration);
   if (!calibration.refined) return calibration.refined.failure();
   timing.refine_s = calibration.refined->convergence.seconds;
@@ -446,52 +453,42 @@ Outcome<PairOutput> RunOnImages(PairDataset dataset, const PairRunOptions& optio
         JudgePrior(*options.earlier, UsedPoints(model.problem, model.judged), model.judged.solution));
   }
   if (!calibrated->known.drifts.empty()) {
-    Calibrated of_output = *calibrated;
-    of_output.calibration = calibration;
-    of_output.dataset = output.dataset;
-    const UsedCaptures used = UsedBy(of_output);
+    const UsedCaptures used = UsedBy(input, *calibrated);
     for (Eigen::VectorXd& change : ChangesByDrifts(used.problem, used.solution, used.times, calibrated->known.drifts)) {
       advice.changes.push_back(std::move(change));
     }
   }
-  output.result = Assess(output.dataset, options, detections, calibration, advice, calibrated->options, observer);
+  output.result = Assess(input.dataset, options, searched.detections, calibrated->effects, calibration, advice,
+                         calibrated->options, observer);
   const PairSolution& assessed = *output.result.estimates.back().solution;
   calibration.refined->covariance = assessed.covariance;
   calibration.refined->covariance_repeatable = assessed.covariance_repeatable;
   std::vector<Finding>& observations = output.result.observations;
   for (Finding& motion : motions) observations.push_back(std::move(motion));
-  if (dataset.robot) {
-    AddRobot(output.dataset, calibrated->arm,
-             SummariseArm(output.dataset, options.kinematics, calibrated->arm, calibration), calibration,
-             &output.result);
+  if (HasArm(dataset)) {
+    AddRobot(dataset, calibrated->arm, SummariseArm(dataset, options.kinematics, calibrated->arm, calibration),
+             calibration, &output.result);
   }
   if (calibrated->of_smooth_errors) observations.push_back(std::move(*calibrated->of_smooth_errors));
   output.result.timing = timing;
-  InsertLeftOut(left_out, &output.result.images);
+  MarkDuplicates(dataset, searched.duplicates, searched.detections, &output.result.images);
+  output.dataset = std::move(input.dataset);
+  output.detections = std::move(searched.detections);
+  output.effects = std::move(calibrated->effects);
+  output.calibration = std::move(calibration);
   return output;
 }
 
 }  // namespace
 
-Outcome<RunOutput> Run(const PairDataset& dataset, const PairRunOptions& options_in, RunObserver* observer) {
-  const Stopwatch total;
-  CheckDataset(dataset, options_in.earlier.has_value());
-  try {
-    PairDataset used = dataset;
-    PairRunOptions options = options_in;
-    if (options.earlier) BuildOn(*options.earlier, &used, &options);
-    LeftOutCaptures left_out;
-    if (options.kinematics != Kinematics::kNone || options.joint_noise) left_out = LeaveOutWrongJoints(&used);
-    Outcome<PairOutput> output = used.target_poses.empty() ? RunOnImages(std::move(used), options, observer)
-                                                           : RunOnPoses(std::move(used), options, observer);
-    if (!output) return output.failure();
-    InsertLeftOut(left_out, &output->result.images);
-    output->result.verdict = JudgeRun(output->result);
-    output->result.timing.total_s = total.Seconds();
-    return AsRunOutput(*std::move(output));
-  } catch (const Cancelled&) {
-    return Failure{FailureCode(kCancelled)};
-  }
+Outcome<RunOutput> RunPair(const Dataset& dataset, const RunOptions& options_in, RunObserver* observer) {
+  RunOptions options = options_in;
+  std::optional<SmoothErrors> smooth;
+  if (options.earlier) smooth = BuildNoiseOn(*options.earlier, dataset, &options);
+  Outcome<PairOutput> output = dataset.target_poses.empty() ? RunOnImages(dataset, options, std::move(smooth), observer)
+                                                            : RunOnPoses(dataset, options, observer);
+  if (!output) return output.failure();
+  return AsRunOutput(*std::move(output));
 }
 
 }  // namespace heba

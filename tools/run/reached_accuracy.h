@@ -9,7 +9,7 @@
 #include "heba/data/problem.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/run_result.h"
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

@@ -12,6 +12,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/cross_validation.h"
+#include "heba/data/hand_eye.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/image_detection.h"
@@ -30,10 +31,10 @@
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/earlier_run.h"
+#include "tools/run/pair_run.h"
 #include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
-#include "tools/run/single_pair.h"
 #include "tools/run/stand_in_arm.h"
 
 namespace heba {
@@ -177,7 +178,9 @@ std::vector<ImageResult> LeftOutResults(const Dataset& dataset) {
                          {},
                          false});
     }
-    if (results.size() == first) results.push_back({entry.name, "", "", false, entry.reason, {}, false});
+    if (results.size() > first) continue;
+    const bool is_only = dataset.rig.cameras.front().name.empty();
+    results.push_back({entry.name, "", is_only ? entry.name : "", false, entry.reason, {}, false});
   }
   return results;
 }
@@ -371,29 +374,6 @@ RunResult PosesResult(const Dataset& dataset, const Calibration& calibration) {
   return result;
 }
 
-// Returns the entries of images with the reasons and the points of those that are copies.
-std::vector<ImageResult> WithDuplicates(std::vector<ImageResult> images, const Dataset& dataset,
-                                        const std::vector<DuplicateInDataset>& duplicates,
-                                        const std::vector<TargetDetection>& detections) {
-  for (const DuplicateInDataset& duplicate : duplicates) {
-    const auto entry = std::find_if(images.begin(), images.end(), [&](const ImageResult& image) {
-      return image.capture == dataset.captures[duplicate.capture].name &&
-             image.camera == dataset.rig.cameras[duplicate.camera].name;
-    });
-    CHECK(entry != images.end());
-    entry->reason = duplicate.reason;
-    entry->repeat_of = duplicate.repeat_of;
-    for (const TargetDetection& detection : detections) {
-      if (detection.capture != duplicate.capture || detection.camera != duplicate.camera) continue;
-      const auto num_points = static_cast<int>(detection.detection.detection.ids.size());
-      if (num_points == 0) continue;
-      entry->targets.push_back(
-          {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
-    }
-  }
-  return images;
-}
-
 // Returns the poses of the arms in all captures, with their corrections.
 std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -503,8 +483,8 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
 
   result = PosesResult(dataset, output.calibration);
   result.timing = timing;
-  result.images = WithDuplicates(ImageResults(dataset, seen, used, output.calibration, moves), dataset, duplicates,
-                                 output.detections);
+  result.images = ImageResults(dataset, seen, used, output.calibration, moves);
+  MarkDuplicates(dataset, duplicates, output.detections, &result.images);
   result.captures = CaptureResults(dataset, output.calibration);
   AddErrors(used, solution, &result);
   AddLeftOutErrors(seen, output.calibration, &result);
@@ -527,48 +507,80 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   result.point_deviations = std::move(structure.points);
   result.working_points = working_points;
   result.requirements = ReachedAccuracies(options.requirements, used, solution, working_points);
-  result.verdict = JudgeRun(result);
+  output.dataset = dataset;
   return output;
 }
 
 // Moves the captures in which the recorded joints of an arm contradict its pose to those that are left out.
-Dataset WithoutWrongJoints(Dataset dataset) {
+Dataset WithoutWrongJoints(const Dataset& dataset) {
   std::map<size_t, std::string> reason_of;
   for (size_t r = 0; r < dataset.arms.size(); ++r) {
-    if (!dataset.arms[r]) continue;
-    for (const ContradictingJoints& joints : FindContradictingJoints(RecordingOf(dataset, r))) {
-      reason_of.try_emplace(joints.capture, WhyLeftOut(joints, "the joints of arm " + dataset.rig.robots[r]));
+    const std::string& arm = dataset.rig.robots[r];
+    for (const ContradictingJoints& joints : FindContradictingJoints(dataset, r)) {
+      reason_of.try_emplace(joints.capture,
+                            WhyLeftOut(joints, dataset.arms.size() == 1 ? "its joints" : "the joints of arm " + arm));
     }
   }
-  if (reason_of.empty()) return dataset;
-  std::vector<Recording> captures;
-  std::vector<std::optional<size_t>> place_of;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    Recording& capture = dataset.captures[i];
-    const auto reason = reason_of.find(i);
-    if (reason == reason_of.end()) {
-      place_of.emplace_back(captures.size());
-      captures.push_back(std::move(capture));
-    } else {
-      place_of.emplace_back();
-      dataset.left_out.push_back({capture.name, reason->second, capture.name, std::move(capture.images)});
-    }
+  return WithoutCaptures(dataset, reason_of);
+}
+
+// Orders the entries of images as the captures are in a data set, whose roles they get. Those of no capture come last.
+void SortImages(const Dataset& dataset, std::vector<ImageResult>* images) {
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) place_of.emplace(dataset.captures[i].name, i);
+  const auto place = [&](const ImageResult& image) {
+    const auto found = place_of.find(image.capture);
+    return found == place_of.end() ? place_of.size() : found->second;
+  };
+  for (ImageResult& image : *images) {
+    const auto found = place_of.find(image.capture);
+    if (found != place_of.end()) image.role = dataset.captures[found->second].role;
   }
-  dataset.captures = std::move(captures);
-  std::erase_if(dataset.given_detections, [&](TargetDetection& detection) {
-    const std::optional<size_t> place = place_of[detection.capture];
-    detection.capture = place.value_or(0);
-    return !place;
-  });
-  return dataset;
+  std::stable_sort(images->begin(), images->end(),
+                   [&](const ImageResult& a, const ImageResult& b) { return place(a) < place(b); });
+}
+
+// Throws InputError unless a capture has one entry for each arm and each camera.
+void CheckCapture(const Dataset& dataset, const Recording& capture) {
+  const size_t num_arms = dataset.rig.robots.size();
+  if (!capture.joints.empty() && capture.joints.size() != num_arms) {
+    throw InputError("capture " + capture.name + " needs a list of joints for each arm, or none");
+  }
+  if (capture.base_from_gripper.size() != num_arms || capture.images.size() != dataset.rig.cameras.size()) {
+    throw InputError("capture " + capture.name + " needs one pose for each arm and one image for each camera");
+  }
+}
+
+// Throws InputError if poses of the target were given and the data set is not complete without images.
+void CheckTargetPoses(const Dataset& dataset, const RunOptions& options) {
+  if (!IsSinglePair(dataset)) {
+    throw InputError("poses of the target are for one camera and one target that one arm moves against each other");
+  }
+  if (dataset.target_poses.size() != dataset.captures.size()) {
+    throw InputError("the data set has " + std::to_string(dataset.captures.size()) + " captures, but " +
+                     std::to_string(dataset.target_poses.size()) + " poses of the target");
+  }
+  if (options.earlier) {
+    throw InputError("the result of an earlier run is combined with images or points, not with poses of the target");
+  }
+}
+
+// Throws InputError unless every detection is one of an image of the data set.
+void CheckDetections(const Dataset& dataset) {
+  for (const TargetDetection& given : dataset.given_detections) {
+    const bool is_known = given.capture < dataset.captures.size() && given.camera < dataset.rig.cameras.size() &&
+                          given.target < dataset.targets.size();
+    if (is_known && !dataset.captures[given.capture].images[given.camera].empty()) continue;
+    throw InputError(dataset.detections_source + ": has a detection in an image that no capture has");
+  }
 }
 
 // Throws InputError if the data set is incomplete.
-void CheckDataset(const Dataset& dataset) {
+void CheckDataset(const Dataset& dataset, const RunOptions& options) {
   const size_t num_cameras = dataset.rig.cameras.size();
   if (dataset.captures.empty()) throw InputError("the data set has no captures");
   if (num_cameras == 0 || dataset.targets.empty() || dataset.rig.robots.empty()) {
-    throw InputError("a rig needs at least one camera, one target and one arm");
+    throw InputError("a data set needs at least one camera, one target and one arm");
   }
   if (dataset.has_camera.size() != num_cameras || dataset.camera_sources.size() != num_cameras ||
       dataset.targets.size() != dataset.rig.targets.size()) {
@@ -578,14 +590,25 @@ void CheckDataset(const Dataset& dataset) {
   if (!dataset.arms.empty() && dataset.arms.size() != num_arms) {
     throw InputError("the kinematics of the arms differ in number from the arms");
   }
-  for (const Recording& capture : dataset.captures) {
-    if (!capture.joints.empty() && capture.joints.size() != num_arms) {
-      throw InputError("capture " + capture.name + " needs a list of joints for each arm, or none");
-    }
-    if (capture.base_from_gripper.size() != dataset.rig.robots.size() || capture.images.size() != num_cameras) {
-      throw InputError("capture " + capture.name + " needs one pose for each arm and one image for each camera");
+  if (!dataset.robot_scale_sigmas.empty() && dataset.robot_scale_sigmas.size() != num_arms) {
+    throw InputError("the scales of the arms differ in number from the arms");
+  }
+  for (const Recording& capture : dataset.captures) CheckCapture(dataset, capture);
+  for (const PlacedRequirement& requirement : options.requirements) {
+    const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
+                                      [&](const ProblemCamera& camera) { return camera.name == requirement.camera; });
+    if (!requirement.camera.empty() && !is_known) {
+      throw InputError("there is no camera " + Quoted(requirement.camera) + " of which an accuracy is required");
     }
   }
+  if (!dataset.target_poses.empty()) {
+    CheckTargetPoses(dataset, options);
+    return;
+  }
+  for (const std::shared_ptr<const Target>& target : dataset.targets) {
+    if (target == nullptr) throw InputError("the data set has no target");
+  }
+  CheckDetections(dataset);
   const std::string faults = WhyNotToldApart(dataset);
   if (!faults.empty()) throw InputError(faults);
 }
@@ -606,29 +629,33 @@ std::string WhyNotToldApart(const Dataset& dataset) {
   return "";
 }
 
+Dataset DatasetOf(Setup setup, std::shared_ptr<const Target> target, const std::optional<Camera>& camera) {
+  Dataset dataset;
+  dataset.rig = HandEyeProblem(setup, camera.value_or(Camera()), TargetShape());
+  dataset.rig.cameras.front().free_intrinsics = BundleOptions().free_intrinsics;
+  dataset.has_camera = {camera.has_value()};
+  dataset.camera_sources = {"camera"};
+  dataset.targets = {std::move(target)};
+  return dataset;
+}
+
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options_in, RunObserver* observer) {
-  CheckDataset(dataset);
-  for (const PlacedRequirement& requirement : options_in.requirements) {
-    const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
-                                      [&](const ProblemCamera& camera) { return camera.name == requirement.camera; });
-    if (!requirement.camera.empty() && !is_known) {
-      throw InputError("there is no camera " + Quoted(requirement.camera) + " of which an accuracy is required");
-    }
-  }
+  CheckDataset(dataset, options_in);
   const Stopwatch watch;
   try {
-    // The run of a pair leaves captures out by itself.
-    const bool is_pair = IsSinglePair(dataset);
-    const bool needs_joints = !is_pair && options_in.kinematics != Kinematics::kNone;
-    Dataset used = needs_joints ? WithoutWrongJoints(dataset) : dataset;
     RunOptions options = options_in;
-    if (!is_pair && options.earlier) BuildOn(*options.earlier, &used, &options);
-    Outcome<RunOutput> output = is_pair ? RunSinglePair(used, options, observer) : RunOnImages(used, options, observer);
+    Dataset used = dataset;
+    if (options.kinematics != Kinematics::kNone || options.joint_noise) used = WithoutWrongJoints(dataset);
+    if (options.earlier) BuildOn(*options.earlier, &used, &options);
+    Outcome<RunOutput> output =
+        IsSinglePair(used) ? RunPair(used, options, observer) : RunOnImages(used, options, observer);
     if (!output) return output;
-    for (ImageResult& left_out : LeftOutResults(used)) output->result.images.push_back(std::move(left_out));
-    if (dataset.truth) AddTruth(*dataset.truth, output->calibration.problem, &output->result);
-    output->dataset = std::move(used);
-    output->result.timing.total_s = watch.Seconds();
+    RunResult& result = output->result;
+    for (ImageResult& left_out : LeftOutResults(output->dataset)) result.images.push_back(std::move(left_out));
+    SortImages(dataset, &result.images);
+    result.verdict = JudgeRun(result);
+    if (dataset.truth && !IsShort(result)) AddTruth(*dataset.truth, output->calibration.problem, &result);
+    result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {
     return Failure{FailureCode(kCancelled)};

@@ -1,7 +1,7 @@
 // Tells an observer of a run about the stages, and ends a run that was cancelled.
 #pragma once
 
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

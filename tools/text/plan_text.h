@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/capture_plan.h"
-#include "heba/pair_run_types.h"
+#include "heba/run_types.h"
 
 namespace heba {
 

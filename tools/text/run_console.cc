@@ -18,14 +18,15 @@ void ProgressObserver::OnStep(RunStage /*stage*/) { progress_->Step(); }
 
 void ProgressObserver::OnStageEnd(RunStage /*stage*/) { progress_.reset(); }
 
-void ConsoleObserver::OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) {
-  for (const std::string& note : left_out.notes) Note(note);
+void ConsoleObserver::OnDetected(const std::vector<std::string>& notes, int num_seen, int num_images) {
+  for (const std::string& note : notes) Note(note);
   if (num_seen == 0) return;  // The run fails with a reason that says so.
   Note("the target was detected in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
   std::vector<std::pair<std::string, std::string>> reasons;
-  for (const LeftOut& entry : dataset_.left_out) reasons.emplace_back(entry.name, entry.reason);
+  for (const LeftOutImages& entry : dataset_.left_out) reasons.emplace_back(entry.name, entry.reason);
   for (const auto& [reason, names] : GroupedByReason(reasons)) Note("without " + names + ": " + reason);
-  if (dataset_.target->Symmetries().size() > 1) Note(SymmetryRemark(*dataset_.target));
+  const Target& target = *dataset_.targets.front();
+  if (target.Symmetries().size() > 1) Note(SymmetryRemark(target));
 }
 
 void ConsoleObserver::OnCalibrated(const PairCalibration& calibration) {

@@ -4,8 +4,9 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include "heba/pair_run.h"
+#include "heba/run_types.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -49,19 +50,19 @@ class SharedObserver final : public Shown {
   RunObserver* listener_;
 };
 
-// Adds notes on the run to the console. `dataset` and `console` must outlive it.
+// Adds notes on the run of one camera, one target and one arm to the console. `dataset` and `console` must outlive it.
 class ConsoleObserver : public ProgressObserver {
  public:
-  ConsoleObserver(const PairDataset& dataset, Console* console)
+  ConsoleObserver(const Dataset& dataset, Console* console)
       : ProgressObserver(console->verbosity()), dataset_(dataset), console_(console) {}
-  void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override;
+  void OnDetected(const std::vector<std::string>& notes, int num_seen, int num_images) override;
   void OnCalibrated(const PairCalibration& calibration) override;
   void OnHoldOuts(const std::vector<HoldOut>& hold_outs) override;
 
  private:
   void Note(const std::string& text) { console_->Note(dataset_.name + ": " + text); }
 
-  const PairDataset& dataset_;
+  const Dataset& dataset_;
   Console* console_;
 };
 

@@ -23,7 +23,9 @@ RunResult ShortResult(Setup setup, std::string target_type, int num_target_point
   return result;
 }
 
-bool IsShort(const RunResult& result) { return result.rig.cameras.size() == 1 && result.rig.cameras[0].name.empty(); }
+bool IsShort(const Problem& rig) { return rig.cameras.size() == 1 && rig.cameras.front().name.empty(); }
+
+bool IsShort(const RunResult& result) { return IsShort(result.rig); }
 
 const Estimate* FindRefined(const RunResult& result) {
   const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {

@@ -154,7 +154,8 @@ struct RunResult {
 
 // Returns a result of the short form without captures and estimates.
 RunResult ShortResult(Setup setup, std::string target_type, int num_target_points);
-// Returns whether the result has the short form: that of one camera whose parts have no names.
+// Return whether a result has the short form: that of one camera whose parts have no names.
+bool IsShort(const Problem& rig);
 bool IsShort(const RunResult& result);
 
 // Returns the final refinement of reprojection errors that has a covariance; null if there is none, and in a result

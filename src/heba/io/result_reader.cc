@@ -436,6 +436,14 @@ Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
 }
 
 CellTruth ReadCellTruth(const std::filesystem::path& path, const Problem& rig) {
+  if (IsShort(rig)) {
+    const Truth truth = ReadTruth(path, SetupOf(rig.cameras.front().mount));
+    return {{truth.camera_mount_from_camera},
+            {truth.target_mount_from_target},
+            {Rigid3d()},
+            {truth.camera},
+            {truth.arm_errors}};
+  }
   const Json json = ReadJsonFile(path, kMaxTruthBytes);
   const JsonReader reader(json, path.string());
   CellTruth truth;

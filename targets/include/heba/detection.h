@@ -12,7 +12,7 @@
 #include <Eigen/Core>
 
 #include "heba/camera/camera.h"
-#include "heba/data/dataset.h"
+#include "heba/data/image_size.h"
 #include "heba/data/pair_problem.h"
 #include "heba/target.h"
 

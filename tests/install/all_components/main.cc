@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/io/export_files.h"
-#include "heba/pair_run.h"
 #include "heba/robot/ur_kinematics.h"
+#include "heba/run.h"
 
 namespace {
 
@@ -39,20 +39,19 @@ int main(int /*argc*/, char** argv) {
   using heba::Rigid3d;
   const heba::HandEye truth{Rigid3d(ExpRotation({0.1, -0.2, 0.3}), {0.05, -0.02, 0.1}),
                             Rigid3d(ExpRotation({0.2, 0.1, -0.3}), {0.6, 0.1, 0.02})};
-  heba::PairDataset dataset;
-  dataset.setup = heba::Setup::kEyeInHand;
-  dataset.target = heba::ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
-  dataset.camera = heba::Camera{"pinhole", 640, 480, {700, 700, 320, 240}};
+  const heba::Camera camera{"pinhole", 640, 480, {700, 700, 320, 240}};
+  heba::Dataset dataset = heba::DatasetOf(
+      heba::Setup::kEyeInHand, heba::ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"), camera);
   for (int i = 0; i < 10; ++i) {
     const Rigid3d camera_from_target(ExpRotation({0.4 * std::sin(i), 0.4 * std::cos(1.7 * i), 0.3 * std::sin(2.3 * i)}),
                                      {-0.1, -0.07, 0.45 + 0.05 * std::cos(i)});
     const std::filesystem::path image = std::filesystem::path(argv[1]) / (std::to_string(i) + ".png");
-    cv::imwrite(image.string(), Render(*dataset.camera, Inverse(camera_from_target)));
+    cv::imwrite(image.string(), Render(camera, Inverse(camera_from_target)));
     const Rigid3d gripper_from_base =
         truth.camera_mount_from_camera * camera_from_target * Inverse(truth.target_mount_from_target);
-    dataset.captures.push_back({image.filename().string(), image, {}, Inverse(gripper_from_base)});
+    dataset.captures.push_back({image.filename().string(), {Inverse(gripper_from_base)}, {image}});
   }
-  const heba::Outcome<heba::RunOutput> run = heba::Run(dataset, heba::PairRunOptions());
+  const heba::Outcome<heba::RunOutput> run = heba::Run(dataset, heba::RunOptions());
   if (!run) {
     std::printf("%s\n", run.reason().c_str());
     return 1;

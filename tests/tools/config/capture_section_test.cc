@@ -75,8 +75,8 @@ class CaptureSectionTest : public testing::Test {
     std::ofstream(folder_ / name) << text;
   }
   // Reads a section from a file in the folder.
-  PairConfig Read(const std::string& section) const {
-    PairConfig config;
+  RunConfig Read(const std::string& section) const {
+    RunConfig config;
     const ConfigValue value = ParseYaml(section, folder_ / "cell.yaml");
     ReadCaptures(ConfigValue(value.node(), value.file(), "captures"), &config);
     return config;
@@ -84,19 +84,20 @@ class CaptureSectionTest : public testing::Test {
   std::string ErrorOf(const std::string& section) const {
     return InputErrorOf([&] { Read(section); });
   }
-  static std::vector<std::string> NamesOf(const PairConfig& config) {
+  static std::vector<std::string> NamesOf(const RunConfig& config) {
     std::vector<std::string> names;
-    for (const Capture& capture : config.data.captures) names.push_back(capture.name);
+    for (const Recording& capture : config.data.captures) names.push_back(capture.name);
     return names;
   }
-  static std::vector<double> XsOf(const PairConfig& config) {
+  static std::vector<double> XsOf(const RunConfig& config) {
     std::vector<double> xs;
-    for (const Capture& capture : config.data.captures) xs.push_back(capture.base_from_gripper.translation.x());
+    for (const Recording& capture : config.data.captures) xs.push_back(capture.base_from_gripper[0].translation.x());
     return xs;
   }
-  static std::vector<std::string> LeftOutOf(const PairConfig& config) {
+  static std::vector<std::string> LeftOutOf(const RunConfig& config) {
     std::vector<std::string> entries;
-    for (const LeftOut& left_out : config.data.left_out) entries.push_back(left_out.name + ": " + left_out.reason);
+    for (const LeftOutImages& left_out : config.data.left_out)
+      entries.push_back(left_out.name + ": " + left_out.reason);
     return entries;
   }
 
@@ -105,20 +106,20 @@ class CaptureSectionTest : public testing::Test {
 
 TEST_F(CaptureSectionTest, RowsNameTheirImages) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n10.png,10,0,0,0,0,0,1\n1.png,1,0,0,0,0,0,1\n2.png,2,0,0,0,0,0,1\n");
-  const PairConfig config = Read("{images: images, poses: poses.csv}");
+  const RunConfig config = Read("{images: images, poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png", "2.png"));
   EXPECT_THAT(XsOf(config), ElementsAre(10, 1, 2));
-  EXPECT_EQ(config.data.captures[1].image, folder_ / "images/1.png");
-  EXPECT_EQ(config.poses_file, folder_ / "poses.csv");
-  ASSERT_THAT(config.pose_numbers, SizeIs(3));
-  EXPECT_THAT(config.pose_numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
+  EXPECT_EQ(config.data.captures[1].images[0], folder_ / "images/1.png");
+  EXPECT_EQ(config.arms[0].file, folder_ / "poses.csv");
+  ASSERT_THAT(config.arms[0].numbers, SizeIs(3));
+  EXPECT_THAT(config.arms[0].numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
 }
 
 // Numbers in names are compared by value, so 10.png is the last image.
 TEST_F(CaptureSectionTest, RowsWithoutNamesFollowTheImagesInTheirOrder) {
   Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n10,0,0,0,0,0,1\n");
   for (const char* images : {"images", "images/*.png"}) {
-    const PairConfig config = Read(std::string("{images: '") + images + "', poses: poses.csv}");
+    const RunConfig config = Read(std::string("{images: '") + images + "', poses: poses.csv}");
     EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png")) << images;
     EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10)) << images;
   }
@@ -126,14 +127,14 @@ TEST_F(CaptureSectionTest, RowsWithoutNamesFollowTheImagesInTheirOrder) {
 
 TEST_F(CaptureSectionTest, AListKeepsItsOrder) {
   Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
-  const PairConfig config = Read("{images: [images/10.png, images/1.png], poses: poses.csv}");
+  const RunConfig config = Read("{images: [images/10.png, images/1.png], poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png"));
   EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
 }
 
 TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw,role\n1.png,1,0,0,0,0,0,1,home\n2.png,2,0,0,0,0,0,1,rotate\n");
-  const PairConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
+  const RunConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
   EXPECT_THAT(XsOf(config), ElementsAre(-1, -2));
   EXPECT_EQ(config.data.captures[0].role, CaptureRole::kHome);
   EXPECT_EQ(config.data.captures[1].role, CaptureRole::kRotate);
@@ -141,7 +142,7 @@ TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
 
 TEST_F(CaptureSectionTest, SaysWhyImagesAndRowsAreLeftOut) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,1,0,0,0,0,0,1\n10.png,2,0,0,0,0,0,1\ngone.png,3,0,0,0,0,0,1\n");
-  const PairConfig config = Read("{images: images, poses: poses.csv, exclude: [10.png]}");
+  const RunConfig config = Read("{images: images, poses: poses.csv, exclude: [10.png]}");
   EXPECT_THAT(NamesOf(config), ElementsAre("1.png"));
   EXPECT_THAT(LeftOutOf(config),
               ElementsAre("gone.png: the image is not among those of captures.images",
@@ -202,10 +203,10 @@ TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByTheirNamesWithoutSuffix) {
   for (const char* number : {"1", "2", "10"}) {
     Write(std::string("poses/") + number + ".txt", std::string(number) + " 0 0 0 0 0 1\n");
   }
-  const PairConfig config = Read("{images: images, poses: poses}");
+  const RunConfig config = Read("{images: images, poses: poses}");
   EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png"));
   EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10));
-  EXPECT_THAT(config.data_files, SizeIs(3));
+  EXPECT_THAT(config.data_files, SizeIs(4));  // The folder is one of them.
 }
 
 TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByNumbersIfTheirNamesDiffer) {
@@ -221,40 +222,41 @@ TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByNumbersIfTheirNamesDiffer) {
 TEST_F(CaptureSectionTest, TargetPosesReplaceImages) {
   Write("seen.csv", "x,y,z,qx,qy,qz,qw\n0,0,0.5,0,0,0,1\n0,0,0.6,0,0,0,1\n");
   Write("robot.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
-  const PairConfig config = Read("{target_poses: seen.csv, poses: robot.csv}");
+  const RunConfig config = Read("{target_poses: seen.csv, poses: robot.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("sample_0", "sample_1"));
   EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
   ASSERT_THAT(config.data.target_poses, SizeIs(2));
   EXPECT_DOUBLE_EQ(config.data.target_poses[1].translation.z(), 0.6);
-  EXPECT_TRUE(config.data.captures[0].image.empty());
-  EXPECT_THAT(config.data_files, ElementsAre(folder_ / "seen.csv"));
+  EXPECT_TRUE(config.data.captures[0].images[0].empty());
+  EXPECT_THAT(config.data_files, ElementsAre(folder_ / "seen.csv", folder_ / "robot.csv"));
+  EXPECT_EQ(config.data.detections_source, (folder_ / "seen.csv").string());
 }
 
 TEST_F(CaptureSectionTest, DetectionsReplaceImages) {
   Write("detections.json",
         R"({"captures": [{"image": "2.png", "image_size": [640, 480], "ids": [0, 3], "pixels": [[1, 2], [3, 4]]}]})");
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n");
-  const PairConfig config = Read("{detections: detections.json, poses: poses.csv}");
+  const RunConfig config = Read("{detections: detections.json, poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("2.png"));
   ASSERT_THAT(config.data.given_detections, SizeIs(1));
-  EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 3));
+  EXPECT_THAT(config.data.given_detections[0].detection.detection.ids, ElementsAre(0, 3));
 }
 
 TEST_F(CaptureSectionTest, RecordsOfPointsReplaceImages) {
   Write("log.json", R"([{"image": "2.png", "corners": [[1, 2], [3, 4]]}, {"image": "3.png", "corners": null}])");
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n3.png,3,0,0,0,0,0,1\n");
-  const PairConfig config =
+  const RunConfig config =
       Read("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("2.png", "3.png"));
   ASSERT_THAT(config.data.given_detections, SizeIs(2));
-  EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 1));
-  EXPECT_TRUE(config.are_points_in_order);
-  PairConfig again;
-  const YAML::Node used = ReadCaptures(
+  EXPECT_THAT(config.data.given_detections[0].detection.detection.ids, ElementsAre(0, 1));
+  RunConfig again;
+  const CaptureSection section = ReadCaptures(
       ParseYaml("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}",
                 folder_ / "a.yaml"),
       &again);
-  EXPECT_EQ(used["detections"]["pixels"].as<std::string>(), "[].corners");
+  EXPECT_TRUE(section.are_points_in_order);
+  EXPECT_EQ(section.used["detections"]["pixels"].as<std::string>(), "[].corners");
 }
 
 // The poses of another project's data set are in the form of `ros` once they are imported.
@@ -262,13 +264,13 @@ TEST_F(CaptureSectionTest, DataSetsBringTheirPoses) {
   Write("set/poses.txt", "1305031102.1 1 0 0 0 0 0 1\n1305031102.2 2 0 0 0 0 0 1\n");
   Write("set/images/a.png", "x");
   Write("set/images/b.png", "x");
-  const PairConfig config = Read("{data: set/poses.txt}");
+  const RunConfig config = Read("{data: set/poses.txt}");
   ASSERT_TRUE(config.imported.has_value());
   EXPECT_EQ(config.imported->format, "tum");
   EXPECT_THAT(NamesOf(config), ElementsAre("a.png", "b.png"));
   EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
-  EXPECT_TRUE(config.poses_file.empty());
-  EXPECT_EQ(config.pose_reading.format.name, "ros");
+  EXPECT_TRUE(config.arms[0].file.empty());
+  EXPECT_EQ(config.arms[0].reading.format.name, "ros");
 }
 
 TEST_F(CaptureSectionTest, ADataSetWithoutImagesOrDetectionsIsRefused) {
@@ -278,9 +280,10 @@ TEST_F(CaptureSectionTest, ADataSetWithoutImagesOrDetectionsIsRefused) {
 }
 
 TEST_F(CaptureSectionTest, StatesTheSectionAsUsed) {
-  PairConfig config;
+  RunConfig config;
   const YAML::Node used =
-      ReadCaptures(ParseYaml("{images: images, poses: poses.csv, exclude: [2.png]}", folder_ / "cell.yaml"), &config);
+      ReadCaptures(ParseYaml("{images: images, poses: poses.csv, exclude: [2.png]}", folder_ / "cell.yaml"), &config)
+          .used;
   EXPECT_EQ(used["images"].as<std::string>(), (folder_ / "images").string());
   EXPECT_EQ(used["poses"].as<std::string>(), (folder_ / "poses.csv").string());
   EXPECT_EQ(used["pose_format"].as<std::string>(), "ros");

@@ -19,7 +19,6 @@
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 #include "tools/config/commented_config.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_config.h"
@@ -102,7 +101,7 @@ class KeyReferenceTest : public testing::Test {
     Names known;
     for (std::vector<std::string> settings : variants) {
       settings.push_back(unknown);
-      known.merge(KeysOfReader([&] { ReadPairConfig(folder_ / "cell.yaml", settings); }));
+      known.merge(KeysOfReader([&] { ReadShortRunConfig(folder_ / "cell.yaml", settings); }));
     }
     EXPECT_EQ(known, KeysOfTable("config", mapping)) << mapping;
   }
@@ -128,7 +127,7 @@ class KeyReferenceTest : public testing::Test {
 
 TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
   // `base` is taken from the file before its keys are read.
-  Names top = KeysOfReader([&] { ReadPairConfig(folder_ / "cell.yaml", {"unknown_key=1"}); });
+  Names top = KeysOfReader([&] { ReadShortRunConfig(folder_ / "cell.yaml", {"unknown_key=1"}); });
   top.insert("base");
   EXPECT_EQ(top, KeysOfTable("config", ""));
   ExpectConfigKeys("camera", {{}}, "camera.unknown_key=1");
@@ -282,14 +281,14 @@ TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
     if (entry.HasDefault()) left.insert(std::string(entry.document) + " " + entry.key);
   }
   const std::string folder = (folder_ / "").string();
-  const PairConfig config = ReadPairConfig(folder_ / "cell.yaml", {"evaluate.require=[{within: 1 mm}]"});
+  const RunConfig config = ReadShortRunConfig(folder_ / "cell.yaml", {"evaluate.require=[{within: 1 mm}]"});
   ExpectDefaults("config", YAML::Load(config.used), &left);
   for (const std::vector<std::string>& settings :
        {std::vector<std::string>{"captures.pose_format=joints", "captures.robot=" + folder + "arm.urdf",
                                  "captures.poses=" + folder + "angles.csv"},
         {"captures.pose_format="},
         {"captures.joints=" + folder + "joints.csv"}}) {
-    ExpectDefaults("config", YAML::Load(ReadPairConfig(folder_ / "cell.yaml", settings).used), &left);
+    ExpectDefaults("config", YAML::Load(ReadShortRunConfig(folder_ / "cell.yaml", settings).used), &left);
   }
   // The config as used states what is required, but not the probability that it omits.
   EXPECT_EQ(config.options.requirements.at(0).confidence, 0.95);
@@ -345,7 +344,7 @@ TEST_F(KeyReferenceTest, CommentsOfANewConfigCanBeRead) {
   }
   EXPECT_EQ(num_keys, 15);
   Write("new.yaml", text);
-  const PairConfig config = ReadPairConfig(folder_ / "new.yaml");
+  const RunConfig config = ReadShortRunConfig(folder_ / "new.yaml");
   EXPECT_EQ(config.data.captures.size(), 2U);  // One is excluded.
   EXPECT_EQ(config.output, folder_ / "runs/cell");
 }

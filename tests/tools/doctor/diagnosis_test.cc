@@ -15,17 +15,18 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 // Returns a data set that consists of the robot's and the target's poses, without images.
-PairConfig PosesOnly(const SimulatedSetOptions& options = {}) {
+RunConfig PosesOnly(const SimulatedSetOptions& options = {}) {
   const TestScene scene = MakeChessboardScene(options);
-  PairConfig config = ExaminationOf(scene, options.setup).config;
+  RunConfig config = ExaminationOf(scene, options.setup).config;
   config.data.given_detections.clear();
-  config.data.camera.reset();
+  config.data.has_camera = {false};
+  config.data.rig.cameras[0].camera = Camera();
   for (const PosePair& pair : scene.pairs) config.data.target_poses.push_back(pair.camera_from_target);
   return config;
 }
 
 TEST(DiagnosisTest, GoodPosesHaveOnlyTheRemarkOnTheSetup) {
-  const Diagnosis diagnosis = Diagnose(PosesOnly(), 1, Verbosity::kQuiet);
+  const Diagnosis diagnosis = DiagnosePair(PosesOnly(), 1, Verbosity::kQuiet);
   EXPECT_EQ(diagnosis.num_captures, 12);
   EXPECT_EQ(diagnosis.num_seen, 12);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("remark either_set_up"));
@@ -36,16 +37,16 @@ TEST(DiagnosisTest, GoodPosesHaveOnlyTheRemarkOnTheSetup) {
 }
 
 TEST(DiagnosisTest, GoodDetectionsHaveNoFault) {
-  const Diagnosis diagnosis = Diagnose(CleanExamination().config, 1, Verbosity::kQuiet, Examine::kInputs);
+  const Diagnosis diagnosis = DiagnosePair(CleanExamination().config, 1, Verbosity::kQuiet, Examine::kInputs);
   EXPECT_EQ(diagnosis.num_captures, 12);
   EXPECT_EQ(diagnosis.num_seen, 12);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("remark either_set_up"));
 }
 
 TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
-  PairConfig config = CleanExamination().config;
-  config.data.given_detections[5].detection = Detection();
-  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet, Examine::kInputs);
+  RunConfig config = CleanExamination().config;
+  config.data.given_detections[5].detection.detection = Detection();
+  const Diagnosis diagnosis = DiagnosePair(config, 1, Verbosity::kQuiet, Examine::kInputs);
   EXPECT_EQ(diagnosis.num_captures, 12);
   EXPECT_EQ(diagnosis.num_seen, 11);
 }
@@ -54,20 +55,22 @@ TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
 TEST(DiagnosisTest, FindingsThatAnotherCheckReportedAreNotRepeated) {
   SimulatedSetOptions options;
   options.num_captures = 7;
-  PairConfig config = CleanExamination(options).config;
-  config.options.bundle.free_intrinsics = {};
-  const std::vector<std::string> codes = CodesOf(Diagnose(config, 1, Verbosity::kQuiet).symptoms);
+  RunConfig config = CleanExamination(options).config;
+  config.data.rig.cameras[0].free_intrinsics = {};
+  const std::vector<std::string> codes = CodesOf(DiagnosePair(config, 1, Verbosity::kQuiet).symptoms);
   EXPECT_EQ(std::count(codes.begin(), codes.end(), "remark few_captures"), 1);
 }
 
 // The fault of the poses is corrected before the captures are checked, which then fit.
 TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
-  PairConfig config = PosesOnly();
-  for (Capture& capture : config.data.captures) capture.base_from_gripper = Inverse(capture.base_from_gripper);
+  RunConfig config = PosesOnly();
+  PosesFileOfArm& arm = config.arms.front();
   for (size_t i = 0; i < config.data.captures.size(); ++i) {
-    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, config.data.captures[i].base_from_gripper);
+    Rigid3d& pose = config.data.captures[i].base_from_gripper[0];
+    pose = Inverse(pose);
+    arm.numbers[i] = NumbersFromPose(arm.reading.format, pose);
   }
-  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
+  const Diagnosis diagnosis = DiagnosePair(config, 1, Verbosity::kQuiet);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong pose_direction"));
   EXPECT_EQ(diagnosis.NumWrong(), 1);
   EXPECT_EQ(FirstWrong(diagnosis), diagnosis.symptoms[0].what + "; " + diagnosis.symptoms[0].cure);
@@ -76,10 +79,10 @@ TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
 TEST(DiagnosisTest, FaultsPrecedeRemarks) {
   SimulatedSetOptions options;
   options.num_captures = 7;
-  PairConfig config = PosesOnly(options);
+  RunConfig config = PosesOnly(options);
   std::swap(config.data.captures[1].base_from_gripper, config.data.captures[4].base_from_gripper);
-  std::swap(config.pose_numbers[1], config.pose_numbers[4]);
-  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
+  std::swap(config.arms[0].numbers[1], config.arms[0].numbers[4]);
+  const Diagnosis diagnosis = DiagnosePair(config, 1, Verbosity::kQuiet);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong swapped", "remark few_captures"));
 }
 

@@ -14,9 +14,9 @@ using ::testing::SizeIs;
 using ::testing::StartsWith;
 
 TEST(NumSeenTest, CountsImagesWithEnoughPointsForAPose) {
-  std::vector<CaptureDetection> detections(3);
-  detections[0].detection.ids = {0, 1, 2};
-  detections[1].detection.ids = {0, 1, 2, 3};
+  std::vector<TargetDetection> detections(3);
+  detections[0].detection.detection.ids = {0, 1, 2};
+  detections[1].detection.detection.ids = {0, 1, 2, 3};
   EXPECT_EQ(NumSeen(detections), 1u);
 }
 
@@ -50,13 +50,14 @@ TEST(ExamineViewsTest, MountsFollowTheSetup) {
   const Examination examination = CleanExamination(options);
   const ExaminedView& view = examination.views[3];
   EXPECT_THAT(view.view.camera_mount_from_target_mount,
-              IsNearPose(Inverse(examination.config.data.captures[3].base_from_gripper), 1e-9, 1e-9));
+              IsNearPose(Inverse(examination.config.data.captures[3].base_from_gripper[0]), 1e-9, 1e-9));
 }
 
 TEST(ExamineViewsTest, LeavesOutCapturesWithTooFewPoints) {
   Examination examination = CleanExamination();
-  examination.detections[1].detection.ids.resize(3);
-  examination.detections[1].detection.pixels.resize(3);
+  Detection& detection = examination.detections[1].detection.detection;
+  detection.ids.resize(3);
+  detection.pixels.resize(3);
   ExamineAgain(&examination);
   ASSERT_THAT(examination.views, SizeIs(11));
   EXPECT_EQ(examination.views[0].capture, 0u);
@@ -68,8 +69,8 @@ TEST(ExamineViewsTest, ASymmetricTargetHasTwiceAsManyCandidates) {
   Examination examination = CleanExamination();
   const size_t num_candidates = examination.views[0].camera_from_target.size();
   // The circles lie where the chessboard's corners are.
-  examination.config.data.target = TargetOfYaml("{type: circle_grid, rows: 5, columns: 8, spacing: 25 mm}");
-  const std::vector<Rigid3d> symmetries = examination.config.data.target->Symmetries();
+  examination.config.data.targets[0] = TargetOfYaml("{type: circle_grid, rows: 5, columns: 8, spacing: 25 mm}");
+  const std::vector<Rigid3d> symmetries = examination.config.data.targets[0]->Symmetries();
   ASSERT_THAT(symmetries, SizeIs(2));
   ExamineAgain(&examination);
   const std::vector<Rigid3d>& candidates = examination.views[0].camera_from_target;
@@ -78,13 +79,12 @@ TEST(ExamineViewsTest, ASymmetricTargetHasTwiceAsManyCandidates) {
 }
 
 TEST(ViewsOfPosesTest, GivenPosesAreTheOnlyCandidates) {
-  PairConfig config;
-  config.data.setup = Setup::kEyeToHand;
+  Dataset dataset = DatasetOf(Setup::kEyeToHand, nullptr);
   const Rigid3d base_from_gripper(ExpRotation({0.1, 0, 0}), {1, 0, 0});
   const Rigid3d camera_from_target(ExpRotation({0, 0.2, 0}), {0, 0, 0.5});
-  config.data.captures = {{"sample_0", "", CaptureRole::kRotate, base_from_gripper}};
-  config.data.target_poses = {camera_from_target};
-  const std::vector<ExaminedView> views = ViewsOfPoses(config.data);
+  dataset.captures = {{"sample_0", {base_from_gripper}, {""}, {}, CaptureRole::kRotate}};
+  dataset.target_poses = {camera_from_target};
+  const std::vector<ExaminedView> views = ViewsOfPoses(dataset);
   ASSERT_THAT(views, SizeIs(1));
   EXPECT_EQ(views[0].view.name, "sample_0");
   EXPECT_EQ(views[0].view.role, CaptureRole::kRotate);

@@ -55,20 +55,21 @@ inline void ExamineAgain(Examination* examination) {
 // camera of the scene.
 inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
   Examination examination;
-  PairConfig& config = examination.config;
+  RunConfig& config = examination.config;
   config.file = "cell.yaml";
   config.data = DatasetOf(scene, setup, TargetOfYaml(kChessboardYaml));
-  config.target_used = kChessboardYaml;
-  config.options.camera_model = scene.camera.model;
-  config.data.camera_source = "camera.yaml";
-  config.poses_file = "poses.csv";
-  config.pose_reading.format = *FindPoseFormat("ros");
-  config.options.choose = {};
-  config.options.choose_camera_model = false;
+  config.data.camera_sources = {"camera.yaml"};
+  config.data.arms = {std::nullopt};
+  config.targets_used = {kChessboardYaml};
+  config.has_target_keys = {false};
+  config.arms = {{"captures", "poses.csv", {*FindPoseFormat("ros")}, {}}};
+  config.options.calibration.adjustment.robot = BundleOptions::Robot::kExact;
+  config.options.calibration.choose_target_shape = false;
   config.options.folds = 0;
   config.data_files = {"detections.json"};
-  for (const Capture& capture : config.data.captures) {
-    config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, capture.base_from_gripper));
+  PosesFileOfArm& arm = config.arms.front();
+  for (const Recording& capture : config.data.captures) {
+    arm.numbers.push_back(NumbersFromPose(arm.reading.format, capture.base_from_gripper[0]));
   }
   examination.detections = config.data.given_detections;
   examination.camera = scene.camera;
@@ -83,27 +84,29 @@ inline Examination CleanExamination(const SimulatedSetOptions& options = {}) {
 
 // Replaces the robot's poses, base_from_gripper, of all captures.
 inline void SetPoses(const std::vector<Rigid3d>& poses, Examination* examination) {
-  PairConfig& config = examination->config;
+  RunConfig& config = examination->config;
   for (size_t i = 0; i < poses.size(); ++i) {
-    config.data.captures[i].base_from_gripper = poses[i];
-    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, poses[i]);
+    config.data.captures[i].base_from_gripper = {poses[i]};
+    config.arms[0].numbers[i] = NumbersFromPose(config.arms[0].reading.format, poses[i]);
   }
   ExamineAgain(examination);
 }
 
 inline std::vector<Rigid3d> PosesOf(const Examination& examination) {
   std::vector<Rigid3d> poses;
-  for (const Capture& capture : examination.config.data.captures) poses.push_back(capture.base_from_gripper);
+  for (const Recording& capture : examination.config.data.captures) poses.push_back(capture.base_from_gripper[0]);
   return poses;
 }
 
 // Writes the numbers of all poses in one format and reads them in another, as a config does that names the wrong one.
 inline void MisreadPoses(const PoseFormat& written, const PoseFormat& read, Examination* examination) {
-  PairConfig& config = examination->config;
-  config.pose_reading.format = read;
+  RunConfig& config = examination->config;
+  PosesFileOfArm& arm = config.arms.front();
+  arm.reading.format = read;
   for (size_t i = 0; i < config.data.captures.size(); ++i) {
-    config.pose_numbers[i] = NumbersFromPose(written, config.data.captures[i].base_from_gripper);
-    config.data.captures[i].base_from_gripper = *PoseFromNumbers(read, config.pose_numbers[i]);
+    Rigid3d& pose = config.data.captures[i].base_from_gripper[0];
+    arm.numbers[i] = NumbersFromPose(written, pose);
+    pose = *PoseFromNumbers(read, arm.numbers[i]);
   }
   ExamineAgain(examination);
 }

@@ -16,8 +16,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-Capture CaptureOf(const std::string& name) { return {name, "images/" + name, CaptureRole::kNone, Rigid3d()}; }
-
 CaptureDetection DetectionOf(const std::vector<int>& ids, const std::vector<Eigen::Vector2d>& pixels) {
   CaptureDetection capture;
   capture.width_px = 640;
@@ -39,8 +37,8 @@ class DetectionFileTest : public testing::Test {
 TEST_F(DetectionFileTest, ReadsWhatItWrites) {
   CaptureDetection unseen = DetectionOf({}, {});
   unseen.detection.reason = "no tag was found";
-  const std::string text = DetectionsToJson({CaptureOf("a.png"), CaptureOf("b.png")},
-                                            {DetectionOf({3, 7}, {{1.0 / 3, 2.5}, {639.25, 479}}), unseen});
+  const std::string text =
+      DetectionsToJson({{"a.png", DetectionOf({3, 7}, {{1.0 / 3, 2.5}, {639.25, 479}})}, {"b.png", unseen}});
   const auto captures = ReadDetections(Write(text));
   ASSERT_EQ(captures.size(), 2u);
   EXPECT_EQ(captures[0].first, "a.png");
@@ -59,7 +57,7 @@ TEST_F(DetectionFileTest, ReadsWhatItWrites) {
 TEST_F(DetectionFileTest, WritesTheSchema) {
   CaptureDetection unseen = DetectionOf({}, {});
   unseen.detection.reason = "no tag was found";
-  const nlohmann::json json = nlohmann::json::parse(DetectionsToJson({CaptureOf("a.png")}, {unseen}));
+  const nlohmann::json json = nlohmann::json::parse(DetectionsToJson({{"a.png", unseen}}));
   EXPECT_EQ(json["schema"], "heba/detections/1");
   EXPECT_EQ(json["captures"][0]["image"], "a.png");
   EXPECT_EQ(json["captures"][0]["image_size"], (nlohmann::json{640, 480}));
@@ -70,17 +68,16 @@ TEST_F(DetectionFileTest, WritesTheSchema) {
 
 // Names of files need not be UTF-8, but JSON must be.
 TEST_F(DetectionFileTest, WritesAnyNameAsValidJson) {
-  const std::string text = DetectionsToJson({CaptureOf("\xff\"\n.png")}, {DetectionOf({}, {})});
+  const std::string text = DetectionsToJson({{"\xff\"\n.png", DetectionOf({}, {})}});
   EXPECT_EQ(nlohmann::json::parse(text)["captures"][0]["image"], "\xef\xbf\xbd\"\n.png");
 }
 
 // The fit of a tag at the border may place a corner slightly outside of the image.
 TEST_F(DetectionFileTest, PixelsMayBeSlightlyOutside) {
-  EXPECT_EQ(ReadDetections(Write(DetectionsToJson({CaptureOf("a.png")}, {DetectionOf({0, 1}, {{-5, 0}, {645, 485}})})))
-                .size(),
+  EXPECT_EQ(ReadDetections(Write(DetectionsToJson({{"a.png", DetectionOf({0, 1}, {{-5, 0}, {645, 485}})}}))).size(),
             1u);
   EXPECT_THAT(InputErrorOf([&] {
-                ReadDetections(Write(DetectionsToJson({CaptureOf("a.png")}, {DetectionOf({0}, {{645.5, 0}})})));
+                ReadDetections(Write(DetectionsToJson({{"a.png", DetectionOf({0}, {{645.5, 0}})}})));
               }),
               HasSubstr("detections.json: captures[0]: pixels[0]: lies outside of the image"));
 }

@@ -26,7 +26,7 @@ using ::testing::StartsWith;
 constexpr double kSigmaM = 1e-3;
 constexpr double kSigmaRad = 2e-3;
 
-struct PairRunOptions {
+struct ShortRunOptions {
   Rigid3d hand_eye = {};
   double refined_px = 0.2;
   double closed_px = 0.3;
@@ -35,7 +35,7 @@ struct PairRunOptions {
 };
 
 // The run of one camera alone.
-RunResult RunOf(const std::string& name, const PairRunOptions& options) {
+RunResult RunOf(const std::string& name, const ShortRunOptions& options) {
   RunResult result = ShortResult(options.setup, options.target_type, 48);
   result.name = name;
   result.timing.total_s = 1.5;

@@ -1,4 +1,4 @@
-// How often a run leaves out right captures of an arm in three configurations, of which one is rare: heba/pair_run.h.
+// How often a run leaves out right captures of an arm in three configurations, of which one is rare: heba/run.h.
 #include <algorithm>
 #include <atomic>
 #include <string>
@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/parallel.h"
-#include "heba/pair_run.h"
+#include "heba/run.h"
 #include "tests/support/datasets.h"
 
 namespace heba {
@@ -28,20 +28,17 @@ TEST_P(ArmClustersStatisticsTest, RareConfigurationIsLeftOutInLessThanTwoOfAHund
   scene.offset_rad *= factor;
   scene.length_m *= factor;
   scene.angle_rad *= factor;
-  PairRunOptions options;
-  options.bundle.free_intrinsics = {};
-  options.folds = 0;
   constexpr int kNumSeeds = 100;
   std::atomic<int> num_with_loss = 0;
   ParallelFor(kNumSeeds, static_cast<int>(std::thread::hardware_concurrency()), [&](int i) {
     const ArmDataset made = ThreeConfigurations(static_cast<uint64_t>(i + 1), scene, 40, 4);
-    const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+    const Outcome<RunOutput> run = heba::Run(WithFixedCamera(made.dataset), WithoutFolds());
     EXPECT_TRUE(run) << run.reason();
     if (!run) return;
     const std::vector<std::string> left_out = LeftOutOf(run->result);
     const bool loses_rare = std::any_of(left_out.begin(), left_out.end(), [&](const std::string& name) {
       const auto capture = std::find_if(made.dataset.captures.begin(), made.dataset.captures.end(),
-                                        [&](const Capture& other) { return other.name == name; });
+                                        [&](const Recording& other) { return other.name == name; });
       const auto place = static_cast<size_t>(capture - made.dataset.captures.begin());
       return made.configuration[place] == made.configuration.back();
     });

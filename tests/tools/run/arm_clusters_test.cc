@@ -1,4 +1,4 @@
-// Tests of runs whose captures are in several configurations of an arm: heba/pair_run.h.
+// Tests of runs whose captures are in several configurations of an arm: heba/run.h.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
-#include "heba/pair_run.h"
+#include "heba/run.h"
 #include "tests/support/datasets.h"
 
 namespace heba {
@@ -25,16 +25,10 @@ ArmSceneOptions LargeErrors() {
   return options;
 }
 
-PairRunOptions FixedCamera() {
-  PairRunOptions options;
-  options.bundle.free_intrinsics = {};
-  return options;
-}
-
 TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
   for (const uint64_t seed : {1, 2, 3}) {
     const ArmDataset made = ThreeConfigurations(seed, LargeErrors(), 40, 4);
-    const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
+    const Outcome<RunOutput> run = heba::Run(WithFixedCamera(made.dataset), RunOptions());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_THAT(LeftOutOf(run->result), IsEmpty()) << "seed " << seed;
     EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
@@ -50,15 +44,13 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
   Rng rng(5);
   std::vector<std::string> wrong;
   for (size_t i = made.dataset.captures.size() - 20; i < made.dataset.captures.size(); i += 2) {
-    made.dataset.captures[i].base_from_gripper = made.dataset.captures[i].base_from_gripper *
-                                                 Rigid3d(ExpRotation(0.05 * rng.Direction3()), 0.03 * rng.Direction3());
+    Rigid3d& pose = made.dataset.captures[i].base_from_gripper[0];
+    pose = pose * Rigid3d(ExpRotation(0.05 * rng.Direction3()), 0.03 * rng.Direction3());
     wrong.push_back(made.dataset.captures[i].name);
   }
   // The poses are wrong, so that the joints do not belong to them.
-  made.dataset.robot.reset();
-  PairRunOptions run_options = FixedCamera();
-  run_options.folds = 0;
-  const Outcome<RunOutput> run = heba::Run(made.dataset, run_options);
+  made.dataset.arms.clear();
+  const Outcome<RunOutput> run = heba::Run(WithFixedCamera(made.dataset), WithoutFolds());
   ASSERT_TRUE(run) << run.reason();
   const std::vector<std::string> left_out = LeftOutOf(run->result);
   for (const std::string& name : wrong) EXPECT_THAT(left_out, Contains(name));
@@ -68,9 +60,8 @@ TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
 
 TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundFromItsPose) {
   ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
-  std::vector<std::vector<double>> joints;
-  for (Capture& capture : made.dataset.captures) joints.push_back(std::exchange(capture.joints, {}));
-  const Outcome<RunOutput> run = heba::Run(made.dataset, FixedCamera());
+  for (Recording& capture : made.dataset.captures) capture.joints.clear();
+  const Outcome<RunOutput> run = heba::Run(WithFixedCamera(made.dataset), RunOptions());
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -89,12 +80,10 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   }
   made.dataset.target_poses = made.camera_from_target;
   made.dataset.given_detections.clear();
-  PairRunOptions options;
-  options.folds = 0;
-  const Outcome<RunOutput> with_joints = heba::Run(made.dataset, options);
+  const Outcome<RunOutput> with_joints = heba::Run(made.dataset, WithoutFolds());
   ASSERT_TRUE(with_joints) << with_joints.reason();
-  for (Capture& capture : made.dataset.captures) capture.joints.clear();
-  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  for (Recording& capture : made.dataset.captures) capture.joints.clear();
+  const Outcome<RunOutput> run = heba::Run(made.dataset, WithoutFolds());
   ASSERT_TRUE(run) << run.reason();
   const RobotSummary& robot = *run->result.arms[0];
   ASSERT_TRUE(robot.is_estimated) << robot.reason.ToString();
@@ -109,19 +98,17 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     options.has_several_configurations = false;
     options.num_captures = 40;
     const ArmScene scene = MakeArmScene(seed, options);
-    PairDataset dataset =
+    Dataset dataset =
         DatasetOf(scene.scene, options.setup, ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}"));
     dataset.given_detections.clear();
-    dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
+    dataset.arms = {RobotArm{scene.nominal, scene.tip_from_gripper, {}}};
     Rng rng(seed);
     for (const PosePair& pair : scene.scene.pairs) {
       const Eigen::Vector3d rotation_rad(6e-4 * rng.Normal(), 6e-4 * rng.Normal(), 6e-4 * rng.Normal());
       const Eigen::Vector3d translation_m(3e-4 * rng.Normal(), 3e-4 * rng.Normal(), 3e-4 * rng.Normal());
       dataset.target_poses.push_back(pair.camera_from_target * Rigid3d(ExpRotation(rotation_rad), translation_m));
     }
-    PairRunOptions run_options;
-    run_options.folds = 0;
-    const Outcome<RunOutput> run = heba::Run(dataset, run_options);
+    const Outcome<RunOutput> run = heba::Run(dataset, WithoutFolds());
     ASSERT_TRUE(run) << run.reason();
     EXPECT_NE(run->result.arms[0]->configuration, "") << "seed " << seed << ": several";
   }
@@ -129,10 +116,8 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
 
 TEST(ArmClustersTest, CaptureWithWrongJointsIsLeftOutAndTheArmIsEstimated) {
   ArmDataset made = ThreeConfigurations(8, ArmSceneOptions(), 30, 10);
-  made.dataset.captures[4].joints[2] = 1e9;
-  PairRunOptions options = FixedCamera();
-  options.folds = 0;
-  const Outcome<RunOutput> run = heba::Run(made.dataset, options);
+  made.dataset.captures[4].joints[0][2] = 1e9;
+  const Outcome<RunOutput> run = heba::Run(WithFixedCamera(made.dataset), WithoutFolds());
   ASSERT_TRUE(run) << run.reason();
   EXPECT_TRUE(run->result.arms[0]->is_estimated) << run->result.arms[0]->reason.ToString();
   EXPECT_THAT(LeftOutOf(run->result), testing::ElementsAre(made.dataset.captures[4].name));

@@ -10,6 +10,7 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
+#include "heba/run.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/text/finding_text.h"
 
@@ -34,15 +35,14 @@ std::vector<Eigen::VectorXd> JointsWithSingularCapture() {
   return all;
 }
 
-PairDataset DatasetOf(const std::vector<Eigen::VectorXd>& joints, bool records_joints) {
-  PairDataset dataset;
-  dataset.robot = RobotArm{*FindArm("ur5e"), Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.01, 0.02, 0.15}), {}};
+Dataset DatasetOf(const std::vector<Eigen::VectorXd>& joints, bool records_joints) {
+  Dataset dataset = DatasetOf(Setup::kEyeToHand, nullptr);
+  const RobotArm robot{*FindArm("ur5e"), Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.01, 0.02, 0.15}), {}};
+  dataset.arms = {robot};
   for (const Eigen::VectorXd& of_capture : joints) {
-    Capture capture;
-    capture.name = std::to_string(dataset.captures.size()) + ".png";
-    capture.base_from_gripper = BaseFromTip(dataset.robot->arm, of_capture) * dataset.robot->tip_from_gripper;
-    if (records_joints) capture.joints.assign(of_capture.begin(), of_capture.end());
-    dataset.captures.push_back(capture);
+    const std::string name = std::to_string(dataset.captures.size()) + ".png";
+    dataset.captures.push_back({name, {BaseFromTip(robot.arm, of_capture) * robot.tip_from_gripper}, {name}});
+    if (records_joints) dataset.captures.back().joints = {{of_capture.begin(), of_capture.end()}};
   }
   return dataset;
 }
@@ -57,10 +57,10 @@ double DistanceRad(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
 
 TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const PairDataset dataset = DatasetOf(joints, false);
-  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
+  const Dataset dataset = DatasetOf(joints, false);
+  const ArmSetup setup = SetUpArm(dataset, 0, Kinematics::kAuto);
   EXPECT_EQ(setup.reason.ToString(), "");
-  const std::string name = NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
+  const std::string name = NameOf(*ConfigurationOf(dataset.arms[0]->arm, joints.front()));
   const ArmBranch* right = nullptr;
   for (const ArmBranch& branch : setup.branches) {
     if (branch.name == name) right = &branch;
@@ -69,12 +69,12 @@ TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
   ASSERT_EQ(right->joints.size(), joints.size());
   for (size_t i = 0; i < joints.size(); ++i) {
     // The pose is reached to the limit of PostureNear, in m and rad, whether or not it is singular.
-    const Rigid3d reached = BaseFromTip(dataset.robot->arm, right->joints[i]) * dataset.robot->tip_from_gripper;
-    EXPECT_LT(LocalCoordinates(reached, dataset.captures[i].base_from_gripper).norm(), 2 * kReached);
+    const Rigid3d reached = BaseFromTip(dataset.arms[0]->arm, right->joints[i]) * dataset.arms[0]->tip_from_gripper;
+    EXPECT_LT(LocalCoordinates(reached, dataset.captures[i].base_from_gripper[0]).norm(), 2 * kReached);
     const double apart_rad = DistanceRad(right->joints[i], joints[i]);
     EXPECT_TRUE(i == kSingular || apart_rad < 1e-6) << i << ": " << apart_rad;
   }
-  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, *right);
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.arms[0]->arm, *right);
   ASSERT_EQ(singular.size(), 1U);
   EXPECT_EQ(singular[0].capture, kSingular);
   EXPECT_THAT(singular[0].singularity, HasSubstr("6"));
@@ -83,8 +83,8 @@ TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
 TEST(ArmSetupTest, RegularCaptureIsOutOfReachOfConfigurationsThatItLacks) {
   std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
   joints.erase(joints.begin() + kSingular);
-  const PairDataset dataset = DatasetOf(joints, false);
-  const Arm& arm = dataset.robot->arm;
+  const Dataset dataset = DatasetOf(joints, false);
+  const Arm& arm = dataset.arms[0]->arm;
   std::vector<Rigid3d> tips;
   std::vector<std::vector<Eigen::VectorXd>> postures;
   for (const Eigen::VectorXd& of_capture : joints) {
@@ -106,32 +106,32 @@ TEST(ArmSetupTest, RegularCaptureIsOutOfReachOfConfigurationsThatItLacks) {
 
 TEST(ArmSetupTest, ScatterOfTheToolIsExplainedByErrorsOfTheArmOrContradicts) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  PairDataset dataset = DatasetOf(joints, true);
+  Dataset dataset = DatasetOf(joints, true);
   // The controller uses the parameters of this very arm.
-  Eigen::VectorXd errors = Eigen::VectorXd::Zero(dataset.robot->arm.num_params());
+  Eigen::VectorXd errors = Eigen::VectorXd::Zero(dataset.arms[0]->arm.num_params());
   errors[ArmParamPlace(1, ArmParam::kA)] = 1e-3;
   errors[ArmParamPlace(2, ArmParam::kAlpha)] = 2e-3;
-  const Arm own = WithChanges(dataset.robot->arm, errors);
+  const Arm own = WithChanges(dataset.arms[0]->arm, errors);
   for (size_t i = 0; i < joints.size(); ++i) {
-    dataset.captures[i].base_from_gripper = BaseFromTip(own, joints[i]) * dataset.robot->tip_from_gripper;
+    dataset.captures[i].base_from_gripper[0] = BaseFromTip(own, joints[i]) * dataset.arms[0]->tip_from_gripper;
   }
-  EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason.ToString(), "");
+  EXPECT_EQ(SetUpArm(dataset, 0, Kinematics::kAuto).reason.ToString(), "");
   // The links of another arm are some millimetres longer.
   errors[ArmParamPlace(1, ArmParam::kA)] = 12e-3;
   errors[ArmParamPlace(3, ArmParam::kD)] = 15e-3;
-  dataset.robot->arm = WithChanges(dataset.robot->arm, errors);
-  const ArmSetup other = SetUpArm(dataset, Kinematics::kAuto);
+  dataset.arms[0]->arm = WithChanges(dataset.arms[0]->arm, errors);
+  const ArmSetup other = SetUpArm(dataset, 0, Kinematics::kAuto);
   EXPECT_TRUE(IsContradiction(other.reason));
   EXPECT_EQ(other.reason.code, "tool_not_explained");
 }
 
 TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const PairDataset dataset = DatasetOf(joints, true);
-  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
+  const Dataset dataset = DatasetOf(joints, true);
+  const ArmSetup setup = SetUpArm(dataset, 0, Kinematics::kAuto);
   ASSERT_EQ(setup.branches.size(), 1U);
   EXPECT_TRUE(setup.is_recorded);
-  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches[0]);
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.arms[0]->arm, setup.branches[0]);
   ASSERT_EQ(singular.size(), 1U);
   EXPECT_EQ(singular[0].capture, kSingular);
 }
@@ -145,12 +145,12 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
   for (const Case& one :
        {Case{true, true, Grade::kGood}, {false, false, Grade::kGood}, {false, true, Grade::kDoubtful}}) {
     const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-    const PairDataset dataset = DatasetOf(joints, one.records_joints);
-    ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
+    const Dataset dataset = DatasetOf(joints, one.records_joints);
+    ArmSetup setup = SetUpArm(dataset, 0, Kinematics::kAuto);
     const std::string name =
-        one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
+        one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.arms[0]->arm, joints.front()));
     std::erase_if(setup.branches, [&](const ArmBranch& branch) { return branch.name != name; });
-    const std::optional<Finding> finding = FindSingularCaptures(dataset, setup, one.is_estimated);
+    const std::optional<Finding> finding = FindSingularCaptures(dataset, 0, setup, one.is_estimated);
     ASSERT_TRUE(finding.has_value());
     EXPECT_EQ(finding->grade, one.grade);
     EXPECT_EQ(finding->code, "arm_singular_captures");
@@ -160,14 +160,14 @@ TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
 
 TEST(ArmSetupTest, MissingJointsHaveNoEffect) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  const PairDataset dataset = DatasetOf(joints, true);
-  ArmBranch branch = SetUpArm(dataset, Kinematics::kAuto).branches[0];
-  EXPECT_THAT(SingularCaptures(dataset.robot->arm, {branch.name, {joints[0]}}), IsEmpty());
+  const Dataset dataset = DatasetOf(joints, true);
+  ArmBranch branch = SetUpArm(dataset, 0, Kinematics::kAuto).branches[0];
+  EXPECT_THAT(SingularCaptures(dataset.arms[0]->arm, {branch.name, {joints[0]}}), IsEmpty());
   branch.joints[1] = Eigen::VectorXd();
-  const auto effects = EffectsOf(dataset.robot->arm, dataset.robot->tip_from_gripper, branch);
+  const auto effects = EffectsOf(dataset.arms[0]->arm, dataset.arms[0]->tip_from_gripper, branch);
   EXPECT_EQ(effects[1], nullptr);
   EXPECT_NE(effects[0], nullptr);
-  EXPECT_EQ(SingularCaptures(dataset.robot->arm, branch)[0].capture, 1U);
+  EXPECT_EQ(SingularCaptures(dataset.arms[0]->arm, branch)[0].capture, 1U);
 }
 
 TEST(ArmSetupTest, GivenConfigurationThatDoesNotReachTheFirstPoseIsRefused) {
@@ -175,24 +175,24 @@ TEST(ArmSetupTest, GivenConfigurationThatDoesNotReachTheFirstPoseIsRefused) {
   joints.erase(joints.begin() + kSingular);
   // The arm is nearly stretched, which only one sign of the wrist allows.
   joints.front() << 0.3, -0.6, 0.03, 0, -1.4, 0.2;
-  PairDataset dataset = DatasetOf(joints, false);
-  EXPECT_EQ(SetUpArm(dataset, Kinematics::kAuto).reason.ToString(), "");
-  dataset.robot->joints_near = joints[1];
-  dataset.robot->joints_near[4] *= -1;
-  const ArmSetup setup = SetUpArm(dataset, Kinematics::kAuto);
+  Dataset dataset = DatasetOf(joints, false);
+  EXPECT_EQ(SetUpArm(dataset, 0, Kinematics::kAuto).reason.ToString(), "");
+  dataset.arms[0]->joints_near = joints[1];
+  dataset.arms[0]->joints_near[4] *= -1;
+  const ArmSetup setup = SetUpArm(dataset, 0, Kinematics::kAuto);
   EXPECT_EQ(setup.reason.code, "near_out_of_reach");
 }
 
 TEST(ArmSetupTest, FewJointsThatContradictTheirPosesAreFound) {
   const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
-  PairDataset dataset = DatasetOf(joints, true);
-  EXPECT_TRUE(FindContradictingJoints(dataset).empty());
-  dataset.captures[5].joints[1] = 1e9;
+  Dataset dataset = DatasetOf(joints, true);
+  EXPECT_TRUE(FindContradictingJoints(dataset, 0).empty());
+  dataset.captures[5].joints[0][1] = 1e9;
   std::swap(dataset.captures[0].joints, dataset.captures[1].joints);
   // Three of eight are too many to know which are right.
-  EXPECT_TRUE(FindContradictingJoints(dataset).empty());
+  EXPECT_TRUE(FindContradictingJoints(dataset, 0).empty());
   std::swap(dataset.captures[0].joints, dataset.captures[1].joints);
-  const std::vector<ContradictingJoints> found = FindContradictingJoints(dataset);
+  const std::vector<ContradictingJoints> found = FindContradictingJoints(dataset, 0);
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].capture, 5U);
   EXPECT_GT(found[0].apart_m, kMostToolScatterM);

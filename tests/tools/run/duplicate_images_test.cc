@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/units.h"
+#include "heba/run.h"
 
 namespace heba {
 namespace {
@@ -17,29 +18,30 @@ using ::testing::SizeIs;
 
 // Captures with the given digests. Captures of one digest have the same pose, all others stand 100 mm apart.
 struct Set {
-  PairDataset dataset;
-  std::vector<CaptureDetection> detections;
+  Dataset dataset = DatasetOf(Setup::kEyeToHand, nullptr);
+  std::vector<TargetDetection> detections;
 
   explicit Set(const std::vector<std::string>& digests) {
     for (size_t i = 0; i < digests.size(); ++i) {
       size_t first = 0;
       while (digests[first] != digests[i]) ++first;
       const Rigid3d pose(Eigen::Quaterniond::Identity(), {0.1 * static_cast<double>(first), 0, 0});
-      dataset.captures.push_back({std::to_string(i) + ".png", "", CaptureRole::kNone, pose});
-      CaptureDetection detection;
-      detection.image_digest = digests[i];
-      detection.detection.ids = {0, 1, 2};
-      detections.push_back(detection);
+      const std::string name = std::to_string(i) + ".png";
+      dataset.captures.push_back({name, {pose}, {name}});
+      TargetDetection& seen = detections.emplace_back();
+      seen.capture = i;
+      seen.detection.image_digest = digests[i];
+      seen.detection.detection.ids = {0, 1, 2};
     }
   }
-  Rigid3d& Pose(size_t capture) { return dataset.captures[capture].base_from_gripper; }
+  Rigid3d& Pose(size_t capture) { return dataset.captures[capture].base_from_gripper[0]; }
+  std::vector<PosedImage> Images() const { return PosedImagesOf(dataset, detections, 0).images; }
   std::vector<SharedImage> Find() const { return FindSharedImages(Images()); }
-  std::vector<PosedImage> Images() const { return PosedImagesOf(dataset.captures, detections); }
-  LeftOutCaptures LeaveOut() { return LeaveOutSharedImages(&dataset, &detections); }
-  std::vector<std::string> Names() const {
-    std::vector<std::string> names;
-    for (const Capture& capture : dataset.captures) names.push_back(capture.name);
-    return names;
+  std::vector<DuplicateInDataset> Duplicates() const { return FindDuplicates(dataset, detections); }
+  std::vector<size_t> DuplicateCaptures() const {
+    std::vector<size_t> captures;
+    for (const DuplicateInDataset& duplicate : Duplicates()) captures.push_back(duplicate.capture);
+    return captures;
   }
 };
 
@@ -47,14 +49,14 @@ TEST(FindSharedImagesTest, DifferentImagesAreNotShared) { EXPECT_THAT(Set({"a", 
 
 TEST(FindSharedImagesTest, UnknownDigestsAreNotEqual) {
   EXPECT_THAT(Set({"", "", "c"}).Find(), IsEmpty());
-  EXPECT_THAT(FindSharedImages(PosedImagesOf(Set({"a", "a"}).dataset.captures, {})), IsEmpty());
+  EXPECT_THAT(PosedImagesOf(Set({"a", "a"}).dataset, {}, 0).images, IsEmpty());
 }
 
 TEST(FindSharedImagesTest, ListsSharedImagesInTheOrderOfTheirFirstCaptures) {
   const std::vector<SharedImage> shared = Set({"z", "a", "z", "b", "a", "z"}).Find();
   ASSERT_THAT(shared, SizeIs(2));
-  EXPECT_THAT(shared[0].captures, ElementsAre(0, 2, 5));
-  EXPECT_THAT(shared[1].captures, ElementsAre(1, 4));
+  EXPECT_THAT(shared[0].images, ElementsAre(0, 2, 5));
+  EXPECT_THAT(shared[1].images, ElementsAre(1, 4));
   EXPECT_TRUE(shared[0].has_one_pose);
 }
 
@@ -79,73 +81,55 @@ TEST(FindOtherPoseTest, IsTheFirstCaptureWithAnotherPose) {
   EXPECT_EQ(FindOtherPose(set.Images(), shared, 2), 0u);
 }
 
-TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {
-  Set set({"a", "b", "a", "c", "a"});
-  set.dataset.captures[2].role = CaptureRole::kRotate;
-  const LeftOutCaptures left_out = set.LeaveOut();
-  EXPECT_THAT(set.Names(), ElementsAre("0.png", "1.png", "3.png"));
-  EXPECT_THAT(set.detections, SizeIs(3));
-  EXPECT_EQ(set.detections[2].image_digest, "c");
-  EXPECT_THAT(left_out.indices, ElementsAre(2, 4));
-  ASSERT_THAT(left_out.results, SizeIs(2));
-  EXPECT_EQ(left_out.results[0].image, "2.png");
-  EXPECT_EQ(left_out.results[0].role, CaptureRole::kRotate);
-  ASSERT_THAT(left_out.results[0].targets, SizeIs(1));
-  EXPECT_EQ(left_out.results[0].targets[0].num_points, 3);
-  EXPECT_FALSE(left_out.results[0].used);
-  EXPECT_EQ(left_out.results[0].reason, "the same image as 0.png, byte by byte");
-  EXPECT_EQ(left_out.results[0].repeat_of, "0.png");
-  EXPECT_THAT(left_out.notes,
+TEST(FindDuplicatesTest, CopiesAreDuplicatesButForTheFirst) {
+  const Set set({"a", "b", "a", "c", "a"});
+  const std::vector<DuplicateInDataset> duplicates = set.Duplicates();
+  EXPECT_THAT(set.DuplicateCaptures(), ElementsAre(2, 4));
+  EXPECT_EQ(duplicates[0].reason, "the same image as 0.png, byte by byte");
+  EXPECT_EQ(duplicates[0].repeat_of, "0.png");
+  EXPECT_THAT(DuplicateNotes(duplicates, 5),
               ElementsAre("2 of 5 captures repeat the image of another one, byte by byte, and its pose; "
                           "they do not count"));
 }
 
-TEST(LeaveOutSharedImagesTest, NoCaptureOfAnImageWithTwoPosesIsUsed) {
+TEST(FindDuplicatesTest, NoCaptureOfAnImageWithTwoPosesIsUsed) {
   Set set({"a", "b", "a"});
   set.Pose(2).translation.x() = 1;
-  const LeftOutCaptures left_out = set.LeaveOut();
-  EXPECT_THAT(set.Names(), ElementsAre("1.png"));
-  EXPECT_THAT(left_out.indices, ElementsAre(0, 2));
-  EXPECT_EQ(
-      left_out.results.at(0).reason,
-      "the same image as 2.png, byte by byte, but with another pose of the robot: at most one of the poses belongs "
-      "to the image, so no capture with this image is used");
-  EXPECT_EQ(left_out.results.at(0).repeat_of, "");
-  EXPECT_THAT(left_out.notes, ElementsAre("2 of 3 captures share their images, byte by byte, with captures that have "
-                                          "another pose; none of them is used"));
+  const std::vector<DuplicateInDataset> duplicates = set.Duplicates();
+  EXPECT_THAT(set.DuplicateCaptures(), ElementsAre(0, 2));
+  EXPECT_EQ(duplicates.at(0).reason,
+            "the same image as 2.png, byte by byte, but with another pose of the robot: at most one of the poses "
+            "belongs to the image, so no capture with this image is used");
+  EXPECT_EQ(duplicates.at(0).repeat_of, "");
+  EXPECT_THAT(DuplicateNotes(duplicates, 3),
+              ElementsAre("2 of 3 captures share their images, byte by byte, with captures that have another pose; "
+                          "none of them is used"));
 }
 
 // Black images without a target are equal because they show nothing.
-TEST(LeaveOutSharedImagesTest, ImagesWithoutATargetAreKept) {
+TEST(FindDuplicatesTest, ImagesWithoutATargetAreKept) {
   Set set({"a", "a"});
-  for (CaptureDetection& detection : set.detections) detection.detection.ids.clear();
-  EXPECT_THAT(set.LeaveOut().indices, IsEmpty());
-  EXPECT_THAT(set.Names(), SizeIs(2));
+  for (TargetDetection& seen : set.detections) seen.detection.detection.ids.clear();
+  EXPECT_THAT(set.Duplicates(), IsEmpty());
 }
 
-TEST(LeaveOutSharedImagesTest, NothingIsLeftOutOfDifferentImages) {
-  Set set({"a", "b"});
-  const LeftOutCaptures left_out = set.LeaveOut();
-  EXPECT_THAT(left_out.indices, IsEmpty());
-  EXPECT_THAT(left_out.notes, IsEmpty());
-  EXPECT_THAT(set.Names(), SizeIs(2));
+TEST(FindDuplicatesTest, DifferentImagesHaveNone) {
+  const Set set({"a", "b"});
+  EXPECT_THAT(set.Duplicates(), IsEmpty());
+  EXPECT_THAT(DuplicateNotes(set.Duplicates(), 2), IsEmpty());
 }
 
-TEST(InsertLeftOutTest, RestoresTheOrderOfTheCaptures) {
-  Set set({"a", "b", "a", "c", "a"});
-  const LeftOutCaptures left_out = set.LeaveOut();
-  std::vector<ImageResult> results;
-  for (const std::string& name : set.Names()) {
-    results.emplace_back();
-    results.back().image = name;
-    results.back().used = true;
-  }
-  InsertLeftOut(left_out, &results);
-  std::vector<std::string> names;
-  for (const ImageResult& result : results) names.push_back(result.image);
-  EXPECT_THAT(names, ElementsAre("0.png", "1.png", "2.png", "3.png", "4.png"));
-  EXPECT_TRUE(results[3].used);
-  EXPECT_FALSE(results[4].used);
+TEST(MarkDuplicatesTest, TheirEntriesHaveTheReasonAndTheirPoints) {
+  const Set set({"a", "b", "a"});
+  std::vector<ImageResult> images(3);
+  for (size_t i = 0; i < images.size(); ++i) images[i].capture = set.dataset.captures[i].name;
+  MarkDuplicates(set.dataset, set.Duplicates(), set.detections, &images);
+  EXPECT_EQ(images[0].reason, "");
+  EXPECT_EQ(images[2].reason, "the same image as 0.png, byte by byte");
+  EXPECT_EQ(images[2].repeat_of, "0.png");
+  ASSERT_THAT(images[2].targets, SizeIs(1));
+  EXPECT_EQ(images[2].targets[0].num_points, 3);
+  EXPECT_FALSE(images[2].targets[0].used);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/run_result.h"
-#include "heba/pair_run.h"
+#include "heba/run.h"
 #include "tests/support/datasets.h"
 #include "tests/support/input_error.h"
 
@@ -31,36 +31,28 @@ class EarlierRunTest : public testing::Test {
     scene.robot_translation_m = 1e-4;
     scene.robot_rotation_rad = DegToRad(0.01);
     all_ = DatasetOf(MakeTestScene(3, scene), scene.setup, target_);
-    all_.camera = std::nullopt;
+    all_.has_camera = {false};
+    all_.rig.cameras[0].camera = Camera();
     for (size_t i = 0; i < all_.captures.size(); ++i) {
-      all_.captures[i].name = all_.given_detections[i].image_digest = std::to_string(i) + ".png";
+      all_.captures[i].name = all_.given_detections[i].detection.image_digest = std::to_string(i) + ".png";
     }
   }
 
-  PairDataset Part(size_t first, size_t last) const {
-    PairDataset part = all_;
-    const auto cut = [&](auto* list) {
-      list->erase(list->begin() + static_cast<std::ptrdiff_t>(last), list->end());
-      list->erase(list->begin(), list->begin() + static_cast<std::ptrdiff_t>(first));
-    };
-    cut(&part.captures);
-    cut(&part.given_detections);
-    return part;
+  Dataset Part(size_t first, size_t last) const {
+    std::vector<size_t> captures;
+    for (size_t i = first; i < last; ++i) captures.push_back(i);
+    return PartOf(all_, captures);
   }
 
-  static PairRunOptions Options() {
-    PairRunOptions options;
-    options.folds = 0;
-    options.camera_model = "brown5";
-    options.choose_camera_model = false;
-    return options;
+  // Runs captures with a camera of a given model.
+  static Outcome<RunOutput> RunBrown5(Dataset captures) {
+    captures.rig.cameras[0].camera.model = "brown5";
+    return heba::Run(captures, WithoutFolds());
   }
 
   // The run of the later captures on top of that of the earlier ones.
-  static Outcome<RunOutput> Update(const RunOutput& earlier, const PairDataset& later,
-                                   const ChangeOfCell& change = {}) {
-    PairRunOptions options;
-    options.folds = 0;
+  static Outcome<RunOutput> Update(const RunOutput& earlier, const Dataset& later, const ChangeOfCell& change = {}) {
+    RunOptions options = WithoutFolds();
     options.earlier = EarlierRun{"earlier", std::make_shared<const RunResult>(earlier.result), change};
     return heba::Run(later, options);
   }
@@ -72,15 +64,15 @@ class EarlierRunTest : public testing::Test {
   }
 
   std::shared_ptr<const Target> target_;
-  PairDataset all_;
+  Dataset all_;
 };
 
 TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
-  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = RunBrown5(Part(0, kNumEarlier));
   ASSERT_TRUE(earlier) << earlier.reason();
-  const Outcome<RunOutput> of_all = heba::Run(all_, Options());
+  const Outcome<RunOutput> of_all = RunBrown5(all_);
   ASSERT_TRUE(of_all) << of_all.reason();
-  PairDataset later = Part(kNumEarlier, all_.captures.size());
+  Dataset later = Part(kNumEarlier, all_.captures.size());
   const Outcome<RunOutput> updated = Update(*earlier, later);
   ASSERT_TRUE(updated) << updated.reason();
   const PairSolution& solution = *FindRefined(updated->result)->solution;
@@ -101,8 +93,8 @@ TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
   for (const Finding& finding : updated->result.verdict.findings) EXPECT_NE(finding.code, "few_captures");
 
   // The detector may read the board from its other end.
-  for (CaptureDetection& seen : later.given_detections) {
-    for (int& id : seen.detection.ids) id = static_cast<int>(target_->points().size()) - 1 - id;
+  for (TargetDetection& seen : later.given_detections) {
+    for (int& id : seen.detection.detection.ids) id = static_cast<int>(target_->points().size()) - 1 - id;
   }
   const Outcome<RunOutput> turned = Update(*earlier, later);
   ASSERT_TRUE(turned) << turned.reason();
@@ -112,12 +104,12 @@ TEST_F(EarlierRunTest, AFewCapturesRefreshIt) {
 }
 
 TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
-  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = RunBrown5(Part(0, kNumEarlier));
   ASSERT_TRUE(earlier) << earlier.reason();
   // The images are the same if the base is where the motion is undone.
-  PairDataset later = Part(kNumEarlier, all_.captures.size());
+  Dataset later = Part(kNumEarlier, all_.captures.size());
   const Rigid3d motion(ExpRotation({0, 0.005, 0}), {0.003, 0, 0});
-  for (Capture& capture : later.captures) capture.base_from_gripper = motion * capture.base_from_gripper;
+  for (Recording& capture : later.captures) capture.base_from_gripper[0] = motion * capture.base_from_gripper[0];
   const Outcome<RunOutput> updated = Update(*earlier, later);
   ASSERT_TRUE(updated) << updated.reason();
   const Finding* const prior = PriorOf(updated->result);
@@ -133,22 +125,24 @@ TEST_F(EarlierRunTest, SaysThatTheCameraHasMoved) {
 }
 
 TEST_F(EarlierRunTest, RefusesAnotherTargetSetupOrCamera) {
-  const Outcome<RunOutput> earlier = heba::Run(Part(0, kNumEarlier), Options());
+  const Outcome<RunOutput> earlier = RunBrown5(Part(0, kNumEarlier));
   ASSERT_TRUE(earlier) << earlier.reason();
-  PairDataset other = Part(kNumEarlier, all_.captures.size());
-  other.target = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, dot_diameter: 10 mm}");
+  Dataset other = Part(kNumEarlier, all_.captures.size());
+  other.targets[0] = ParseTarget("{type: circle_grid, rows: 7, columns: 9, spacing: 20 mm, dot_diameter: 10 mm}");
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with a target of type chessboard, but the target is of type circle_grid");
   other = Part(kNumEarlier, all_.captures.size());
-  other.setup = Setup::kEyeInHand;
+  other.rig = DatasetOf(Setup::kEyeInHand, target_).rig;
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with the setup eye_to_hand, but the captures are of eye_in_hand");
   other = Part(kNumEarlier, all_.captures.size());
-  other.camera = FindRefined(earlier->result)->camera;
-  other.camera->width_px /= 2;
+  other.has_camera = {true};
+  Camera& camera = other.rig.cameras[0].camera;
+  camera = FindRefined(earlier->result)->camera;
+  camera.width_px /= 2;
   EXPECT_NE(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }).find("earlier: is a run with images of "),
             std::string::npos);
-  other.camera = Camera{"fisheye4", 1280, 960, {1000, 1000, 640, 480, 0, 0, 0, 0}};
+  camera = {"fisheye4", 1280, 960, {1000, 1000, 640, 480, 0, 0, 0, 0}};
   EXPECT_EQ(InputErrorOf([&] { static_cast<void>(Update(*earlier, other)); }),
             "earlier: is a run with the camera model brown5, but that of the camera is fisheye4");
 }

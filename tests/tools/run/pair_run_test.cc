@@ -1,5 +1,5 @@
-// Tests of heba/pair_run.h.
-#include "heba/pair_run.h"
+// Tests of runs of one camera, one target and one arm: heba/run.h.
+#include "heba/run.h"
 
 #include <memory>
 #include <string>
@@ -41,26 +41,22 @@ std::shared_ptr<const Target> Chessboard() {
 }
 
 // Returns the data set of a scene, with images named 0.png, 1.png, ... that have different digests.
-PairDataset NamedDatasetOf(const TestScene& scene, const std::shared_ptr<const Target>& target) {
-  PairDataset dataset = DatasetOf(scene, Setup::kEyeInHand, target);
+Dataset NamedDatasetOf(const TestScene& scene, const std::shared_ptr<const Target>& target) {
+  Dataset dataset = DatasetOf(scene, Setup::kEyeInHand, target);
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
+    dataset.captures[i].name = dataset.given_detections[i].detection.image_digest = std::to_string(i) + ".png";
+    dataset.captures[i].images = {dataset.captures[i].name};
   }
   return dataset;
 }
 
-PairDataset SimulatedDataset() {
+// Returns a data set whose camera is taken as it is given.
+Dataset SimulatedDataset() {
   const std::shared_ptr<const Target> target = Chessboard();
-  return NamedDatasetOf(SimulatedScene(*target), target);
+  return WithFixedCamera(NamedDatasetOf(SimulatedScene(*target), target));
 }
 
 HandEye TrueHandEye() { return SimulatedScene(*Chessboard()).hand_eye; }
-
-PairRunOptions FixedCamera() {
-  PairRunOptions options;
-  options.bundle.free_intrinsics = {};
-  return options;
-}
 
 // Writes down what it is told.
 class Recorder : public RunObserver {
@@ -70,9 +66,9 @@ class Recorder : public RunObserver {
   }
   void OnStep(RunStage /*stage*/) override { ++num_steps; }
   void OnStageEnd(RunStage stage) override { events.push_back("end " + std::to_string(static_cast<int>(stage))); }
-  void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override {
-    events.push_back("seen " + std::to_string(num_seen) + " of " + std::to_string(num_images) + ", left out " +
-                     std::to_string(left_out.indices.size()));
+  void OnDetected(const std::vector<std::string>& notes, int num_seen, int num_images) override {
+    events.push_back("seen " + std::to_string(num_seen) + " of " + std::to_string(num_images) + ", notes " +
+                     std::to_string(notes.size()));
   }
   void OnCalibrated(const PairCalibration& calibration) override {
     events.emplace_back(calibration.refined ? "calibrated" : "failed");
@@ -94,9 +90,8 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   TestSceneOptions scene_options = SimulatedOptions(*target);
   scene_options.num_captures = 20;
   const TestScene scene = MakeTestScene(5, scene_options);
-  PairDataset dataset = NamedDatasetOf(scene, target);
-  PairRunOptions options = FixedCamera();
-  options.folds = 0;
+  Dataset dataset = WithFixedCamera(NamedDatasetOf(scene, target));
+  const RunOptions options = WithoutFolds();
   const Outcome<RunOutput> still = heba::Run(dataset, options);
   ASSERT_TRUE(still.ok()) << still.reason();
   EXPECT_THAT(still->result.verdict.findings,
@@ -105,7 +100,8 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
   // The images are the same if the gripper is where the motion is undone.
   const Rigid3d motion(ExpRotation({0, 0.002, 0}), {0.004, 0, 0});
   for (size_t i = kFirstAfter; i < dataset.captures.size(); ++i) {
-    dataset.captures[i].base_from_gripper = dataset.captures[i].base_from_gripper * Inverse(motion);
+    Rigid3d& pose = dataset.captures[i].base_from_gripper.front();
+    pose = pose * Inverse(motion);
   }
   const Outcome<RunOutput> moved = heba::Run(dataset, options);
   ASSERT_TRUE(moved.ok()) << moved.reason();
@@ -130,9 +126,12 @@ TEST(PairRunTest, LeavesOutTheCapturesBesideAMotionOfTheCamera) {
 }
 
 TEST(PairRunTest, FindsTheHandEyePoseAndItsErrors) {
-  PairDataset dataset = SimulatedDataset();
-  dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
-  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera());
+  Dataset dataset = SimulatedDataset();
+  dataset.truth = CellTruth{{TrueHandEye().camera_mount_from_camera},
+                            {TrueHandEye().target_mount_from_target},
+                            {Rigid3d()},
+                            {dataset.rig.cameras[0].camera}};
+  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
   const Estimate* const refined = FindRefined(run->result);
   ASSERT_NE(refined, nullptr);
@@ -151,52 +150,54 @@ TEST(PairRunTest, FindsTheHandEyePoseAndItsErrors) {
 
 TEST(PairRunTest, TellsItsObserverWhatItDoes) {
   Recorder recorder;
-  PairRunOptions options = FixedCamera();
+  RunOptions options;
   options.folds = 4;
   ASSERT_TRUE(heba::Run(SimulatedDataset(), options, &recorder).ok());
   EXPECT_THAT(recorder.events,
-              ElementsAre("seen 14 of 14, left out 0", "calibrated", "stage 2 of 4", "end 2", "hold-outs"));
+              ElementsAre("seen 14 of 14, notes 0", "calibrated", "stage 2 of 4", "end 2", "hold-outs"));
   EXPECT_EQ(recorder.num_steps, 4);
 }
 
 TEST(PairRunTest, EndsWhenItIsCancelled) {
   Recorder recorder;
   recorder.cancel_after = 2;
-  const Outcome<RunOutput> run = heba::Run(SimulatedDataset(), FixedCamera(), &recorder);
+  const Outcome<RunOutput> run = heba::Run(SimulatedDataset(), RunOptions(), &recorder);
   EXPECT_FALSE(run.ok());
   EXPECT_EQ(run.failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("hold-outs")));
   recorder.cancel_after = 0;
   recorder.events.clear();
-  EXPECT_EQ(heba::Run(SimulatedDataset(), FixedCamera(), &recorder).failure().code, kCancelled);
+  EXPECT_EQ(heba::Run(SimulatedDataset(), RunOptions(), &recorder).failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
 }
 
 TEST(PairRunTest, CapturesWithOneImageCountOnce) {
-  PairDataset dataset = SimulatedDataset();
+  Dataset dataset = SimulatedDataset();
+  dataset.given_detections.push_back({14, 0, 0, dataset.given_detections[3].detection});
   dataset.captures.push_back(dataset.captures[3]);
   dataset.captures.back().name = "again.png";
-  dataset.given_detections.push_back(dataset.given_detections[3]);
+  dataset.captures.back().images = {"again.png"};
   Recorder recorder;
-  const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera(), &recorder);
+  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions(), &recorder);
   ASSERT_TRUE(run.ok()) << run.reason();
-  EXPECT_EQ(recorder.events.front(), "seen 14 of 14, left out 1");
+  EXPECT_EQ(recorder.events.front(), "seen 14 of 14, notes 1");
   EXPECT_THAT(run->result.images, SizeIs(15));
   EXPECT_EQ(run->result.images.back().repeat_of, "3.png");
-  EXPECT_THAT(run->dataset.captures, SizeIs(14));
-  EXPECT_THAT(run->detections, SizeIs(14));
+  EXPECT_EQ(run->result.images.back().reason, "the same image as 3.png, byte by byte");
+  EXPECT_FALSE(run->result.images.back().used);
+  EXPECT_EQ(NumUsedCaptures(run->result), 14);
 }
 
 TEST(PairRunTest, CalibratesFromPosesOfTheTarget) {
-  PairDataset dataset = SimulatedDataset();
-  for (const Capture& capture : dataset.captures) {
-    dataset.target_poses.push_back(
-        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+  Dataset dataset = SimulatedDataset();
+  for (const Recording& capture : dataset.captures) {
+    dataset.target_poses.push_back(CameraFromTarget(
+        TrueHandEye(), CameraMountFromTargetMount(Setup::kEyeInHand, capture.base_from_gripper.front())));
   }
   dataset.given_detections.clear();
-  dataset.camera.reset();
-  dataset.target.reset();
-  const Outcome<RunOutput> run = heba::Run(dataset, PairRunOptions());
+  dataset.has_camera = {false};
+  dataset.targets = {nullptr};
+  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
   ASSERT_TRUE(run->calibration.pairs[0].calibration->chain.ok());
   EXPECT_THAT(run->calibration.pairs[0].calibration->chain->hand_eye.camera_mount_from_camera,
@@ -205,14 +206,14 @@ TEST(PairRunTest, CalibratesFromPosesOfTheTarget) {
 }
 
 TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
-  PairDataset dataset = SimulatedDataset();
-  for (const Capture& capture : dataset.captures) {
-    dataset.target_poses.push_back(
-        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+  Dataset dataset = SimulatedDataset();
+  for (const Recording& capture : dataset.captures) {
+    dataset.target_poses.push_back(CameraFromTarget(
+        TrueHandEye(), CameraMountFromTargetMount(Setup::kEyeInHand, capture.base_from_gripper.front())));
   }
   // One of the two poses of a flat target, turned.
   dataset.target_poses[6] = dataset.target_poses[6] * Rigid3d(ExpRotation({0.5, 0, 0}), Eigen::Vector3d::Zero());
-  const Outcome<RunOutput> run = heba::Run(dataset, PairRunOptions());
+  const Outcome<RunOutput> run = heba::Run(dataset, RunOptions());
   ASSERT_TRUE(run.ok()) << run.reason();
   EXPECT_THAT(run->calibration.pairs[0].calibration->chain->hand_eye.camera_mount_from_camera,
               IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
@@ -223,29 +224,33 @@ TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
 }
 
 TEST(PairRunTest, FailsWhereNothingWasDetected) {
-  PairDataset dataset = SimulatedDataset();
-  for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
-  EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("nothing_detected (images 14, image "));
+  Dataset dataset = SimulatedDataset();
+  for (TargetDetection& given : dataset.given_detections) given.detection.detection = {};
+  EXPECT_THAT(heba::Run(dataset, RunOptions()).reason(), HasSubstr("nothing_detected (images 14, image "));
 }
 
 TEST(PairRunTest, RefusesAnIncompleteDataset) {
   const auto error_of = [](const auto& spoil) {
-    PairDataset dataset = SimulatedDataset();
+    Dataset dataset = SimulatedDataset();
     spoil(&dataset);
-    return InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); });
+    return InputErrorOf([&] { (void)heba::Run(dataset, RunOptions()); });
   };
-  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->captures.clear(); }), "the data set has no captures");
-  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->target.reset(); }), "the data set has no target");
-  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->given_detections.pop_back(); }),
-            "the data set has 14 captures, but 13 detections");
-  EXPECT_EQ(error_of([](PairDataset* dataset) { dataset->target_poses.resize(3); }),
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->captures.clear(); }), "the data set has no captures");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->targets = {nullptr}; }), "the data set has no target");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->given_detections.back().capture = 14; }),
+            "detections: has a detection in an image that no capture has");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->captures[2].images = {""}; }),
+            "detections: has a detection in an image that no capture has");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->captures[2].images.clear(); }),
+            "capture 2.png needs one pose for each arm and one image for each camera");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->target_poses.resize(3); }),
             "the data set has 14 captures, but 3 poses of the target");
 }
 
 TEST(PairRunTest, RefusesACameraOfAnotherSize) {
-  PairDataset dataset = SimulatedDataset();
-  dataset.camera->width_px = 640;
-  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); }),
+  Dataset dataset = SimulatedDataset();
+  dataset.rig.cameras[0].camera.width_px = 640;
+  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, RunOptions()); }),
               HasSubstr("camera: is for images of 640 x 960 px"));
 }
 

@@ -1,6 +1,4 @@
-// Tests of tools/run/single_pair.h: a rig of one camera, one target and one arm gives what the single camera gives.
-#include "tools/run/single_pair.h"
-
+// A camera, a target and an arm with names give what they give without: tools/run/pair_run.h.
 #include <cmath>
 #include <memory>
 #include <string>
@@ -15,7 +13,6 @@
 #include "tests/support/datasets.h"
 #include "tests/support/scenes.h"
 #include "tools/pages/report.h"
-#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -27,22 +24,19 @@ struct Case {
   Setup setup;
   bool is_camera_given = true;
   double noise_of_arm_m = 0;  // One sigma of each coordinate.
-  void (*spoil)(PairDataset* dataset) = [](PairDataset*) {};
+  void (*spoil)(Dataset* dataset) = [](Dataset*) {};
 };
 
-void GiveWrongPose(PairDataset* dataset) { dataset->captures[3].base_from_gripper.translation.x() += 0.02; }
+void GiveWrongPose(Dataset* dataset) { dataset->captures[3].base_from_gripper[0].translation.x() += 0.02; }
 
-void RepeatImage(PairDataset* dataset) {
-  dataset->given_detections[5] = dataset->given_detections[4];
+void RepeatImage(Dataset* dataset) {
+  dataset->given_detections[5].detection = dataset->given_detections[4].detection;
   dataset->captures[5].base_from_gripper = dataset->captures[4].base_from_gripper;
 }
 
-void HideTarget(PairDataset* dataset) { dataset->given_detections[2].detection = Detection(); }
+void HideTarget(Dataset* dataset) { dataset->given_detections[2].detection.detection = Detection(); }
 
-void KeepFew(PairDataset* dataset) {
-  dataset->captures.resize(5);
-  dataset->given_detections.resize(5);
-}
+void KeepFew(Dataset* dataset) { *dataset = PartOf(*dataset, {0, 1, 2, 3, 4}); }
 
 const Case kCases[] = {
     {"in_hand", Setup::kEyeInHand},
@@ -55,7 +49,7 @@ const Case kCases[] = {
     {"few_captures", Setup::kEyeInHand, true, 1e-4, KeepFew},
 };
 
-PairDataset DatasetOf(const Case& of) {
+Dataset DatasetOf(const Case& of) {
   const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
   TestSceneOptions options;
   options.setup = of.setup;
@@ -64,11 +58,14 @@ PairDataset DatasetOf(const Case& of) {
   options.noise_px = 0.1;
   options.robot_translation_m = of.noise_of_arm_m;
   options.points = AllPoints(*target).points_in_target;
-  PairDataset dataset = heba::DatasetOf(MakeTestScene(7, options), of.setup, target);
-  if (!of.is_camera_given) dataset.camera.reset();
+  Dataset dataset = heba::DatasetOf(MakeTestScene(7, options), of.setup, target);
+  if (!of.is_camera_given) {
+    dataset.has_camera = {false};
+    dataset.rig.cameras[0].camera = {"pinhole", 0, 0, {}};
+  }
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
-    dataset.captures[i].image = dataset.captures[i].name;
+    dataset.captures[i].name = dataset.given_detections[i].detection.image_digest = std::to_string(i) + ".png";
+    dataset.captures[i].images = {dataset.captures[i].name};
   }
   of.spoil(&dataset);
   return dataset;
@@ -92,17 +89,9 @@ std::vector<std::string> CodesOf(const Verdict& verdict) {
 class SinglePairTest : public ::testing::TestWithParam<Case> {};
 
 TEST_P(SinglePairTest, IsTheSingleCamera) {
-  const PairDataset dataset = DatasetOf(GetParam());
-  PairRunOptions options;
-  options.camera_model = "pinhole";
-  options.choose_camera_model = false;
-  RunOptions of_rig;
-  Dataset rig = Named(AsDataset(dataset));
-  rig.rig.cameras[0].free_intrinsics = options.bundle.free_intrinsics;
-  if (!dataset.camera) rig.rig.cameras[0].camera.model = "pinhole";
-
-  const Outcome<RunOutput> single = heba::Run(dataset, options);
-  const Outcome<RunOutput> pair = heba::Run(rig, of_rig);
+  const Dataset dataset = DatasetOf(GetParam());
+  const Outcome<RunOutput> single = heba::Run(dataset, RunOptions());
+  const Outcome<RunOutput> pair = heba::Run(Named(dataset), RunOptions());
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
 
@@ -143,23 +132,11 @@ TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   scene_options.setup = Setup::kEyeInHand;
   scene_options.points = AllPoints(*target).points_in_target;
   const ArmScene scene = MakeArmScene(3, scene_options);
-  PairDataset dataset = heba::DatasetOf(scene.scene, scene_options.setup, target);
-  dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
-  for (size_t i = 0; i < scene.joints.size(); ++i) {
-    dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
-    dataset.captures[i].image = dataset.captures[i].name;
-  }
-  const Dataset rig = Named(AsDataset(dataset));
-  PairRunOptions options;
-  options.bundle.free_intrinsics = {};
-  options.folds = 0;
-  RunOptions of_rig;
-  of_rig.calibration.adjustment.num_threads = 1;
-  of_rig.folds = 0;
-  const Outcome<RunOutput> single = heba::Run(dataset, options);
-  Dataset held = rig;
-  held.rig.cameras[0].free_intrinsics = {};
-  const Outcome<RunOutput> pair = heba::Run(held, of_rig);
+  Dataset dataset = heba::DatasetOf(scene.scene, scene_options.setup, target);
+  SetArm(scene, &dataset);
+  dataset = WithFixedCamera(std::move(dataset));
+  const Outcome<RunOutput> single = heba::Run(dataset, WithoutFolds());
+  const Outcome<RunOutput> pair = heba::Run(Named(dataset), WithoutFolds());
   ASSERT_TRUE(single) << single.reason();
   ASSERT_TRUE(pair) << pair.reason();
   ASSERT_TRUE(pair->result.arms[0]->is_estimated) << pair->result.arms[0]->reason.ToString();

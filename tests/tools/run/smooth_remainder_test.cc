@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/factorisation.h"
-#include "heba/pair_run.h"
+#include "heba/run.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/datasets.h"
 
@@ -26,20 +26,15 @@ Figures FiguresOf(double joint_ripple_rad, SmoothPoseErrors smooth = SmoothPoseE
   scene_options.num_captures = 30;
   scene_options.points = AllPoints(*target).points_in_target;
   scene_options.joint_ripple_rad = joint_ripple_rad;
-  PairRunOptions options;
-  options.bundle.free_intrinsics = {};
-  options.folds = 0;
-  options.smooth = smooth;
+  RunOptions options = WithoutFolds();
+  options.calibration.smooth = smooth;
   Figures figures;
   double sum = 0;
   for (const uint64_t seed : {2, 3, 4, 5}) {
     const ArmScene scene = MakeArmScene(seed, scene_options);
-    PairDataset dataset = DatasetOf(scene.scene, scene_options.setup, target);
-    dataset.robot = RobotArm{scene.nominal, scene.tip_from_gripper, {}};
-    for (size_t i = 0; i < scene.joints.size(); ++i) {
-      dataset.captures[i].joints = {scene.joints[i].begin(), scene.joints[i].end()};
-    }
-    const Outcome<RunOutput> run = Run(dataset, options);
+    Dataset dataset = DatasetOf(scene.scene, scene_options.setup, target);
+    SetArm(scene, &dataset);
+    const Outcome<RunOutput> run = Run(WithFixedCamera(std::move(dataset)), options);
     EXPECT_TRUE(run) << run.reason();
     if (!run || !run->result.arms[0]->is_estimated) continue;
     ++figures.num_runs;

@@ -16,13 +16,11 @@
 #include "tools/cli/command.h"
 #include "tools/cli/detect_any.h"
 #include "tools/cli/flags.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/detection_summary.h"
 #include "tools/files/result_folder.h"
-#include "tools/run/captures.h"
 #include "tools/text/console.h"
 #include "tools/text/run_console.h"
 
@@ -137,30 +135,12 @@ struct SearchedImages {
   std::vector<SearchedCamera> cameras;
 };
 
-// Detects the target in the images of a config of one camera, and writes detections.json into the folder.
-SearchedImages Search(const PairConfig& config, const fs::path& folder, RunObserver* observer) {
-  PairDataset data = config.data;
-  CheckCamerasByHeader(AsDataset(data));
-  const std::vector<CaptureDetection> detections =
-      DetectCaptures(data, CachedDetection(data, config.target_used), NumThreads(), observer);
-  FitCameraToImages(detections, &data);
-  WriteFileAtomically(folder / "detections.json", DetectionsToJson(data.captures, detections));
-  SearchedCamera camera;
-  camera.given = data.camera;
-  if (!config.options.choose_camera_model) camera.model = config.options.camera_model;
-  for (size_t i = 0; i < detections.size(); ++i) {
-    camera.images.push_back({data.captures[i].name, data.captures[i].image, {detections[i]}});
-  }
-  return {{data.target}, {{"", data.target->points().size()}}, {std::move(camera)}};
-}
-
-// Detects all targets in the images of all cameras of a rig, and writes the folder detections into the folder.
+// Detects all targets in the images of all cameras, and writes the detections into the folder.
 SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserver* observer) {
   const Dataset& data = config.data;
-  std::vector<DetectFunction> detect;
-  for (const std::string& target : config.targets_used) detect.push_back(CachedDetection(target));
   CheckCamerasByHeader(data);
-  const std::vector<TargetDetection> detections = DetectDataset(data, detect, NumThreads(), observer);
+  const std::vector<TargetDetection> detections =
+      DetectDataset(data, CachedDetections(data, config.targets_used), NumThreads(), observer);
   Problem rig = data.rig;
   FitCamerasToImages(data, detections, &rig);
   WriteDetections(data, detections, folder);
@@ -187,8 +167,7 @@ SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserv
 }
 
 // Detects, draws, and writes the folder of the results. Returns the exit status.
-template <class Config>
-int DetectByConfig(const std::string& path, const Config& config) {
+int DetectByConfig(const std::string& path, const RunConfig& config) {
   const std::string& name = config.data.name;
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(path).parent_path() / "detections" / name : fs::path(FLAGS_out);
@@ -218,16 +197,12 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   if (FLAGS_any) return DetectAny(arguments);
   if (arguments.size() > 1) throw InputError("'heba detect' takes one CONFIG, or images with --any");
   const std::string& path = arguments[0];
-  if (IsLongConfig(path, Settings())) {
-    const RunConfig config = ReadRunConfig(path, Settings());
-    if (!config.data.given_detections.empty()) {
-      throw InputError(path + ": has points that were detected before (captures.detections), and no images to search");
-    }
-    return DetectByConfig(path, config);
+  const RunConfig config = ReadRunConfig(path, Settings());
+  if (!config.data.given_detections.empty()) {
+    throw InputError(path + ": has points that were detected before (captures.detections), and no images to search");
   }
-  const PairConfig config = ReadPairConfig(path, Settings());
-  for (const Capture& capture : config.data.captures) {
-    if (capture.image.empty()) throw InputError(path + ": capture " + capture.name + " has no image");
+  if (!config.data.target_poses.empty()) {
+    throw InputError(path + ": has poses of the target (captures.target_poses), and no images to search");
   }
   return DetectByConfig(path, config);
 }

@@ -7,7 +7,6 @@
 #include "heba/base/error.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/config/pair_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/diagnosis_output.h"
@@ -41,16 +40,12 @@ void Print(const std::string& name, const Diagnosis& diagnosis) {
 
 int RunCommand_doctor(const std::vector<std::string>& arguments) {
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
-  if (IsLongConfig(arguments[0], Settings())) {
-    const RunConfig rig = ReadRunConfig(arguments[0], Settings());
-    Print(rig.data.name, Diagnose(rig, NumThreads(), verbosity));
-    return kDone;
-  }
-  std::optional<PairConfig> config;
+  std::optional<RunConfig> config;
   std::string fault;
   try {
-    config = ReadPairConfig(arguments[0], Settings());
+    config = ReadRunConfig(arguments[0], Settings());
   } catch (const InputError& error) {
+    if (IsLongConfig(arguments[0], Settings())) throw;
     fault = error.what();
   }
   if (config) {

@@ -4,7 +4,7 @@
 #include "tools/batch/batch.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/pipeline/any_run.h"
+#include "tools/pipeline/pipeline.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_table.h"
@@ -13,24 +13,21 @@
 namespace heba {
 namespace {
 
-std::string TableOf(const RunResult& result, const AnyConfig& config) {
+std::string TableOf(const RunResult& result, const RunConfig& config) {
   // A method that the config names is one that the user expects.
-  std::vector<std::string> asked_for;
-  if (const auto* const pair = std::get_if<PairConfig>(&config)) {
-    asked_for = pair->options.methods;
-    asked_for.push_back(pair->options.seed);
-  }
+  std::vector<std::string> asked_for = config.options.methods;
+  asked_for.push_back(config.options.seed);
   return ResultTable(result, UseColour() ? Colour::kAnsi : Colour::kPlain, asked_for);
 }
 
 int RunOne(const std::string& config_path, const RunDemands& demands) {
-  const AnyConfig config = ReadAnyConfig(config_path, Settings());
-  const std::filesystem::path output = FLAGS_out.empty() ? OutputOf(config) : std::filesystem::absolute(FLAGS_out);
+  const RunConfig config = ReadRunConfig(config_path, Settings());
+  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
-  if (current) console.Note(NameOf(config) + ": the inputs have not changed since these results");
+  if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
   const Outcome<RunResult> result =
-      current ? Outcome<RunResult>(*current) : RunAny(config, output, NumThreads(), &console);
+      current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
   if (!result) {
     PrintError(config_path + ": " + FailureText(result.failure()));
     return kWorkFailed;

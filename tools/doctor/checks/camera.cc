@@ -48,22 +48,21 @@ std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) 
 
 // Estimates the camera that a run would estimate. If a pinhole is given, brown5 is estimated, because the lens may
 // distort.
-Outcome<Camera> EstimateCamera(const PairConfig& config, const std::vector<View>& views,
-                               const CaptureDetection& image) {
-  if (config.options.choose_camera_model) {
+Outcome<Camera> EstimateCamera(const Dataset& data, const std::vector<View>& views, const CaptureDetection& image) {
+  const std::string& model = data.rig.cameras.front().camera.model;
+  if (model.empty()) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
     return choice ? Outcome<Camera>(choice->camera) : choice.failure();
   }
-  return EstimateIntrinsics(
-      views, config.data.camera && config.options.camera_model == "pinhole" ? "brown5" : config.options.camera_model,
-      image.width_px, image.height_px);
+  return EstimateIntrinsics(views, data.has_camera.front() && model == "pinhole" ? "brown5" : model, image.width_px,
+                            image.height_px);
 }
 
 // Reports that the camera model that the config names does not fit the lens, if another model fits single views
 // decidedly better. Scales and poses that such a camera shows are wrong, so that the checks that follow see the other
 // one.
 std::vector<Symptom> OtherModel(Examination* examination, const std::vector<View>& views) {
-  const CaptureDetection& image = examination->detections.front();
+  const CaptureDetection& image = examination->detections.front().detection;
   const std::string named = examination->camera->model;
   constexpr double kMattersPx = 0.1;
   constexpr double kDecidedly = 2.5;
@@ -82,11 +81,11 @@ std::vector<Symptom> OtherModel(Examination* examination, const std::vector<View
 
 // Reports that the camera in the file is for images of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
-  const CaptureDetection& image = examination->detections.front();
+  const CaptureDetection& image = examination->detections.front().detection;
   const double wider = static_cast<double>(image.width_px) / given.width_px;
   const double higher = static_cast<double>(image.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
-                  examination->config.data.camera_source + " is for images of " +
+                  examination->config.data.camera_sources.front() + " is for images of " +
                       ImageSizeText(given.width_px, given.height_px) + ", but these are " +
                       ImageSizeText(image.width_px, image.height_px),
                   ""};
@@ -130,7 +129,7 @@ std::optional<CameraFault> FindOtherResolution(const Examination& examination, c
     if (!by_robot || !then || !(FitPx(examination, scaled) < fit_px)) continue;
     if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
     return CameraFault{{Severity::kWrong, "camera_scale",
-                        "the intrinsics of " + examination.config.data.camera_source + " are for images " +
+                        "the intrinsics of " + examination.config.data.camera_sources.front() + " are for images " +
                             (factor > 1 ? "half" : "twice") + " as large: with " + Fixed(factor, 1) +
                             " times the focal length and principal point, robot and images differ by " +
                             MisfitText(*then) + ", with the given ones by " + MisfitText(*by_robot),
@@ -181,25 +180,25 @@ std::optional<CameraFault> FindFault(const Examination& examination, const Camer
 }  // namespace
 
 std::vector<Symptom> Check_camera(Examination* examination) {
-  const PairConfig& config = examination->config;
-  const CaptureDetection& image = examination->detections.front();
-  const std::vector<View> views = ViewsOf(config.data, examination->detections);
+  const Dataset& data = examination->config.data;
+  const CaptureDetection& image = examination->detections.front().detection;
+  const std::vector<View> views = ViewsOf(data, examination->detections);
   std::optional<Camera> estimated;
   if (!views.empty()) {
-    const Outcome<Camera> found = EstimateCamera(config, views, image);
+    const Outcome<Camera> found = EstimateCamera(data, views, image);
     if (found) {
       estimated = *found;
-    } else if (!config.data.camera) {
+    } else if (!data.has_camera.front()) {
       return {{Severity::kWrong, "no_camera",
                "the intrinsics cannot be estimated from these images: " + FailureText(found.failure()),
                "provide them (camera.intrinsics), or take more captures with the target tilted"}};
     }
   }
-  if (!config.data.camera) {
+  const Camera& given = data.rig.cameras.front().camera;
+  if (!data.has_camera.front()) {
     examination->camera = estimated;
-    return estimated && !config.options.choose_camera_model ? OtherModel(examination, views) : std::vector<Symptom>{};
+    return estimated && !given.model.empty() ? OtherModel(examination, views) : std::vector<Symptom>{};
   }
-  const Camera& given = *config.data.camera;
   if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
     return {OtherSize(examination, given, estimated)};
   }

@@ -9,34 +9,36 @@
 #include "heba/base/units.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 
 namespace heba {
 namespace {
 
-std::string ApartText(const Capture& a, const Capture& b) {
-  return Significant(1000 * DistanceM(a.base_from_gripper, b.base_from_gripper), 2) + " mm and " +
-         Significant(RadToDeg(AngleRad(a.base_from_gripper, b.base_from_gripper)), 2) + " deg";
+std::string ApartText(const PosedImage& a, const PosedImage& b) {
+  const Rigid3d& pose = a.base_from_gripper.front();
+  const Rigid3d& other = b.base_from_gripper.front();
+  return Significant(1000 * DistanceM(pose, other), 2) + " mm and " + Significant(RadToDeg(AngleRad(pose, other)), 2) +
+         " deg";
 }
 
 // Reports images that occur with several poses (wrong) and copies of a capture (a remark). Copies are hidden from the
 // checks that follow.
 std::vector<Symptom> SharedImages(Examination* examination) {
-  const std::vector<Capture>& captures = examination->config.data.captures;
   std::vector<Symptom> symptoms;
   std::set<size_t> copies;
   std::string example;
-  const std::vector<PosedImage> images = PosedImagesOf(captures, examination->detections);
+  const Dataset& data = examination->config.data;
+  const auto [images, captures] = PosedImagesOf(data, examination->detections, 0);
   for (const SharedImage& shared : FindSharedImages(images)) {
     if (shared.has_one_pose) {
-      if (example.empty())
-        example = captures[shared.captures[1]].name + " repeats " + captures[shared.captures[0]].name;
-      copies.insert(shared.captures.begin() + 1, shared.captures.end());
+      if (example.empty()) example = images[shared.images[1]].name + " repeats " + images[shared.images[0]].name;
+      for (size_t k = 1; k < shared.images.size(); ++k) copies.insert(captures[shared.images[k]]);
       continue;
     }
-    for (size_t k = 1; k < shared.captures.size(); ++k) {
-      const Capture& capture = captures[shared.captures[k]];
-      const Capture& other = captures[FindOtherPose(images, shared, shared.captures[k])];
+    for (size_t k = 1; k < shared.images.size(); ++k) {
+      const PosedImage& capture = images[shared.images[k]];
+      const PosedImage& other = images[FindOtherPose(images, shared, shared.images[k])];
       symptoms.push_back({Severity::kWrong, "same_picture",
                           capture.name + " is the same image as " + other.name +
                               ", byte by byte, but has another pose of the robot, " + ApartText(capture, other) +
@@ -46,7 +48,7 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   }
   if (!copies.empty()) {
     symptoms.push_back({Severity::kRemark, "repeated_image",
-                        std::to_string(copies.size()) + " of " + std::to_string(captures.size()) +
+                        std::to_string(copies.size()) + " of " + std::to_string(data.captures.size()) +
                             " captures repeat the image of another one, byte by byte, and its pose; for example, " +
                             example,
                         "copies are not used: take more captures instead"});
@@ -56,7 +58,7 @@ std::vector<Symptom> SharedImages(Examination* examination) {
 }
 
 // Reports images without a pose and poses without an image.
-std::vector<Symptom> Unpaired(const PairConfig& config) {
+std::vector<Symptom> Unpaired(const RunConfig& config) {
   const auto named = [](const std::vector<std::string>& names) {
     constexpr size_t kMostNamed = 4;
     const std::vector<std::string> first(
@@ -409,7 +411,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   const double distance_m = WorkingDistanceM(views);
   if (HasSeveralOutside(*consistency, distance_m)) {
     if (const std::optional<Jump> jump = FindJump(views, distance_m)) {
-      symptoms.push_back(JumpSymptom(*jump, views, examination->config.data.setup));
+      symptoms.push_back(JumpSymptom(*jump, views, SetupOf(examination->config.data)));
       return symptoms;
     }
   }

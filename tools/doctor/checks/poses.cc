@@ -18,6 +18,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/run/captures.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
 
@@ -118,17 +119,17 @@ double RestScale(const JudgedReading& judged) {
          MetresOf(judged.target_unit);
 }
 
-Rigid3d MountOf(const PairConfig& config, const Rigid3d& pose, Direction direction) {
+Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction direction) {
   const Rigid3d read =
       direction == Direction::kInverseRotation ? Rigid3d(pose.rotation.conjugate(), pose.translation) : pose;
-  const Rigid3d base_from_gripper = BaseFromGripper(config.pose_reading, read);
-  return CameraMountFromTargetMount(config.data.setup,
+  const Rigid3d base_from_gripper = BaseFromGripper(config.arms.front().reading, read);
+  return CameraMountFromTargetMount(SetupOf(config.data),
                                     direction == Direction::kInverse ? Inverse(base_from_gripper) : base_from_gripper);
 }
 
 std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
-  const PairConfig& config = examination.config;
-  const PoseFormat& now = config.pose_reading.format;
+  const RunConfig& config = examination.config;
+  const PoseFormat& now = config.arms.front().reading.format;
   std::vector<Reading> readings;
   for (const PoseFormat& format : FormatsOfSameColumns(now)) {
     for (const Direction direction : {Direction::kAsRead, Direction::kInverse, Direction::kInverseRotation}) {
@@ -143,7 +144,7 @@ std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
           (direction == Direction::kInverse ? kMistakes.inverse : 0) +
           (direction == Direction::kInverseRotation ? kMistakes.inverse_rotation : 0);
       for (const ExaminedView& view : examination.views) {
-        const Outcome<Rigid3d> pose = PoseFromNumbers(format, config.pose_numbers[view.capture]);
+        const Outcome<Rigid3d> pose = PoseFromNumbers(format, config.arms.front().numbers[view.capture]);
         if (!pose) break;
         reading.mounts.emplace_back(MountOf(config, *pose, direction));
       }
@@ -164,10 +165,10 @@ Rows RowsOf(const Examination& examination) {
   const CellContext& rig = examination.rig;
   if (!rig.captures.empty()) return {rig.captures, rig.base_from_gripper, rig.place};
   Rows rows;
-  for (const Capture& capture : examination.config.data.captures) {
+  for (const Recording& capture : examination.config.data.captures) {
     rows.place.push_back(rows.names.size());
     rows.names.push_back(capture.name);
-    rows.base_from_gripper.push_back(capture.base_from_gripper);
+    rows.base_from_gripper.push_back(capture.base_from_gripper.front());
   }
   return rows;
 }
@@ -176,15 +177,15 @@ Rows RowsOf(const Examination& examination) {
 template <class Other>
 Reading Repaired(const Examination& examination, const Rows& rows, const std::string& pairing, double oddness,
                  const Other& other) {
-  const PairConfig& config = examination.config;
+  const RunConfig& config = examination.config;
   Reading reading;
-  reading.format = config.pose_reading.format;
+  reading.format = config.arms.front().reading.format;
   reading.pairing = pairing;
   reading.oddness = oddness;
   for (const ExaminedView& view : examination.views) {
     const std::optional<size_t> from = other(rows.place[view.capture]);
     reading.mounts.push_back(
-        from ? std::optional(CameraMountFromTargetMount(config.data.setup, rows.base_from_gripper[*from]))
+        from ? std::optional(CameraMountFromTargetMount(SetupOf(config.data), rows.base_from_gripper[*from]))
              : std::nullopt);
   }
   return reading;
@@ -222,14 +223,14 @@ double MisfitM(const HandEye& hand_eye, const Rigid3d& mount, const ExaminedView
 // Returns the reading in which the images belong to their poses up to a capture and, from there on, to those `step`
 // rows away, at the capture for which this explains most; nothing if either part alone determines no hand-eye pose.
 std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows& rows, std::ptrdiff_t step) {
-  const PairConfig& config = examination.config;
+  const RunConfig& config = examination.config;
   const std::vector<ExaminedView>& views = examination.views;
   const double distance_m = WorkingDistanceM(views);
   const auto num = static_cast<std::ptrdiff_t>(rows.names.size());
   const auto mount_of = [&](size_t v, std::ptrdiff_t by) -> std::optional<Rigid3d> {
     const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(rows.place[views[v].capture]) + by;
     if (j < 0 || j >= num) return std::nullopt;
-    return CameraMountFromTargetMount(config.data.setup, rows.base_from_gripper[static_cast<size_t>(j)]);
+    return CameraMountFromTargetMount(SetupOf(config.data), rows.base_from_gripper[static_cast<size_t>(j)]);
   };
   std::optional<size_t> best_from;
   double least = std::numeric_limits<double>::infinity();
@@ -307,16 +308,16 @@ std::vector<Reading> Pairings(const Examination& examination) {
 
 // Takes the poses of the other arms of a rig for those of this one.
 std::vector<Reading> OtherArms(const Examination& examination) {
-  const PairConfig& config = examination.config;
+  const RunConfig& config = examination.config;
   std::vector<Reading> readings;
   for (const CellContext::OtherArm& arm : examination.rig.other_arms) {
     Reading& reading = readings.emplace_back();
-    reading.format = config.pose_reading.format;
+    reading.format = config.arms.front().reading.format;
     reading.arm = arm.name;
     reading.oddness = kMistakes.other_arm;
     for (const ExaminedView& view : examination.views) {
       reading.mounts.emplace_back(
-          CameraMountFromTargetMount(config.data.setup, arm.base_from_gripper[examination.rig.place[view.capture]]));
+          CameraMountFromTargetMount(SetupOf(config.data), arm.base_from_gripper[examination.rig.place[view.capture]]));
     }
   }
   return readings;
@@ -359,14 +360,14 @@ std::string RotationText(const PoseFormat& format) {
 }
 
 // Describes both explanations of poses that are the inverse of what the config says.
-std::string EitherSetUp(const PairConfig& config) {
-  const Setup other = config.data.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
+std::string EitherSetUp(const RunConfig& config) {
+  const Setup other = SetupOf(config.data) == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
     return setup == Setup::kEyeToHand ? "if the camera is fixed beside the robot" : "if the robot carries the camera";
   };
-  return std::string(where(config.data.setup)) + ", set captures.poses_are: " +
-         (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + "; " + where(other) +
-         ", set setup: " + std::string(SetupName(other)) +
+  return std::string(where(SetupOf(config.data))) + ", set captures.poses_are: " +
+         (config.arms.front().reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + "; " +
+         where(other) + ", set setup: " + std::string(SetupName(other)) +
          "; the data cannot distinguish these two, but you can see which one applies";
 }
 
@@ -408,7 +409,7 @@ std::vector<Fault> FormatFaults(const JudgedReading& best, const PoseFormat& for
   return faults;
 }
 
-Fault TargetUnitFault(const PairConfig& config, const std::string& target_unit) {
+Fault TargetUnitFault(const RunConfig& config, const std::string& target_unit) {
   return {"pose_units",
           "the positions of the target are in " + target_unit + ", not in m",
           {"set captures.target_poses: {file: " + config.data.detections_source +
@@ -417,7 +418,7 @@ Fault TargetUnitFault(const PairConfig& config, const std::string& target_unit) 
 }
 
 Fault InverseFault(const Examination& examination, const JudgedReading& best) {
-  const PairConfig& config = examination.config;
+  const RunConfig& config = examination.config;
   const bool has_target_poses = !config.data.target_poses.empty();
   Fault fault{"pose_direction", has_target_poses
                                     ? "the poses of the robot, or those of the target, are the inverse of what the "
@@ -429,7 +430,7 @@ Fault InverseFault(const Examination& examination, const JudgedReading& best) {
   if (has_target_poses) {
     fault.cures.push_back("if those of the target are, set captures.target_poses: {file: " +
                           config.data.detections_source + ", poses_are: target_from_camera}, which gives " +
-                          HandEyeText(config.data.setup, best.consistency.hand_eye.target_mount_from_target));
+                          HandEyeText(SetupOf(config.data), best.consistency.hand_eye.target_mount_from_target));
   }
   fault.cures.push_back((has_target_poses ? "if those of the robot are: " : "") + EitherSetUp(config));
   return fault;
@@ -451,8 +452,8 @@ Fault ScaleFault(double scale) {
 // Returns all faults of the config's reading, with their cures; `settings` are SettingsOf the best one.
 std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedReading& best,
                                    const std::vector<std::string>& alike, const std::vector<ConfigSetting>& settings) {
-  const PairConfig& config = examination.config;
-  std::vector<Fault> faults = FormatFaults(best, config.pose_reading.format, alike);
+  const RunConfig& config = examination.config;
+  std::vector<Fault> faults = FormatFaults(best, config.arms.front().reading.format, alike);
   if (best.target_unit != "m") faults.push_back(TargetUnitFault(config, best.target_unit));
   // One change cures all faults of the format.
   if (!settings.empty()) faults.back().cures.push_back("set " + SettingsText(settings));
@@ -467,8 +468,8 @@ std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedR
 // insignificant scale. `evidence` compares the two.
 std::optional<Symptom> DescribeNumbers(const Examination& examination, const JudgedReading& best,
                                        const std::vector<std::string>& alike, const std::string& evidence) {
-  const PairConfig& config = examination.config;
-  const std::vector<ConfigSetting> settings = SettingsOf(best, config.pose_reading.format);
+  const RunConfig& config = examination.config;
+  const std::vector<ConfigSetting> settings = SettingsOf(best, config.arms.front().reading.format);
   const std::vector<Fault> faults = FaultsOfNumbers(examination, best, alike, settings);
   if (faults.empty()) return std::nullopt;
   std::vector<std::string> what;
@@ -477,7 +478,7 @@ std::optional<Symptom> DescribeNumbers(const Examination& examination, const Jud
     what.push_back(fault.what);
     cures.insert(cures.end(), fault.cures.begin(), fault.cures.end());
   }
-  if (config.imported && config.poses_file.empty()) {
+  if (config.imported && config.arms.front().file.empty()) {
     cures.emplace_back(
         "the poses of a data set have a fixed format: convert it to heba's files first (heba import), "
         "and change it there");
@@ -594,7 +595,7 @@ std::vector<Symptom> CheckFewPoses(const std::vector<PoseCandidates>& captures) 
 PoseFit FitAsRead(const Examination& examination, const PoseConsistency& now) {
   constexpr double kSamePlaceShare = 0.03;
   const double distance_m = WorkingDistanceM(examination.views);
-  PoseFit fit{examination.config.pose_reading.format, now.typical_misfit_m, MisfitText(now),
+  PoseFit fit{examination.config.arms.front().reading.format, now.typical_misfit_m, MisfitText(now),
               now.typical_misfit_m <= kPoorShare * distance_m};
   const Rigid3d& mount = now.hand_eye.camera_mount_from_camera;
   fit.is_of_camera = std::max(mount.translation.norm() / distance_m, RotationAngle(mount.rotation)) < kSamePlaceShare;
@@ -618,7 +619,7 @@ std::vector<JudgedReading> JudgeReadings(const Examination& examination, bool is
   for (const std::vector<Reading>& readings :
        {ReadingsOfNumbers(examination), Pairings(examination), OtherArms(examination)}) {
     for (const Reading& reading : readings) {
-      if (is_scale_only && !HasSameRotations(reading, examination.config.pose_reading.format)) continue;
+      if (is_scale_only && !HasSameRotations(reading, examination.config.arms.front().reading.format)) continue;
       if (std::optional<JudgedReading> one = Judge(examination, reading)) judged.push_back(std::move(*one));
     }
   }
@@ -676,14 +677,14 @@ bool ShowsOtherSize(const PoseConsistency& scaled, const PoseConsistency& now, d
          scaled.typical_translation_m < kLimits.scale_gain * now.typical_translation_m;
 }
 
-Symptom OtherSize(const PairConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
+Symptom OtherSize(const RunConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
   const double scale = scaled.robot_scale;
   Symptom symptom{Severity::kWrong, "target_scale",
                   "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
                       Significant(scaled.robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
                   "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
                       " (or, if it is right, the focal length is wrong by this factor)" +
-                      SpacingConventions(config.target_used, 1 / scale)};
+                      SpacingConventions(config.targets_used.front(), 1 / scale)};
   symptom.evidence =
       "with this scale, robot and images differ by " + MisfitText(scaled) + ", without it by " + MisfitText(now);
   return symptom;
@@ -735,7 +736,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
   // thus every scale and small rotation that the images show, is arbitrary.
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
-  if (!examination->config.data.camera && !has_clear_turns && WhyNotObservable(robot_motion)) return {};
+  if (!examination->config.data.has_camera.front() && !has_clear_turns && WhyNotObservable(robot_motion)) return {};
   examination->pose_fit = FitAsRead(*examination, *now);
 
   const double distance_m = WorkingDistanceM(examination->views);

@@ -33,15 +33,15 @@ std::string MmAndDeg(double translation_m, double rotation_rad) {
 }
 std::string ScatterText(const ImpliedTool& tool) { return MmAndDeg(tool.scatter_m, tool.scatter_rad); }
 
-std::vector<Symptom> SingularSymptoms(const PairDataset& data, const ArmBranch& branch, bool is_recorded) {
-  const std::vector<SingularCapture> singular = SingularCaptures(data.robot->arm, branch);
+std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& branch, bool is_recorded) {
+  const std::vector<SingularCapture> singular = SingularCaptures(data.arms.front()->arm, branch);
   if (singular.empty()) return {};
   std::vector<std::string> names;
   for (const SingularCapture& one : singular) {
     names.push_back(data.captures[one.capture].name + ": " + one.singularity);
   }
   return {{Severity::kRemark, "singular_captures",
-           "the arm " + data.robot->arm.name + " is at or close to a singularity in " +
+           "the arm " + data.arms.front()->arm.name + " is at or close to a singularity in " +
                std::to_string(singular.size()) + " of " + std::to_string(data.captures.size()) + " captures (" +
                Join(names, "; ") + ")",
            is_recorded ? "nothing needs to be done: the joints are recorded"
@@ -225,8 +225,8 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
 }
 
 // Reports captures whose joints contradict their poses, where those of the others do not.
-std::optional<Symptom> ContradictingJointsSymptom(const PairDataset& data) {
-  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(data);
+std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
+  const std::vector<ContradictingJoints> wrong = FindContradictingJoints(data, 0);
   if (wrong.empty()) return std::nullopt;
   Symptom symptom{Severity::kWrong, "joint_pairing", "", ""};
   std::vector<std::string> texts;
@@ -245,27 +245,27 @@ std::optional<Symptom> ContradictingJointsSymptom(const PairDataset& data) {
 }
 
 std::vector<Symptom> ExamineRecorded(Examination* examination) {
-  PairDataset& data = examination->config.data;
-  const RobotArm& robot = *data.robot;
+  Dataset& data = examination->config.data;
+  const RobotArm& robot = *data.arms.front();
   constexpr size_t kFewest = 4;
   if (data.captures.size() < kFewest) return {};
   std::vector<Eigen::VectorXd> joints;
   std::vector<Rigid3d> poses;
-  for (const Capture& capture : data.captures) {
-    joints.emplace_back(Eigen::Map<const Eigen::VectorXd>(capture.joints.data(), robot.arm.num_joints()));
-    poses.push_back(capture.base_from_gripper);
+  for (const Recording& capture : data.captures) {
+    joints.emplace_back(Eigen::Map<const Eigen::VectorXd>(capture.joints.front().data(), robot.arm.num_joints()));
+    poses.push_back(capture.base_from_gripper.front());
   }
   const ImpliedTool now = ImpliedToolOf(robot.arm, joints, poses);
   if (now.misfit_m > kJointLimits.misfit_m) {
     const std::vector<JointReading> readings = OtherReadings(robot.arm, Arms(), joints, poses);
     const JointReading* best = BestReading(readings, now);
-    if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination->config.joints_are_deg)};
+    if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination->config.arms.front().joints_are_deg)};
     if (now.scatter_m > kMostToolScatterM || now.scatter_rad > DegToRad(kMostToolScatterDeg)) {
       return {UnexplainedJoints(robot.arm, now)};
     }
   }
   std::vector<Symptom> symptoms =
-      JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination->config.joints_are_deg));
+      JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination->config.arms.front().joints_are_deg));
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
   if (std::optional<Symptom> wrong = ContradictingJointsSymptom(data)) {
     symptoms.insert(symptoms.begin(), std::move(*wrong));
@@ -296,16 +296,16 @@ struct WithoutArm {
 };
 
 std::optional<WithoutArm> CalibrateWithoutArm(const Examination& examination) {
-  const PairConfig& config = examination.config;
+  const RunConfig& config = examination.config;
   if (!config.data.target_poses.empty() || examination.detections.empty()) return std::nullopt;
   if (config.options.kinematics == Kinematics::kNone) return std::nullopt;
-  PairDataset data = config.data;
-  data.robot.reset();
-  if (data.camera) data.camera = examination.camera;
-  PairRunOptions run = config.options;
+  Dataset data = config.data;
+  data.arms = {std::nullopt};
+  if (data.has_camera.front() && examination.camera) data.rig.cameras.front().camera = *examination.camera;
+  RunOptions run = config.options;
   run.num_threads = examination.num_threads;
-  const CaptureDetection& first = examination.detections.front();
-  PairCalibrationOptions options = OptionsOf(data, run, first.width_px, first.height_px);
+  const CaptureDetection& first = examination.detections.front().detection;
+  PairCalibrationOptions options = OptionsOf(data, run, {first.width_px, first.height_px});
   Outcome<PairCalibration> calibration = CalibratePair(ViewsOf(data, examination.detections), options);
   if (!calibration || !calibration->refined) return std::nullopt;
   return WithoutArm{std::move(*calibration), std::move(options)};
@@ -498,9 +498,10 @@ std::vector<Symptom> ExamineReached(const Examination& examination, const ArmRea
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return {};
   const ArmComparison comparison{*without, poses, examination.num_threads};
-  const PairDataset& data = examination.config.data;
-  const std::optional<Configuration> near =
-      data.robot->joints_near.size() > 0 ? ConfigurationOf(stated.arm, data.robot->joints_near) : std::nullopt;
+  const Dataset& data = examination.config.data;
+  const std::optional<Configuration> near = data.arms.front()->joints_near.size() > 0
+                                                ? ConfigurationOf(stated.arm, data.arms.front()->joints_near)
+                                                : std::nullopt;
   const std::vector<std::string> named = near ? std::vector<std::string>{NameOf(*near)} : std::vector<std::string>();
   const std::vector<FittedReading> fits = comparison.Fit({stated}, named);
   const FittedReading* own = MostLikely(fits);
@@ -573,7 +574,7 @@ ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& r
   const ArmComparison comparison{*without, poses, examination.num_threads};
   std::vector<std::pair<const Remedy*, FittedReading>> fitted;
   const auto is_likely = [&](const Remedy& remedy) {
-    return HaveSameMaker(remedy.readings.front().arm, examination.config.data.robot->arm);
+    return HaveSameMaker(remedy.readings.front().arm, examination.config.data.arms.front()->arm);
   };
   const bool any_likely = std::any_of(remedies.begin(), remedies.end(), is_likely);
   for (const Remedy& remedy : remedies) {
@@ -652,14 +653,14 @@ Symptom Unreachable(const Examination& examination, const ArmReading& stated, co
 }
 
 std::vector<Symptom> ExamineRecovered(const Examination& examination) {
-  const PairDataset& data = examination.config.data;
+  const Dataset& data = examination.config.data;
   ArmReading stated;
-  stated.arm = data.robot->arm;
-  stated.tip_from_gripper = data.robot->tip_from_gripper;
+  stated.arm = data.arms.front()->arm;
+  stated.tip_from_gripper = data.arms.front()->tip_from_gripper;
   constexpr int kMostJoints = 6;  // A redundant arm reaches a pose in infinitely many ways.
   if (stated.arm.num_joints() > kMostJoints) return {};
   std::vector<Rigid3d> poses;
-  for (const Capture& capture : data.captures) poses.push_back(capture.base_from_gripper);
+  for (const Recording& capture : data.captures) poses.push_back(capture.base_from_gripper.front());
   const std::vector<Rigid3d> tips = TipPoses(stated, poses);
   std::vector<size_t> unreached;
   std::vector<size_t> reached;
@@ -688,12 +689,10 @@ std::vector<Symptom> ExamineRecovered(const Examination& examination) {
 }  // namespace
 
 std::vector<Symptom> Check_robot(Examination* examination) {
-  const PairDataset& data = examination->config.data;
+  const Dataset& data = examination->config.data;
   // Poses that are read wrongly are those of no arm.
-  if (!data.robot || data.captures.empty() || examination->found_wrong) return {};
-  const bool is_recorded = std::all_of(data.captures.begin(), data.captures.end(),
-                                       [](const Capture& capture) { return !capture.joints.empty(); });
-  return is_recorded ? ExamineRecorded(examination) : ExamineRecovered(*examination);
+  if (data.arms.empty() || !data.arms.front() || data.captures.empty() || examination->found_wrong) return {};
+  return AreJointsRecorded(data, 0) ? ExamineRecorded(examination) : ExamineRecovered(*examination);
 }
 
 }  // namespace heba

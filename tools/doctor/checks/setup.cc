@@ -2,22 +2,23 @@
 #include "solvers/initial/pose_consistency.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 
 std::vector<Symptom> Check_setup(Examination* examination) {
   if (examination->found_wrong) return {};
-  const PairConfig& config = examination->config;
+  const Setup setup = SetupOf(examination->config.data);
   const std::optional<PoseConsistency> consistency =
       FindPoseConsistency(CandidatesOf(examination->views), RobotScale::kOne);
   if (!consistency) return {};
   const Rigid3d& hand_eye = consistency->hand_eye.camera_mount_from_camera;
-  const bool is_carried = config.data.setup == Setup::kEyeInHand;
+  const bool is_carried = setup == Setup::kEyeInHand;
   const Setup other = is_carried ? Setup::kEyeToHand : Setup::kEyeInHand;
   return {{Severity::kRemark, "either_set_up",
            std::string("according to the config, the camera is ") +
                (is_carried ? "carried by the robot" : "fixed beside the robot") + ", roughly " +
-               HandEyeText(config.data.setup, hand_eye) + "; the same numbers fit a camera that is " +
+               HandEyeText(setup, hand_eye) + "; the same numbers fit a camera that is " +
                (is_carried ? "fixed beside the robot" : "carried by the robot") +
                ", with inverted poses, equally well: " + HandEyeText(other, hand_eye),
            "no data can distinguish the two: check which one applies"}};

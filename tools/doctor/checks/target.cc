@@ -26,9 +26,9 @@ struct OtherTarget {
 };
 
 // Returns the config's target with other settings; nothing if they are invalid.
-std::optional<OtherTarget> WithSettings(const PairConfig& config, const TargetSettings& settings) {
+std::optional<OtherTarget> WithSettings(const RunConfig& config, const TargetSettings& settings) {
   try {
-    YAML::Node node = YAML::Load(config.target_used);
+    YAML::Node node = YAML::Load(config.targets_used.front());
     for (const auto& [key, value] : settings) node[key] = value;
     MapReader reader(ConfigValue(node, config.file, "target"));
     OtherTarget other;
@@ -49,16 +49,16 @@ std::string TargetSettingsText(const TargetSettings& settings) {
 
 // Returns the settings that make the config name the other target: its keys that differ, or the whole target if the
 // config itself does not hold the keys.
-std::vector<ConfigSetting> InConfig(const PairConfig& config, const OtherTarget& other) {
-  if (!config.has_target_keys) return {{"target", TargetConfigLine(YAML::Load(other.used))}};
+std::vector<ConfigSetting> InConfig(const RunConfig& config, const OtherTarget& other) {
+  if (!config.has_target_keys.front()) return {{"target", TargetConfigLine(YAML::Load(other.used))}};
   std::vector<ConfigSetting> in_config;
   for (const auto& [key, value] : other.settings) in_config.push_back({"target." + key, value});
   return in_config;
 }
 
 // Returns the data set with `num_images` evenly spaced captures only.
-PairConfig Sample(const PairConfig& config, size_t num_images) {
-  PairConfig sample = config;
+RunConfig Sample(const RunConfig& config, size_t num_images) {
+  RunConfig sample = config;
   sample.data.captures.clear();
   for (const size_t i : EvenIndices(config.data.captures.size(), num_images)) {
     sample.data.captures.push_back(config.data.captures[i]);
@@ -66,9 +66,9 @@ PairConfig Sample(const PairConfig& config, size_t num_images) {
   return sample;
 }
 
-size_t NumPoints(const std::vector<CaptureDetection>& detections) {
+size_t NumPoints(const std::vector<TargetDetection>& detections) {
   size_t num_points = 0;
-  for (const CaptureDetection& capture : detections) num_points += capture.detection.ids.size();
+  for (const TargetDetection& seen : detections) num_points += seen.detection.detection.ids.size();
   return num_points;
 }
 
@@ -81,10 +81,11 @@ bool HasAnyCode(const Target& target, const std::vector<std::string>& codes) {
 
 // Returns the targets that this one may have been confused with, those that more of the images indicate first, without
 // those that have one of `other_codes`.
-std::vector<OtherTarget> OtherTargets(const PairConfig& config, const std::vector<std::string>& other_codes) {
+std::vector<OtherTarget> OtherTargets(const RunConfig& config, const std::vector<std::string>& other_codes) {
   std::vector<std::pair<int, TargetSettings>> counted;
-  for (const Capture& capture : config.data.captures) {
-    for (const TargetSettings& settings : config.data.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
+  for (const Recording& capture : config.data.captures) {
+    for (const TargetSettings& settings :
+         config.data.targets.front()->LikelyMisconfigurations(ReadGreyImage(capture.images.front()))) {
       const auto known =
           std::find_if(counted.begin(), counted.end(), [&](const auto& entry) { return entry.second == settings; });
       if (known == counted.end()) {
@@ -105,7 +106,7 @@ std::vector<OtherTarget> OtherTargets(const PairConfig& config, const std::vecto
 
 // Returns whether another target explains the sample's images decidedly better: with more points, or with hardly any
 // that are missing.
-bool IsDecidedlyBetter(const PairConfig& sample, const OtherTarget& other, size_t num_now) {
+bool IsDecidedlyBetter(const RunConfig& sample, const OtherTarget& other, size_t num_now) {
   constexpr double kDecidedly = 1.15;
   const auto num_points = static_cast<double>(other.num_points);
   const auto now = static_cast<double>(num_now);
@@ -114,19 +115,19 @@ bool IsDecidedlyBetter(const PairConfig& sample, const OtherTarget& other, size_
   constexpr double kMany = 0.08;
   const auto num_images = static_cast<double>(sample.data.captures.size());
   const double missing = 1 - num_points / (num_images * static_cast<double>(other.target->points().size()));
-  const double missing_now = 1 - now / (num_images * static_cast<double>(sample.data.target->points().size()));
+  const double missing_now = 1 - now / (num_images * static_cast<double>(sample.data.targets.front()->points().size()));
   return num_points > now && missing < kHardlyAny && missing_now > kMany;
 }
 
 // Returns, among the targets that this one may be confused with, the one with the most points in the sample's images;
 // nothing if these are not decidedly more than `num_now` points.
-std::optional<OtherTarget> FindOther(const PairConfig& sample, const std::vector<std::string>& other_codes,
+std::optional<OtherTarget> FindOther(const RunConfig& sample, const std::vector<std::string>& other_codes,
                                      size_t num_now, int num_threads) {
   std::vector<OtherTarget> others = OtherTargets(sample, other_codes);
   for (size_t i = 0; i < sample.data.captures.size() && !others.empty(); ++i) {
     ParallelFor(static_cast<int>(others.size()), num_threads, [&](int k) {
       OtherTarget& other = others[static_cast<size_t>(k)];
-      other.num_points += DetectCapture(*other.target, sample.data.captures[i].image).detection.ids.size();
+      other.num_points += DetectCapture(*other.target, sample.data.captures[i].images.front()).detection.ids.size();
     });
     // Most candidates do not fit: once one is detected, those that are not are dropped.
     std::vector<OtherTarget> seen;
@@ -150,11 +151,11 @@ std::optional<OtherTarget> FindOther(const PairConfig& sample, const std::vector
 
 // Returns the target that the sample's images show, if it is none of those that this one is often confused with.
 // Images do not tell its size, which is taken to be that of the config's target.
-std::optional<OtherTarget> Recognise(const PairConfig& sample, const std::vector<std::string>& other_codes,
+std::optional<OtherTarget> Recognise(const RunConfig& sample, const std::vector<std::string>& other_codes,
                                      size_t num_now, int num_threads) {
   std::vector<cv::Mat> images;
-  for (const Capture& capture : sample.data.captures) images.push_back(ReadGreyImage(capture.image));
-  const YAML::Node now = YAML::Load(sample.target_used);
+  for (const Recording& capture : sample.data.captures) images.push_back(ReadGreyImage(capture.images.front()));
+  const YAML::Node now = YAML::Load(sample.targets_used.front());
   double size_m = 0;
   for (const char* const key : {"square", "spacing", "tag_size"}) {
     if (!now[key]) continue;
@@ -163,7 +164,7 @@ std::optional<OtherTarget> Recognise(const PairConfig& sample, const std::vector
   }
   for (const RecognisedTarget& recognised : RecogniseTargets(images, num_threads)) {
     // The corners of a ChArUco board whose markers cannot be read are those of a chessboard.
-    const Target& now_target = *sample.data.target;
+    const Target& now_target = *sample.data.targets.front();
     const bool is_without_codes = now_target.Codes().size() > 1 && recognised.target->Codes().size() == 1 &&
                                   now_target.points().size() == recognised.target->points().size();
     if (is_without_codes) continue;
@@ -188,12 +189,13 @@ std::optional<OtherTarget> Recognise(const PairConfig& sample, const std::vector
 }
 
 // Returns the median share of the target's points over the images that show it.
-double MiddleShare(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
+double MiddleShare(const RunConfig& config, const std::vector<TargetDetection>& detections) {
   std::vector<double> shares;
-  for (const CaptureDetection& capture : detections) {
-    const size_t num_points = capture.detection.ids.size();
+  for (const TargetDetection& seen : detections) {
+    const size_t num_points = seen.detection.detection.ids.size();
     if (num_points < kMinPosePoints) continue;
-    shares.push_back(static_cast<double>(num_points) / static_cast<double>(config.data.target->points().size()));
+    shares.push_back(static_cast<double>(num_points) /
+                     static_cast<double>(config.data.targets.front()->points().size()));
   }
   return shares.empty() ? 0 : Median(shares);
 }
@@ -202,14 +204,14 @@ constexpr double kMostImages = 0.7;
 constexpr double kLeastShare = 0.6;
 
 // Returns whether the images show enough of the target for it to be the right one.
-bool IsSeenWell(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
+bool IsSeenWell(const RunConfig& config, const std::vector<TargetDetection>& detections) {
   // A smaller share is a reason to search, not a fault: the target may well be half outside the image.
   constexpr double kMostOfIt = 0.9;
   return static_cast<double>(NumSeen(detections)) >= kMostImages * static_cast<double>(detections.size()) &&
          MiddleShare(config, detections) >= kMostOfIt;
 }
 
-std::string SeenText(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
+std::string SeenText(const RunConfig& config, const std::vector<TargetDetection>& detections) {
   const size_t num_seen = NumSeen(detections);
   return "in " + std::to_string(num_seen) + " of " + std::to_string(detections.size()) + " images" +
          (num_seen == 0
@@ -220,26 +222,26 @@ std::string SeenText(const PairConfig& config, const std::vector<CaptureDetectio
 // Another target than the config's, with its detections in all images.
 struct TargetInImages {
   OtherTarget target;
-  std::vector<CaptureDetection> detections;
+  std::vector<TargetDetection> detections;
 };
 
-PairConfig WithTarget(PairConfig config, const OtherTarget& other) {
-  config.data.target = other.target;
-  config.target_used = other.used;
+RunConfig WithTarget(RunConfig config, const OtherTarget& other) {
+  config.data.targets = {other.target};
+  config.targets_used = {other.used};
   return config;
 }
 
 // Returns the target that the images show instead of the config's; nothing if `sample`, a part of them, does not tell
 // it.
-std::optional<TargetInImages> FindShownTarget(const Examination& examination, const PairConfig& sample) {
+std::optional<TargetInImages> FindShownTarget(const Examination& examination, const RunConfig& sample) {
   const std::vector<std::string>& other_codes = examination.rig.other_codes;
   // Both targets are compared in the same images: the few may not show the target at all.
   const size_t num_now = NumPoints(Detections(sample, examination.num_threads, Verbosity::kQuiet));
   std::optional<OtherTarget> other = FindOther(sample, other_codes, num_now, examination.num_threads);
   if (!other) other = Recognise(sample, other_codes, num_now, examination.num_threads);
   if (!other) return std::nullopt;
-  const PairConfig config = WithTarget(examination.config, *other);
-  std::vector<CaptureDetection> detections = Detections(config, examination.num_threads, examination.verbosity);
+  const RunConfig config = WithTarget(examination.config, *other);
+  std::vector<TargetDetection> detections = Detections(config, examination.num_threads, examination.verbosity);
   // A target of which most is not there is another one again.
   if (MiddleShare(config, detections) < kLeastShare) return std::nullopt;
   return TargetInImages{std::move(*other), std::move(detections)};
@@ -247,7 +249,7 @@ std::optional<TargetInImages> FindShownTarget(const Examination& examination, co
 
 // Reports that the images show another target. `config` and `detections` are those with it; `seen` says how well that
 // of the config is detected.
-Symptom OtherTargetSymptom(const PairConfig& config, const std::vector<CaptureDetection>& detections,
+Symptom OtherTargetSymptom(const RunConfig& config, const std::vector<TargetDetection>& detections,
                            const OtherTarget& other, const std::string& seen) {
   const std::string settings = TargetSettingsText(other.settings);
   return {Severity::kWrong, "target",
@@ -257,18 +259,18 @@ Symptom OtherTargetSymptom(const PairConfig& config, const std::vector<CaptureDe
 }
 
 // Returns why the first of the images without a pose has none, in parentheses; empty if no reason is known.
-std::string ReasonText(const PairConfig& config, const std::vector<CaptureDetection>& detections) {
-  for (size_t i = 0; i < detections.size(); ++i) {
-    const Detection& detection = detections[i].detection;
+std::string ReasonText(const RunConfig& config, const std::vector<TargetDetection>& detections) {
+  for (const TargetDetection& seen : detections) {
+    const Detection& detection = seen.detection.detection;
     if (detection.ids.size() >= kMinPosePoints || detection.reason.empty()) continue;
-    return " (" + config.data.captures[i].name + ": " + detection.reason + ")";
+    return " (" + config.data.captures[seen.capture].name + ": " + detection.reason + ")";
   }
   return "";
 }
 
 // Reports that the config's target, which is the right one as far as is known, is detected in too few images. `seen`
 // says how well it is detected.
-std::vector<Symptom> SeldomSeen(const PairConfig& config, const std::vector<CaptureDetection>& detections,
+std::vector<Symptom> SeldomSeen(const RunConfig& config, const std::vector<TargetDetection>& detections,
                                 const std::string& seen) {
   const std::string why = ReasonText(config, detections);
   const size_t num_seen = NumSeen(detections);
@@ -288,7 +290,7 @@ std::vector<Symptom> SeldomSeen(const PairConfig& config, const std::vector<Capt
 }  // namespace
 
 std::vector<Symptom> Check_target(Examination* examination) {
-  const PairConfig& config = examination->config;
+  const RunConfig& config = examination->config;
   const auto detect_all = [&] { return Detections(config, examination->num_threads, examination->verbosity); };
   if (!config.data.given_detections.empty()) {
     examination->detections = detect_all();
@@ -298,8 +300,8 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
   constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
-  const PairConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
-  const std::vector<CaptureDetection> few =
+  const RunConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
+  const std::vector<TargetDetection> few =
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;
   std::string seen = SeenText(config, few) + " that were searched";

@@ -15,9 +15,8 @@ using ::testing::IsEmpty;
 // Returns an examination before this check: the config names `given`, and no camera is chosen yet.
 Examination ExaminationWith(const std::optional<Camera>& given, const SimulatedSetOptions& options = {}) {
   Examination examination = CleanExamination(options);
-  examination.config.data.camera = given;
-  examination.config.options.camera_model = given ? given->model : "auto";
-  examination.config.options.choose_camera_model = !given;
+  examination.config.data.has_camera = {given.has_value()};
+  examination.config.data.rig.cameras[0].camera = given.value_or(Camera());
   examination.camera.reset();
   examination.views.clear();
   return examination;
@@ -148,8 +147,8 @@ Examination ExaminationWithoutFile(double k1, const std::string& model) {
   options.num_captures = 20;
   options.camera.params[4] = k1;
   Examination examination = CleanExamination(options);
-  examination.config.data.camera.reset();
-  examination.config.options.camera_model = model;
+  examination.config.data.has_camera = {false};
+  examination.config.data.rig.cameras[0].camera = {model, 0, 0, {}};
   return examination;
 }
 

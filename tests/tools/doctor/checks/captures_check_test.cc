@@ -16,7 +16,7 @@ using ::testing::SizeIs;
 // Gives every image a digest of its own.
 void GiveDigests(Examination* examination) {
   for (size_t i = 0; i < examination->detections.size(); ++i) {
-    examination->detections[i].image_digest = "digest" + std::to_string(i);
+    examination->detections[i].detection.image_digest = "digest" + std::to_string(i);
   }
 }
 
@@ -34,7 +34,7 @@ TEST(CapturesCheckTest, CopiesAreARemarkAndHiddenFromLaterChecks) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   poses[7] = poses[3];
   poses[7].translation.x() += 2e-5;
-  examination.detections[7] = examination.detections[3];
+  examination.detections[7].detection = examination.detections[3].detection;
   SetPoses(poses, &examination);
   const std::vector<Symptom> symptoms = Check_captures(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark repeated_image"));
@@ -48,7 +48,7 @@ TEST(CapturesCheckTest, CopiesAreARemarkAndHiddenFromLaterChecks) {
 TEST(CapturesCheckTest, OneImageWithTwoPosesIsWrong) {
   Examination examination = CleanExamination();
   GiveDigests(&examination);
-  examination.detections[7] = examination.detections[3];
+  examination.detections[7].detection = examination.detections[3].detection;
   ExamineAgain(&examination);
   const std::vector<Symptom> symptoms = Check_captures(&examination);
   ASSERT_FALSE(symptoms.empty());
@@ -73,9 +73,9 @@ TEST(CapturesCheckTest, OnePoseWithAgreeingImagesIsNoFault) {
   GiveDigests(&examination);
   std::vector<Rigid3d> poses = PosesOf(examination);
   poses[7] = poses[3];
-  const std::string digest = examination.detections[7].image_digest;
-  examination.detections[7] = examination.detections[3];
-  examination.detections[7].image_digest = digest;
+  const std::string digest = examination.detections[7].detection.image_digest;
+  examination.detections[7].detection = examination.detections[3].detection;
+  examination.detections[7].detection.image_digest = digest;
   SetPoses(poses, &examination);
   EXPECT_THAT(CodesOf(Check_captures(&examination)), IsEmpty());
 }

@@ -193,21 +193,16 @@ TEST(PosesCheckTest, CountsTheRowsOfACameraThatSeesSeveralTargets) {
   options.num_captures = 24;
   Examination examination = CleanExamination(options);
   const std::vector<Rigid3d> poses = PosesOf(examination);
-  PairConfig& config = examination.config;
+  RunConfig& config = examination.config;
   std::vector<Rigid3d> rows(poses.size());
   for (size_t i = 0; i < poses.size(); ++i) rows[(i + 1) % poses.size()] = poses[i];
   std::vector<size_t> place;
-  std::vector<Capture> captures;
-  std::vector<CaptureDetection> detections;
   for (size_t i = 0; i < poses.size(); ++i) {
     if (i % 3 == 0) continue;
     place.push_back(i);
-    captures.push_back(config.data.captures[i]);
-    detections.push_back(config.data.given_detections[i]);
   }
-  config.data.captures = captures;
-  config.data.given_detections = detections;
-  examination.detections = detections;
+  config.data = PartOf(config.data, place);
+  examination.detections = config.data.given_detections;
   std::vector<Rigid3d> poses_of_captures;
   for (const size_t row : place) poses_of_captures.push_back(rows[row]);
   SetPoses(poses_of_captures, &examination);
@@ -328,7 +323,7 @@ TEST(PosesCheckTest, SendsUsersOfImportedPosesToTheImport) {
   for (Rigid3d& pose : poses) pose = Inverse(pose);
   SetPoses(poses, &examination);
   examination.config.imported.emplace();
-  examination.config.poses_file.clear();
+  examination.config.arms[0].file.clear();
   const std::vector<Symptom> symptoms = Check_poses(&examination);
   ASSERT_THAT(symptoms, SizeIs(1));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("convert it to heba's files first (heba import)"));
@@ -336,7 +331,7 @@ TEST(PosesCheckTest, SendsUsersOfImportedPosesToTheImport) {
 
 // Replaces the images by the poses of the target that they show.
 void SetTargetPoses(Examination* examination) {
-  PairDataset& data = examination->config.data;
+  Dataset& data = examination->config.data;
   data.target_poses.clear();
   for (const ExaminedView& view : examination->views) data.target_poses.push_back(view.camera_from_target.front());
   data.detections_source = "target.csv";

@@ -17,7 +17,7 @@ using ::testing::StartsWith;
 // The intrinsics are held, so that a calibration is fast.
 Examination CalibratedExamination(const SimulatedSetOptions& options = {}) {
   Examination examination = CleanExamination(options);
-  examination.config.options.bundle.free_intrinsics = {};
+  examination.config.data.rig.cameras[0].free_intrinsics = {};
   return examination;
 }
 
@@ -47,8 +47,9 @@ TEST(ResultCheckTest, IsSilentAfterAnotherFault) {
 // The doctor's copy of the data set stays whole: captures are left out as in a run, for this check only.
 TEST(ResultCheckTest, DoesNotChangeTheExamination) {
   Examination examination = CalibratedExamination();
-  examination.detections[7] = examination.detections[3];
-  examination.detections[3].image_digest = examination.detections[7].image_digest = "digest";
+  CaptureDetection& seen = examination.detections[3].detection;
+  seen.image_digest = "digest";
+  examination.detections[7].detection = seen;
   Check_result(&examination);
   EXPECT_EQ(examination.config.data.captures.size(), 12u);
   EXPECT_EQ(examination.detections.size(), 12u);

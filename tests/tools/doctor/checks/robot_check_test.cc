@@ -44,14 +44,12 @@ Rigid3d ToolOf(double length_m) { return {Eigen::Quaterniond::Identity(), {0, 0,
 // The config names this arm and no tool.
 Examination ExaminationWith(const ArmScene& scene, const std::string& arm, bool records_joints) {
   Examination examination = ExaminationOf(scene.scene, kSetup);
-  PairDataset& data = examination.config.data;
-  data.robot = RobotArm{*FindArm(arm), {}, {}};
+  Dataset& data = examination.config.data;
   // The intrinsics are held, so that a calibration is fast.
-  examination.config.options.bundle.free_intrinsics = {};
-  examination.config.options.choose = {true, false};
-  for (size_t i = 0; i < data.captures.size() && records_joints; ++i) {
-    data.captures[i].joints.assign(scene.joints[i].begin(), scene.joints[i].end());
-  }
+  data = WithFixedCamera(std::move(data));
+  if (records_joints) SetArm(scene, &data);
+  data.arms = {RobotArm{*FindArm(arm), {}, {}}};
+  examination.config.options.calibration.adjustment.robot = BundleOptions::Robot::kEstimatedNoise;
   return examination;
 }
 
@@ -86,7 +84,7 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   EXPECT_NEAR(std::stod(symptoms[0].what.substr(at + 16)), 100, 20) << symptoms[0].what;
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm along the flange's z axis"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set robot.tool"));
-  examination.config.data.robot->tip_from_gripper = tool;
+  examination.config.data.arms[0]->tip_from_gripper = tool;
   EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
 }
 
@@ -95,7 +93,7 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
 TEST(RobotCheckTest, AToolThatIsTooLongShouldBeShorter) {
   const Rigid3d beside(Eigen::Quaterniond::Identity(), {0.08, 0, 0});
   Examination examination = ExaminationWith(UrScene(beside * ToolOf(0.1)), "ur5e", false);
-  examination.config.data.robot->tip_from_gripper = beside * ToolOf(0.45);
+  examination.config.data.arms[0]->tip_from_gripper = beside * ToolOf(0.45);
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm shorter along the flange's z axis than robot.tool says"));
@@ -135,7 +133,7 @@ TEST(RobotCheckTest, RecordedJointsTellACalibratedController) {
   Examination examination = ExaminationWith(scene, "ur5e", true);
   const Arm calibrated = WithChanges(scene.nominal, scene.errors);
   for (size_t i = 0; i < scene.joints.size(); ++i) {
-    examination.config.data.captures[i].base_from_gripper = BaseFromTip(calibrated, scene.joints[i]);
+    examination.config.data.captures[i].base_from_gripper[0] = BaseFromTip(calibrated, scene.joints[i]);
   }
   EXPECT_THAT(CodesOf(Check_robot(&examination)), Contains("remark calibrated_kinematics"));
   EXPECT_THAT(CodesOf(Check_robot(&examination)), Not(Contains(StartsWith("wrong "))));
@@ -144,10 +142,10 @@ TEST(RobotCheckTest, RecordedJointsTellACalibratedController) {
 TEST(RobotCheckTest, RoundedJointsAreNoCalibration) {
   const ArmScene scene = UrScene();
   Examination examination = ExaminationWith(scene, "ur5e", true);
-  for (Capture& capture : examination.config.data.captures) {
-    for (double& joint : capture.joints) joint = DegToRad(0.01 * std::round(100 * RadToDeg(joint)));
+  for (Recording& capture : examination.config.data.captures) {
+    for (double& joint : capture.joints[0]) joint = DegToRad(0.01 * std::round(100 * RadToDeg(joint)));
   }
-  examination.config.joints_are_deg = true;
+  examination.config.arms[0].joints_are_deg = true;
   EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark nominal_kinematics"));
 }
 
@@ -163,7 +161,7 @@ TEST(RobotCheckTest, RecordedJointsTellTheArm) {
 // Replaces the joints of all captures.
 void SetJoints(const std::vector<Eigen::VectorXd>& joints, Examination* examination) {
   for (size_t i = 0; i < joints.size(); ++i) {
-    examination->config.data.captures[i].joints.assign(joints[i].begin(), joints[i].end());
+    examination->config.data.captures[i].joints = {{joints[i].begin(), joints[i].end()}};
   }
 }
 
@@ -179,7 +177,7 @@ TEST(RobotCheckTest, UnitOfTheJointsIsFound) {
   EXPECT_EQ(symptoms[0].settings, (std::vector<ConfigSetting>{{"captures.joint_angle", "deg"}}));
   for (Eigen::VectorXd& of_capture : joints) of_capture *= DegToRad(1) * DegToRad(1);
   SetJoints(joints, &examination);
-  examination.config.joints_are_deg = true;
+  examination.config.arms[0].joints_are_deg = true;
   symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
   EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: rad");
@@ -208,8 +206,8 @@ TEST(RobotCheckTest, OtherBaseIsFound) {
   const Rigid3d elsewhere(ExpRotation({0.2, -0.1, 0.4}), {0.3, -0.2, 0.8});
   for (const Rigid3d& base : {rotated, elsewhere}) {
     Examination examination = ExaminationWith(scene, "ur5e", true);
-    for (Capture& capture : examination.config.data.captures) {
-      capture.base_from_gripper = base * capture.base_from_gripper;
+    for (Recording& capture : examination.config.data.captures) {
+      capture.base_from_gripper[0] = base * capture.base_from_gripper[0];
     }
     const std::vector<Symptom> symptoms = Check_robot(&examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_base"));
@@ -253,18 +251,17 @@ TEST(RobotCheckTest, RecordedFrankaReportsNominalKinematics) {
   const std::vector<std::vector<double>> joints = ReadRecordedNumbers(folder / "joints.csv");
   const std::vector<std::vector<double>> tips = ReadRecordedNumbers(folder / "tcp.csv");
   Examination examination;
-  PairDataset& data = examination.config.data;
+  Dataset& data = examination.config.data;
+  data = DatasetOf(Setup::kEyeInHand, nullptr);
+  examination.config.arms.emplace_back();
   for (size_t i = 0; i < joints.size(); ++i) {
     const std::vector<double>& tip = tips[i];
-    Capture capture;
-    capture.base_from_gripper =
-        Rigid3d(Eigen::Quaterniond(tip[6], tip[3], tip[4], tip[5]), Eigen::Vector3d(tip[0], tip[1], tip[2]));
-    capture.joints = joints[i];
-    data.captures.push_back(capture);
+    const Rigid3d pose(Eigen::Quaterniond(tip[6], tip[3], tip[4], tip[5]), Eigen::Vector3d(tip[0], tip[1], tip[2]));
+    data.captures.push_back({"", {pose}, {""}, {joints[i]}});
   }
-  data.robot = RobotArm{*FindArm("franka_fr3"), {}, {}};
+  data.arms = {RobotArm{*FindArm("franka_fr3"), {}, {}}};
   EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark robot_tool", "remark nominal_kinematics"));
-  data.robot->arm = *FindArm("kuka_iiwa7");
+  data.arms[0]->arm = *FindArm("kuka_iiwa7");
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model"));
   // Both of Franka's arms have these dimensions.
@@ -277,7 +274,7 @@ TEST(RobotCheckTest, SingularCapturesAreNamed) {
   std::vector<Eigen::VectorXd> joints = scene.joints;
   joints[4][4] = 0;
   SetJoints(joints, &examination);
-  examination.config.data.captures[4].base_from_gripper = BaseFromTip(scene.nominal, joints[4]);
+  examination.config.data.captures[4].base_from_gripper[0] = BaseFromTip(scene.nominal, joints[4]);
   const std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), Contains("remark singular_captures"));
   EXPECT_THAT(symptoms.back().what, HasSubstr("view_4: a common motion of joints"));

@@ -43,7 +43,7 @@ TEST(SetupCheckTest, IsSilentAfterAFaultAndWithTooFewCaptures) {
 
 TEST(SymmetryCheckTest, RemarksOnATargetThatLooksTheSameAfterARotation) {
   Examination examination;
-  examination.config.data.target = TargetOfYaml("{type: chessboard, rows: 6, columns: 8, square: 20 mm}");
+  examination.config.data.targets = {TargetOfYaml("{type: chessboard, rows: 6, columns: 8, square: 20 mm}")};
   const std::vector<Symptom> symptoms = Check_symmetry(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark symmetric_target"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target looks the same after a rotation by 180 deg"));
@@ -52,7 +52,7 @@ TEST(SymmetryCheckTest, RemarksOnATargetThatLooksTheSameAfterARotation) {
 
 TEST(SymmetryCheckTest, IsSilentForATargetWithOneOrientation) {
   Examination examination;
-  examination.config.data.target = TargetOfYaml(kChessboardYaml);
+  examination.config.data.targets = {TargetOfYaml(kChessboardYaml)};
   EXPECT_THAT(CodesOf(Check_symmetry(&examination)), IsEmpty());
 }
 

@@ -39,8 +39,9 @@ class TargetCheckTest : public testing::Test {
   // Returns an examination of images that all show the same.
   Examination ExaminationOfImages(const cv::Mat& image, int num_images, const std::string& configured) const {
     Examination examination;
-    examination.config.data.target = TargetOfYaml(configured);
-    examination.config.target_used = configured;
+    examination.config.data = DatasetOf(Setup::kEyeToHand, TargetOfYaml(configured));
+    examination.config.targets_used = {configured};
+    examination.config.has_target_keys = {false};
     examination.verbosity = Verbosity::kQuiet;
     for (int i = 0; i < num_images; ++i) AddImage(image, &examination);
     return examination;
@@ -48,7 +49,7 @@ class TargetCheckTest : public testing::Test {
   void AddImage(const cv::Mat& image, Examination* examination) const {
     const std::string name = std::to_string(examination->config.data.captures.size()) + ".png";
     cv::imwrite((folder_ / name).string(), image);
-    examination->config.data.captures.push_back({name, folder_ / name, CaptureRole::kNone, Rigid3d()});
+    examination->config.data.captures.push_back({name, {Rigid3d()}, {folder_ / name}});
   }
 
   TempFolder folder_;
@@ -58,7 +59,7 @@ TEST_F(TargetCheckTest, TheRightTargetHasNoSymptom) {
   Examination examination = ExaminationOfImages(ImageOf(kCharuco), 3, kCharuco);
   EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty());
   ASSERT_THAT(examination.detections, SizeIs(3));
-  EXPECT_THAT(examination.detections[0].detection.ids, SizeIs(12));
+  EXPECT_THAT(examination.detections[0].detection.detection.ids, SizeIs(12));
 }
 
 TEST_F(TargetCheckTest, FindsTheDictionaryOfTheImagesAndContinuesWithIt) {
@@ -71,8 +72,8 @@ TEST_F(TargetCheckTest, FindsTheDictionaryOfTheImagesAndContinuesWithIt) {
                                           "in 0 of 2 images that were searched"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set in the target: dictionary: DICT_4X4_"));
   ASSERT_THAT(examination.detections, SizeIs(2));
-  EXPECT_THAT(examination.detections[0].detection.ids, SizeIs(12));
-  EXPECT_THAT(examination.config.target_used, HasSubstr("DICT_4X4_"));
+  EXPECT_THAT(examination.detections[0].detection.detection.ids, SizeIs(12));
+  EXPECT_THAT(examination.config.targets_used[0], HasSubstr("DICT_4X4_"));
 }
 
 // A setting target.KEY would not reach into the target's own file.
@@ -87,14 +88,14 @@ TEST_F(TargetCheckTest, SettingsCureATargetInItsOwnFile) {
   std::ofstream(folder_ / "file.yaml") << config << "target.yaml";
   for (const std::string name : {"keys.yaml", "file.yaml"}) {
     Examination examination;
-    examination.config = ReadPairConfig(folder_ / name);
+    examination.config = ReadShortRunConfig(folder_ / name);
     examination.verbosity = Verbosity::kQuiet;
     const std::vector<Symptom> symptoms = Check_target(&examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target")) << name;
     EXPECT_EQ(symptoms[0].settings.size(), name == "file.yaml" ? 1U : 2U);
     std::vector<std::string> settings;
     for (const auto& [key, value] : symptoms[0].settings) settings.push_back(key + "=" + value);
-    examination.config = ReadPairConfig(folder_ / name, settings);
+    examination.config = ReadShortRunConfig(folder_ / name, settings);
     EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty()) << name;
   }
 }

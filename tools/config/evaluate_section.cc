@@ -1,4 +1,4 @@
-#include "tools/config/requirements.h"
+#include "tools/config/evaluate_section.h"
 
 #include <optional>
 #include <utility>
@@ -67,6 +67,22 @@ std::vector<PlacedRequirement> ReadRequirements(MapReader& evaluate, const std::
   }
   evaluate.Record("require", used);
   return requirements;
+}
+
+void ReadEvaluate(MapReader& root, RunConfig* config) {
+  MapReader reader = root.Section("evaluate");
+  config->options.folds = reader.Int("folds", {0, 1000000}, 5);
+  if (config->options.folds == 1) {
+    reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
+  }
+  if (reader.Has("truth")) config->truth = reader.Path("truth");
+  std::vector<std::string> cameras;
+  if (!IsShort(config->data.rig)) {
+    for (const ProblemCamera& camera : config->data.rig.cameras) cameras.push_back(camera.name);
+  }
+  config->options.requirements = ReadRequirements(reader, cameras);
+  reader.Finish();
+  root.Record("evaluate", reader.used());
 }
 
 }  // namespace heba

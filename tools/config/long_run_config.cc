@@ -1,0 +1,539 @@
+#include "tools/config/long_run_config.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/data/loss_kind.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/pose_folder.h"
+#include "heba/io/pose_source.h"
+#include "heba/run.h"
+#include "solvers/residuals/loss.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
+#include "tools/config/given_detections.h"
+#include "tools/config/image_list.h"
+#include "tools/config/long_form.h"
+#include "tools/config/robot_noise_config.h"
+#include "tools/config/robot_section.h"
+#include "tools/text/arm_keys.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// The rows of one arm's poses file, with base_from_gripper for a pose.
+struct ArmRows {
+  std::string section;
+  fs::path file;
+  PoseReading reading;
+  std::vector<PoseRow> rows;
+  std::optional<RobotArm> robot;            // Its kinematics, if the config names them.
+  std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
+  bool joints_are_deg = false;
+  std::optional<double> scale_sigma;  // Dataset::robot_scale_sigmas.
+};
+
+std::string CaptureName(const PoseRow& row, size_t index) {
+  if (!row.image.empty()) return row.image;
+  char name[32];
+  std::snprintf(name, sizeof(name), "capture_%03zu", index);
+  return name;
+}
+
+// Reads the recorded joints of an arm, `joints` with `joint_angle` of `reader`, if there are any.
+void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, RunConfig* config) {
+  if (!reader.Has("joints")) {
+    if (reader.Has("joint_angle"))
+      reader.Get("joint_angle").Fail("needs a file of joints (" + arm->section + ".joints)");
+    return;
+  }
+  if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
+  const fs::path file = reader.InputPath("joints");
+  config->data_files.push_back(file);
+  std::vector<std::string> names;
+  for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
+  arm->joints_are_deg = ReadJointsAreDeg(reader);
+  arm->joints = ReadJoints(arm->robot->arm, file, arm->joints_are_deg, names);
+}
+
+// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
+// section `robot` of `root`.
+ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
+                RunConfig* config) {
+  ArmRows arm;
+  arm.section = section;
+  std::optional<MapReader> mapping;
+  const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
+  if (mapping) {
+    mapping->Finish();
+    reader.Record("poses", mapping->used());
+  }
+  arm.file = poses.path;
+  arm.reading = ReadPoseReading(reader);
+  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras, poses.paths);
+  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
+  std::error_code error;
+  if (fs::is_directory(arm.file, error)) {
+    for (const fs::path& file : PoseFilesOf(arm.file)) config->data_files.push_back(file);
+  } else {
+    config->data_files.push_back(arm.file);
+  }
+  if (root != nullptr && root->Has("robot")) {
+    MapReader robot(root->Get("robot"));
+    arm.scale_sigma = ReadRobotScale(robot);
+    if (!NamesNoArm(robot.value())) arm.robot = ReadRobotArm(robot, &config->data_files);
+    robot.Finish();
+    root->Record("robot", robot.used());
+  } else if (root != nullptr && reader.Has("model")) {
+    reader.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
+  } else if (root == nullptr) {
+    arm.scale_sigma = ReadRobotScale(reader);
+    if (reader.Has("model")) arm.robot = ReadRobotArm(reader, &config->data_files);
+  }
+  ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
+  if (arm.robot && arm.joints.empty() && IsOfJoints(arm.reading.format, arm.robot->arm)) {
+    for (const PoseRow& row : arm.rows) {
+      arm.joints.push_back(JointsOfNumbers(arm.robot->arm, arm.reading.format, row.numbers));
+    }
+  }
+  return arm;
+}
+
+// The images of one camera.
+struct CameraImages {
+  ConfigValue value;
+  std::vector<fs::path> images;
+};
+
+// Returns the image of a camera for each row; empty if there is none.
+std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index,
+                                 const std::string& name, size_t num_cameras, std::vector<LeftOutImages>* left_out) {
+  std::map<std::string, fs::path> image_of;
+  for (const fs::path& image : camera.images) {
+    if (!image_of.emplace(image.filename().string(), image).second) {
+      camera.value.Fail("two images are named " + image.filename().string() +
+                        "; images are found by file name, so names must differ");
+    }
+  }
+  std::vector<fs::path> paired(arm.rows.size());
+  const bool has_columns = !arm.rows.front().images.empty();
+  if (!has_columns && arm.rows.front().image.empty()) {
+    if (camera.images.size() != arm.rows.size()) {
+      camera.value.Fail(
+          "has " + std::to_string(camera.images.size()) + " images for the " + std::to_string(arm.rows.size()) +
+          " rows of " + arm.file.string() +
+          ", which do not name their images; the counts must agree, or name them (columns image or image." + name +
+          ")");
+    }
+    return camera.images;
+  }
+  std::set<std::string> used;
+  for (size_t i = 0; i < arm.rows.size(); ++i) {
+    const std::string& wanted = has_columns ? arm.rows[i].images[camera_index] : arm.rows[i].image;
+    const auto found = image_of.find(wanted);
+    if (found != image_of.end()) {
+      paired[i] = found->second;
+      used.insert(wanted);
+    } else if (has_columns && !wanted.empty()) {
+      throw InputError(arm.file.string() + ":" + std::to_string(arm.rows[i].line) + ": column 'image." + name +
+                       "': there is no image " + wanted + " among those of camera " + name);
+    }
+  }
+  if (used.empty()) camera.value.Fail("none of the images is named in " + arm.file.string());
+  for (const auto& [file_name, path] : image_of) {
+    if (used.contains(file_name)) continue;
+    LeftOutImages& entry = left_out->emplace_back();
+    entry.name = name + "/" + file_name;
+    entry.reason = "the robot's pose is not in the poses file";
+    entry.images.resize(num_cameras);
+    entry.images[camera_index] = path;
+  }
+  return paired;
+}
+
+// Names the captures by the images that belong to them, as people know them: by the name of the file if that is the
+// same for all cameras, and with the camera otherwise.
+std::vector<std::string> CaptureNames(const ArmRows& first, const std::vector<std::string>& cameras,
+                                      const std::vector<std::vector<fs::path>>& images_of_cameras) {
+  std::vector<std::string> names;
+  std::set<std::string> known;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    std::set<std::string> files;
+    std::string with_camera;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const fs::path& image = images_of_cameras[c][i];
+      if (image.empty()) continue;
+      files.insert(image.filename());
+      if (with_camera.empty()) with_camera = cameras[c] + "/" + image.filename().string();
+    }
+    std::string name = files.size() == 1 ? *files.begin() : with_camera;
+    if (!first.rows[i].image.empty() || name.empty() || known.contains(name)) name = CaptureName(first.rows[i], i);
+    known.insert(name);
+    names.push_back(std::move(name));
+  }
+  return names;
+}
+
+// Returns where a row is.
+std::string RowName(const fs::path& file, const PoseRow& row) {
+  return row.line > 0 ? file.string() + ":" + std::to_string(row.line) : (file / row.image).string();
+}
+
+// A key identifies a row of poses: rows of two arms belong together if they have the same text at one position, and
+// different texts at none. An empty text identifies nothing.
+using RowKeys = std::vector<std::string>;
+
+// Returns what identifies each row of `other`, and each capture, a row of `first` with `files`, the images of each
+// camera: the column `image` if both files have it, the images of the cameras if `other` names them, or the order.
+std::pair<std::vector<RowKeys>, std::vector<RowKeys>> KeysOf(const ArmRows& first, const ArmRows& other,
+                                                             const std::vector<std::vector<fs::path>>& files) {
+  const bool has_columns = !other.rows.front().images.empty();
+  const bool is_by_name = !first.rows.front().image.empty() && !other.rows.front().image.empty();
+  const bool is_by_order = !has_columns && other.rows.front().image.empty();
+  if (is_by_order && first.rows.size() != other.rows.size()) {
+    throw InputError(other.file.string() + ": has " + std::to_string(other.rows.size()) + " rows, but " +
+                     first.file.string() + " has " + std::to_string(first.rows.size()) +
+                     "; rows without a column image belong together by order");
+  }
+  std::vector<RowKeys> of_captures;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    RowKeys& keys = of_captures.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(i) : is_by_name ? first.rows[i].image : "");
+    for (const std::vector<fs::path>& of_camera : files) keys.push_back(of_camera[i].filename().string());
+  }
+  std::vector<RowKeys> of_rows;
+  for (size_t j = 0; j < other.rows.size(); ++j) {
+    const PoseRow& row = other.rows[j];
+    RowKeys& keys = of_rows.emplace_back();
+    keys.push_back(is_by_order ? std::to_string(j) : is_by_name ? row.image : "");
+    for (size_t c = 0; c < files.size(); ++c) {
+      keys.push_back(has_columns ? row.images[c] : is_by_name ? "" : row.image);
+    }
+  }
+  return {std::move(of_rows), std::move(of_captures)};
+}
+
+// Returns the row of `other` that belongs to each capture; nothing if there is none. `files`: as in KeysOf.
+std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows& other,
+                                             const std::vector<std::vector<fs::path>>& files) {
+  const auto [of_rows, of_captures] = KeysOf(first, other, files);
+  std::map<std::pair<size_t, std::string>, size_t> row_of;
+  for (size_t j = 0; j < of_rows.size(); ++j) {
+    for (size_t k = 0; k < of_rows[j].size(); ++k) {
+      if (of_rows[j][k].empty()) continue;
+      const auto [known, is_new] = row_of.emplace(std::pair(k, of_rows[j][k]), j);
+      if (is_new) continue;
+      throw InputError(RowName(other.file, other.rows[j]) + ": names the image " + of_rows[j][k] + " again, after " +
+                       RowName(other.file, other.rows[known->second]));
+    }
+  }
+  std::vector<std::optional<size_t>> places;
+  for (size_t i = 0; i < of_captures.size(); ++i) {
+    const RowKeys& keys = of_captures[i];
+    std::optional<size_t>& place = places.emplace_back();
+    for (size_t k = 0; k < keys.size() && !place; ++k) {
+      const auto found = row_of.find({k, keys[k]});
+      if (found != row_of.end()) place = found->second;
+    }
+    for (size_t k = 0; k < keys.size() && place; ++k) {
+      const std::string& named = of_rows[*place][k];
+      if (keys[k].empty() || named.empty() || keys[k] == named) continue;
+      throw InputError(RowName(other.file, other.rows[*place]) + ": names the image " + named +
+                       ", but the capture of " + RowName(first.file, first.rows[i]) + " has " + keys[k]);
+    }
+  }
+  return places;
+}
+
+// Reads the arms: `robots`, or the short form in `captures`.
+std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RunConfig* config) {
+  std::vector<ArmRows> arms;
+  if (!root.Has("robots")) {
+    config->data.rig.robots = {kOnlyArm};
+    MapReader captures(root.Get("captures"));
+    arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
+    captures.Find("exclude");
+    if (captures.Has("detections")) captures.InputPath("detections");
+    captures.Finish();
+    root.Record("captures", captures.used());
+    return arms;
+  }
+  MapReader section(root.Get("robots"));
+  config->data.rig.robots = NamesIn(section, "left");
+  for (const std::string& name : config->data.rig.robots) {
+    MapReader reader(section.Get(name));
+    arms.push_back(ReadArm(reader, "robots." + name, cameras, nullptr, config));
+    reader.Finish();
+    section.Record(name, reader.used());
+  }
+  section.Finish();
+  root.Record("robots", section.used());
+  return arms;
+}
+
+// Reads the images of a camera, or takes those in which `given` were detected before.
+CameraImages ReadImages(MapReader& reader, const std::string& camera, const std::vector<GivenDetections>& given) {
+  if (given.empty()) {
+    const ConfigValue value = reader.Get("images");
+    CameraImages images{value, FindImages(value)};
+    reader.Record("images", ImagesNode(value, images.images));
+    return images;
+  }
+  if (reader.Has("images")) reader.Get("images").Fail("leave it out: captures.detections has the points of all images");
+  CameraImages images{reader.value(), ImagesOf(camera, given)};
+  if (images.images.empty()) reader.value().Fail("captures.detections has no file " + camera + ".TARGET.json");
+  return images;
+}
+
+std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDetections>& given, RunConfig* config) {
+  Dataset& data = config->data;
+  std::vector<CameraImages> images;
+  MapReader refine_all = root.Section("refine");
+  const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
+  const std::string prior_of_all = refine_all.Choice("intrinsics_prior", {"none", "file"}, "");
+  bool has_sigmas = false;
+  MapReader section(root.Get("cameras"));
+  for (const std::string& name : CameraNamesIn(section)) {
+    MapReader reader(section.Get(name));
+    ProblemCamera camera;
+    camera.name = name;
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, data.rig.robots);
+    images.push_back(ReadImages(reader, name, given));
+    CameraKeys keys = ReadCameraKeys(reader);
+    data.has_camera.push_back(keys.camera.has_value());
+    data.camera_sources.push_back(keys.camera ? keys.source : name);
+    camera.camera = keys.camera ? *keys.camera : Camera{keys.model, 0, 0, {}};
+    reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
+    MapReader refine = reader.Section("refine");
+    camera.free_intrinsics = ReadFreeIntrinsics(refine, free);
+    const bool may_have_prior = keys.camera && !camera.free_intrinsics.empty();
+    has_sigmas = has_sigmas || (prior_of_all == "file" && may_have_prior && ReadCameraSigmas(keys.source));
+    camera.prior = ReadIntrinsicsPrior(refine, keys, camera.free_intrinsics, "cameras." + name + ".intrinsics",
+                                       prior_of_all == "none");
+    refine.Finish();
+    reader.Record("refine", refine.used());
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.cameras.push_back(std::move(camera));
+  }
+  section.Finish();
+  root.Record("cameras", section.used());
+  if (prior_of_all == "file" && !has_sigmas) {
+    refine_all.Get("intrinsics_prior")
+        .Fail("no file of a camera with free intrinsics has sigmas (std), which only heba's own form can have");
+  }
+  return images;
+}
+
+void ReadTargets(MapReader& root, RunConfig* config) {
+  Dataset& data = config->data;
+  MapReader section(root.Get("targets"));
+  for (const std::string& name : NamesIn(section, "plate")) {
+    MapReader reader(section.Get(name));
+    ProblemTarget target;
+    target.name = name;
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, data.rig.robots);
+    data.targets.push_back(ReadTarget(reader, "target"));
+    config->targets_used.push_back(YAML::Dump(reader.used()["target"]));
+    config->has_target_keys.push_back(HoldsTargetKeys(reader, "target"));
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.targets.push_back(std::move(target));
+  }
+  section.Finish();
+  root.Record("targets", section.used());
+  const std::string faults = WhyNotToldApart(data);
+  if (!faults.empty()) section.value().Fail(faults);
+}
+
+// Returns the names of the bodies that `refine.drift` may list. The base of the first arm is the world, in which the
+// others move.
+std::vector<std::pair<std::string, DriftBody>> BodiesThatDrift(const Problem& rig) {
+  std::vector<std::pair<std::string, DriftBody>> bodies;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    bodies.emplace_back(rig.cameras[c].name, DriftBody{DriftBody::Kind::kCamera, c});
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    bodies.emplace_back(rig.targets[t].name, DriftBody{DriftBody::Kind::kTarget, t});
+  }
+  for (size_t r = 1; r < rig.robots.size(); ++r) {
+    bodies.emplace_back(MountText(rig.robots, {r, Mount::Part::kBase}), DriftBody{DriftBody::Kind::kBase, r});
+  }
+  return bodies;
+}
+
+void ReadRefine(MapReader& root, RunConfig* config) {
+  MapReader reader = root.Section("refine");
+  // ReadCameras gives these to the cameras.
+  ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
+  if (reader.Has("intrinsics_prior")) reader.Choice("intrinsics_prior", {"none", "file"});
+  const FreeShape shape = ReadFreeShape(reader);
+  config->options.calibration.choose_target_shape = shape.is_chosen;
+  for (ProblemTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
+  AdjustmentOptions& adjustment = config->options.calibration.adjustment;
+  std::vector<Arm> arms;
+  for (const std::optional<RobotArm>& robot : config->data.arms) {
+    if (robot) arms.push_back(robot->arm);
+  }
+  config->options.kinematics = ReadKinematics(reader, arms, root.Has("robots") ? "robots.NAME.model" : "robot.model");
+  ReadRobotErrors(reader, config->data, &config->options);
+  adjustment.pixel_noise_px = ReadPixelNoise(reader);
+  adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  config->options.drift = ReadDrift(reader, BodiesThatDrift(config->data.rig));
+  reader.Finish();
+  root.Record("refine", reader.used());
+}
+
+// Reads the folder `captures.detections`; returns an empty list if there is none.
+std::vector<GivenDetections> ReadDetectionsOf(MapReader& root, RunConfig* config) {
+  if (!root.Has("captures")) return {};
+  MapReader captures(root.Get("captures"));
+  if (!captures.Has("detections")) return {};
+  const fs::path folder = captures.InputPath("detections");
+  config->data.detections_source = folder.string();
+  std::vector<GivenDetections> given = ReadGivenDetections(folder);
+  for (const GivenDetections& of_pair : given) config->data_files.push_back(of_pair.file);
+  return given;
+}
+
+// Returns the names of the captures that are to be left out, of `captures.exclude`.
+std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::string>& names) {
+  std::set<std::string> excluded;
+  if (!root.Has("captures")) return excluded;
+  MapReader captures(root.Get("captures"));
+  const std::optional<ConfigValue> list = captures.Find("exclude");
+  if (captures.Has("detections")) captures.InputPath("detections");
+  if (root.Has("robots")) {
+    captures.Finish();
+    root.Record("captures", captures.used());
+  }
+  if (!list) return excluded;
+  for (const ConfigValue& item : list->AsList()) {
+    const std::string name = item.AsText();
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      item.Fail("there is no capture " + Quoted(name) + DidYouMean(name, names));
+    }
+    excluded.insert(name);
+  }
+  YAML::Node used = YAML::Clone(root.used()["captures"]);
+  used["exclude"] = list->node();
+  root.Record("captures", used);
+  return excluded;
+}
+
+// Refuses keys of configs of one camera and one target, and the key that `robots` replaces.
+void RefuseKeysOfOnePair(MapReader& reader) {
+  if (reader.Has("robots") && reader.Has("robot")) {
+    reader.Get("robot").Fail("with 'robots', the keys of an arm are beside its poses: robots.NAME.model");
+  }
+  for (const char* key : {"target", "camera", "setup"}) {
+    if (reader.Has(key)) {
+      reader.Get(key).Fail(
+          "belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
+          "mounts");
+    }
+  }
+}
+
+// Returns a capture with its images, without the arms.
+Recording ImagesOfCapture(const std::string& name, const std::vector<std::vector<fs::path>>& images_of_cameras,
+                          size_t index) {
+  Recording capture{name, {}, {}};
+  for (const std::vector<fs::path>& of_camera : images_of_cameras) capture.images.push_back(of_camera[index]);
+  return capture;
+}
+
+// Returns the reason why a capture is left out; an empty text if it is not.
+std::string WhyLeftOut(const Recording& capture, const std::set<std::string>& excluded) {
+  if (excluded.contains(capture.name)) return std::string(kExcludedReason);
+  const bool has_none =
+      std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
+  return has_none ? "no camera has an image of it" : "";
+}
+
+// For each arm the row of each capture; nothing if there is none.
+using RowsOfArms = std::vector<std::vector<std::optional<size_t>>>;
+
+// Returns the row of each arm that belongs to a capture, which must have one of every arm.
+std::vector<size_t> RowsOfCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms, size_t index,
+                                  const std::string& name) {
+  std::vector<size_t> rows;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    if (!rows_of_arms[r][index]) {
+      throw InputError(arms[r].file.string() + ": has no row for the capture " + name + " of " +
+                       arms.front().file.string());
+    }
+    rows.push_back(*rows_of_arms[r][index]);
+  }
+  return rows;
+}
+
+// Returns the rows of the arms but the first that belong to no capture.
+std::vector<LeftOutImages> RowsWithoutCapture(const std::vector<ArmRows>& arms, const RowsOfArms& rows_of_arms) {
+  std::vector<LeftOutImages> left_out;
+  for (size_t r = 1; r < arms.size(); ++r) {
+    for (size_t j = 0; j < arms[r].rows.size(); ++j) {
+      const auto& places = rows_of_arms[r];
+      if (std::find(places.begin(), places.end(), std::optional(j)) != places.end()) continue;
+      left_out.push_back({RowName(arms[r].file.filename(), arms[r].rows[j]),
+                          "the pose belongs to no capture of " + arms.front().file.filename().string(),
+                          "",
+                          {}});
+    }
+  }
+  return left_out;
+}
+
+}  // namespace
+
+void ReadLongForm(MapReader& root, RunConfig* config) {
+  Dataset& data = config->data;
+  RefuseKeysOfOnePair(root);
+  MapReader cameras_reader(root.Get("cameras"));
+  const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
+  const std::vector<ArmRows> arms = ReadArms(root, cameras, config);
+  const std::vector<GivenDetections> given = ReadDetectionsOf(root, config);
+  const std::vector<CameraImages> images = ReadCameras(root, given, config);
+  ReadTargets(root, config);
+  const ArmRows& first = arms.front();
+  std::vector<std::vector<fs::path>> images_of_cameras;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], cameras.size(), &data.left_out));
+  }
+  const std::vector<std::string> names = CaptureNames(first, cameras, images_of_cameras);
+  const std::set<std::string> excluded = ReadExcluded(root, names);
+  RowsOfArms rows_of_arms;
+  for (const ArmRows& arm : arms) {
+    rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
+    config->arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
+    data.arms.push_back(arm.robot);
+    data.robot_scale_sigmas.push_back(arm.scale_sigma);
+  }
+  for (size_t i = 0; i < names.size(); ++i) {
+    Recording capture = ImagesOfCapture(names[i], images_of_cameras, i);
+    if (const std::string reason = WhyLeftOut(capture, excluded); !reason.empty()) {
+      data.left_out.push_back({capture.name, reason, capture.name, capture.images});
+      continue;
+    }
+    const std::vector<size_t> rows = RowsOfCapture(arms, rows_of_arms, i, capture.name);
+    for (size_t r = 0; r < arms.size(); ++r) {
+      const PoseRow& row = arms[r].rows[rows[r]];
+      capture.base_from_gripper.push_back(row.pose);
+      capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[rows[r]]);
+      config->arms[r].numbers.push_back(row.numbers);
+    }
+    data.captures.push_back(std::move(capture));
+  }
+  for (LeftOutImages& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
+  if (data.captures.empty()) throw InputError(config->file.string() + ": no capture is left");
+  if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
+  ReadRefine(root, config);
+}
+
+}  // namespace heba
