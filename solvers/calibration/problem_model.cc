@@ -70,7 +70,7 @@ void SetShape(const std::vector<TargetShapeGroup>& free_shape, ProblemTarget* ta
 }
 
 std::string NameOf(const ErrorModel& model) {
-  constexpr std::string_view kWords[] = {"scaled", "bent", "twisted", "warped"};
+  constexpr std::string_view kWords[] = {"scaled", "bent", "twisted", "warped", "with free points"};
   static_assert(std::size(kWords) == kTargetShapeGroupNames.size());
   std::string target = "target ";
   for (size_t i = 0; i < model.shape.size(); ++i) {

@@ -331,6 +331,25 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   return true;
 }
 
+std::optional<Eigen::MatrixXd> RowsByPoints(const CameraModel& model, const double* params,
+                                            const Rigid3d& camera_from_target, const Observations& observations,
+                                            const TargetShape* shape, double pixel_sigma_px) {
+  const Observations shaped = shape != nullptr ? ApplyShape(observations, *shape) : observations;
+  Points2 pixels;
+  ProjectionJacobian jacobian;
+  if (!Predict(model, params, camera_from_target, shaped, &pixels, &jacobian)) return std::nullopt;
+  const Eigen::Index n = observations.size();
+  const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(2 * n, 3 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    // Displacing a point changes its projection as the same translation of the whole target would.
+    rows.block<1, 3>(i, 3 * i) = jacobian.u.col(i).head<3>().transpose() * rotation;
+    rows.block<1, 3>(n + i, 3 * i) = jacobian.v.col(i).head<3>().transpose() * rotation;
+  }
+  Whiten(observations, n, &rows);
+  return rows / pixel_sigma_px;
+}
+
 void WeighPosePart(double variance_ratio, Eigen::MatrixXd* products) {
   if (variance_ratio == 1) return;
   const Eigen::Matrix<double, 6, 6> of_pose = products->topLeftCorner<6, 6>();

@@ -92,6 +92,12 @@ class ViewReducer {
   std::vector<int> free_shape_;
 };
 
+// Returns the derivatives of all rows of a view (ViewReducer::Write without a loss) by the positions of its points in
+// the target, three columns for each point; nothing if a point cannot be projected.
+std::optional<Eigen::MatrixXd> RowsByPoints(const CameraModel& model, const double* params,
+                                            const Rigid3d& camera_from_target, const Observations& observations,
+                                            const TargetShape* shape, double pixel_sigma_px);
+
 // Divides the part of the products that a pose explains by `variance_ratio`: M becomes
 //   M - (1 - 1 / ratio) M_p M_pp^-1 M_p^T,
 // where M_p are the first six columns of M and M_pp its first six rows of them. These are the products of residuals

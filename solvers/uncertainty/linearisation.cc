@@ -67,13 +67,18 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
 // Linearises one view. by_unknowns and by_effects are the negated derivatives of the residuals.
 class ViewLinearisation {
  public:
-  ViewLinearisation(const LoopProblem& problem, const LoopValues& values, double pixel_sigma_px, const Loss& loss)
+  // `points` may be null.
+  ViewLinearisation(const LoopProblem& problem, const LoopValues& values, double pixel_sigma_px, const Loss& loss,
+                    const std::vector<PointUnknowns>* points)
       : problem_(problem),
         values_(values),
+        pixel_sigma_px_(pixel_sigma_px),
+        points_(points),
         poses_(problem.layout.BlocksOf(UnknownOwner::kPose)),
         effects_(problem.layout.BlocksOf(UnknownOwner::kEffects)),
         cameras_(problem.layout.BlocksOf(UnknownOwner::kCamera)),
         targets_(problem.layout.BlocksOf(UnknownOwner::kTarget)) {
+    for (size_t t = 0; points != nullptr && t < points->size(); ++t) num_coefficients_ += (*points)[t].size;
     for (size_t c = 0; c < cameras_.size(); ++c) {
       for (size_t t = 0; t < targets_.size(); ++t) {
         reducers_.emplace_back(*problem.cameras[c], FreeOf(problem, static_cast<int>(c), static_cast<int>(t)),
@@ -95,17 +100,17 @@ class ViewLinearisation {
     const Rigid3d camera_from_target =
         view.loop.Evaluate({values_.poses, values_.effects, nuisance_poses}, &derivatives);
     SquareRootInformation reduction;
-    if (!reducers_[camera * targets_.size() + target].Reduce(
-            values_.cameras[camera].data(), camera_from_target, *view.observations,
-            targets_[target].size > 0 ? &values_.targets[target] : nullptr, &reduction)) {
-      return std::nullopt;
-    }
+    const bool is_projected = points_ != nullptr
+                                  ? WriteWithPoints(view, camera_from_target, &reduction)
+                                  : Reducer(view).Reduce(values_.cameras[camera].data(), camera_from_target,
+                                                         *view.observations, ShapeOf(view), &reduction);
+    if (!is_projected) return std::nullopt;
     WeighPoseRows(view.pose_variance_ratio, &reduction.factor);
     LinearisedView linear;
     const Eigen::Index columns = reduction.factor.cols() - 1;
     Eigen::Index rows = reduction.factor.rows();
     Eigen::Index num_moved = rows;  // Rows that depend on the pose.
-    if (2 * view.observations->size() > rows) {
+    if (points_ == nullptr && 2 * view.observations->size() > rows) {
       // The factor is square: its last row contains only the residual that no unknown can explain.
       rows = columns;
       num_moved = 6;
@@ -114,7 +119,7 @@ class ViewLinearisation {
     }
     linear.num_rows_without_effects = rows - num_moved;
     const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
-    linear.by_unknowns.setZero(rows, problem_.layout.size());
+    linear.by_unknowns.setZero(rows, problem_.layout.size() + num_coefficients_);
     linear.by_effects.setZero(rows, num_effects);
     linear.num_combined_effects = num_effects - 6 * static_cast<Eigen::Index>(own.size());
     linear.offset = reduction.factor.col(columns).head(rows);
@@ -134,6 +139,8 @@ class ViewLinearisation {
         -reduction.factor.block(0, 6, rows, of_camera.size);
     linear.by_unknowns.middleCols(of_target.first, of_target.size) =
         -reduction.factor.block(0, 6 + of_camera.size, rows, of_target.size);
+    linear.by_unknowns.rightCols(num_coefficients_) =
+        -reduction.factor.block(0, 6 + of_camera.size + of_target.size, rows, num_coefficients_);
     for (size_t j = 0; j < view.loop.own().size(); ++j) {
       const int index = view.loop.own()[j];
       auto by_own = linear.by_effects.block(0, 6 * index, num_moved, 6);
@@ -153,8 +160,45 @@ class ViewLinearisation {
   }
 
  private:
+  const ViewReducer& Reducer(const LoopView& view) const {
+    return reducers_[static_cast<size_t>(view.camera) * targets_.size() + static_cast<size_t>(view.target)];
+  }
+  const TargetShape* ShapeOf(const LoopView& view) const {
+    const auto target = static_cast<size_t>(view.target);
+    return targets_[target].size > 0 ? &values_.targets[target] : nullptr;
+  }
+
+  // Sets all rows of a view, with the columns of the points' coefficients before the residual.
+  bool WriteWithPoints(const LoopView& view, const Rigid3d& camera_from_target,
+                       SquareRootInformation* reduction) const {
+    const double* const params = values_.cameras[static_cast<size_t>(view.camera)].data();
+    const Observations& observations = *view.observations;
+    const PointUnknowns& points = (*points_)[static_cast<size_t>(view.target)];
+    ViewRows rows;
+    if (!Reducer(view).Write(params, camera_from_target, observations, ShapeOf(view), &rows)) return false;
+    const Eigen::Index num_before = Reducer(view).num_columns() - 1;
+    reduction->factor = Eigen::MatrixXd::Zero(rows.size, num_before + num_coefficients_ + 1);
+    reduction->factor.leftCols(num_before) = rows.columns.topLeftCorner(rows.size, num_before);
+    reduction->factor.rightCols<1>() = rows.columns.col(num_before).head(rows.size);
+    if (points.size == 0) return true;
+    const auto camera = static_cast<size_t>(view.camera);
+    const std::optional<Eigen::MatrixXd> by_points =
+        RowsByPoints(*problem_.cameras[camera], params, camera_from_target, observations, ShapeOf(view),
+                     PixelSigmaOf(problem_, camera, pixel_sigma_px_));
+    if (!by_points) return false;
+    auto by_coefficients = reduction->factor.middleCols(num_before + points.first, points.size);
+    for (Eigen::Index i = 0; i < observations.size(); ++i) {
+      const auto found = points.by_id.find(observations.ids[static_cast<size_t>(i)]);
+      if (found != points.by_id.end()) by_coefficients += by_points->middleCols(3 * i, 3) * found->second;
+    }
+    return true;
+  }
+
   const LoopProblem& problem_;
   const LoopValues& values_;
+  double pixel_sigma_px_;
+  const std::vector<PointUnknowns>* points_;
+  Eigen::Index num_coefficients_ = 0;
   std::vector<UnknownBlock> poses_;
   std::vector<UnknownBlock> effects_;
   std::vector<UnknownBlock> cameras_;
@@ -164,9 +208,10 @@ class ViewLinearisation {
 
 }  // namespace
 
-std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
-                                                             double pixel_sigma_px, const Loss& loss) {
-  const ViewLinearisation linearisation(problem, values, pixel_sigma_px, loss);
+namespace {
+
+std::optional<std::vector<LinearisedView>> Linearise(const LoopProblem& problem,
+                                                     const ViewLinearisation& linearisation) {
   std::vector<LinearisedView> result;
   for (const LoopCapture& capture : problem.captures) {
     std::vector<LinearisedView> views;
@@ -184,6 +229,18 @@ std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& 
     result.push_back(Stack(views, all));
   }
   return result;
+}
+
+}  // namespace
+
+std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
+                                                             double pixel_sigma_px, const Loss& loss) {
+  return Linearise(problem, ViewLinearisation(problem, values, pixel_sigma_px, loss, nullptr));
+}
+
+std::optional<std::vector<LinearisedView>> LineariseWithPoints(const LoopProblem& problem, const LoopValues& values,
+                                                               const std::vector<PointUnknowns>& points) {
+  return Linearise(problem, ViewLinearisation(problem, values, 1, LossOf(LossKind::kNone), &points));
 }
 
 std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups) {

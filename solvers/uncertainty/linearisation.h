@@ -3,6 +3,7 @@
 // docs/estimation.md.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -37,6 +38,19 @@ struct LinearisedView {
 // of the other unknowns, but the value of effects. Returns nothing if a point cannot be projected.
 std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
                                                              double pixel_sigma_px, const Loss& loss);
+
+// The positions of a target's points as further unknowns. A point is moved by its matrix (3 x size) times the
+// coefficients.
+struct PointUnknowns {
+  std::map<int, Eigen::MatrixXd> by_id;
+  Eigen::Index first = 0;  // Place of the first coefficient among those of all targets.
+  Eigen::Index size = 0;   // 0 if the points are not unknown.
+};
+
+// Linearises the captures likewise, at a pixel sigma of 1 and without a loss, with columns for the coefficients of the
+// points (`points` has one entry per target) after those of the unknowns.
+std::optional<std::vector<LinearisedView>> LineariseWithPoints(const LoopProblem& problem, const LoopValues& values,
+                                                               const std::vector<PointUnknowns>& points);
 
 // Returns one view per group, with the rows of its views, which share their effects, in no more rows than columns.
 // Views after those of the groups, such as a prior of the camera, are kept at the end.

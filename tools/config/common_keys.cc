@@ -227,8 +227,10 @@ FreeShape ReadFreeShape(MapReader& refine) {
   FreeShape shape;
   // The bend of a config is the complete quadratic surface.
   using Group = TargetShapeGroup;
-  const std::vector<std::pair<std::string, std::vector<Group>>> named = {
-      {"scale", {Group::kScale}}, {"bend", {Group::kBend, Group::kTwist}}, {"cubic", {Group::kCubic}}};
+  const std::vector<std::pair<std::string, std::vector<Group>>> named = {{"scale", {Group::kScale}},
+                                                                         {"bend", {Group::kBend, Group::kTwist}},
+                                                                         {"cubic", {Group::kCubic}},
+                                                                         {"points", {Group::kPoints}}};
   std::vector<std::string> names;
   for (const auto& [name, groups] : named) names.push_back(name);
   const std::optional<ConfigValue> free = refine.Find("target_shape");

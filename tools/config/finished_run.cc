@@ -4,6 +4,7 @@
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
+#include "heba/displaced_target.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/robot_section.h"
@@ -23,6 +24,9 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& path) {
       MapReader targets(config.Get("targets"));
       MapReader reader(targets.Get(target.name));
       run.targets.push_back(ReadTarget(reader, "target"));
+    }
+    if (t < run.result.point_offsets.size()) {
+      run.targets.back() = Displaced(run.targets.back(), run.result.point_offsets[t]);
     }
     target.symmetries = run.targets.back()->Symmetries();
     // A file has the deviations of a shape, which its extent gives a meaning.

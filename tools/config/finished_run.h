@@ -15,10 +15,10 @@ namespace heba {
 struct FinishedRun {
   // The symmetries of its targets, and the extents of their shapes, are set.
   RunResult result;
-  std::vector<std::shared_ptr<const Target>> targets;
-  std::vector<PoseReading> pose_readings;  // One per arm.
-  std::vector<bool> joints_are_deg;        // Likewise: whether its recorded joints are in degrees.
-  RobotNoise wobble;                       // ReadWobble.
+  std::vector<std::shared_ptr<const Target>> targets;  // Their points are where the run found them.
+  std::vector<PoseReading> pose_readings;              // One per arm.
+  std::vector<bool> joints_are_deg;                    // Likewise: whether its recorded joints are in degrees.
+  RobotNoise wobble;                                   // ReadWobble.
 };
 
 // Throws InputError if the run cannot be read, or if that of a single camera has no refined estimate from images or

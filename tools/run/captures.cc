@@ -5,6 +5,7 @@
 
 #include "heba/data/hand_eye.h"
 #include "tools/run/earlier_run.h"
+#include "tools/run/free_points.h"
 
 namespace heba {
 
@@ -121,7 +122,7 @@ PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, 
   BundleOptions& bundle = options.bundle;
   bundle.free_intrinsics = camera.free_intrinsics;
   bundle.camera_prior = camera.prior;
-  bundle.free_shape = of_target.free_shape;
+  bundle.free_shape = GroupsOfSurface(of_target.free_shape);
   bundle.target_scale_sigma = of_target.scale_sigma;
   bundle.known_target_scale_sigma = target.scale_sigma().value_or(kTargetScaleSigma);
   bundle.loss = adjustment.loss;

@@ -19,6 +19,7 @@
 #include "heba/data/joint_prior.h"
 #include "heba/data/same_object.h"
 #include "heba/data/smooth_errors.h"
+#include "heba/displaced_target.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/prior_agreement.h"
 #include "solvers/uncertainty/robot_noise.h"
@@ -179,6 +180,9 @@ void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
     CheckTarget(earlier, *dataset->targets[t], *place);
     if (options->calibration.choose_target_shape) targets[t].free_shape = FreeShapeOf(result, *place);
     targets[t].scale_sigma = std::nullopt;
+    if (*place < result.point_offsets.size()) {
+      dataset->targets[t] = Displaced(dataset->targets[t], result.point_offsets[*place]);
+    }
   }
   // Shapes are chosen for all targets or for none.
   if (knows_all_targets) options->calibration.choose_target_shape = false;

@@ -27,6 +27,7 @@
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/earlier_run.h"
+#include "tools/run/free_points.h"
 #include "tools/run/pair_output.h"
 #include "tools/run/robot_errors.h"
 #include "tools/run/run_stage.h"
@@ -388,6 +389,36 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, std::vector<
   return calibrated;
 }
 
+// Estimates the points of the target if that is wanted, and calibrates again with the data set whose points lie there.
+EstimatedPoints CalibratePoints(PairInput* input, Calibrated* calibrated, std::vector<TargetDetection>* detections,
+                                std::vector<Finding>* motions) {
+  const std::vector<size_t> targets = TargetsWithFreePoints(input->dataset);
+  const std::vector<std::shared_ptr<const Target>> designed = input->dataset.targets;
+  EstimatedPoints points;
+  points.offsets.resize(designed.size());
+  if (targets.empty()) return points;
+  for (int round = 0; round <= kRoundsOfPoints; ++round) {
+    const UsedCaptures used = UsedBy(*input, *calibrated);
+    std::optional<EstimatedPoints> estimated = EstimatePoints(used.problem, used.solution, targets, points.offsets);
+    if (!estimated) break;
+    if (round == kRoundsOfPoints) {
+      // The changes are those at the points that were used.
+      estimated->offsets = std::move(points.offsets);
+      return *std::move(estimated);
+    }
+    PairInput displaced = *input;
+    displaced.dataset.targets = DisplacedTargets(designed, estimated->offsets);
+    std::vector<Finding> of_next;
+    Outcome<Calibrated> next = CalibrateWithoutMotions(displaced, detections, &of_next);
+    if (!next || !next->calibration.refined) break;
+    *input = std::move(displaced);
+    *calibrated = std::move(*next);
+    *motions = std::move(of_next);
+    points = std::move(*estimated);
+  }
+  return points;
+}
+
 // The detections in the images, and the images that must not be used.
 struct SearchedImages {
   std::vector<TargetDetection> detections;
@@ -441,6 +472,10 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
   std::vector<Finding> motions;
   Outcome<Calibrated> calibrated = CalibrateWithoutMotions(input, &searched.detections, &motions);
   if (!calibrated) return calibrated.failure();
+  EstimatedPoints points;
+  if (calibrated->calibration.refined) {
+    points = CalibratePoints(&input, &*calibrated, &searched.detections, &motions);
+  }
   PairCalibration& calibration = calibrated->calibration;
   if (observer != nullptr) observer->OnCalibrated(calibration);
   if (!calibration.refined) return calibration.refined.failure();
@@ -458,6 +493,7 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
       advice.changes.push_back(std::move(change));
     }
   }
+  advice.changes.insert(advice.changes.end(), points.changes.begin(), points.changes.end());
   output.result = Assess(input.dataset, options, searched.detections, calibrated->effects, calibration, advice,
                          calibrated->options, observer);
   const PairSolution& assessed = *output.result.estimates.back().solution;
@@ -465,6 +501,14 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
   calibration.refined->covariance_repeatable = assessed.covariance_repeatable;
   std::vector<Finding>& observations = output.result.observations;
   for (Finding& motion : motions) observations.push_back(std::move(motion));
+  for (Finding& finding : DescribePoints(dataset.rig, TargetsWithFreePoints(dataset), points)) {
+    observations.push_back(std::move(finding));
+  }
+  if (!points.changes.empty()) {
+    output.result.point_offsets = points.offsets;
+    output.result.model.target_shape.emplace_back(
+        kTargetShapeGroupNames[static_cast<size_t>(TargetShapeGroup::kPoints)]);
+  }
   if (HasArm(dataset)) {
     AddRobot(dataset, calibrated->arm, SummariseArm(dataset, options.kinematics, calibrated->arm, calibration),
              calibration, &output.result);

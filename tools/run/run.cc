@@ -31,6 +31,7 @@
 #include "tools/run/captures.h"
 #include "tools/run/duplicate_images.h"
 #include "tools/run/earlier_run.h"
+#include "tools/run/free_points.h"
 #include "tools/run/pair_run.h"
 #include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
@@ -48,6 +49,7 @@ Problem ProblemOf(const Dataset& dataset, const std::vector<TargetDetection>& de
   for (size_t t = 0; t < rig.targets.size(); ++t) {
     rig.targets[t].shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
     rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
+    rig.targets[t].free_shape = GroupsOfSurface(rig.targets[t].free_shape);
     rig.targets[t].known_scale_sigma = dataset.targets[t]->scale_sigma().value_or(kTargetScaleSigma);
   }
   if (earlier) AddPrior(*earlier, &rig);
@@ -345,6 +347,57 @@ std::vector<Drift> CorrectForDrifts(const RunOptions& options, const Calibration
   return {};
 }
 
+// A calibration with the drifts that its images were corrected for, and the findings about these.
+struct Calibrated {
+  SeenAndCalibrated of_images;
+  std::vector<Drift> drifts;
+  std::vector<Finding> findings;
+};
+
+// Calibrates from the detections, and again with the drifts that there are.
+Outcome<Calibrated> CalibrateAll(const Dataset& dataset, const std::vector<DuplicateInDataset>& duplicates,
+                                 const RunOptions& options, const CalibrationOptions& of_calibration,
+                                 std::vector<TargetDetection>* detections, RunObserver* observer) {
+  Outcome<SeenAndCalibrated> of_images =
+      CalibrateDetections(dataset, duplicates, of_calibration, options.earlier, detections, observer);
+  if (!of_images) return of_images.failure();
+  EndIfCancelled(observer);
+  Calibrated calibrated{std::move(*of_images), {}, {}};
+  calibrated.drifts = CorrectForDrifts(options, of_calibration, &calibrated.of_images, &calibrated.findings);
+  EndIfCancelled(observer);
+  return calibrated;
+}
+
+// Estimates the points of targets where that is wanted, and calibrates again with the data set whose points lie there.
+EstimatedPoints CalibratePoints(const std::vector<DuplicateInDataset>& duplicates, const RunOptions& options,
+                                const CalibrationOptions& of_calibration, Dataset* dataset, Calibrated* calibrated,
+                                std::vector<TargetDetection>* detections, RunObserver* observer) {
+  const std::vector<size_t> targets = TargetsWithFreePoints(*dataset);
+  const std::vector<std::shared_ptr<const Target>> designed = dataset->targets;
+  EstimatedPoints points;
+  points.offsets.resize(designed.size());
+  if (targets.empty()) return points;
+  for (int round = 0; round <= kRoundsOfPoints; ++round) {
+    const Calibration& calibration = calibrated->of_images.calibration;
+    std::optional<EstimatedPoints> estimated = EstimatePoints(
+        WithoutRejected(calibration.problem, *calibration.refined), *calibration.refined, targets, points.offsets);
+    if (!estimated) break;
+    if (round == kRoundsOfPoints) {
+      // The changes are those at the points that were used.
+      estimated->offsets = std::move(points.offsets);
+      return *std::move(estimated);
+    }
+    Dataset displaced = *dataset;
+    displaced.targets = DisplacedTargets(designed, estimated->offsets);
+    Outcome<Calibrated> next = CalibrateAll(displaced, duplicates, options, of_calibration, detections, observer);
+    if (!next) break;
+    *dataset = std::move(displaced);
+    *calibrated = std::move(*next);
+    points = std::move(*estimated);
+  }
+  return points;
+}
+
 MovesOfCameras MovesWithoutCaptures(const Problem& used, const Solution& solution) {
   MovesOfCameras moves;
   for (size_t c = 0; c < used.cameras.size(); ++c) {
@@ -421,8 +474,9 @@ void AddHoldOutsOfImages(const std::vector<CameraHoldOut>& hold_outs, RunResult*
   }
 }
 
-Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+Outcome<RunOutput> RunOnImages(const Dataset& given, const RunOptions& options, RunObserver* observer) {
   RunOutput output;
+  Dataset dataset = given;
   RunResult& result = output.result;
   Timing timing;
   const Stopwatch detect_watch;
@@ -438,17 +492,17 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   calibration_options.adjustment.num_threads = options.num_threads;
   const std::vector<std::optional<ArmSetup>> arms = SetUpArms(dataset, options.kinematics);
   calibration_options.arms = ErrorsOfArms(dataset, arms, options.kinematics);
-  Outcome<SeenAndCalibrated> calibrated =
-      CalibrateDetections(dataset, duplicates, calibration_options, options.earlier, &output.detections, observer);
+  Outcome<Calibrated> calibrated =
+      CalibrateAll(dataset, duplicates, options, calibration_options, &output.detections, observer);
   if (!calibrated) return calibrated.failure();
-  EndIfCancelled(observer);
-  std::vector<Finding> of_drifts;
-  const std::vector<Drift> drifts = CorrectForDrifts(options, calibration_options, &*calibrated, &of_drifts);
-  EndIfCancelled(observer);
+  const EstimatedPoints points =
+      CalibratePoints(duplicates, options, calibration_options, &dataset, &*calibrated, &output.detections, observer);
+  const std::vector<Drift> drifts = std::move(calibrated->drifts);
+  std::vector<Finding> of_drifts = std::move(calibrated->findings);
   const std::vector<Finding> missing_ids =
-      FindMissingIds(dataset, output.detections, calibrated->Predicted(output.detections));
-  const Problem seen = std::move(calibrated->seen);
-  output.calibration = std::move(calibrated->calibration);
+      FindMissingIds(dataset, output.detections, calibrated->of_images.Predicted(output.detections));
+  const Problem seen = std::move(calibrated->of_images.seen);
+  output.calibration = std::move(calibrated->of_images.calibration);
   std::vector<Finding> of_rig = DiagnoseCalibration(seen, output.calibration);
   const std::vector<Finding> directions = DiagnoseWeakDirectionsOf(output.calibration);
   const Advice of_held = DiagnoseHeldIntrinsics(seen, output.calibration, calibration_options.adjustment);
@@ -463,6 +517,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   const MovesOfCameras moves = MovesWithoutCaptures(used, solution);
   std::vector<Eigen::VectorXd> changes = of_held.changes;
   changes.insert(changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());
+  changes.insert(changes.end(), points.changes.begin(), points.changes.end());
   const CaptureTimes times = TimesInOrder(dataset.captures.size());
   for (Eigen::VectorXd& change : ChangesByDrifts(used, solution, times, drifts)) changes.push_back(std::move(change));
   for (const Drift& drift : drifts) {
@@ -500,14 +555,16 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options
   ArmSummaries summaries = SummariseArms(dataset, arms, options.kinematics, output.calibration);
   result.arms = std::move(summaries.arms);
   NameKnownArms(result.arms, result.rig.robots, &of_rig);
-  for (const std::vector<Finding>& findings : {scales.findings, of_rig, of_drifts, summaries.findings, of_held.findings,
-                                               of_smooth.findings, structure.findings, directions, missing_ids}) {
+  for (const std::vector<Finding>& findings :
+       {scales.findings, of_rig, of_drifts, summaries.findings, of_held.findings, of_smooth.findings,
+        DescribePoints(used, TargetsWithFreePoints(given), points), structure.findings, directions, missing_ids}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
   result.point_deviations = std::move(structure.points);
+  if (!points.changes.empty()) result.point_offsets = points.offsets;
   result.working_points = working_points;
   result.requirements = ReachedAccuracies(options.requirements, used, solution, working_points);
-  output.dataset = dataset;
+  output.dataset = std::move(dataset);
   return output;
 }
 

@@ -538,6 +538,15 @@ FindingText TargetPoints(const Finding& finding) {
           ""};
 }
 
+FindingText PointsEstimated(const Finding& finding) {
+  const std::string target = Name(finding, "of_target");
+  return {"the points of the target" + (target.empty() ? "" : " " + target) + " lie beside their design by " +
+              Significant(Number(finding, "sigma_mm"), 2) + " mm along each axis (one sigma), by up to " +
+              Significant(Number(finding, "largest_mm"), 2) + " mm (point " + Count(finding, "largest_id") + "; " +
+              ChanceText(Number(finding, "p")) + "): they were estimated",
+          ""};
+}
+
 FindingText ImageRegions(const Finding& finding) {
   const std::string camera = Name(finding, "of_camera");
   return {"in " + Count(finding, "deviating") + " of " + Count(finding, "regions") + " regions of the image" +
@@ -691,6 +700,7 @@ constexpr CodeWords kWords[] = {
     {"drift_unseen", &DriftUnseen},
     {"prior", &PriorText},
     {"target_points", &TargetPoints},
+    {"points_estimated", &PointsEstimated},
     {"image_regions", &ImageRegions},
 };
 

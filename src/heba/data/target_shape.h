@@ -27,9 +27,10 @@ struct TargetShape {
   Eigen::Vector2d half_size_m = Eigen::Vector2d::Zero();
 };
 
-// The groups that a refinement can free, and the parameters of each, in the order of TargetShape::params.
-enum class TargetShapeGroup { kScale, kBend, kTwist, kCubic };
-inline constexpr std::array<std::string_view, 4> kTargetShapeGroupNames = {"scale", "bend", "twist", "cubic"};
+// The groups that a refinement can free, and the parameters of each, in the order of TargetShape::params. kPoints are
+// the positions of the points by themselves (heba/data/point_offsets.h), which have no parameter here.
+enum class TargetShapeGroup { kScale, kBend, kTwist, kCubic, kPoints };
+inline constexpr std::array<std::string_view, 5> kTargetShapeGroupNames = {"scale", "bend", "twist", "cubic", "points"};
 inline constexpr std::array<std::string_view, TargetShape::kNumParams> kTargetShapeParamNames = {
     "scale_x",     "scale_y",     "bend_x_m",    "bend_y_m",   "twist_m",
     "cubic_xxx_m", "cubic_xxy_m", "cubic_xyy_m", "cubic_yyy_m"};

@@ -56,6 +56,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "drift_unseen",
     "prior",
     "target_points",
+    "points_estimated",
     "image_regions",
     "at_working_point",
     "intrinsics_not_included",

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "heba/data/capture_role.h"
+#include "heba/data/point_offsets.h"
 #include "heba/data/problem.h"
 #include "heba/data/setup.h"
 #include "heba/data/solution.h"
@@ -146,6 +147,8 @@ struct RunResult {
   // limits on uncertainty and hold-out errors it replaces.
   std::vector<CameraRequirement> requirements;
   std::vector<Finding> observations;  // Findings about the run that its figures do not show.
+  // One per target: the points that are not where the design has them, by the estimate; or an empty list.
+  std::vector<PointOffsets> point_offsets;
   // The points of the targets that were seen often enough. Not written to files.
   std::vector<PointDeviation> point_deviations;
   Verdict verdict;  // Result of JudgeRun.

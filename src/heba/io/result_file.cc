@@ -295,6 +295,7 @@ Json TargetEntryJson(const RunResult& result, size_t index) {
               {"pose", PoseJson(solution.poses.mount_from_target[index], mount, target.name, &solution.covariance,
                                 TargetPoseBlock(target))},
               {"shape", ShapeJson(solution.shapes[index], solution.covariance, TargetShapeBlock(target))},
+              {"point_offsets", PointOffsetsJson(result.point_offsets, index)},
               {"truth", TruthJson(result.truth.targets, index)}};
 }
 
@@ -317,7 +318,9 @@ Json ShortJson(const RunResult& result) {
   json["heba"] = Version();
   json["name"] = result.name;
   json["setup"] = SetupName(setup);
-  json["target"] = Json{{"type", result.target_types[0]}, {"points", result.num_target_points[0]}};
+  json["target"] = Json{{"type", result.target_types[0]},
+                        {"points", result.num_target_points[0]},
+                        {"point_offsets", PointOffsetsJson(result.point_offsets, 0)}};
   AddAbout(result.about, &json);
   json["captures"] = Json::array();
   const std::map<std::string, Rigid3d> corrections = CorrectionsOfArm(result);

@@ -93,6 +93,15 @@ Json CameraJson(const Camera& camera, const Covariance* covariance, const std::s
   return json;
 }
 
+Json PointOffsetsJson(const std::vector<PointOffsets>& offsets, size_t target) {
+  Json json = Json::array();
+  if (target >= offsets.size()) return json;
+  for (const auto& [id, offset_m] : offsets[target]) {
+    json.push_back(Json{{"id", id}, {"offset_m", {offset_m.x(), offset_m.y(), offset_m.z()}}});
+  }
+  return json;
+}
+
 Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block) {
   Json json;
   Json sigmas;
@@ -199,6 +208,19 @@ Camera ReadCameraJson(const JsonReader& reader) {
   const std::string faults = CheckCamera(camera);
   if (!faults.empty()) reader.Fail(faults);
   return camera;
+}
+
+PointOffsets ReadPointOffsetsJson(const JsonReader& reader) {
+  constexpr int kMostId = 1000000000;
+  constexpr size_t kDimensions = 3;
+  PointOffsets offsets;
+  for (const JsonReader& entry : reader.List()) {
+    const JsonReader value = entry.Get("offset_m");
+    const std::vector<double> offset_m = value.Numbers();
+    if (offset_m.size() != kDimensions) value.Fail("three numbers are needed");
+    offsets[entry.Get("id").Int(0, kMostId)] = {offset_m[0], offset_m[1], offset_m[2]};
+  }
+  return offsets;
 }
 
 TargetShape ReadShapeJson(const JsonReader& reader) {

@@ -15,6 +15,7 @@
 #include "heba/base/text.h"
 #include "heba/camera/camera.h"
 #include "heba/data/pair_solution.h"
+#include "heba/data/point_offsets.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 #include "heba/io/json_reader.h"
@@ -42,6 +43,7 @@ Json CameraJson(const Camera& camera);
 // Likewise with the sigmas of its parameters (std), which are null for those that were held.
 Json CameraJson(const Camera& camera, const Covariance* covariance, const std::string& block);
 // Returns the estimated shape of the target `block`, or null if no part of it was free.
+Json PointOffsetsJson(const std::vector<PointOffsets>& offsets, size_t target);
 Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block);
 // Returns the members "<prefix>mm" and "<prefix>deg" of an arm's noise, which are null if there is none.
 Json NoiseJson(const std::optional<RobotNoise>& noise, const std::string& prefix);
@@ -73,6 +75,7 @@ std::string FileText(const Json& json);
 // Reads a pose, which must be that of `child` in `parent`.
 Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child);
 Camera ReadCameraJson(const JsonReader& reader);
+PointOffsets ReadPointOffsetsJson(const JsonReader& reader);
 TargetShape ReadShapeJson(const JsonReader& reader);
 std::optional<double> ReadOptional(const JsonReader& reader, const char* key);
 // Reads a number for which null stands for a value that is not finite.

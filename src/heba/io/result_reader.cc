@@ -191,6 +191,11 @@ void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
   solution->effect_sigmas = std::move(effects.sigmas);
 }
 
+// Returns the offsets of the points of a target. Results of earlier versions lack them.
+PointOffsets ReadOffsetsOf(const JsonReader& target) {
+  return target.Has("point_offsets") ? ReadPointOffsetsJson(target.Get("point_offsets")) : PointOffsets();
+}
+
 RunResult ReadShort(const JsonReader& reader) {
   const std::string name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
@@ -198,6 +203,7 @@ RunResult ReadShort(const JsonReader& reader) {
   const JsonReader target = reader.Get("target");
   RunResult result = ShortResult(*setup, target.Get("type").Text(), target.Get("points").Int(0, kMostCounted));
   result.name = name;
+  result.point_offsets = {ReadOffsetsOf(target)};
   for (const JsonReader& capture : reader.Get("captures").List()) result.images.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, *setup));
@@ -304,6 +310,7 @@ void ReadTargetEntry(const JsonReader& reader, const std::string& name, RunResul
   result->target_types.push_back(reader.Get("type").Text());
   solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, target), name));
   solution.shapes.push_back(reader.Has("shape") ? ReadShapeJson(reader.Get("shape")) : TargetShape());
+  result->point_offsets.push_back(ReadOffsetsOf(reader));
   result->truth.targets.push_back(ReadTruthOf(reader));
   result->rig.targets.push_back(std::move(target));
 }
