@@ -21,6 +21,7 @@
 #include "tools/config/long_form.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/target_shape_key.h"
 #include "tools/text/arm_keys.h"
 
 namespace heba {
@@ -373,9 +374,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   // ReadCameras gives these to the cameras.
   ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
   if (reader.Has("intrinsics_prior")) reader.Choice("intrinsics_prior", {"none", "file"});
-  const FreeShape shape = ReadFreeShape(reader);
-  config->options.calibration.choose_target_shape = shape.is_chosen;
-  for (ProblemTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
+  ReadTargetShape(reader, config);
   AdjustmentOptions& adjustment = config->options.calibration.adjustment;
   std::vector<Arm> arms;
   for (const std::optional<RobotArm>& robot : config->data.arms) {

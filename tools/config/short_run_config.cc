@@ -16,6 +16,7 @@
 #include "tools/config/plan_section.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/target_shape_key.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -90,9 +91,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   Dataset& data = config->data;
   ProblemCamera& camera = data.rig.cameras.front();
   camera.free_intrinsics = ReadFreeIntrinsics(reader, camera.free_intrinsics);
-  const FreeShape shape = ReadFreeShape(reader);
-  config->options.calibration.choose_target_shape = shape.is_chosen;
-  data.rig.targets.front().free_shape = shape.groups;
+  ReadTargetShape(reader, config);
   ReadRobotErrors(reader, data, &config->options);
   std::vector<Arm> arms;
   if (data.arms.front()) arms.push_back(data.arms.front()->arm);

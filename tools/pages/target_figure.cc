@@ -61,8 +61,15 @@ std::string TargetFigures(const ReportData& data) {
   std::string figures;
   for (size_t t = 0; t < data.result.rig.targets.size(); ++t) {
     std::vector<PointDeviation> points;
+    const std::vector<PointOffsets>& offsets = data.result.point_offsets;
+    const PointOffsets estimated = t < offsets.size() ? offsets[t] : PointOffsets();
     for (const PointDeviation& one : data.result.point_deviations) {
-      if (one.target == t) points.push_back(one);
+      if (one.target != t) continue;
+      points.push_back(one);
+      const auto offset = estimated.find(one.id);
+      // What was estimated is no residual any more.
+      if (offset != estimated.end()) points.back().deviation_m = offset->second;
+      if (offset != estimated.end()) points.back().p_value = 0;
     }
     const bool has_any =
         std::any_of(points.begin(), points.end(), [](const PointDeviation& one) { return one.p_value < kClear; });

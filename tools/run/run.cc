@@ -666,6 +666,7 @@ void CheckDataset(const Dataset& dataset, const RunOptions& options) {
     if (target == nullptr) throw InputError("the data set has no target");
   }
   CheckDetections(dataset);
+  TargetsWithFreePoints(dataset);
   const std::string faults = WhyNotToldApart(dataset);
   if (!faults.empty()) throw InputError(faults);
 }

@@ -100,6 +100,13 @@ TEST_F(ResultFileTest, RolesAndKindsAreReadAsTheyWereWritten) {
   EXPECT_EQ(read.estimates[1].kind, EstimateKind::kRefined);
 }
 
+TEST_F(ResultFileTest, OffsetsOfPointsAreReadAsTheyWereWritten) {
+  RunResult written = SmallResult();
+  EXPECT_TRUE(Read(ResultToJson(written)).point_offsets.at(0).empty());
+  written.point_offsets = {{{3, {1e-4 / 3, -2e-4, 0}}, {17, {0, 0, 5e-4 / 7}}}};
+  EXPECT_EQ(Read(ResultToJson(written)).point_offsets, written.point_offsets);
+}
+
 TEST_F(ResultFileTest, RefusesUnknownRolesAndKinds) {
   EXPECT_THAT(ErrorOf("\"translate_x\"", "\"translate_z\""),
               HasSubstr("the role is unknown; one of: home, translate_x"));

@@ -128,6 +128,21 @@ TEST_F(ShortRunConfigTest, FillsInDefaults) {
   EXPECT_FALSE(config.data.has_camera[0]);
 }
 
+TEST_F(ShortRunConfigTest, PointsAreAGroupOfTheShape) {
+  const RunConfig config = Read("cell.yaml", {"refine.target_shape=[bend, points]"});
+  EXPECT_FALSE(config.options.calibration.choose_target_shape);
+  EXPECT_EQ(
+      config.data.rig.targets[0].free_shape,
+      (std::vector<TargetShapeGroup>{TargetShapeGroup::kBend, TargetShapeGroup::kTwist, TargetShapeGroup::kPoints}));
+}
+
+TEST_F(ShortRunConfigTest, PointsOfASymmetricTargetAreRefused) {
+  EXPECT_THAT(InputErrorOf([&] {
+                Read("cell.yaml", {"refine.target_shape=[points]", "target.columns=9"});
+              }),
+              HasSubstr("refine.target_shape: the target looks the same in several orientations"));
+}
+
 TEST_F(ShortRunConfigTest, MethodsAreAllOrAList) {
   EXPECT_TRUE(Read("cell.yaml").options.methods.empty());
   EXPECT_THAT(Read("cell.yaml").used, HasSubstr("methods: all\n"));

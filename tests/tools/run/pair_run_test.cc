@@ -8,7 +8,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heba/base/rng.h"
 #include "heba/base/units.h"
+#include "heba/displaced_target.h"
 #include "tests/support/datasets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
@@ -169,6 +171,47 @@ TEST(PairRunTest, EndsWhenItIsCancelled) {
   recorder.events.clear();
   EXPECT_EQ(heba::Run(SimulatedDataset(), RunOptions(), &recorder).failure().code, kCancelled);
   EXPECT_THAT(recorder.events, Not(testing::Contains("calibrated")));
+}
+
+// Every point of the board was printed beside its design.
+TEST(PairRunTest, PointsOfTheTargetAreEstimatedIfTheyAreFree) {
+  const std::shared_ptr<const Target> target = Chessboard();
+  PointOffsets printed;
+  Rng rng(2);
+  for (const TargetPoint& point : target->points()) {
+    printed[point.id] = 3e-4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+  }
+  const TestScene scene = SimulatedScene(*Displaced(target, printed));
+  Dataset dataset = WithFixedCamera(NamedDatasetOf(scene, target));
+  RunOptions options = WithoutFolds();
+  options.calibration.choose_target_shape = false;
+  const Outcome<RunOutput> designed = heba::Run(dataset, options);
+  ASSERT_TRUE(designed) << designed.reason();
+  EXPECT_TRUE(designed->result.point_offsets.empty());
+  dataset.rig.targets[0].free_shape = {TargetShapeGroup::kPoints};
+  const Outcome<RunOutput> run = heba::Run(dataset, options);
+  ASSERT_TRUE(run) << run.reason();
+  ASSERT_THAT(run->result.point_offsets, SizeIs(1));
+  EXPECT_THAT(run->result.point_offsets[0], SizeIs(target->points().size()));
+  EXPECT_THAT(run->result.model.target_shape, ElementsAre("points"));
+  const std::vector<Finding>& findings = run->result.verdict.findings;
+  const auto found = std::find_if(findings.begin(), findings.end(),
+                                  [](const Finding& finding) { return finding.code == "points_estimated"; });
+  ASSERT_NE(found, findings.end());
+  EXPECT_NEAR(*found->Number("sigma_mm"), 0.3, 0.08);
+  // The pixels have the noise of the detector again.
+  EXPECT_GT(FindRefined(designed->result)->solution->pixel_sigma_px, 0.25);
+  EXPECT_NEAR(FindRefined(run->result)->solution->pixel_sigma_px, 0.1, 0.02);
+}
+
+TEST(PairRunTest, PointsOfASymmetricTargetAreRefused) {
+  Dataset dataset = SimulatedDataset();
+  dataset.targets = {ParseTarget("{type: chessboard, rows: 7, columns: 9, square: 20 mm}")};
+  dataset.given_detections.front().detection.detection.ids.clear();
+  dataset.given_detections.front().detection.detection.pixels.clear();
+  dataset.rig.targets[0].free_shape = {TargetShapeGroup::kPoints};
+  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, RunOptions()); }),
+              HasSubstr("the target looks the same in several orientations"));
 }
 
 TEST(PairRunTest, CapturesWithOneImageCountOnce) {

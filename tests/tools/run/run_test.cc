@@ -1,5 +1,6 @@
 // Tests of heba/run.h.
 #include "heba/run.h"
+#include "heba/displaced_target.h"
 
 #include <algorithm>
 #include <cmath>
@@ -144,7 +145,7 @@ class RunTest : public testing::Test {
   }
 
   const TempFolder folder_;
-  const std::vector<std::shared_ptr<const Target>> targets_ = {ParseTarget(kTargets[0]), ParseTarget(kTargets[1])};
+  std::vector<std::shared_ptr<const Target>> targets_ = {ParseTarget(kTargets[0]), ParseTarget(kTargets[1])};
 };
 
 // Counts the folds, and then ends the run.
@@ -204,6 +205,43 @@ TEST_F(RunTest, BuildsOnAnEarlierRun) {
       std::find_if(findings.begin(), findings.end(), [](const Finding& finding) { return finding.code == "prior"; });
   ASSERT_NE(prior, findings.end());
   EXPECT_EQ(prior->grade, Grade::kGood);
+}
+
+// The plate was printed beside its design; the wall was not.
+TEST_F(RunTest, PointsOfATargetAreEstimatedIfTheyAreFree) {
+  const std::shared_ptr<const Target> designed = targets_[0];
+  PointOffsets printed;
+  Rng rng(3);
+  for (const TargetPoint& point : designed->points()) {
+    printed[point.id] = 3e-4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+  }
+  targets_[0] = Displaced(designed, printed);
+  const CellScene scene = MakeScene(1);
+  targets_[0] = designed;
+  Dataset dataset = DatasetOf(scene);
+  dataset.rig.targets[0].free_shape = {TargetShapeGroup::kPoints};
+  dataset.given_detections = DetectionsOf(scene);
+  RunOptions options;
+  options.folds = 0;
+  options.calibration.choose_target_shape = false;
+  const Outcome<RunOutput> run = heba::Run(dataset, options);
+  ASSERT_TRUE(run) << run.reason();
+  ASSERT_EQ(run->result.point_offsets.size(), 2U);
+  EXPECT_TRUE(run->result.point_offsets[1].empty());
+  double squares = 0;
+  double squares_left = 0;
+  for (const auto& [id, offset_m] : run->result.point_offsets[0]) {
+    squares += printed.at(id).squaredNorm();
+    squares_left += (printed.at(id) - offset_m).squaredNorm();
+  }
+  // What is a motion or a stretch of the plate is not found.
+  EXPECT_LT(squares_left, 0.35 * squares);
+  const auto& findings = run->result.verdict.findings;
+  const auto found = std::find_if(findings.begin(), findings.end(),
+                                  [](const Finding& finding) { return finding.code == "points_estimated"; });
+  ASSERT_NE(found, findings.end());
+  EXPECT_EQ(found->Name("of_target"), "plate");
+  EXPECT_EQ(WrittenAndRead(run->result).point_offsets, run->result.point_offsets);
 }
 
 // A rejected point belongs neither to the error of the camera nor to that of the image.
