@@ -18,7 +18,7 @@ std::vector<size_t> TargetsWithFreePoints(const Dataset& dataset) {
     if (dataset.targets[t]->Symmetries().size() > 1) {
       throw InputError("the target" + (target.name.empty() ? "" : " " + target.name) +
                        " looks the same in several orientations, so that the positions of its points cannot be "
-                       "estimated; leave points out of refine.target_shape");
+                       "estimated");
     }
     targets.push_back(t);
   }
