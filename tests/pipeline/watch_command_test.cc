@@ -49,9 +49,28 @@ TEST(WatchCommandTest, EndsWhenTheRequiredAccuracyIsReached) {
   EXPECT_THAT(watch.out, HasSubstr("000.png: 24 of 24 points"));
   EXPECT_THAT(watch.out, HasSubstr(" captures: "));
   EXPECT_THAT(watch.out, HasSubstr("covered: x "));
+  EXPECT_THAT(watch.out, HasSubstr(", skew "));
   EXPECT_THAT(watch.out, HasSubstr("the required accuracy is reached"));
   EXPECT_TRUE(fs::exists(folder / "run" / "result.json"));
   EXPECT_THAT(ReadAll(path("run.watch.html")), HasSubstr("http-equiv=\"refresh\""));
+}
+
+// Two cameras, whose captures are there from the start.
+TEST(WatchCommandTest, LooksAtTheImagesOfEveryCamera) {
+  const fs::path folder = TestFolder("watch_command_cameras");
+  const std::string all = (folder / "all").string();
+  ASSERT_EQ(RunHeba({"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/rig/scene.yaml", "--out", all, "--quiet",
+                     "--set", "motion.captures=12"})
+                .status,
+            0);
+  const CommandResult watch =
+      RunHeba({"watch", all + "/config.yaml", "--out", (folder / "run").string(), "--set", "evaluate.folds=0", "--set",
+               "evaluate.require=[{within: 50 mm}]"});
+  EXPECT_EQ(watch.status, 0) << watch.err;
+  EXPECT_THAT(watch.out, HasSubstr("left/000.png: target plate "));
+  EXPECT_THAT(watch.out, HasSubstr("target wall "));
+  EXPECT_THAT(watch.out, HasSubstr("wrist covered: x "));
+  EXPECT_THAT(watch.out, HasSubstr("the required accuracy is reached"));
 }
 
 TEST(WatchCommandTest, RefusesAWrongConfig) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <iostream>
 #include <map>
 #include <optional>
@@ -18,6 +17,7 @@
 #include "targets/images/image.h"
 #include "tools/files/cached_detector.h"
 #include "tools/pages/page.h"
+#include "tools/pipeline/image_quality.h"
 #include "tools/pipeline/pipeline.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
@@ -33,6 +33,7 @@ constexpr std::chrono::milliseconds kInterval(250);
 struct WatchedImage {
   std::string name;
   fs::path path;
+  size_t camera = 0;
 };
 
 std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
@@ -42,7 +43,7 @@ std::vector<WatchedImage> ImagesOf(const RunConfig& config) {
       if (capture.images[c].empty()) continue;
       const std::string& camera = config.data.rig.cameras[c].name;
       images.push_back(
-          {camera.empty() ? capture.name : camera + "/" + capture.images[c].filename().string(), capture.images[c]});
+          {camera.empty() ? capture.name : camera + "/" + capture.images[c].filename().string(), capture.images[c], c});
     }
   }
   return images;
@@ -68,28 +69,6 @@ std::string StateOf(const RunConfig& config, const std::vector<WatchedImage>& im
   return state;
 }
 
-// Returns what the exposure of an image lacks; empty if nothing.
-std::string ExposureText(const cv::Mat& grey) {
-  double num_bright = 0;
-  double sum = 0;
-  for (int row = 0; row < grey.rows; ++row) {
-    const auto* const pixels = grey.ptr<unsigned char>(row);
-    for (int column = 0; column < grey.cols; ++column) {
-      constexpr unsigned char kSaturated = 254;
-      num_bright += pixels[column] >= kSaturated ? 1 : 0;
-      sum += pixels[column];
-    }
-  }
-  const double num_pixels = static_cast<double>(grey.rows) * grey.cols;
-  constexpr double kMostBright = 0.2;
-  constexpr double kDark = 30;
-  if (num_bright > kMostBright * num_pixels) {
-    return "overexposed: " + Fixed(100 * num_bright / num_pixels, 0) + " % of its pixels are white";
-  }
-  if (sum < kDark * num_pixels) return "dark: its mean is " + Fixed(sum / num_pixels, 0) + " of 255";
-  return "";
-}
-
 // Returns whether an image is complete: its size has not changed since the last look, and it can be read.
 bool IsComplete(const fs::path& path, Watched* watched) {
   std::error_code error;
@@ -106,40 +85,6 @@ bool IsComplete(const fs::path& path, Watched* watched) {
     return false;  // The image is half-written.
   }
   return true;
-}
-
-// The places of the target in the images of a single camera, as shares of what a good session covers.
-struct Gauges {
-  double x = 0;
-  double y = 0;
-  double size = 0;
-};
-
-Gauges GaugesOf(const std::vector<CaptureDetection>& detections) {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(1);
-  Eigen::Vector3d high = Eigen::Vector3d::Zero();
-  for (const CaptureDetection& capture : detections) {
-    const std::vector<Eigen::Vector2d>& pixels = capture.detection.pixels;
-    if (pixels.empty()) continue;
-    Eigen::Vector2d least = pixels.front();
-    Eigen::Vector2d most = pixels.front();
-    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-    for (const Eigen::Vector2d& pixel : pixels) {
-      least = least.cwiseMin(pixel);
-      most = most.cwiseMax(pixel);
-      mean += pixel / static_cast<double>(pixels.size());
-    }
-    const double area_px2 = static_cast<double>(capture.width_px) * capture.height_px;
-    const Eigen::Vector3d place(mean.x() / capture.width_px, mean.y() / capture.height_px,
-                                std::sqrt((most - least).prod() / area_px2));
-    low = low.cwiseMin(place);
-    high = high.cwiseMax(place);
-  }
-  const Eigen::Vector3d range = (high - low).cwiseMax(0);
-  // The middle of the target should move over these parts of the image, as in hand-held calibrations.
-  constexpr double kOfImage = 0.5;
-  constexpr double kOfSize = 0.25;
-  return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize)};
 }
 
 // Returns whether there are requirements, and all are met.
@@ -250,37 +195,67 @@ class WatchedSession {
     std::cout << ForTerminal(line + "\n") << std::flush;
   }
 
-  // Says of each new image whether it shows the target, and how it is exposed.
+  // Says of each new image which targets it shows, how it is exposed and how sharp it is, and what the images of each
+  // camera cover.
   void TellImages(const RunConfig& config, const std::vector<WatchedImage>& images) {
-    const bool is_short = IsShort(config.data.rig);
-    std::vector<CaptureDetection> detections;
-    for (const WatchedImage& image : images) {
-      const bool is_new = watched_.told.insert(image.path).second;
-      if (!is_short) {
-        if (is_new) Tell(image.name + ": has come");
-        continue;
-      }
-      detections.push_back(DetectOnce(config, image.path));
-      if (!is_new) continue;
-      const Detection& seen = detections.back().detection;
-      const std::string& exposure = watched_.complete.at(image.path);
-      Tell(image.name + ": " +
-           (seen.ids.empty() ? "the target is not seen" + (seen.reason.empty() ? "" : " (" + seen.reason + ")")
-                             : std::to_string(seen.ids.size()) + " of " +
-                                   std::to_string(config.data.targets.front()->points().size()) + " points") +
-           (exposure.empty() ? "" : "; " + exposure));
+    if (config.targets_used != targets_used_) {
+      targets_used_ = config.targets_used;
+      detect_ = CachedDetections(config.data, targets_used_);
+      detections_.clear();
     }
-    if (!is_short) return;
-    const Gauges gauges = GaugesOf(detections);
-    const auto percent = [](double share) { return Fixed(100 * share, 0) + " %"; };
-    Tell("covered: x " + percent(gauges.x) + ", y " + percent(gauges.y) + ", size " + percent(gauges.size));
+    if (detect_.empty()) return;  // There are points, or poses of the target, and no images.
+    const Problem& rig = config.data.rig;
+    std::vector<std::vector<SeenTarget>> of_cameras(rig.cameras.size());
+    for (const WatchedImage& image : images) {
+      const std::vector<CaptureDetection>& detections = DetectOnce(image.path);
+      for (size_t t = 0; t < detections.size(); ++t) {
+        const CaptureDetection& seen = detections[t];
+        of_cameras[image.camera].push_back(
+            {ObservationsOf(*config.data.targets[t], seen.detection), seen.width_px, seen.height_px});
+      }
+      if (watched_.told.insert(image.path).second) Tell(image.name + ": " + AboutImage(config.data, image, detections));
+    }
+    for (size_t c = 0; c < of_cameras.size(); ++c) {
+      const Gauges gauges = GaugesOf(of_cameras[c]);
+      const auto percent = [](double share) { return Fixed(100 * share, 0) + " %"; };
+      Tell((rig.cameras[c].name.empty() ? "" : rig.cameras[c].name + " ") + "covered: x " + percent(gauges.x) + ", y " +
+           percent(gauges.y) + ", size " + percent(gauges.size) + ", skew " + percent(gauges.skew));
+    }
   }
 
-  const CaptureDetection& DetectOnce(const RunConfig& config, const fs::path& image) {
-    const auto known = detections_.find(image);
-    if (known != detections_.end()) return known->second;
-    if (!detect_) detect_ = CachedDetection(config.targets_used.front());
-    return detections_.emplace(image, detect_(image, std::nullopt)).first->second;
+  // Returns what is to be said about a new image.
+  std::string AboutImage(const Dataset& data, const WatchedImage& image,
+                         const std::vector<CaptureDetection>& detections) {
+    std::vector<std::string> remarks;
+    std::vector<Eigen::Vector2d> pixels;
+    for (size_t t = 0; t < detections.size(); ++t) {
+      const Detection& seen = detections[t].detection;
+      const std::string& name = data.rig.targets[t].name;
+      const std::string target = name.empty() ? "" : "target " + name + " ";
+      pixels.insert(pixels.end(), seen.pixels.begin(), seen.pixels.end());
+      if (seen.ids.empty()) {
+        remarks.push_back((name.empty() ? "the target " : target) + "is not seen" +
+                          (seen.reason.empty() ? "" : " (" + seen.reason + ")"));
+      } else {
+        remarks.push_back(target + std::to_string(seen.ids.size()) + " of " +
+                          std::to_string(data.targets[t]->points().size()) + " points");
+      }
+    }
+    if (const std::string& exposure = watched_.complete.at(image.path); !exposure.empty()) remarks.push_back(exposure);
+    if (const std::optional<double> blur_px = BlurPx(ReadGreyImage(image.path), pixels)) {
+      sharpest_px_ = std::min(sharpest_px_.value_or(*blur_px), *blur_px);
+      if (const std::string text = SharpnessText(*blur_px, *sharpest_px_); !text.empty()) remarks.push_back(text);
+    }
+    return Join(remarks, "; ");
+  }
+
+  // Returns the detection of each target in an image.
+  const std::vector<CaptureDetection>& DetectOnce(const fs::path& image) {
+    const auto [known, is_new] = detections_.try_emplace(image);
+    if (is_new) {
+      for (const DetectFunction& detect : detect_) known->second.push_back(detect(image, std::nullopt));
+    }
+    return known->second;
   }
 
   bool Calibrate(const RunConfig& config) {
@@ -306,8 +281,10 @@ class WatchedSession {
   int num_waits_ = 0;
   std::string calibrated_;  // StateOf the last run.
   Watched watched_;
-  DetectFunction detect_;  // Keeps what the run needs again.
-  std::map<fs::path, CaptureDetection> detections_;
+  std::vector<std::string> targets_used_;
+  std::vector<DetectFunction> detect_;  // One per target; they keep what the run needs again.
+  std::map<fs::path, std::vector<CaptureDetection>> detections_;
+  std::optional<double> sharpest_px_;  // The blur of the sharpest image.
   std::vector<std::string> lines_;
 };
 
