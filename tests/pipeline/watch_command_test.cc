@@ -63,9 +63,8 @@ TEST(WatchCommandTest, LooksAtTheImagesOfEveryCamera) {
                      "--set", "motion.captures=12"})
                 .status,
             0);
-  const CommandResult watch =
-      RunHeba({"watch", all + "/config.yaml", "--out", (folder / "run").string(), "--set", "evaluate.folds=0", "--set",
-               "evaluate.require=[{within: 50 mm}]"});
+  const CommandResult watch = RunHeba({"watch", all + "/config.yaml", "--out", (folder / "run").string(), "--set",
+                                       "evaluate.folds=0", "--set", "evaluate.require=[{within: 50 mm}]"});
   EXPECT_EQ(watch.status, 0) << watch.err;
   EXPECT_THAT(watch.out, HasSubstr("left/000.png: target plate "));
   EXPECT_THAT(watch.out, HasSubstr("target wall "));

@@ -23,13 +23,12 @@ std::optional<double> BlurAround(const cv::Mat& grey, const Eigen::Vector2d& pix
   std::vector<double> values;
   std::array<double, 2> steepest = {0, 0};
   for (int v = row - kHalfWindowPx; v <= row + kHalfWindowPx; ++v) {
-    const auto* const before = grey.ptr<unsigned char>(v - 1);
     const auto* const here = grey.ptr<unsigned char>(v);
     const auto* const after = grey.ptr<unsigned char>(v + 1);
     for (int u = column - kHalfWindowPx; u <= column + kHalfWindowPx; ++u) {
       values.push_back(here[u]);
-      steepest[0] = std::max(steepest[0], 0.5 * std::abs(here[u + 1] - here[u - 1]));
-      steepest[1] = std::max(steepest[1], 0.5 * std::abs(after[u] - before[u]));
+      steepest[0] = std::max(steepest[0], 1.0 * std::abs(here[u + 1] - here[u]));
+      steepest[1] = std::max(steepest[1], 1.0 * std::abs(after[u] - here[u]));
     }
   }
   // The darkest and the brightest twentieth are noise.
@@ -125,8 +124,8 @@ Gauges GaugesOf(const std::vector<SeenTarget>& seen) {
   constexpr double kOfImage = 0.5;
   constexpr double kOfSize = 0.25;
   constexpr double kForeshortened = 0.2;
-  return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage),
-          std::min(1.0, range.z() / kOfSize), std::min(1.0, foreshortening / kForeshortened)};
+  return {std::min(1.0, range.x() / kOfImage), std::min(1.0, range.y() / kOfImage), std::min(1.0, range.z() / kOfSize),
+          std::min(1.0, foreshortening / kForeshortened)};
 }
 
 }  // namespace heba

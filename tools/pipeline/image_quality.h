@@ -1,4 +1,5 @@
-// How good images are as captures of a calibration: exposure, sharpness, and how much of what a session needs they cover.
+// How good images are as captures of a calibration: exposure, sharpness, and how much of what a session needs they
+// cover.
 #pragma once
 
 #include <optional>
@@ -17,8 +18,8 @@ std::string ExposureText(const cv::Mat& grey);
 
 // Returns one sigma of the blur of the edges near the points of a target, px: the median over the points of C / (sqrt(2
 // pi) G), with the contrast C and the largest gradient G around a point, along the image axis in which that is smaller.
-// A step that falls on pixels without any other blur has 0.8 px. Nothing if the points are too close to the border, or
-// too faint.
+// A step that falls on pixels without any other blur has 0.4 to 0.8 px. Nothing if the points are too close to the
+// border, or too faint.
 std::optional<double> BlurPx(const cv::Mat& grey, const std::vector<Eigen::Vector2d>& pixels);
 
 // Returns what the sharpness of an image lacks, given that of the sharpest image; empty if nothing.
