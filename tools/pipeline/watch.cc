@@ -110,8 +110,10 @@ std::string KnownText(const RunResult& result) {
   }
   for (const CameraRequirement& of_camera : result.requirements) {
     const Requirement& one = of_camera.requirement;
-    text += "; " + one.place + ": " + (one.reached_m ? ShownAmount(1000 * *one.reached_m, 2) + " mm" : "not located") +
-            " of " + ShownAmount(1000 * one.within_m, 2) + " mm";
+    const std::string& camera = result.rig.cameras[of_camera.camera].name;
+    text += "; " + (camera.empty() ? "" : camera + ", ") + one.place + ": " +
+            (one.reached_m ? ShownAmount(1000 * *one.reached_m, 2) + " mm" : "not located") + " of " +
+            ShownAmount(1000 * one.within_m, 2) + " mm";
   }
   return text;
 }

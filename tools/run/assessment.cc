@@ -297,6 +297,9 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   for (Finding& missing : FindMissingIds(dataset, detections, predicted)) {
     result.observations.push_back(std::move(missing));
   }
+  for (Finding& turned : FindSeenFromBehind(dataset, detections, predicted)) {
+    result.observations.push_back(std::move(turned));
+  }
   result.requirements = ReachedAccuracies(run.requirements, used, solution, result.working_points);
   return WithFinalEstimate(std::move(result));
 }

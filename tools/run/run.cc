@@ -499,8 +499,9 @@ Outcome<RunOutput> RunOnImages(const Dataset& given, const RunOptions& options, 
       CalibratePoints(duplicates, options, calibration_options, &dataset, &*calibrated, &output.detections, observer);
   const std::vector<Drift> drifts = std::move(calibrated->drifts);
   std::vector<Finding> of_drifts = std::move(calibrated->findings);
-  const std::vector<Finding> missing_ids =
-      FindMissingIds(dataset, output.detections, calibrated->of_images.Predicted(output.detections));
+  const PredictedImages predicted = calibrated->of_images.Predicted(output.detections);
+  const std::vector<Finding> missing_ids = FindMissingIds(dataset, output.detections, predicted);
+  const std::vector<Finding> from_behind = FindSeenFromBehind(dataset, output.detections, predicted);
   const Problem seen = std::move(calibrated->of_images.seen);
   output.calibration = std::move(calibrated->of_images.calibration);
   std::vector<Finding> of_rig = DiagnoseCalibration(seen, output.calibration);
@@ -557,7 +558,8 @@ Outcome<RunOutput> RunOnImages(const Dataset& given, const RunOptions& options, 
   NameKnownArms(result.arms, result.rig.robots, &of_rig);
   for (const std::vector<Finding>& findings :
        {scales.findings, of_rig, of_drifts, summaries.findings, of_held.findings, of_smooth.findings,
-        DescribePoints(used, TargetsWithFreePoints(given), points), structure.findings, directions, missing_ids}) {
+        DescribePoints(used, TargetsWithFreePoints(given), points), structure.findings, directions, missing_ids,
+        from_behind}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
   result.point_deviations = std::move(structure.points);

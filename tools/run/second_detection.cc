@@ -18,6 +18,9 @@ namespace {
 
 using ExpectedPixels = std::vector<std::optional<Eigen::Vector2d>>;
 
+// Returns the direction that points away from whoever looks at the front of a target.
+Eigen::Vector3d AwayFromFront(const Target& target) { return {0, 0, target.Draw().y_up ? -1.0 : 1.0}; }
+
 // Predicts the target's points in the image of a detection, px; nothing for points out of view.
 ExpectedPixels ExpectedIn(const Target& target, const PredictedImages& predicted,
                           const std::vector<TargetDetection>& detections, size_t index) {
@@ -26,8 +29,7 @@ ExpectedPixels ExpectedIn(const Target& target, const PredictedImages& predicted
   const TargetShape& shape = predicted.shapes[detections[index].target];
   const Rigid3d camera_from_target = *predicted.camera_from_target[index];
   ExpectedPixels expected;
-  const bool z_out = target.Draw().y_up;
-  const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
+  const Eigen::Vector3d normal = camera_from_target.rotation * AwayFromFront(target);
   for (const TargetPoint& point : target.points()) {
     const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, shape);
     std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, in_camera);
@@ -126,6 +128,32 @@ std::optional<std::vector<TargetDetection>> DetectAgain(const Dataset& dataset,
   });
   if (!has_changed) return std::nullopt;
   return again;
+}
+
+std::vector<Finding> FindSeenFromBehind(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                                        const PredictedImages& predicted) {
+  std::vector<Finding> findings;
+  for (size_t t = 0; t < dataset.targets.size(); ++t) {
+    const Eigen::Vector3d away = AwayFromFront(*dataset.targets[t]);
+    int num_images = 0;
+    int num_behind = 0;
+    for (size_t i = 0; i < detections.size(); ++i) {
+      const std::optional<Rigid3d>& camera_from_target = predicted.camera_from_target[i];
+      if (detections[i].target != t || detections[i].detection.detection.ids.empty() || !camera_from_target) continue;
+      ++num_images;
+      const Eigen::Vector3d away_in_camera = camera_from_target->rotation * away;
+      num_behind += away_in_camera.dot(camera_from_target->translation) < 0 ? 1 : 0;
+    }
+    if (2 * num_behind <= num_images) continue;
+    Finding& finding = findings.emplace_back();
+    finding.grade = Grade::kDoubtful;
+    finding.code = FindingCode("seen_from_behind");
+    finding.numbers = {{"behind", num_behind}, {"images", num_images}};
+    finding.is_cause = true;
+    const std::string& name = dataset.rig.targets[t].name;
+    if (!name.empty()) finding.names = {{"of_target", name}};
+  }
+  return findings;
 }
 
 std::vector<Finding> FindMissingIds(const Dataset& dataset, const std::vector<TargetDetection>& detections,

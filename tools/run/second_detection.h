@@ -37,4 +37,10 @@ std::optional<std::vector<TargetDetection>> DetectAgain(const Dataset& dataset,
 std::vector<Finding> FindMissingIds(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                     const PredictedImages& predicted);
 
+// Returns a finding `seen_from_behind` for each target whose points, by their ids, most images show from behind the
+// sheet: the ids are mirrored, by another detector or in print, and the pose of the target is that of a sheet turned
+// over.
+std::vector<Finding> FindSeenFromBehind(const Dataset& dataset, const std::vector<TargetDetection>& detections,
+                                        const PredictedImages& predicted);
+
 }  // namespace heba

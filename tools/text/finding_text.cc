@@ -613,6 +613,17 @@ FindingText MissingIds(const Finding& finding) {
           "check the target's first id, its rows and columns, the marker size and legacy_pattern"};
 }
 
+FindingText SeenFromBehind(const Finding& finding) {
+  const std::string target = Name(finding, "of_target");
+  return {
+      Count(finding, "behind") + " of " + Count(finding, "images") + " images show the target" +
+          (target.empty() ? "" : " " + target) +
+          " from behind, by the ids of its points: these are mirrored, and the pose of the target is that of a sheet "
+          "that is turned over (the camera's is right)",
+      "number the points as the target does: compare the ids in detections.json with a sheet of 'heba target', or "
+      "let heba detect them"};
+}
+
 FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
     return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
@@ -689,6 +700,7 @@ constexpr CodeWords kWords[] = {
     {"camera_reduced", &CameraReduced},
     {"few_captures_prior", &FewCapturesPrior},
     {"missing_ids", &MissingIds},
+    {"seen_from_behind", &SeenFromBehind},
     {"arm_estimated", &ArmEstimated},
     {"arm_declined", &ArmDeclined},
     {"arm_one_configuration", &ArmOneConfiguration},

@@ -45,6 +45,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "camera_reduced",
     "few_captures_prior",
     "missing_ids",
+    "seen_from_behind",
     "arm_estimated",
     "arm_declined",
     "arm_one_configuration",

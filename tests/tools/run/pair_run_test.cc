@@ -266,6 +266,36 @@ TEST(PairRunTest, WrongPosesOfTheTargetAreLeftOutAndNamed) {
   EXPECT_THAT(run->result.images[6].reason, HasSubstr("29 deg from where they predict it"));
 }
 
+// The ids of each row of the board count from its other end.
+TEST(PairRunTest, MirroredIdsAreNamed) {
+  Dataset dataset = SimulatedDataset();
+  const std::vector<TargetPoint>& points = dataset.targets[0]->points();
+  const auto mirrored = [&](int id) {
+    const Eigen::Vector3d& at = points[static_cast<size_t>(id)].in_target;
+    const Eigen::Vector3d other(points.front().in_target.x() + points.back().in_target.x() - at.x(), at.y(), 0);
+    return std::find_if(points.begin(), points.end(),
+                        [&](const TargetPoint& point) { return (point.in_target - other).norm() < 1e-6; })
+        ->id;
+  };
+  const Outcome<RunOutput> right = heba::Run(dataset, WithoutFolds());
+  for (TargetDetection& seen : dataset.given_detections) {
+    for (int& id : seen.detection.detection.ids) id = mirrored(id);
+  }
+  const Outcome<RunOutput> turned = heba::Run(dataset, WithoutFolds());
+  ASSERT_TRUE(right) << right.reason();
+  ASSERT_TRUE(turned) << turned.reason();
+  const auto names = [](const RunOutput& run) {
+    const std::vector<Finding>& findings = run.result.verdict.findings;
+    return std::any_of(findings.begin(), findings.end(),
+                       [](const Finding& finding) { return finding.code == "seen_from_behind"; });
+  };
+  EXPECT_FALSE(names(*right));
+  EXPECT_TRUE(names(*turned));
+  EXPECT_NE(turned->result.verdict.grade, Grade::kGood);
+  EXPECT_THAT(FindRefined(turned->result)->hand_eye.camera_mount_from_camera,
+              IsNearPose(FindRefined(right->result)->hand_eye.camera_mount_from_camera, 1e-6, 1e-6));
+}
+
 TEST(PairRunTest, FailsWhereNothingWasDetected) {
   Dataset dataset = SimulatedDataset();
   for (TargetDetection& given : dataset.given_detections) given.detection.detection = {};
