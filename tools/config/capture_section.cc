@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <numeric>
 #include <set>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
+#include "heba/data/pose_stream.h"
 #include "heba/io/pixel_records.h"
+#include "heba/io/pose_file.h"
 #include "heba/io/pose_folder.h"
 #include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
@@ -27,6 +30,7 @@ struct Seen {
   fs::path image;  // Empty if there is no image.
   std::optional<Rigid3d> camera_from_target;
   std::optional<CaptureDetection> detection;
+  std::optional<double> time_s = {};  // When it was taken, if its file says so.
 };
 
 std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
@@ -56,7 +60,8 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
     seen.push_back({row.image.empty() ? "sample_" + std::to_string(seen.size()) : row.image,
                     {},
                     is_inverse ? Inverse(row.pose) : row.pose,
-                    {}});
+                    {},
+                    row.time_s});
   }
   return seen;
 }
@@ -131,6 +136,90 @@ constexpr Source kSources[] = {
      [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
     {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
     {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
+
+// Returns the time that the name of an image states: its last number, which may have a fraction.
+std::optional<double> TimeInName(const std::string& name) {
+  const std::string stem = fs::path(name).stem().string();
+  constexpr std::string_view kDigits = "0123456789";
+  const size_t end = stem.find_last_of(kDigits);
+  if (end == std::string::npos) return std::nullopt;
+  size_t first = stem.find_last_not_of("0123456789.", end);
+  first = stem.find_first_of(kDigits, first == std::string::npos ? 0 : first);
+  double time = 0;
+  if (!ParseDouble(stem.substr(first, end + 1 - first), &time)) return std::nullopt;
+  return SecondsOf(time);
+}
+
+// Reads the times of images: the column `time` of the table `poses`, which names the images, or their names.
+std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vector<Seen>& seen, RunConfig* config) {
+  std::map<std::string, double> times_s;
+  if (reader->Has("poses")) {
+    const fs::path file = reader->InputPath("poses");
+    config->data_files.push_back(file);
+    for (const PoseRow& row : ReadPoseFile(file, NumbersFormat({std::string(kTimeColumn)}))) {
+      if (row.image.empty()) throw InputError(file.string() + ": needs the columns image and time");
+      times_s[row.image] = SecondsOf(row.numbers.front());
+    }
+    return times_s;
+  }
+  for (const Seen& entry : seen) {
+    const std::optional<double> time_s = entry.time_s ? entry.time_s : TimeInName(entry.name);
+    if (!time_s) {
+      reader->Get("stream").Fail("the image " + entry.name +
+                                 " has no time in its name; list the times of all images in a table with the columns "
+                                 "image and time (poses)");
+    }
+    times_s[entry.name] = *time_s;
+  }
+  return times_s;
+}
+
+PoseStream ReadStream(const fs::path& file, const PoseReading& reading) {
+  std::vector<PoseRow> rows = ReadPoseFile(file, reading.format);
+  if (!rows.front().time_s)
+    throw InputError(file.string() + ": has no column 'time' (s), which a stream of poses needs");
+  std::stable_sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return *a.time_s < *b.time_s; });
+  PoseStream stream;
+  for (const PoseRow& row : rows) {
+    // Robots repeat a row until the next one is ready.
+    if (!stream.times_s.empty() && *row.time_s == stream.times_s.back()) continue;
+    stream.times_s.push_back(*row.time_s);
+    stream.base_from_gripper.push_back(BaseFromGripper(reading, row.pose));
+  }
+  if (stream.times_s.size() < 2) throw InputError(file.string() + ": has one time only; a stream needs more");
+  return stream;
+}
+
+// Takes the poses of the captures from a stream: rows in the form `ros`, for the images that were taken within it.
+std::vector<PoseRow> RowsOfStream(MapReader* reader, const std::vector<Seen>& seen, RunConfig* config) {
+  PosesFileOfArm& arm = config->arms.front();
+  arm.file = reader->InputPath("stream");
+  config->data_files.push_back(arm.file);
+  const PoseReading reading = ReadPoseReading(*reader);
+  PoseStream stream = ReadStream(arm.file, reading);
+  arm.reading.format = *FindPoseFormat("ros");
+  std::vector<PoseRow> rows;
+  std::optional<double> other_s;
+  for (const auto& [image, time_s] : ReadImageTimes(reader, seen, config)) {
+    if (!Covers(stream, time_s)) {
+      other_s = time_s;
+      continue;
+    }
+    const Rigid3d pose = PoseAt(stream, time_s);
+    PoseRow& row = rows.emplace_back();
+    row.image = image;
+    row.pose = pose;
+    row.numbers = NumbersFromPose(arm.reading.format, pose);
+    row.time_s = time_s;
+  }
+  if (rows.empty()) {
+    throw InputError(arm.file.string() + ": no image was taken within its times, " + RoundTrip(stream.times_s.front()) +
+                     " to " + RoundTrip(stream.times_s.back()) + " s" +
+                     (other_s ? " (one was at " + RoundTrip(*other_s) + " s)" : ""));
+  }
+  config->data.stream = std::move(stream);
+  return rows;
+}
 
 // Returns the data set's poses as rows of a file in the form `ros`.
 std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
@@ -299,7 +388,7 @@ void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
   const fs::path image = seen.detection && seen.image.empty() ? fs::path(seen.name) : seen.image;
   if (seen.detection) data.given_detections.push_back({data.captures.size(), 0, 0, *seen.detection});
   if (seen.camera_from_target) data.target_poses.push_back(*seen.camera_from_target);
-  data.captures.push_back({seen.name, {BaseFromGripper(arm.reading, row.pose)}, {image}, {}, row.role});
+  data.captures.push_back({seen.name, {BaseFromGripper(arm.reading, row.pose)}, {image}, {}, row.role, row.time_s});
   arm.numbers.push_back(row.numbers);
 }
 
@@ -436,6 +525,17 @@ std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
   return names;
 }
 
+// Returns the places of rows in the order of their times; in their own if not all have one.
+std::vector<size_t> InOrderOfTime(const std::vector<PoseRow>& rows) {
+  std::vector<size_t> order(rows.size());
+  std::iota(order.begin(), order.end(), 0);
+  const bool have_times =
+      std::all_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.time_s.has_value(); });
+  if (!have_times) return order;
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return *rows[a].time_s < *rows[b].time_s; });
+  return order;
+}
+
 // Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
 void CheckCaptures(const Dataset& data, const ConfigValue& value) {
   if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
@@ -461,7 +561,9 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   PosesFileOfArm& arm = config->arms.emplace_back();
   arm.section = "captures";
   std::vector<PoseRow> rows;
-  if (config->imported && !reader.Has("poses")) {
+  if (reader.Has("stream")) {
+    rows = RowsOfStream(&reader, seen, config);
+  } else if (config->imported && !reader.Has("poses")) {
     arm.reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
   } else {
@@ -487,7 +589,7 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   }
   const std::vector<bool> is_excluded = ExcludedImages(seen, rows, image_of_row, excluded);
   std::vector<bool> has_row(seen.size(), false);
-  for (size_t i = 0; i < rows.size(); ++i) {
+  for (const size_t i : InOrderOfTime(rows)) {
     if (!image_of_row[i]) continue;
     // A capture is named after its image, or after its row if the row has another name.
     const size_t image = *image_of_row[i];
@@ -499,7 +601,9 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
       config->data.left_out.push_back({seen[i].name, std::string(kExcludedReason), "", {}});
     } else if (!has_row[i]) {
       config->images_without_pose.push_back(seen[i].name);
-      config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file", "", {}});
+      const std::string reason = config->data.stream ? "the stream of the robot's poses does not reach its time"
+                                                     : "the robot's pose is not in the poses file";
+      config->data.left_out.push_back({seen[i].name, reason, "", {}});
     }
   }
   CheckCaptures(config->data, seen_value);

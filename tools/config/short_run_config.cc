@@ -18,6 +18,7 @@
 #include "tools/config/robot_section.h"
 #include "tools/config/target_shape_key.h"
 #include "tools/run/captures.h"
+#include "tools/run/time_offset.h"
 
 namespace heba {
 namespace {
@@ -86,6 +87,22 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   root.Record("camera", reader.used());
 }
 
+// Reads the offset of a stream's clock.
+void ReadTimeOffset(MapReader& refine, RunConfig* config) {
+  const std::optional<ConfigValue> value = refine.Find("time_offset");
+  if (!config->data.stream) {
+    if (value) value->Fail("there is no stream of poses (captures.stream)");
+    return;
+  }
+  const std::string text = value ? value->AsText() : "auto";
+  config->options.estimates_time_offset = text == "auto";
+  refine.Record("time_offset", YAML::Node(text));
+  if (config->options.estimates_time_offset) return;
+  double offset_s = 0;
+  if (!ParseDouble(text, &offset_s)) value->Fail("'" + text + "' is neither auto nor a number of seconds");
+  config->data = WithPosesAt(std::move(config->data), offset_s);
+}
+
 void ReadRefine(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("refine");
   Dataset& data = config->data;
@@ -110,6 +127,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
     bodies.emplace_back(kDriftSideNames[static_cast<size_t>(side)], BodyOn(SetupOf(data), side));
   }
   config->options.drift = ReadDrift(reader, bodies);
+  ReadTimeOffset(reader, config);
   if (!config->options.drift.wanted.empty() && !data.target_poses.empty()) {
     reader.Get("drift").Fail("a drift is estimated from images or points, not from captures.target_poses");
   }

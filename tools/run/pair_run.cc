@@ -1,7 +1,9 @@
 #include "tools/run/pair_run.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -17,9 +19,11 @@
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/calibration/time_offset.h"
 #include "solvers/cell/camera_motion.h"
 #include "solvers/initial/pose_consistency.h"
 #include "solvers/refine/hand_eye_problem.h"
+#include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
 #include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
@@ -32,6 +36,7 @@
 #include "tools/run/robot_errors.h"
 #include "tools/run/run_stage.h"
 #include "tools/run/second_detection.h"
+#include "tools/run/time_offset.h"
 
 namespace heba {
 namespace {
@@ -86,24 +91,104 @@ Dataset WithoutWrongPoses(Dataset dataset) {
   return WithoutCaptures(std::move(dataset), reason_of);
 }
 
-// Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
-Outcome<PairOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunObserver* observer) {
-  PairOutput output;
-  output.dataset = run.calibration.adjustment.loss == LossKind::kNone ? given : WithoutWrongPoses(given);
-  const Dataset& dataset = output.dataset;
-  PairCalibration& calibration = output.calibration;
+PoseCalibrationOptions PoseOptions(const Dataset& dataset, const RunOptions& run) {
+  PoseCalibrationOptions options;
+  options.methods = run.methods;
+  options.seed = run.seed;
+  options.setup = SetupOf(dataset);
+  return options;
+}
+
+// Calibrates from the poses of the target with an exact robot.
+PairCalibration CalibrateTargetPoses(const Dataset& dataset, const RunOptions& run) {
+  PairCalibration calibration;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     View view = ViewOf(dataset, i, {});
     calibration.pairs.push_back(
         {view.camera_mount_from_target_mount, dataset.target_poses[i], view.role, std::nullopt});
     calibration.pairs.back().joints = std::move(view.joints);
   }
-  PoseCalibrationOptions options;
-  options.methods = run.methods;
-  options.seed = run.seed;
-  options.setup = SetupOf(dataset);
-  CalibratePoses(options, &calibration);
+  CalibratePoses(PoseOptions(dataset, run), &calibration);
+  return calibration;
+}
+
+Dataset WithoutWrong(Dataset dataset, const RunOptions& run) {
+  const bool leaves_out = run.calibration.adjustment.loss != LossKind::kNone;
+  return leaves_out ? WithoutWrongPoses(std::move(dataset)) : dataset;
+}
+
+// An offset of time is estimated at most so often.
+constexpr int kMostRoundsOfOffset = 8;
+
+// Returns whether so little is left of an offset that it matters to nobody.
+bool HasSettled(const TimeOffset& rest) {
+  constexpr double kSettledSigmas = 0.1;
+  return std::abs(rest.change_s) < kSettledSigmas * rest.sigma_s;
+}
+
+double StepOf(const TimeOffset& rest) {
+  constexpr double kLongestS = 0.1;
+  return std::clamp(rest.change_s, -kLongestS, kLongestS);
+}
+
+// Adds the offset, and what is to be said of it, to a result. `rest`: TimeOffset; nothing if it is not determined.
+void AddTimeOffset(double offset_s, const std::optional<TimeOffset>& rest, RunResult* result) {
+  if (!rest) {
+    result->observations.push_back(UndeterminedTimeOffset());
+    return;
+  }
+  result->time_offset = EstimatedTimeOffset{offset_s, rest->sigma_s};
+  result->observations.push_back(DescribeTimeOffset(*result->time_offset));
+}
+
+// A calibration from poses of the target, with the robot's poses at the times of the captures plus an offset.
+struct PosesAtOffset {
+  double offset_s = 0;
+  Dataset dataset;  // With these poses, and without those of the target that are wrong.
+  PairCalibration calibration;
+  std::optional<TimeOffset> rest;  // What it says about the offset; nothing if the captures do not determine it.
+};
+
+// Calibrates with an offset that is estimated beside the poses until it has settled.
+PosesAtOffset CalibratePosesOfStream(const Dataset& dataset, const RunOptions& run) {
+  PosesAtOffset last;
+  double offset_s = FindTimeOffset(dataset, PosesInImages(dataset, {}, {}));
+  for (int round = 0; round < kMostRoundsOfOffset; ++round) {
+    PosesAtOffset next{offset_s, WithoutWrong(WithPosesAt(dataset, offset_s), run), {}, {}};
+    next.calibration = CalibrateTargetPoses(next.dataset, run);
+    // An offset with which there is no calibration is none.
+    if (round > 0 && !next.calibration.chain) return last;
+    last = std::move(next);
+    if (!last.calibration.chain) return last;
+    const PairSolution& chain = *last.calibration.chain;
+    std::vector<size_t> captures(last.dataset.captures.size());
+    std::iota(captures.begin(), captures.end(), 0);
+    last.rest =
+        EstimateTimeOffset(LinearisePairs(SetupOf(dataset), last.calibration.pairs, chain), Eigen::VectorXd::Zero(6),
+                           chain.covariance.matrix, VelocitiesAt(last.dataset, offset_s, captures));
+    if (!last.rest || HasSettled(*last.rest)) return last;
+    offset_s += StepOf(*last.rest);
+  }
+  return last;
+}
+
+// Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
+Outcome<PairOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunObserver* observer) {
+  PairOutput output;
+  const bool has_offset = given.stream && run.estimates_time_offset;
+  PosesAtOffset at_offset;
+  if (has_offset) {
+    at_offset = CalibratePosesOfStream(given, run);
+    output.dataset = std::move(at_offset.dataset);
+    output.calibration = std::move(at_offset.calibration);
+  } else {
+    output.dataset = WithoutWrong(given, run);
+    output.calibration = CalibrateTargetPoses(output.dataset, run);
+  }
+  const Dataset& dataset = output.dataset;
+  PairCalibration& calibration = output.calibration;
   if (!calibration.chain) return calibration.chain.failure();
+  PoseCalibrationOptions options = PoseOptions(dataset, run);
   std::optional<ArmSetup> arm;
   if (HasArm(dataset) && run.kinematics != Kinematics::kNone) {
     arm = SetUpArm(dataset, 0, run.kinematics);
@@ -112,11 +197,18 @@ Outcome<PairOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunO
     CalibratePoses(options, &calibration);
     if (!calibration.chain) return calibration.chain.failure();
   }
+  // The errors of an arm come after the poses in the covariance.
+  if (at_offset.rest) {
+    Eigen::VectorXd change = Eigen::VectorXd::Zero(calibration.chain->covariance.matrix.cols());
+    change.head(at_offset.rest->change_of_estimate.size()) = at_offset.rest->change_of_estimate;
+    AddChanges({change}, &calibration.chain->covariance);
+  }
   if (observer != nullptr) observer->OnCalibrated(calibration);
   output.result = AssessPoses(dataset, run, calibration, options);
   if (HasArm(dataset)) {
     AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
   }
+  if (has_offset) AddTimeOffset(at_offset.offset_s, at_offset.rest, &output.result);
   return output;
 }
 
@@ -389,6 +481,39 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, std::vector<
   return calibrated;
 }
 
+// A calibration with the robot's poses at the times of the captures plus an offset.
+struct CalibratedAtOffset {
+  double offset_s = 0;
+  Dataset dataset;  // With these poses.
+  Outcome<Calibrated> calibrated;
+  std::vector<Finding> motions;
+  std::optional<TimeOffset> rest;  // What it says about the offset; nothing if the captures do not determine it.
+};
+
+// Calibrates with an offset that is estimated beside all unknowns until it has settled; the target may be detected
+// again.
+CalibratedAtOffset CalibrateStream(const PairInput& input, std::vector<TargetDetection>* detections) {
+  CalibratedAtOffset last;
+  double offset_s = FindTimeOffset(input.dataset, PosesInImages(input.dataset, *detections, input.image_size));
+  for (int round = 0; round < kMostRoundsOfOffset; ++round) {
+    PairInput at_offset = input;
+    at_offset.dataset = WithPosesAt(std::move(at_offset.dataset), offset_s);
+    CalibratedAtOffset next{offset_s, at_offset.dataset, {}, {}, {}};
+    next.calibrated = CalibrateWithoutMotions(at_offset, detections, &next.motions);
+    const bool succeeded = next.calibrated && next.calibrated->calibration.refined;
+    // An offset with which there is no calibration is none.
+    if (round > 0 && !succeeded) return last;
+    last = std::move(next);
+    if (!succeeded) return last;
+    const UsedCaptures used = UsedBy(at_offset, *last.calibrated);
+    last.rest =
+        EstimateTimeOffset(used.problem, used.solution, VelocitiesAt(last.dataset, offset_s, used.times.places));
+    if (!last.rest || HasSettled(*last.rest)) return last;
+    offset_s += StepOf(*last.rest);
+  }
+  return last;
+}
+
 // Estimates the points of the target if that is wanted, and calibrates again with the data set whose points lie there.
 EstimatedPoints CalibratePoints(PairInput* input, Calibrated* calibrated, std::vector<TargetDetection>* detections,
                                 std::vector<Finding>* motions) {
@@ -470,7 +595,15 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
 
   const Stopwatch solve_watch;
   std::vector<Finding> motions;
-  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(input, &searched.detections, &motions);
+  const bool has_offset = input.dataset.stream && options.estimates_time_offset;
+  CalibratedAtOffset at_offset;
+  if (has_offset) {
+    at_offset = CalibrateStream(input, &searched.detections);
+    input.dataset = std::move(at_offset.dataset);
+    motions = std::move(at_offset.motions);
+  }
+  Outcome<Calibrated> calibrated =
+      has_offset ? std::move(at_offset.calibrated) : CalibrateWithoutMotions(input, &searched.detections, &motions);
   if (!calibrated) return calibrated.failure();
   EstimatedPoints points;
   if (calibrated->calibration.refined) {
@@ -494,6 +627,7 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
     }
   }
   advice.changes.insert(advice.changes.end(), points.changes.begin(), points.changes.end());
+  if (at_offset.rest) advice.changes.push_back(at_offset.rest->change_of_estimate);
   output.result = Assess(input.dataset, options, searched.detections, calibrated->effects, calibration, advice,
                          calibrated->options, observer);
   const PairSolution& assessed = *output.result.estimates.back().solution;
@@ -504,6 +638,7 @@ Outcome<PairOutput> RunOnImages(const Dataset& dataset, const RunOptions& option
   for (Finding& finding : DescribePoints(dataset.rig, TargetsWithFreePoints(dataset), points)) {
     observations.push_back(std::move(finding));
   }
+  if (has_offset) AddTimeOffset(at_offset.offset_s, at_offset.rest, &output.result);
   if (!points.changes.empty()) {
     output.result.point_offsets = points.offsets;
     output.result.model.target_shape.emplace_back(

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -624,6 +625,21 @@ void CheckTargetPoses(const Dataset& dataset, const RunOptions& options) {
   }
 }
 
+// Throws InputError unless the poses of all captures can be taken from a robot's stream.
+void CheckStream(const Dataset& dataset) {
+  if (!IsSinglePair(dataset)) {
+    throw InputError("a stream of poses is for one camera, one target and one arm");
+  }
+  const std::vector<double>& times_s = dataset.stream->times_s;
+  if (times_s.size() < 2 || times_s.size() != dataset.stream->base_from_gripper.size() ||
+      std::adjacent_find(times_s.begin(), times_s.end(), std::greater_equal<>()) != times_s.end()) {
+    throw InputError("a stream needs two poses or more, at increasing times");
+  }
+  for (const Recording& capture : dataset.captures) {
+    if (!capture.time_s) throw InputError("capture " + capture.name + " needs a time, for the stream of poses");
+  }
+}
+
 // Throws InputError unless every detection is one of an image of the data set.
 void CheckDetections(const Dataset& dataset) {
   for (const TargetDetection& given : dataset.given_detections) {
@@ -653,6 +669,7 @@ void CheckDataset(const Dataset& dataset, const RunOptions& options) {
     throw InputError("the scales of the arms differ in number from the arms");
   }
   for (const Recording& capture : dataset.captures) CheckCapture(dataset, capture);
+  if (dataset.stream) CheckStream(dataset);
   for (const PlacedRequirement& requirement : options.requirements) {
     const bool is_known = std::any_of(dataset.rig.cameras.begin(), dataset.rig.cameras.end(),
                                       [&](const ProblemCamera& camera) { return camera.name == requirement.camera; });

@@ -624,6 +624,17 @@ FindingText SeenFromBehind(const Finding& finding) {
       "let heba detect them"};
 }
 
+FindingText TimeOffsetText(const Finding& finding) {
+  if (!finding.Number("offset_ms")) {
+    return {"the time between the clocks of camera and robot is not determined: the robot hardly moves in the images",
+            "take images while the robot moves, or state the offset (refine.time_offset)"};
+  }
+  return {"the robot's clock is " + ShownAmount(Number(finding, "offset_ms"), 2) + " +- " +
+              ShownAmount(Number(finding, "sigma_ms"), 2) +
+              " ms ahead of the images' times; its poses are those at these times",
+          ""};
+}
+
 FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
     return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
@@ -701,6 +712,7 @@ constexpr CodeWords kWords[] = {
     {"few_captures_prior", &FewCapturesPrior},
     {"missing_ids", &MissingIds},
     {"seen_from_behind", &SeenFromBehind},
+    {"time_offset", &TimeOffsetText},
     {"arm_estimated", &ArmEstimated},
     {"arm_declined", &ArmDeclined},
     {"arm_one_configuration", &ArmOneConfiguration},

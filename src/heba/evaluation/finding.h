@@ -46,6 +46,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "few_captures_prior",
     "missing_ids",
     "seen_from_behind",
+    "time_offset",
     "arm_estimated",
     "arm_declined",
     "arm_one_configuration",

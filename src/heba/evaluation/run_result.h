@@ -116,6 +116,12 @@ struct CameraRequirement {
 };
 
 // A finished run, from which result.json is written.
+// How much later than the camera's clock that of a robot shows the same time (Dataset::stream).
+struct EstimatedTimeOffset {
+  double value_s = 0;
+  double sigma_s = 0;
+};
+
 struct RunResult {
   std::string name;
   // Remarks on the cell from the config, for the record: serial numbers, an operator's name.
@@ -149,6 +155,7 @@ struct RunResult {
   std::vector<Finding> observations;  // Findings about the run that its figures do not show.
   // One per target: the points that are not where the design has them, by the estimate; or an empty list.
   std::vector<PointOffsets> point_offsets;
+  std::optional<EstimatedTimeOffset> time_offset;  // Of a robot's stream of poses, if it was estimated.
   // The points of the targets that were seen often enough. Not written to files.
   std::vector<PointDeviation> point_deviations;
   Verdict verdict;  // Result of JudgeRun.

@@ -137,7 +137,7 @@ bool HasHeader(const std::vector<std::string>& first) {
 std::string OtherFormat(const std::vector<std::string>& names) {
   std::vector<std::string> sorted;
   for (const std::string& name : names) {
-    if (name != "image" && name != "role") sorted.push_back(name);
+    if (name != kImageColumn && name != kRoleColumn && name != kTimeColumn) sorted.push_back(name);
   }
   std::sort(sorted.begin(), sorted.end());
   std::vector<std::string> fitting;
@@ -157,6 +157,7 @@ struct Header {
   std::vector<size_t> images;   // Positions of the cameras' images; empty if there are none.
   std::optional<size_t> image;
   std::optional<size_t> role;
+  std::optional<size_t> time;
 };
 
 // Returns the columns of a file without a header, which `names` lists.
@@ -171,6 +172,7 @@ Header HeaderOf(const PoseFormat& format, const std::vector<std::string>& names)
   for (const std::string& column : format.columns) header.numbers.push_back(*place_of(column));
   header.image = place_of(kImageColumn);
   header.role = place_of(kRoleColumn);
+  header.time = place_of(kTimeColumn);
   return header;
 }
 
@@ -220,6 +222,11 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
   header.names = NamesOfColumns(Fields(line, separator));
   std::vector<std::string> known = format.columns;
   known.insert(known.end(), {std::string(kImageColumn), std::string(kRoleColumn)});
+  // A format that skips columns may mean this one.
+  const auto lists = [&](std::string_view name) {
+    return std::find(format.file_columns.begin(), format.file_columns.end(), name) != format.file_columns.end();
+  };
+  if (lists(kTimeColumn) || !lists(kNoColumn)) known.emplace_back(kTimeColumn);
   known.insert(known.end(), extra_columns.begin(), extra_columns.end());
   std::vector<std::string> image_columns;
   for (const std::string& camera : cameras) image_columns.push_back(std::string(kImageColumn) + "." + camera);
@@ -259,6 +266,7 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
   header.images = ExtraPlaces(line, places, image_columns);
   if (const auto place = places.find("image"); place != places.end()) header.image = place->second;
   if (const auto place = places.find("role"); place != places.end()) header.role = place->second;
+  if (const auto place = places.find("time"); place != places.end()) header.time = place->second;
   return header;
 }
 
@@ -296,6 +304,13 @@ std::string Field(const std::string& text) {
 }
 
 }  // namespace
+
+double SecondsOf(double time) {
+  // Seconds have such values after the year 5138 only.
+  constexpr double kTooLarge = 1e11;
+  for (int i = 0; i < 3 && std::abs(time) >= kTooLarge; ++i) time /= 1000;
+  return time;
+}
 
 std::string WithDecimalPoint(std::string text) {
   const size_t comma = text.find(',');
@@ -382,6 +397,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
       }
       row.role = *role;
     }
+    if (header.time) row.time_s = SecondsOf(ReadNumber(*line, "time", fields[*header.time]));
     for (size_t i = 0; i < numbers.size(); ++i) {
       numbers[i] = ReadNumber(*line, format.columns[i], fields[header.numbers[i]]);
     }

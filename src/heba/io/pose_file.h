@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,10 +23,11 @@ struct PoseRow {
   // The images of the cameras that were asked for; empty if the file has no such columns, and an empty text for a
   // camera without an image.
   std::vector<std::string> images = {};
+  std::optional<double> time_s = {};  // When it was; nothing if the file has no such column.
 };
 
-// Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any
-// order), then one line per capture.
+// Reads a table: a header line that names the columns (those of `format` and optionally `image`, `role` and `time`, in
+// any order), then one line per capture.
 //
 // A file without a header is accepted if `format` is a user's own, whose file_columns name the columns, or if it has
 // the joints of an arm, base first. Brackets around the lines of such a file ([[1, 2, 3], [4, 5, 6]], p[...]) are
@@ -46,6 +48,9 @@ std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseF
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
                                 const std::vector<std::string>& extra_columns = {},
                                 const std::vector<std::string>& cameras = {});
+
+// Returns a time that is stated in s or, if it is too large for that, in ms, us or ns since the year 1970, in s.
+double SecondsOf(double time);
 
 // Returns the text of a number with a point in place of its decimal comma; any other text unchanged.
 std::string WithDecimalPoint(std::string text);

@@ -228,7 +228,8 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
       column.Fail("'" + name + "' occurs twice");
     }
     format.file_columns.push_back(name);
-    if (name != kNoColumn && name != kImageColumn && name != kRoleColumn) format.columns.push_back(name);
+    if (name != kNoColumn && name != kImageColumn && name != kRoleColumn && name != kTimeColumn)
+      format.columns.push_back(name);
   }
   // Names take precedence over positions: x, y and z are always the position, and qx, qy, qz and qw the quaternion.
   PutFirst({"x", "y", "z"}, 0, &format.columns);

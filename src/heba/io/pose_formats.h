@@ -17,6 +17,7 @@ namespace heba {
 // Names of the columns of a poses file that are not numbers of the pose, and the name of a column that is ignored.
 inline constexpr std::string_view kImageColumn = "image";
 inline constexpr std::string_view kRoleColumn = "role";
+inline constexpr std::string_view kTimeColumn = "time";
 inline constexpr std::string_view kNoColumn = "-";
 
 // A way to write a pose as a row of numbers.
@@ -60,9 +61,9 @@ PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> a
 std::string BareColumnName(const std::string& name);
 
 // Reads the name of a format, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The
-// columns are listed in the order of a file without a header; they may include image, role, and - for a column that is
-// ignored. Columns called x, y, z are the position and qx, qy, qz, qw the quaternion, in any order; all others are
-// interpreted in the listed order.
+// columns are listed in the order of a file without a header; they may include image, role, time, and - for a column
+// that is ignored. Columns called x, y, z are the position and qx, qy, qz, qw the quaternion, in any order; all others
+// are interpreted in the listed order.
 PoseFormat ReadPoseFormat(const ConfigValue& value);
 // Returns `format` with the unit of translations that `units` names. Throws InputError unless the format is `matrix`,
 // the only one for which robots use different units.

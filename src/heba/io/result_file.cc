@@ -322,6 +322,9 @@ Json ShortJson(const RunResult& result) {
                         {"points", result.num_target_points[0]},
                         {"point_offsets", PointOffsetsJson(result.point_offsets, 0)}};
   AddAbout(result.about, &json);
+  if (result.time_offset) {
+    json["time_offset"] = Json{{"value_s", result.time_offset->value_s}, {"std_s", result.time_offset->sigma_s}};
+  }
   json["captures"] = Json::array();
   const std::map<std::string, Rigid3d> corrections = CorrectionsOfArm(result);
   for (const ImageResult& image : result.images) json["captures"].push_back(CaptureJson(image, corrections));

@@ -204,6 +204,10 @@ RunResult ReadShort(const JsonReader& reader) {
   RunResult result = ShortResult(*setup, target.Get("type").Text(), target.Get("points").Int(0, kMostCounted));
   result.name = name;
   result.point_offsets = {ReadOffsetsOf(target)};
+  if (reader.Has("time_offset")) {
+    const JsonReader offset = reader.Get("time_offset");
+    result.time_offset = EstimatedTimeOffset{offset.Get("value_s").Number(), ReadMagnitude(offset, "std_s")};
+  }
   for (const JsonReader& capture : reader.Get("captures").List()) result.images.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, *setup));

@@ -15,6 +15,7 @@
 #include "heba/calibration_types.h"
 #include "heba/data/drift.h"
 #include "heba/data/joint_prior.h"
+#include "heba/data/pose_stream.h"
 #include "heba/data/setup.h"
 #include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
@@ -34,6 +35,7 @@ struct Recording {
   // The positions of the joints of each arm, rad or m; an empty list of an arm, or of all: not recorded.
   std::vector<std::vector<double>> joints = {};
   CaptureRole role = CaptureRole::kNone;  // The part that it has in the two-step motion.
+  std::optional<double> time_s = {};      // When the images were taken, by the camera's clock.
 };
 
 // Images, or a row of poses, that belong to no capture of the data set.
@@ -81,6 +83,9 @@ struct Dataset {
   // camera_from_target of each capture, which others estimated, in place of images and detections; or an empty list.
   // There must be one camera, one target and one arm.
   std::vector<Rigid3d> target_poses = {};
+  // The recorded motion of the robot, from which the poses of the captures are taken (RunOptions::time_offset). Every
+  // capture has a time then, and there must be one camera, one target and one arm.
+  std::optional<PoseStream> stream = {};
   // One per arm: its kinematics, which are estimated if the captures require it, if they are known; or an empty list.
   std::vector<std::optional<RobotArm>> arms = {};
   // One per arm: one sigma of the scale of its translations; nothing: that of robots (heba/data/scale_sigmas.h). Or an
@@ -119,7 +124,10 @@ inline constexpr std::array<std::string_view, 5> kKinematicsNames = {"none", "au
 struct RunOptions {
   CalibrationOptions calibration;             // Its `has_camera` and `arms` are not used.
   Kinematics kinematics = Kinematics::kAuto;  // Which errors of the arms are estimated, if Dataset::arms has any.
-  DriftOptions drift;                         // Which motions of the mounts during the captures are taken in.
+  // Whether the time by which the camera's clock is behind that of Dataset::stream is estimated. The poses of the
+  // captures stay as they are otherwise.
+  bool estimates_time_offset = true;
+  DriftOptions drift;  // Which motions of the mounts during the captures are taken in.
   std::optional<EarlierRun> earlier = {};
   std::vector<PlacedRequirement> requirements;
   int folds = 5;        // Number of folds of the cross-validation; 0: none.
