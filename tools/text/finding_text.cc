@@ -625,13 +625,16 @@ FindingText SeenFromBehind(const Finding& finding) {
 }
 
 FindingText TimeOffsetText(const Finding& finding) {
-  if (!finding.Number("offset_ms")) {
-    return {"the time between the clocks of camera and robot is not determined: the robot hardly moves in the images",
-            "take images while the robot moves, or state the offset (refine.time_offset)"};
+  const std::optional<double> offset_ms = finding.Number("offset_ms");
+  if (!offset_ms) {
+    return {
+        "the captures do not determine the offset between the clocks of camera and robot: the robot hardly moves in "
+        "them",
+        "take images while the robot moves, or state the offset (refine.time_offset)"};
   }
-  return {"the robot's clock is " + ShownAmount(Number(finding, "offset_ms"), 2) + " +- " +
-              ShownAmount(Number(finding, "sigma_ms"), 2) +
-              " ms ahead of the images' times; its poses are those at these times",
+  return {"the robot's clock is " + ShownAmount(std::abs(*offset_ms), 3) + " ms (one sigma " +
+              ShownAmount(Number(finding, "sigma_ms"), 2) + ") " + (*offset_ms < 0 ? "behind" : "ahead of") +
+              " the times of the images; the poses of the robot are corrected for it",
           ""};
 }
 

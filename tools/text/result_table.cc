@@ -194,7 +194,7 @@ std::string ChiSquareText(const std::optional<double>& holdout_chi2) {
 // concern; nothing for those of no named arm.
 std::string FindingLines(const Verdict& verdict, const std::optional<std::string>& of_arm) {
   constexpr std::pair<std::string_view, const char*> kSubjects[] = {
-      {"model", ""}, {"camera", "camera: "}, {"smooth_errors", "robot: "}, {"arm_", "arm: "}};
+      {"model", ""}, {"camera", "camera: "}, {"smooth_errors", "robot: "}, {"arm_", "arm: "}, {"time_offset", ""}};
   std::string lines;
   for (const Finding& finding : verdict.findings) {
     if (finding.Name("of_arm") != of_arm) continue;
@@ -262,7 +262,8 @@ std::string TableOfMethods(const RunResult& result, Colour colour, const std::ve
   }
   // There is none in a result from poses alone.
   const Estimate* const found = FindFinal(result);
-  return found == nullptr ? table : table + pose_lines(" (" + found->method + ")", *found, nullptr);
+  if (found == nullptr) return table;
+  return table + pose_lines(" (" + found->method + ")", *found, nullptr) + FindingLines(result.verdict, std::nullopt);
 }
 
 }  // namespace

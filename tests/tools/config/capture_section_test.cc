@@ -14,6 +14,7 @@
 
 namespace heba {
 namespace {
+using ::testing::DoubleNear;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
@@ -113,6 +114,51 @@ TEST_F(CaptureSectionTest, RowsNameTheirImages) {
   EXPECT_EQ(config.arms[0].file, folder_ / "poses.csv");
   ASSERT_THAT(config.arms[0].numbers, SizeIs(3));
   EXPECT_THAT(config.arms[0].numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
+}
+
+TEST_F(CaptureSectionTest, AColumnOfTimesStatesTheOrder) {
+  Write("poses.csv",
+        "image,time,x,y,z,qx,qy,qz,qw\n1.png,30,1,0,0,0,0,0,1\n2.png,10,2,0,0,0,0,0,1\n10.png,20,10,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{images: images, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("2.png", "10.png", "1.png"));
+  EXPECT_THAT(XsOf(config), ElementsAre(2, 10, 1));
+  EXPECT_FALSE(config.data.stream);
+}
+
+TEST_F(CaptureSectionTest, PosesAreTakenFromAStreamAtTheTimesOfTheImages) {
+  Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n4,8,0,0,0,0,0,1\n4,8,0,0,0,0,0,1\n8,16,0,0,0,0,0,1\n");
+  // 10.png was taken after the last row.
+  const RunConfig by_names = Read("{images: images, stream: robot.csv}");
+  EXPECT_THAT(NamesOf(by_names), ElementsAre("1.png", "2.png"));
+  EXPECT_THAT(XsOf(by_names), ElementsAre(DoubleNear(2, 1e-9), DoubleNear(4, 1e-9)));
+  EXPECT_THAT(LeftOutOf(by_names), ElementsAre("10.png: the stream of the robot's poses does not reach its time"));
+  ASSERT_TRUE(by_names.data.stream);
+  EXPECT_THAT(by_names.data.stream->times_s, ElementsAre(0, 4, 8));
+  Write("times.csv", "image,time\n10.png,1000\n2.png,7\n1.png,3\n");
+  const RunConfig listed = Read("{images: images, poses: times.csv, stream: robot.csv}");
+  EXPECT_THAT(NamesOf(listed), ElementsAre("1.png", "2.png"));
+  EXPECT_THAT(XsOf(listed), ElementsAre(DoubleNear(6, 1e-9), DoubleNear(14, 1e-9)));
+}
+
+TEST_F(CaptureSectionTest, TimesInNamesMayHaveFractionsOrOtherUnits) {
+  for (const char* name : {"t/img_1700000001.5.png", "t/frame2-1700000002500000000.png", "t/1700000003500.png"}) {
+    Write(name, "x");
+  }
+  Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n1700000000,0,0,0,0,0,0,1\n1700000010,10,0,0,0,0,0,1\n");
+  EXPECT_THAT(XsOf(Read("{images: t, stream: robot.csv}")),
+              ElementsAre(DoubleNear(1.5, 1e-5), DoubleNear(2.5, 1e-5), DoubleNear(3.5, 1e-5)));
+}
+
+TEST_F(CaptureSectionTest, RefusesStreamsWithoutTimes) {
+  const std::string stream = "{images: images, stream: robot.csv}";
+  Write("robot.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf(stream), HasSubstr("robot.csv: has no column 'time'"));
+  Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf(stream), HasSubstr("robot.csv: has one time only"));
+  Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n100,0,0,0,0,0,0,1\n101,0,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf(stream), HasSubstr("no image was taken within its times, 100 to 101 s"));
+  Write("n/home.png", "x");
+  EXPECT_THAT(ErrorOf("{images: n, stream: robot.csv}"), HasSubstr("the image home.png has no time in its name"));
 }
 
 // Numbers in names are compared by value, so 10.png is the last image.

@@ -53,6 +53,23 @@ TEST_F(ShortRunConfigTest, GravityNeedsTheMassesOfTheLinks) {
   EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, offsets]")), HasSubstr("'offsets' is listed twice"));
 }
 
+TEST_F(ShortRunConfigTest, OffsetOfAStreamIsEstimatedOrStated) {
+  Write("images/1.png", "x");
+  Write("images/2.png", "x");
+  Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n10,10,0,1,0,0,0,1\n");
+  const std::string cell =
+      "setup: eye_in_hand\n"
+      "target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"
+      "captures: {images: [images/1.png, images/2.png], stream: robot.csv, pose_format: ros}\n";
+  Write("stream.yaml", cell);
+  EXPECT_TRUE(Read("stream.yaml").options.estimates_time_offset);
+  const RunConfig stated = Read("stream.yaml", {"refine.time_offset=0.5"});
+  EXPECT_FALSE(stated.options.estimates_time_offset);
+  EXPECT_NEAR(stated.data.captures[0].base_from_gripper[0].translation.x(), 1.5, 1e-9);
+  EXPECT_THAT(ErrorOf(cell + "refine: {time_offset: soon}\n"), HasSubstr("neither auto nor a number of seconds"));
+  EXPECT_THAT(ErrorOf(std::string(kCell) + "refine: {time_offset: auto}\n"), HasSubstr("there is no stream of poses"));
+}
+
 TEST_F(ShortRunConfigTest, TakesTheCameraOfAChainThatIsNamed) {
   const auto entry = [](const std::string& focal) {
     return "{intrinsics: [" + focal +
