@@ -55,9 +55,11 @@ TEST_F(StreamTest, OffsetFollowsTheClockOfTheCamera) {
   const double offset_s = OffsetS();
   // An independent correlation of the angular speeds has found 15 ms.
   EXPECT_NEAR(offset_s, -0.015, 0.005);
+  EXPECT_EQ(RunHeba({"doctor", (folder_ / "config.yaml").string()}).status, 0);
   for (const double ahead_s : {-0.7, 0.4}) {
     ASSERT_EQ(Run("real_robot.csv", Shifted("real_target_in_camera.csv", ahead_s)).status, 0);
     EXPECT_NEAR(OffsetS(), offset_s - ahead_s, 0.001) << ahead_s;
+    EXPECT_EQ(RunHeba({"doctor", (folder_ / "config.yaml").string()}).status, 0);
   }
 }
 

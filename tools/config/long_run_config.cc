@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
+#include <numeric>
 #include <set>
 #include <tuple>
 
@@ -489,6 +490,25 @@ std::vector<LeftOutImages> RowsWithoutCapture(const std::vector<ArmRows>& arms, 
   return left_out;
 }
 
+// Sorts the captures by their times, if all have one.
+void SortByTime(RunConfig* config) {
+  std::vector<Recording>& captures = config->data.captures;
+  const bool have_times = std::all_of(captures.begin(), captures.end(),
+                                      [](const Recording& capture) { return capture.time_s.has_value(); });
+  if (!have_times) return;
+  std::vector<size_t> order(captures.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return *captures[a].time_s < *captures[b].time_s; });
+  const auto sort = [&](auto* list) {
+    auto sorted = *list;
+    for (size_t i = 0; i < order.size(); ++i) sorted[i] = std::move((*list)[order[i]]);
+    *list = std::move(sorted);
+  };
+  sort(&captures);
+  for (PosesFileOfArm& arm : config->arms) sort(&arm.numbers);
+}
+
 }  // namespace
 
 void ReadLongForm(MapReader& root, RunConfig* config) {
@@ -527,8 +547,10 @@ void ReadLongForm(MapReader& root, RunConfig* config) {
       capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[rows[r]]);
       config->arms[r].numbers.push_back(row.numbers);
     }
+    capture.time_s = arms.front().rows[rows.front()].time_s;
     data.captures.push_back(std::move(capture));
   }
+  SortByTime(config);
   for (LeftOutImages& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
   if (data.captures.empty()) throw InputError(config->file.string() + ": no capture is left");
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);

@@ -1,8 +1,11 @@
 #include "tools/doctor/doctor.h"
 
 #include <algorithm>
+#include <utility>
 
+#include "heba/io/pose_formats.h"
 #include "tools/doctor/examination.h"
+#include "tools/run/time_offset.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {
@@ -22,6 +25,29 @@ constexpr Check kChecks[] = {
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 };
+
+// Sets the views of the data set.
+void ExamineAll(Examination* examination) {
+  const Dataset& data = examination->config.data;
+  examination->views = data.target_poses.empty() ? ExamineViews(data, examination->detections, *examination->camera)
+                                                 : ViewsOfPoses(data);
+}
+
+// Sets the views with the poses of a robot's stream, if there is one, at the offset that they show.
+void ExamineAtOffset(Examination* examination) {
+  ExamineAll(examination);
+  RunConfig& config = examination->config;
+  if (!config.data.stream || !config.options.estimates_time_offset) return;
+  std::vector<SeenPose> seen;
+  for (const ExaminedView& view : examination->views) seen.push_back({view.capture, view.camera_from_target.front()});
+  const double offset_s = FindTimeOffset(config.data, std::move(seen));
+  config.data = WithPosesAt(std::move(config.data), offset_s);
+  PosesFileOfArm& arm = config.arms.front();
+  for (size_t i = 0; i < arm.numbers.size(); ++i) {
+    arm.numbers[i] = NumbersFromPose(arm.reading.format, config.data.captures[i].base_from_gripper.front());
+  }
+  ExamineAll(examination);
+}
 
 bool IsWrong(const Symptom& symptom) { return symptom.severity == Severity::kWrong; }
 
@@ -44,7 +70,7 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
   Diagnosis diagnosis;
   diagnosis.num_captures = static_cast<int>(config.data.captures.size());
   if (!config.data.target_poses.empty()) {
-    examination.views = ViewsOfPoses(config.data);
+    ExamineAtOffset(&examination);
     diagnosis.num_seen = diagnosis.num_captures;
   }
   for (const Check& check : kChecks) {
@@ -52,7 +78,7 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
     if (examine == Examine::kInputs && check.run == &Check_result) continue;
     // The views are examined as soon as there is a camera.
     if (examination.camera && examination.views.empty()) {
-      examination.views = ExamineViews(examination.config.data, examination.detections, *examination.camera);
+      ExamineAtOffset(&examination);
       diagnosis.num_seen = static_cast<int>(examination.views.size());
     }
     for (Symptom& symptom : check.run(&examination)) {

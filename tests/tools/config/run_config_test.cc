@@ -120,6 +120,16 @@ TEST_F(RunConfigTest, RowsOfArmsBelongTogetherByTheColumnImage) {
   EXPECT_THAT(XOf(Read(), 1), ElementsAre(10, 20, 30));
 }
 
+TEST_F(RunConfigTest, AColumnOfTimesStatesTheOrder) {
+  WritePoses("left.csv", "image,time", {{"1.png,30", 1}, {"2.png,10", 2}, {"3.png,20", 3}});
+  WritePoses("right.csv", "image", {{"3.png", 30}, {"1.png", 10}, {"2.png", 20}});
+  const RunConfig config = Read();
+  EXPECT_THAT(XOf(config, 0), ElementsAre(2, 3, 1));
+  EXPECT_THAT(XOf(config, 1), ElementsAre(20, 30, 10));
+  EXPECT_EQ(config.data.captures.front().images[0].filename(), "2.png");
+  EXPECT_EQ(config.arms[1].numbers.front().front(), 20);
+}
+
 TEST_F(RunConfigTest, RowsOfArmsBelongTogetherByTheColumnsOfTheCameras) {
   WritePoses("left.csv", "image.top,image.side", {{"1.png,2.png", 1}, {"2.png,3.png", 2}, {"3.png,1.png", 3}});
   WritePoses("right.csv", "image.top,image.side", {{"3.png,1.png", 30}, {"2.png,3.png", 20}, {"1.png,2.png", 10}});
