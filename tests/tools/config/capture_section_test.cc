@@ -140,6 +140,19 @@ TEST_F(CaptureSectionTest, PosesAreTakenFromAStreamAtTheTimesOfTheImages) {
   EXPECT_THAT(XsOf(listed), ElementsAre(DoubleNear(6, 1e-9), DoubleNear(14, 1e-9)));
 }
 
+// The pose at the time of an image lies between those of the joints beside it.
+TEST_F(CaptureSectionTest, AStreamMayHaveJoints) {
+  Write("joints.csv",
+        "time,j1,j2,j3,j4,j5,j6\n0,0,-1,1,0,1,0\n1,0.02,-1,1,0,1,0\n2,0.04,-1,1,0,1,0\n3,0.06,-1,1,0,1,0\n");
+  Write("half/1.5.png", "x");
+  Write("half/2.0.png", "x");
+  const RunConfig config = Read("{images: half, stream: joints.csv, pose_format: joints, robot: ur5e}");
+  const std::vector<Rigid3d>& of_stream = config.data.stream->base_from_gripper;
+  EXPECT_THAT(config.data.captures[1].base_from_gripper[0], IsNearPose(of_stream[2], 1e-12, 1e-12));
+  EXPECT_THAT(config.data.captures[0].base_from_gripper[0],
+              IsNearPose(Rigid3d(ExpRotation({0, 0, 0.01}), {0, 0, 0}) * of_stream[1], 1e-6, 1e-6));
+}
+
 TEST_F(CaptureSectionTest, TimesInNamesMayHaveFractionsOrOtherUnits) {
   for (const char* name : {"t/img_1700000001.5.png", "t/frame2-1700000002500000000.png", "t/1700000003500.png"}) {
     Write(name, "x");
