@@ -426,9 +426,12 @@ std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& for
   const bool with_images = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.image.empty(); });
   const bool with_roles =
       std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.role != CaptureRole::kNone; });
+  const bool with_times =
+      !rows.empty() && std::all_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.time_s.has_value(); });
   std::vector<std::string> names;
   if (with_images) names.emplace_back("image");
   if (with_roles) names.emplace_back("role");
+  if (with_times) names.emplace_back(kTimeColumn);
   for (const std::string& camera : cameras) names.push_back(Field("image." + camera));
   for (const std::string& column : format.columns) names.push_back(Field(column));
   names.insert(names.end(), extra_columns.begin(), extra_columns.end());
@@ -437,6 +440,7 @@ std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& for
     std::vector<std::string> fields;
     if (with_images) fields.push_back(Field(row.image));
     if (with_roles) fields.emplace_back(RoleName(row.role));
+    if (with_times) fields.push_back(RoundTrip(*row.time_s));
     CHECK(cameras.empty() || row.images.size() == cameras.size());
     for (size_t c = 0; c < cameras.size(); ++c) fields.push_back(Field(row.images[c]));
     for (const double number : NumbersFromPose(format, row.pose)) fields.push_back(RoundTrip(number));

@@ -59,7 +59,8 @@ std::string WithDecimalPoint(std::string text);
 // separators.
 std::string WithoutBrackets(std::string_view line);
 
-// Returns the text of such a file, with full precision. Columns that are empty in all rows are left out. Every row must
+// Returns the text of such a file, with full precision. Columns that are empty in all rows are left out,
+// and times unless every row has one. Every row must
 // have numbers for `extra_columns`, and an image or an empty text for each of `cameras`.
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,
                          const std::vector<std::string>& extra_columns = {},

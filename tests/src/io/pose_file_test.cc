@@ -473,6 +473,24 @@ TEST(PoseFileTest, WritesWhatItReads) {
   }
 }
 
+TEST(PoseFileTest, TimesAreReadAndWritten) {
+  const std::vector<PoseRow> rows =
+      ParsePoses("time,x,y,z,qx,qy,qz,qw\n1700000000.25,1,2,3,0,0,0,1\n1700000001500000000,1,2,3,0,0,0,1\n", "p.csv",
+                 Format("ros"));
+  EXPECT_EQ(*rows[0].time_s, 1700000000.25);
+  // Nanoseconds.
+  EXPECT_NEAR(*rows[1].time_s, 1700000001.5, 1e-6);
+  const std::string text = PoseFileText(rows, Format("ros"));
+  EXPECT_EQ(*ParsePoses(text, "p.csv", Format("ros"))[0].time_s, 1700000000.25);
+  EXPECT_THAT(InputErrorOf([] { ParsePoses("time,x,y,z,qx,qy,qz,qw\n12:30,1,2,3,0,0,0,1\n", "p.csv", Format("ros")); }),
+              testing::HasSubstr("column 'time': '12:30' is not a number"));
+  // A format that skips columns skips this one, too.
+  PoseFormat own = Format("ros");
+  own.file_columns = own.columns;
+  own.file_columns.insert(own.file_columns.begin(), std::string(kNoColumn));
+  EXPECT_FALSE(ParsePoses("time,x,y,z,qx,qy,qz,qw\n12:30,1,2,3,0,0,0,1\n", "p.csv", own)[0].time_s);
+}
+
 TEST(PoseFileTest, ReadsFiles) {
   const TempFolder folder;
   std::ofstream(folder / "poses.csv") << kHeader << "a.png,1,2,3,0,0,0,1\n";
