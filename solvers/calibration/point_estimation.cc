@@ -132,7 +132,7 @@ Coefficients CoefficientsOf(const Problem& problem, const std::vector<size_t>& t
   return all;
 }
 
-// What the images say about the coefficients, beside all other unknowns.
+// A PointEquations has what the images say about the coefficients, beside all other unknowns.
 struct PointEquations {
   Eigen::MatrixXd information;  // S.
   Eigen::VectorXd right;        // g.

@@ -36,7 +36,7 @@ std::optional<TimeOffset> EstimateTimeOffset(std::vector<LinearisedView> views, 
   }
   const Eigen::VectorXd of_estimate = covariance * coupling;
   const double information = square - coupling.dot(of_estimate);
-  // What the other unknowns take up leaves the rounding of the difference.
+  // The difference is rounding if the other unknowns take up the offset.
   constexpr double kRank = 1e-9;
   if (!(information > kRank * square)) return std::nullopt;
   const double sigma_s = 1 / std::sqrt(information);
@@ -53,7 +53,7 @@ std::optional<TimeOffset> EstimateTimeOffset(const Problem& problem, const Solut
   if (!views) return std::nullopt;
   std::vector<Tangent6> of_views;
   for (const size_t i : CapturesWithPoints(weighted)) of_views.push_back(velocities[i]);
-  // Those after the captures, such as a prior of the camera, do not depend on the offset.
+  // The views after the captures, such as a prior of the camera, do not depend on the offset.
   views->resize(std::min(views->size(), of_views.size()));
   return EstimateTimeOffset(*std::move(views),
                             CorrectionVariances(noise, NoisyJointsOf(weighted, MovingRobots(weighted))),

@@ -525,17 +525,6 @@ std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
   return names;
 }
 
-// Returns the places of rows in the order of their times; in their own if not all have one.
-std::vector<size_t> InOrderOfTime(const std::vector<PoseRow>& rows) {
-  std::vector<size_t> order(rows.size());
-  std::iota(order.begin(), order.end(), 0);
-  const bool have_times =
-      std::all_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.time_s.has_value(); });
-  if (!have_times) return order;
-  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return *rows[a].time_s < *rows[b].time_s; });
-  return order;
-}
-
 // Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
 void CheckCaptures(const Dataset& data, const ConfigValue& value) {
   if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
@@ -549,6 +538,14 @@ void CheckCaptures(const Dataset& data, const ConfigValue& value) {
 }
 
 }  // namespace
+
+std::vector<size_t> OrderOfTimes(const std::vector<std::optional<double>>& times_s) {
+  std::vector<size_t> order(times_s.size());
+  std::iota(order.begin(), order.end(), 0);
+  if (std::find(times_s.begin(), times_s.end(), std::nullopt) != times_s.end()) return order;
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return *times_s[a] < *times_s[b]; });
+  return order;
+}
 
 CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   CaptureSection section;
@@ -589,7 +586,9 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   }
   const std::vector<bool> is_excluded = ExcludedImages(seen, rows, image_of_row, excluded);
   std::vector<bool> has_row(seen.size(), false);
-  for (const size_t i : InOrderOfTime(rows)) {
+  std::vector<std::optional<double>> times_s;
+  for (const PoseRow& row : rows) times_s.push_back(row.time_s);
+  for (const size_t i : OrderOfTimes(times_s)) {
     if (!image_of_row[i]) continue;
     // A capture is named after its image, or after its row if the row has another name.
     const size_t image = *image_of_row[i];

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heba/config/yaml_reader.h"
 #include "heba/io/pose_records.h"
@@ -27,6 +28,9 @@ struct PoseSource {
 // Reads a key of poses: a path, or {file: PATH, pose: records[].pose, image: records[].image}. Leaves other keys of the
 // mapping to the caller, who finishes `mapping`; it is nothing for a path.
 PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping);
+
+// Returns the places of captures in the order of their times; in their own order unless every capture has a time.
+std::vector<size_t> OrderOfTimes(const std::vector<std::optional<double>>& times_s);
 
 // The section as used, and what of it cannot be read without the arm and the target.
 struct CaptureSection {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
-#include <numeric>
 #include <set>
 #include <tuple>
 
@@ -493,13 +492,9 @@ std::vector<LeftOutImages> RowsWithoutCapture(const std::vector<ArmRows>& arms, 
 // Sorts the captures by their times, if all have one.
 void SortByTime(RunConfig* config) {
   std::vector<Recording>& captures = config->data.captures;
-  const bool have_times = std::all_of(captures.begin(), captures.end(),
-                                      [](const Recording& capture) { return capture.time_s.has_value(); });
-  if (!have_times) return;
-  std::vector<size_t> order(captures.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return *captures[a].time_s < *captures[b].time_s; });
+  std::vector<std::optional<double>> times_s;
+  for (const Recording& capture : captures) times_s.push_back(capture.time_s);
+  const std::vector<size_t> order = OrderOfTimes(times_s);
   const auto sort = [&](auto* list) {
     auto sorted = *list;
     for (size_t i = 0; i < order.size(); ++i) sorted[i] = std::move((*list)[order[i]]);

@@ -40,8 +40,8 @@ struct RunConfig {
   // of them. Otherwise the target is in a file of its own, in an imported data set, or in Kalibr's keys.
   std::vector<bool> has_target_keys;
   std::vector<std::filesystem::path> data_files;  // The files with the poses, and those that they need.
-  // Of the short form. The number of images (or corners, or poses of the target) counts those with and those without a
-  // robot pose.
+  // These are set in the short form. The number of images (or corners, or poses of the target) counts those with and
+  // those without a robot pose.
   size_t num_images = 0;
   std::vector<std::string> images_without_pose;
   std::vector<std::string> poses_without_image;

@@ -67,7 +67,7 @@ std::string TargetFigures(const ReportData& data) {
       if (one.target != t) continue;
       points.push_back(one);
       const auto offset = estimated.find(one.id);
-      // What was estimated is no residual any more.
+      // An offset that was estimated is no residual any more.
       if (offset != estimated.end()) points.back().deviation_m = offset->second;
       if (offset != estimated.end()) points.back().p_value = 0;
     }

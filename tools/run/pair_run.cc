@@ -117,18 +117,23 @@ Dataset WithoutWrong(Dataset dataset, const RunOptions& run) {
   return leaves_out ? WithoutWrongPoses(std::move(dataset)) : dataset;
 }
 
-// An offset of time is estimated at most so often.
-constexpr int kMostRoundsOfOffset = 8;
-
-// Returns whether so little is left of an offset that it matters to nobody.
-bool HasSettled(const TimeOffset& rest) {
+// Calibrates with an offset of time that is estimated beside all unknowns until so little is left of it that it matters
+// to nobody. `calibrate_at` returns the calibration at an offset, with what it leaves of it (`rest`).
+template <typename CalibrateAt>
+auto SettleOffset(double offset_s, const CalibrateAt& calibrate_at) {
+  constexpr int kMostRounds = 8;
+  constexpr double kLongestStepS = 0.1;
   constexpr double kSettledSigmas = 0.1;
-  return std::abs(rest.change_s) < kSettledSigmas * rest.sigma_s;
-}
-
-double StepOf(const TimeOffset& rest) {
-  constexpr double kLongestS = 0.1;
-  return std::clamp(rest.change_s, -kLongestS, kLongestS);
+  auto last = calibrate_at(offset_s);
+  for (int round = 1; round < kMostRounds; ++round) {
+    if (!last.rest || std::abs(last.rest->change_s) < kSettledSigmas * last.rest->sigma_s) return last;
+    offset_s += std::clamp(last.rest->change_s, -kLongestStepS, kLongestStepS);
+    auto next = calibrate_at(offset_s);
+    // An offset with which there is no calibration is none.
+    if (!next.IsCalibrated()) return last;
+    last = std::move(next);
+  }
+  return last;
 }
 
 // Adds the offset, and what is to be said of it, to a result. `rest`: TimeOffset; nothing if it is not determined.
@@ -146,30 +151,27 @@ struct PosesAtOffset {
   double offset_s = 0;
   Dataset dataset;  // With these poses, and without those of the target that are wrong.
   PairCalibration calibration;
-  std::optional<TimeOffset> rest;  // What it says about the offset; nothing if the captures do not determine it.
+  // The calibration leaves this of the offset; nothing if the captures do not determine it.
+  std::optional<TimeOffset> rest;
+
+  bool IsCalibrated() const { return calibration.chain.ok(); }
 };
 
 // Calibrates with an offset that is estimated beside the poses until it has settled.
 PosesAtOffset CalibratePosesOfStream(const Dataset& dataset, const RunOptions& run) {
-  PosesAtOffset last;
-  double offset_s = FindTimeOffset(dataset, PosesInImages(dataset, {}, {}));
-  for (int round = 0; round < kMostRoundsOfOffset; ++round) {
-    PosesAtOffset next{offset_s, WithoutWrong(WithPosesAt(dataset, offset_s), run), {}, {}};
-    next.calibration = CalibrateTargetPoses(next.dataset, run);
-    // An offset with which there is no calibration is none.
-    if (round > 0 && !next.calibration.chain) return last;
-    last = std::move(next);
-    if (!last.calibration.chain) return last;
-    const PairSolution& chain = *last.calibration.chain;
-    std::vector<size_t> captures(last.dataset.captures.size());
+  const auto calibrate_at = [&](double offset_s) {
+    PosesAtOffset at{offset_s, WithoutWrong(WithPosesAt(dataset, offset_s), run), {}, {}};
+    at.calibration = CalibrateTargetPoses(at.dataset, run);
+    if (!at.IsCalibrated()) return at;
+    const PairSolution& chain = *at.calibration.chain;
+    std::vector<size_t> captures(at.dataset.captures.size());
     std::iota(captures.begin(), captures.end(), 0);
-    last.rest =
-        EstimateTimeOffset(LinearisePairs(SetupOf(dataset), last.calibration.pairs, chain), Eigen::VectorXd::Zero(6),
-                           chain.covariance.matrix, VelocitiesAt(last.dataset, offset_s, captures));
-    if (!last.rest || HasSettled(*last.rest)) return last;
-    offset_s += StepOf(*last.rest);
-  }
-  return last;
+    at.rest =
+        EstimateTimeOffset(LinearisePairs(SetupOf(dataset), at.calibration.pairs, chain), Eigen::VectorXd::Zero(6),
+                           chain.covariance.matrix, VelocitiesAt(at.dataset, offset_s, captures));
+    return at;
+  };
+  return SettleOffset(FindTimeOffset(dataset, PosesInImages(dataset, {}, {})), calibrate_at);
 }
 
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
@@ -212,7 +214,7 @@ Outcome<PairOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunO
   return output;
 }
 
-// What a run begins with, once its images have been searched.
+// A PairInput is what a run begins with, once its images have been searched.
 struct PairInput {
   Dataset dataset;
   RunOptions options;
@@ -487,31 +489,27 @@ struct CalibratedAtOffset {
   Dataset dataset;  // With these poses.
   Outcome<Calibrated> calibrated;
   std::vector<Finding> motions;
-  std::optional<TimeOffset> rest;  // What it says about the offset; nothing if the captures do not determine it.
+  // The calibration leaves this of the offset; nothing if the captures do not determine it.
+  std::optional<TimeOffset> rest;
+
+  bool IsCalibrated() const { return calibrated && calibrated->calibration.refined; }
 };
 
 // Calibrates with an offset that is estimated beside all unknowns until it has settled; the target may be detected
 // again.
 CalibratedAtOffset CalibrateStream(const PairInput& input, std::vector<TargetDetection>* detections) {
-  CalibratedAtOffset last;
-  double offset_s = FindTimeOffset(input.dataset, PosesInImages(input.dataset, *detections, input.image_size));
-  for (int round = 0; round < kMostRoundsOfOffset; ++round) {
+  const auto calibrate_at = [&](double offset_s) {
     PairInput at_offset = input;
     at_offset.dataset = WithPosesAt(std::move(at_offset.dataset), offset_s);
-    CalibratedAtOffset next{offset_s, at_offset.dataset, {}, {}, {}};
-    next.calibrated = CalibrateWithoutMotions(at_offset, detections, &next.motions);
-    const bool succeeded = next.calibrated && next.calibrated->calibration.refined;
-    // An offset with which there is no calibration is none.
-    if (round > 0 && !succeeded) return last;
-    last = std::move(next);
-    if (!succeeded) return last;
-    const UsedCaptures used = UsedBy(at_offset, *last.calibrated);
-    last.rest =
-        EstimateTimeOffset(used.problem, used.solution, VelocitiesAt(last.dataset, offset_s, used.times.places));
-    if (!last.rest || HasSettled(*last.rest)) return last;
-    offset_s += StepOf(*last.rest);
-  }
-  return last;
+    CalibratedAtOffset at{offset_s, at_offset.dataset, {}, {}, {}};
+    at.calibrated = CalibrateWithoutMotions(at_offset, detections, &at.motions);
+    if (!at.IsCalibrated()) return at;
+    const UsedCaptures used = UsedBy(at_offset, *at.calibrated);
+    at.rest = EstimateTimeOffset(used.problem, used.solution, VelocitiesAt(at.dataset, offset_s, used.times.places));
+    return at;
+  };
+  const double start_s = FindTimeOffset(input.dataset, PosesInImages(input.dataset, *detections, input.image_size));
+  return SettleOffset(start_s, calibrate_at);
 }
 
 // Estimates the points of the target if that is wanted, and calibrates again with the data set whose points lie there.

@@ -155,7 +155,7 @@ struct RunResult {
   std::vector<Finding> observations;  // Findings about the run that its figures do not show.
   // One per target: the points that are not where the design has them, by the estimate; or an empty list.
   std::vector<PointOffsets> point_offsets;
-  std::optional<EstimatedTimeOffset> time_offset;  // Of a robot's stream of poses, if it was estimated.
+  std::optional<EstimatedTimeOffset> time_offset;  // The offset is set if that of a stream of poses was estimated.
   // The points of the targets that were seen often enough. Not written to files.
   std::vector<PointDeviation> point_deviations;
   Verdict verdict;  // Result of JudgeRun.

@@ -136,7 +136,7 @@ TEST(PointEstimationTest, UncertaintyOfThePointsIsPartOfThatOfTheCamera) {
     AddChanges(estimated.points.changes, &covariance);
     sum += SquareOfError(made, estimated.solution, covariance) / kNumSeeds;
   }
-  // Of 96 squares of normal numbers, the mean is within these limits in 99 of 100 sets.
+  // The mean of 96 squares of normal numbers is within these limits in 99 of 100 sets.
   EXPECT_GT(sum, 0.66);
   EXPECT_LT(sum, 1.42);
 }

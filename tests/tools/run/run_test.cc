@@ -234,7 +234,7 @@ TEST_F(RunTest, PointsOfATargetAreEstimatedIfTheyAreFree) {
     squares += printed.at(id).squaredNorm();
     squares_left += (printed.at(id) - offset_m).squaredNorm();
   }
-  // What is a motion or a stretch of the plate is not found.
+  // The run cannot find the part that is a motion or a stretch of the plate.
   EXPECT_LT(squares_left, 0.35 * squares);
   const auto& findings = run->result.verdict.findings;
   const auto found = std::find_if(findings.begin(), findings.end(),
