@@ -18,6 +18,7 @@
 #include "tools/config/common_keys.h"
 #include "tools/config/image_list.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/stream_section.h"
 #include "tools/files/detection_file.h"
 
 namespace heba {
@@ -156,10 +157,7 @@ std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vecto
   if (reader->Has("poses")) {
     const fs::path file = reader->InputPath("poses");
     config->data_files.push_back(file);
-    for (const PoseRow& row : ReadPoseFile(file, NumbersFormat({std::string(kTimeColumn)}))) {
-      if (row.image.empty()) throw InputError(file.string() + ": needs the columns image and time");
-      times_s[row.image] = SecondsOf(row.numbers.front());
-    }
+    for (const PoseRow& row : ReadTimes(file, {})) times_s[row.image] = *row.time_s;
     return times_s;
   }
   for (const Seen& entry : seen) {
@@ -174,22 +172,6 @@ std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vecto
   return times_s;
 }
 
-PoseStream ReadStream(const fs::path& file, const PoseReading& reading) {
-  std::vector<PoseRow> rows = ReadPoseFile(file, reading.format);
-  if (!rows.front().time_s)
-    throw InputError(file.string() + ": has no column 'time' (s), which a stream of poses needs");
-  std::stable_sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return *a.time_s < *b.time_s; });
-  PoseStream stream;
-  for (const PoseRow& row : rows) {
-    // Robots repeat a row until the next one is ready.
-    if (!stream.times_s.empty() && *row.time_s == stream.times_s.back()) continue;
-    stream.times_s.push_back(*row.time_s);
-    stream.base_from_gripper.push_back(BaseFromGripper(reading, row.pose));
-  }
-  if (stream.times_s.size() < 2) throw InputError(file.string() + ": has one time only; a stream needs more");
-  return stream;
-}
-
 // Takes the poses of the captures from a stream: rows in the form `ros`, for the images that were taken within it.
 std::vector<PoseRow> RowsOfStream(MapReader* reader, const std::vector<Seen>& seen, RunConfig* config) {
   PosesFileOfArm& arm = config->arms.front();
@@ -198,25 +180,13 @@ std::vector<PoseRow> RowsOfStream(MapReader* reader, const std::vector<Seen>& se
   const PoseReading reading = ReadPoseReading(*reader);
   PoseStream stream = ReadStream(arm.file, reading);
   arm.reading.format = *FindPoseFormat("ros");
-  std::vector<PoseRow> rows;
-  std::optional<double> other_s;
+  std::vector<PoseRow> timed;
   for (const auto& [image, time_s] : ReadImageTimes(reader, seen, config)) {
-    if (!Covers(stream, time_s)) {
-      other_s = time_s;
-      continue;
-    }
-    const Rigid3d pose = PoseAt(stream, time_s);
-    PoseRow& row = rows.emplace_back();
+    PoseRow& row = timed.emplace_back();
     row.image = image;
-    row.pose = pose;
-    row.numbers = NumbersFromPose(arm.reading.format, pose);
     row.time_s = time_s;
   }
-  if (rows.empty()) {
-    throw InputError(arm.file.string() + ": no image was taken within its times, " + RoundTrip(stream.times_s.front()) +
-                     " to " + RoundTrip(stream.times_s.back()) + " s" +
-                     (other_s ? " (one was at " + RoundTrip(*other_s) + " s)" : ""));
-  }
+  std::vector<PoseRow> rows = RowsAtTimes(stream, arm.file, std::move(timed));
   config->data.stream = std::move(stream);
   return rows;
 }
@@ -444,10 +414,6 @@ std::optional<ConfigValue> FindPoseSection(const fs::path& run, const std::strin
     section = robots.Find(arm);
   }
   return section && section->IsMap() ? section : std::nullopt;
-}
-
-Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
-  return reading.is_base_from_gripper ? pose : Inverse(pose);
 }
 
 PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping) {

@@ -14,7 +14,6 @@ namespace heba {
 
 // Reads the keys pose_format, robot, base_link, tip_link, joint_angles, units and poses_are of `captures`.
 PoseReading ReadPoseReading(MapReader& captures);
-Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
 // Returns the section with the poses of an arm in the config next to the result of a run: `captures`, or robots.NAME of
 // an arm with this name. Returns nothing if there is none.

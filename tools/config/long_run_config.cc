@@ -21,6 +21,7 @@
 #include "tools/config/long_form.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/stream_section.h"
 #include "tools/config/target_shape_key.h"
 #include "tools/text/arm_keys.h"
 
@@ -38,6 +39,7 @@ struct ArmRows {
   std::vector<std::vector<double>> joints;  // One list per row; empty if they are not recorded.
   bool joints_are_deg = false;
   std::optional<double> scale_sigma;  // Dataset::robot_scale_sigmas.
+  std::optional<PoseStream> stream;   // The poses are those of this stream at the times of the images.
 };
 
 std::string CaptureName(const PoseRow& row, size_t index) {
@@ -63,27 +65,53 @@ void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, R
   arm->joints = ReadJoints(arm->robot->arm, file, arm->joints_are_deg, names);
 }
 
-// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
-// section `robot` of `root`.
-ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
-                RunConfig* config) {
-  ArmRows arm;
-  arm.section = section;
+// Reads the poses of an arm, a row for each capture.
+void ReadRows(MapReader& reader, const std::vector<std::string>& cameras, ArmRows* arm, RunConfig* config) {
   std::optional<MapReader> mapping;
   const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
   if (mapping) {
     mapping->Finish();
     reader.Record("poses", mapping->used());
   }
-  arm.file = poses.path;
-  arm.reading = ReadPoseReading(reader);
-  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras, poses.paths);
-  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
+  arm->file = poses.path;
+  arm->reading = ReadPoseReading(reader);
+  arm->rows = ReadPoses(arm->file, arm->reading.format, cameras, poses.paths);
+  for (PoseRow& row : arm->rows) row.pose = BaseFromGripper(arm->reading, row.pose);
   std::error_code error;
-  if (fs::is_directory(arm.file, error)) {
-    for (const fs::path& file : PoseFilesOf(arm.file)) config->data_files.push_back(file);
+  if (fs::is_directory(arm->file, error)) {
+    for (const fs::path& file : PoseFilesOf(arm->file)) config->data_files.push_back(file);
   } else {
-    config->data_files.push_back(arm.file);
+    config->data_files.push_back(arm->file);
+  }
+}
+
+// Takes the poses of the only arm from a stream, at the times of the images.
+void ReadRowsOfStream(MapReader& reader, const std::vector<std::string>& cameras, bool is_only, ArmRows* arm,
+                      RunConfig* config) {
+  if (!is_only) reader.Get("stream").Fail("a stream of poses is for configs of one arm (captures.stream)");
+  if (!reader.Has("poses")) {
+    reader.Get("stream").Fail("list the times of all images in a table with the columns image and time (poses)");
+  }
+  arm->file = reader.InputPath("stream");
+  const fs::path times = reader.InputPath("poses");
+  config->data_files.insert(config->data_files.end(), {arm->file, times});
+  arm->reading = ReadPoseReading(reader);
+  arm->stream = ReadStream(arm->file, arm->reading);
+  arm->rows = RowsAtTimes(*arm->stream, arm->file, ReadTimes(times, cameras));
+  arm->reading = PoseReading();
+  arm->reading.format = *FindPoseFormat("ros");
+}
+
+// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
+// section `robot` of `root`.
+ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
+                RunConfig* config) {
+  ArmRows arm;
+  arm.section = section;
+  if (reader.Has("stream")) {
+    ReadRowsOfStream(reader, cameras, root != nullptr, &arm, config);
+  } else {
+    ReadRows(reader, cameras, &arm, config);
   }
   if (root != nullptr && root->Has("robot")) {
     MapReader robot(root->Get("robot"));
@@ -151,7 +179,8 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
     if (used.contains(file_name)) continue;
     LeftOutImages& entry = left_out->emplace_back();
     entry.name = name + "/" + file_name;
-    entry.reason = "the robot's pose is not in the poses file";
+    entry.reason = arm.stream ? "the stream of the robot's poses does not reach its time"
+                              : "the robot's pose is not in the poses file";
     entry.images.resize(num_cameras);
     entry.images[camera_index] = path;
   }
@@ -385,6 +414,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   adjustment.pixel_noise_px = ReadPixelNoise(reader);
   adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   config->options.drift = ReadDrift(reader, BodiesThatDrift(config->data.rig));
+  ReadTimeOffset(reader, config);
   reader.Finish();
   root.Record("refine", reader.used());
 }
@@ -546,6 +576,7 @@ void ReadLongForm(MapReader& root, RunConfig* config) {
     data.captures.push_back(std::move(capture));
   }
   SortByTime(config);
+  data.stream = first.stream;
   for (LeftOutImages& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
   if (data.captures.empty()) throw InputError(config->file.string() + ": no capture is left");
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);

@@ -18,6 +18,11 @@ struct PoseReading {
   bool is_base_from_gripper = true;
 };
 
+// Returns base_from_gripper of a pose that was read so.
+inline Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
+  return reading.is_base_from_gripper ? pose : Inverse(pose);
+}
+
 // The poses of one arm as its file has them.
 struct PosesFileOfArm {
   std::string section;         // The section of the config that names the file, such as captures, or robots.left.

@@ -16,9 +16,9 @@
 #include "tools/config/plan_section.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
+#include "tools/config/stream_section.h"
 #include "tools/config/target_shape_key.h"
 #include "tools/run/captures.h"
-#include "tools/run/time_offset.h"
 
 namespace heba {
 namespace {
@@ -85,22 +85,6 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   reader.Record("model", YAML::Node(camera.model.empty() ? "auto" : camera.model));
   reader.Finish();
   root.Record("camera", reader.used());
-}
-
-// Reads the offset of a stream's clock.
-void ReadTimeOffset(MapReader& refine, RunConfig* config) {
-  const std::optional<ConfigValue> value = refine.Find("time_offset");
-  if (!config->data.stream) {
-    if (value) value->Fail("there is no stream of poses (captures.stream)");
-    return;
-  }
-  const std::string text = value ? value->AsText() : "auto";
-  config->options.estimates_time_offset = text == "auto";
-  refine.Record("time_offset", YAML::Node(text));
-  if (config->options.estimates_time_offset) return;
-  double offset_s = 0;
-  if (!ParseDouble(text, &offset_s)) value->Fail("'" + text + "' is neither auto nor a number of seconds");
-  config->data = WithPosesAt(std::move(config->data), offset_s);
 }
 
 void ReadRefine(MapReader& root, RunConfig* config) {

@@ -40,7 +40,7 @@ void ExamineAtOffset(Examination* examination) {
   if (!config.data.stream || !config.options.estimates_time_offset) return;
   std::vector<SeenPose> seen;
   for (const ExaminedView& view : examination->views) seen.push_back({view.capture, view.camera_from_target.front()});
-  const double offset_s = FindTimeOffset(config.data, std::move(seen));
+  const double offset_s = FindTimeOffset(config.data, {seen});
   config.data = WithPosesAt(std::move(config.data), offset_s);
   PosesFileOfArm& arm = config.arms.front();
   for (size_t i = 0; i < arm.numbers.size(); ++i) {

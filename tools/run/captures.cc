@@ -106,7 +106,7 @@ PredictedImages PredictCaptures(const Dataset& dataset, const std::vector<Target
   return predicted;
 }
 
-PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, const ImageSize& size) {
+PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run) {
   const ProblemCamera& camera = dataset.rig.cameras.front();
   const ProblemTarget& of_target = dataset.rig.targets.front();
   const Target& target = *dataset.targets.front();
@@ -139,8 +139,8 @@ PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, 
   options.choose_camera_model = !has_camera && camera.camera.model.empty();
   options.camera_model = camera.camera.model;
   options.setup = SetupOf(dataset);
-  options.width_px = size.width_px;
-  options.height_px = size.height_px;
+  options.width_px = camera.camera.width_px;
+  options.height_px = camera.camera.height_px;
   options.symmetries = target.Symmetries();
   options.shape = DesignedShape(AllPoints(target).points_in_target);
   options.has_smooth_remainder = run.calibration.smooth != SmoothPoseErrors::kNone;

@@ -48,7 +48,7 @@ std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<TargetDetect
 PredictedImages PredictCaptures(const Dataset& dataset, const std::vector<TargetDetection>& detections,
                                 const EffectsOfCaptures& effects, const PairSolution& solution, double rms_px);
 
-// Returns the options of the calibration of the only camera, whose images have this size.
-PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, const ImageSize& size);
+// Returns the options of the calibration of the only camera, whose size is that of its images.
+PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run);
 
 }  // namespace heba

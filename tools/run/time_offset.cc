@@ -51,6 +51,49 @@ double Disagreement(const PoseStream& stream, const std::vector<Turn>& turns, do
   return sum;
 }
 
+// Returns the poses of a target that the images of a camera show, with a camera that is calibrated from them alone;
+// none if there is no such calibration.
+std::vector<SeenPose> PosesOfPair(const Dataset& dataset, const std::vector<TargetDetection>& detections, size_t camera,
+                                  size_t target) {
+  const Camera& of_images = dataset.rig.cameras[camera].camera;
+  CameraCalibrationOptions options;
+  options.model = of_images.model;
+  // Angles need no better lens.
+  if (options.model.empty()) options.model = "brown5";
+  options.width_px = of_images.width_px;
+  options.height_px = of_images.height_px;
+  options.choose_bend = false;
+  options.folds = 0;
+  std::vector<View> views;
+  for (const TargetDetection& seen : detections) {
+    const Detection& detection = seen.detection.detection;
+    if (seen.camera != camera || seen.target != target || detection.ids.empty()) continue;
+    View& view = views.emplace_back();
+    view.name = dataset.captures[seen.capture].name;
+    view.observations = ObservationsOf(*dataset.targets[target], detection);
+    view.capture = seen.capture;
+  }
+  const Outcome<CameraCalibration> calibration = CalibrateCamera(views, options);
+  if (!calibration) return {};
+  std::vector<SeenPose> poses;
+  for (const CameraViewOutcome& view : calibration->views) {
+    if (view.used) poses.push_back({view.capture, view.camera_from_target});
+  }
+  return poses;
+}
+
+// The finding `time_offset`: the offset that was estimated, or that the captures do not determine it.
+Finding DescribeTimeOffset(const std::optional<EstimatedTimeOffset>& offset) {
+  Finding finding;
+  finding.code = FindingCode("time_offset");
+  if (offset) {
+    finding.numbers = {{"offset_ms", 1000 * offset->value_s}, {"sigma_ms", 1000 * offset->sigma_s}};
+  } else {
+    finding.grade = Grade::kDoubtful;
+  }
+  return finding;
+}
+
 }  // namespace
 
 Dataset WithPosesAt(Dataset dataset, double offset_s) {
@@ -60,37 +103,37 @@ Dataset WithPosesAt(Dataset dataset, double offset_s) {
   return dataset;
 }
 
-std::vector<Tangent6> VelocitiesAt(const Dataset& dataset, double offset_s, const std::vector<size_t>& captures) {
+std::vector<Tangent6> VelocitiesAt(const Dataset& dataset, double offset_s) {
   std::vector<Tangent6> velocities;
-  for (const size_t i : captures) {
-    velocities.push_back(VelocityAt(*dataset.stream, *dataset.captures[i].time_s + offset_s));
+  for (const Recording& capture : dataset.captures) {
+    velocities.push_back(VelocityAt(*dataset.stream, *capture.time_s + offset_s));
   }
   return velocities;
 }
 
-std::vector<SeenPose> PosesInImages(const Dataset& dataset, const std::vector<TargetDetection>& detections,
-                                    const ImageSize& size) {
-  std::vector<SeenPose> seen;
-  for (size_t i = 0; i < dataset.target_poses.size(); ++i) seen.push_back({i, dataset.target_poses[i]});
-  if (!seen.empty()) return seen;
-  CameraCalibrationOptions options;
-  options.model = dataset.rig.cameras.front().camera.model;
-  // Angles need no better lens.
-  if (options.model.empty()) options.model = "brown5";
-  options.width_px = size.width_px;
-  options.height_px = size.height_px;
-  options.choose_bend = false;
-  options.folds = 0;
-  const Outcome<CameraCalibration> camera = CalibrateCamera(ViewsOf(dataset, detections), options);
-  if (!camera) return {};
-  for (const CameraViewOutcome& view : camera->views) {
-    if (view.used) seen.push_back({view.capture, view.camera_from_target});
+std::vector<std::vector<SeenPose>> PosesInImages(const Dataset& dataset,
+                                                 const std::vector<TargetDetection>& detections) {
+  std::vector<std::vector<SeenPose>> seen;
+  if (!dataset.target_poses.empty()) {
+    std::vector<SeenPose>& given = seen.emplace_back();
+    for (size_t i = 0; i < dataset.target_poses.size(); ++i) given.push_back({i, dataset.target_poses[i]});
+    return seen;
+  }
+  for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+    for (size_t t = 0; t < dataset.rig.targets.size(); ++t) {
+      if (!MovesAgainst(dataset.rig.cameras[c].mount, dataset.rig.targets[t].mount)) continue;
+      seen.push_back(PosesOfPair(dataset, detections, c, t));
+    }
   }
   return seen;
 }
 
-double FindTimeOffset(const Dataset& dataset, std::vector<SeenPose> seen) {
-  const std::vector<Turn> turns = TurnsOf(dataset, std::move(seen));
+double FindTimeOffset(const Dataset& dataset, const std::vector<std::vector<SeenPose>>& seen) {
+  std::vector<Turn> turns;
+  for (const std::vector<SeenPose>& of_pair : seen) {
+    const std::vector<Turn> more = TurnsOf(dataset, of_pair);
+    turns.insert(turns.end(), more.begin(), more.end());
+  }
   constexpr double kStepS = 0.005;
   constexpr int kNumSteps = 400;
   constexpr double kClearlyBetter = 0.95;
@@ -108,18 +151,9 @@ double FindTimeOffset(const Dataset& dataset, std::vector<SeenPose> seen) {
   return least < kClearlyBetter * at_zero ? best_s : 0;
 }
 
-Finding DescribeTimeOffset(const EstimatedTimeOffset& offset) {
-  Finding finding;
-  finding.code = FindingCode("time_offset");
-  finding.numbers = {{"offset_ms", 1000 * offset.value_s}, {"sigma_ms", 1000 * offset.sigma_s}};
-  return finding;
-}
-
-Finding UndeterminedTimeOffset() {
-  Finding finding;
-  finding.grade = Grade::kDoubtful;
-  finding.code = FindingCode("time_offset");
-  return finding;
+void AddTimeOffset(double offset_s, const std::optional<TimeOffset>& rest, RunResult* result) {
+  if (rest) result->time_offset = EstimatedTimeOffset{offset_s, rest->sigma_s};
+  result->observations.push_back(DescribeTimeOffset(result->time_offset));
 }
 
 }  // namespace heba

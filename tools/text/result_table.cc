@@ -225,7 +225,7 @@ std::string ModelLines(const RunResult& result) {
   for (size_t t = 0; t < result.rig.targets.size(); ++t) {
     lines += ShapeLine(result.rig.targets[t], solution.shapes[t], solution.covariance);
   }
-  return lines;
+  return lines + FindingLines(result.verdict, std::nullopt);
 }
 
 // The same of a single camera, whose pixel noise has no column.

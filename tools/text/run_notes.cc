@@ -37,7 +37,9 @@ std::vector<std::string> LeftOutNotes(const std::vector<ImageResult>& images) {
   };
   std::vector<Group> groups;
   for (const ImageResult& image : images) {
-    if (image.reason.empty() || image.targets.empty()) continue;
+    const bool is_used = std::all_of(image.targets.begin(), image.targets.end(),
+                                     [](const TargetInImage& target) { return target.reason.empty(); });
+    if (is_used) continue;
     std::map<std::string, std::set<std::string>> targets_of;
     for (const TargetInImage& target : image.targets) targets_of[target.reason].insert(target.target);
     const auto known = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
@@ -52,18 +54,18 @@ std::vector<std::string> LeftOutNotes(const std::vector<ImageResult>& images) {
   }
   std::vector<std::string> notes;
   for (const Group& group : groups) {
-    if (group.num_images == 1) {
-      notes.push_back(group.first->capture + ", camera " + group.first->camera + ": " + group.first->reason);
-      continue;
-    }
     std::vector<std::string> texts;
     for (const auto& [reason, targets] : group.targets_of) {
+      if (reason.empty()) continue;
       const std::vector<std::string> names(targets.begin(), targets.end());
-      if (!reason.empty())
-        texts.push_back((names.size() == 1 ? "target " : "targets ") + Join(names, ", ") + ": " + reason);
+      texts.push_back((names.size() == 1 ? "target " : "targets ") + Join(names, ", ") + ": " + reason);
     }
-    notes.push_back("camera " + group.first->camera + ": " + std::to_string(group.num_images) + " images, from " +
-                    group.first->capture + " to " + group.last->capture + ": " + Join(texts, "; "));
+    const std::string& camera = group.first->camera;
+    const std::string which = group.num_images == 1
+                                  ? group.first->capture + ", camera " + camera
+                                  : "camera " + camera + ": " + std::to_string(group.num_images) + " images, from " +
+                                        group.first->capture + " to " + group.last->capture;
+    notes.push_back(which + ": " + Join(texts, "; "));
   }
   return notes;
 }

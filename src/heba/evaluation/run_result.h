@@ -47,8 +47,7 @@ struct TargetInImage {
   std::optional<double> rms_px;
   bool used = false;
   std::string reason = {};  // The reason why it was not used; empty in a result that was read from a file.
-  // The number of points that were found only in the second pass, near their pixels predicted by the first estimate. It
-  // is not written to files of the long form.
+  // The number of points that were found only in the second pass, near their pixels predicted by the first estimate.
   int num_second_pass = 0;
 };
 
@@ -60,7 +59,7 @@ struct ImageResult {
   std::string camera;  // Empty for a capture without images.
   std::string image;   // File name.
   bool used = false;
-  std::string reason;                  // Reason why it, or one of its targets, was not used.
+  std::string reason;                  // The reason why it, one of its targets, or some of their points were not used.
   std::vector<TargetInImage> targets;  // Empty if no target was seen.
   bool was_searched = true;            // False for what the run left out before it searched the images.
   // The distance between the predicted pose of a target and the pose that this image shows, in a fold of the
@@ -132,7 +131,7 @@ struct RunResult {
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
   std::vector<std::string> target_types;  // Each target has one; an empty text if only poses of it were given.
-  std::vector<int> num_target_points;     // Each target has one in the short form; the long form has none.
+  std::vector<int> num_target_points;     // Each target has one: 0 if only poses of it were given.
   Solution solution;                      // Without the outcomes of the captures.
   // The estimates of all methods, of which `solution` is that of FindFinal, and the model are set for one camera, one
   // target and one arm. They are not written to files of the long form.

@@ -238,6 +238,7 @@ Json CapturesJson(const RunResult& result) {
       num_rejected += target.num_rejected;
       targets.push_back(Json{{"target", target.target},
                              {"points", target.num_points},
+                             {"points_second_pass", target.num_second_pass},
                              {"points_rejected", target.num_rejected},
                              {"used", target.used},
                              {"rms_px", OrNull(target.rms_px)}});
@@ -247,6 +248,7 @@ Json CapturesJson(const RunResult& result) {
         {"capture", image.capture},
         {"camera", image.camera},
         {"image", image.image},
+        {"role", RoleName(image.role)},
         {"points", num_points},
         {"points_rejected", num_rejected},
         {"searched", image.was_searched},
@@ -292,6 +294,7 @@ Json TargetEntryJson(const RunResult& result, size_t index) {
   const std::string mount = MountText(result.rig, target);
   return Json{{"mount", mount},
               {"type", result.target_types[index]},
+              {"points", result.num_target_points[index]},
               {"pose", PoseJson(solution.poses.mount_from_target[index], mount, target.name, &solution.covariance,
                                 TargetPoseBlock(target))},
               {"shape", ShapeJson(solution.shapes[index], solution.covariance, TargetShapeBlock(target))},
@@ -311,20 +314,26 @@ Json RobotEntryJson(const RunResult& result, size_t index) {
               {"robot", KinematicsJson(result, index)}};
 }
 
-Json ShortJson(const RunResult& result) {
-  const Setup setup = SetupOf(result.rig.cameras[0].mount);
+// Returns what a result of either form begins with.
+Json HeadJson(const RunResult& result, const char* schema) {
   Json json;
-  json["schema"] = kResultSchema;
+  json["schema"] = schema;
   json["heba"] = Version();
   json["name"] = result.name;
-  json["setup"] = SetupName(setup);
-  json["target"] = Json{{"type", result.target_types[0]},
-                        {"points", result.num_target_points[0]},
-                        {"point_offsets", PointOffsetsJson(result.point_offsets, 0)}};
   AddAbout(result.about, &json);
   if (result.time_offset) {
     json["time_offset"] = Json{{"value_s", result.time_offset->value_s}, {"std_s", result.time_offset->sigma_s}};
   }
+  return json;
+}
+
+Json ShortJson(const RunResult& result) {
+  const Setup setup = SetupOf(result.rig.cameras[0].mount);
+  Json json = HeadJson(result, kResultSchema);
+  json["setup"] = SetupName(setup);
+  json["target"] = Json{{"type", result.target_types[0]},
+                        {"points", result.num_target_points[0]},
+                        {"point_offsets", PointOffsetsJson(result.point_offsets, 0)}};
   json["captures"] = Json::array();
   const std::map<std::string, Rigid3d> corrections = CorrectionsOfArm(result);
   for (const ImageResult& image : result.images) json["captures"].push_back(CaptureJson(image, corrections));
@@ -351,11 +360,7 @@ Json ShortJson(const RunResult& result) {
 
 Json LongJson(const RunResult& result) {
   const Problem& rig = result.rig;
-  Json json;
-  json["schema"] = kLongSchema;
-  json["heba"] = Version();
-  json["name"] = result.name;
-  AddAbout(result.about, &json);
+  Json json = HeadJson(result, kLongSchema);
   json["verdict"] = VerdictJson(result.verdict);
   for (const char* key : {"cameras", "errors", "targets", "robots"}) json[key] = Json::object();
   for (size_t c = 0; c < rig.cameras.size(); ++c) {

@@ -131,14 +131,17 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   return estimate;
 }
 
+CaptureRole ReadRole(const JsonReader& reader) {
+  const std::optional<CaptureRole> role = FindCaptureRole(reader.Text());
+  if (!role) reader.Fail("the role is unknown; one of: home, translate_x, translate_y, rotate, free; or empty");
+  return *role;
+}
+
 ImageResult ReadCapture(const JsonReader& reader) {
   ImageResult image;
   image.image = reader.Get("image").Text();
   image.capture = image.image;
-  const std::optional<CaptureRole> role = FindCaptureRole(reader.Get("role").Text());
-  if (!role)
-    reader.Get("role").Fail("the role is unknown; one of: home, translate_x, translate_y, rotate, free; or empty");
-  image.role = *role;
+  image.role = ReadRole(reader.Get("role"));
   image.used = reader.Get("used").Bool();
   image.reason = reader.Get("reason").Text();
   if (reader.Has("repeat_of")) image.repeat_of = reader.Get("repeat_of").Text();
@@ -196,6 +199,13 @@ PointOffsets ReadOffsetsOf(const JsonReader& target) {
   return target.Has("point_offsets") ? ReadPointOffsetsJson(target.Get("point_offsets")) : PointOffsets();
 }
 
+// Reads the offset of a stream's clock, if there was one.
+std::optional<EstimatedTimeOffset> ReadTimeOffset(const JsonReader& result) {
+  if (!result.Has("time_offset")) return std::nullopt;
+  const JsonReader offset = result.Get("time_offset");
+  return EstimatedTimeOffset{offset.Get("value_s").Number(), ReadMagnitude(offset, "std_s")};
+}
+
 RunResult ReadShort(const JsonReader& reader) {
   const std::string name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
@@ -204,10 +214,7 @@ RunResult ReadShort(const JsonReader& reader) {
   RunResult result = ShortResult(*setup, target.Get("type").Text(), target.Get("points").Int(0, kMostCounted));
   result.name = name;
   result.point_offsets = {ReadOffsetsOf(target)};
-  if (reader.Has("time_offset")) {
-    const JsonReader offset = reader.Get("time_offset");
-    result.time_offset = EstimatedTimeOffset{offset.Get("value_s").Number(), ReadMagnitude(offset, "std_s")};
-  }
+  result.time_offset = ReadTimeOffset(reader);
   for (const JsonReader& capture : reader.Get("captures").List()) result.images.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, *setup));
@@ -312,6 +319,8 @@ void ReadTargetEntry(const JsonReader& reader, const std::string& name, RunResul
   ProblemTarget target{name, ReadMount(reader.Get("mount"), result->rig), TargetShape()};
   target.mount_name = reader.Get("mount").Text();
   result->target_types.push_back(reader.Get("type").Text());
+  // Results of earlier versions lack this member.
+  result->num_target_points.push_back(reader.Has("points") ? reader.Get("points").Int(0, kMostCounted) : 0);
   solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, target), name));
   solution.shapes.push_back(reader.Has("shape") ? ReadShapeJson(reader.Get("shape")) : TargetShape());
   result->point_offsets.push_back(ReadOffsetsOf(reader));
@@ -338,10 +347,14 @@ void ReadCaptures(const JsonReader& reader, RunResult* result) {
     if (entry.Has("holdout_target_mm")) image.holdout_target_mm = ReadOptionalMagnitude(entry, "holdout_target_mm");
     if (entry.Has("move_without")) image.move_without = ReadMove(entry);
     if (entry.Has("repeat_of")) image.repeat_of = entry.Get("repeat_of").Text();
+    if (entry.Has("role")) image.role = ReadRole(entry.Get("role"));
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
                                target.Get("points_rejected").Int(0, kMostCounted),
                                ReadOptionalMagnitude(target, "rms_px"), target.Get("used").Bool()});
+      if (target.Has("points_second_pass")) {
+        image.targets.back().num_second_pass = target.Get("points_second_pass").Int(0, kMostCounted);
+      }
     }
     result->images.push_back(std::move(image));
   }
@@ -350,6 +363,7 @@ void ReadCaptures(const JsonReader& reader, RunResult* result) {
 RunResult ReadLong(const JsonReader& reader) {
   RunResult result;
   result.name = reader.Get("name").Text();
+  result.time_offset = ReadTimeOffset(reader);
   for (const auto& [name, robot] : reader.Get("robots").Members()) result.rig.robots.push_back(name);
   ReadSection(reader.Get("robots"), ReadRobot, &result);
   ReadSection(reader.Get("cameras"), ReadCameraEntry, &result);

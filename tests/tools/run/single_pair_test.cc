@@ -1,4 +1,4 @@
-// A camera, a target and an arm with names give what they give without: tools/run/pair_run.h.
+// A camera, a target and an arm with names give what they give without: tools/run/pair_images.h.
 #include <cmath>
 #include <memory>
 #include <string>

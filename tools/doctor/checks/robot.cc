@@ -305,7 +305,9 @@ std::optional<WithoutArm> CalibrateWithoutArm(const Examination& examination) {
   RunOptions run = config.options;
   run.num_threads = examination.num_threads;
   const CaptureDetection& first = examination.detections.front().detection;
-  PairCalibrationOptions options = OptionsOf(data, run, {first.width_px, first.height_px});
+  data.rig.cameras.front().camera.width_px = first.width_px;
+  data.rig.cameras.front().camera.height_px = first.height_px;
+  PairCalibrationOptions options = OptionsOf(data, run);
   Outcome<PairCalibration> calibration = CalibratePair(ViewsOf(data, examination.detections), options);
   if (!calibration || !calibration->refined) return std::nullopt;
   return WithoutArm{std::move(*calibration), std::move(options)};

@@ -84,7 +84,7 @@ struct Dataset {
   // There must be one camera, one target and one arm.
   std::vector<Rigid3d> target_poses = {};
   // The recorded motion of the robot, from which the poses of the captures are taken (RunOptions::time_offset). Every
-  // capture has a time then, and there must be one camera, one target and one arm.
+  // capture has a time then, and there must be one arm.
   std::optional<PoseStream> stream = {};
   // One per arm: its kinematics, which are estimated if the captures require it, if they are known; or an empty list.
   std::vector<std::optional<RobotArm>> arms = {};

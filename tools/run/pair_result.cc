@@ -1,22 +1,19 @@
-#include "tools/run/assessment.h"
+#include "tools/run/pair_result.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <string>
+#include <string_view>
+#include <utility>
 
 #include "heba/base/distributions.h"
-#include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "solvers/calibration/calibration_problem.h"
-#include "solvers/calibration/residual_structure.h"
-#include "solvers/calibration/scale_share.h"
+#include "solvers/calibration/held_out.h"
 #include "solvers/initial/pose_selection.h"
-#include "solvers/residuals/inliers.h"
+#include "tools/run/arm_assessment.h"
 #include "tools/run/captures.h"
-#include "tools/run/reached_accuracy.h"
 #include "tools/run/run_stage.h"
-#include "tools/run/second_detection.h"
-#include "tools/run/stand_in_arm.h"
 
 namespace heba {
 namespace {
@@ -52,68 +49,6 @@ ModelSummary SummariseModel(const PairCalibration& calibration) {
                                   alternative.p, std::nullopt, alternative.reason});
   }
   return model;
-}
-
-// Returns the entry of an image that is not used, without a reason.
-ImageResult EntryOfUnused(const Dataset& dataset, size_t capture) {
-  ImageResult image;
-  image.capture = dataset.captures[capture].name;
-  image.camera = dataset.rig.cameras.front().name;
-  image.image = ImageOf(dataset, capture, 0);
-  image.role = dataset.captures[capture].role;
-  return image;
-}
-
-// Returns the entries of the images that were searched, in the order of `detections`.
-std::vector<ImageResult> DescribeImages(const Dataset& dataset, const std::vector<TargetDetection>& detections,
-                                        const PairCalibration& calibration,
-                                        const std::vector<std::optional<CaptureMove>>& moves) {
-  const PairSolution& solution = *calibration.refined;
-  std::vector<ImageResult> results;
-  std::map<size_t, size_t> place_of;
-  for (const TargetDetection& seen : detections) {
-    place_of[seen.capture] = results.size();
-    ImageResult& result = results.emplace_back(EntryOfUnused(dataset, seen.capture));
-    const Detection& detection = seen.detection.detection;
-    result.reason = detection.reason;
-    if (detection.ids.empty()) continue;
-    TargetInImage& target = result.targets.emplace_back();
-    target.target = dataset.rig.targets.front().name;
-    target.num_points = static_cast<int>(detection.ids.size());
-    target.num_second_pass = seen.detection.num_second_pass;
-  }
-  for (size_t v = 0; v < calibration.views.size(); ++v) {
-    const View& view = calibration.views[v];
-    ImageResult& result = results[place_of.at(view.capture)];
-    TargetInImage& target = result.targets.front();
-    result.used = true;
-    target.used = true;
-    const std::optional<SquaredErrors> errors = ViewErrors(
-        solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(SetupOf(dataset), view, solution)),
-        ApplyShape(view.observations, solution.shape));
-    if (errors) target.rms_px = errors->RmsPx();
-    target.num_rejected = static_cast<int>(solution.views[v].rejected_ids.size());
-    if (target.num_rejected > 0) {
-      result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(target.num_rejected) +
-                       (target.num_rejected == 1 ? " point is" : " points are") +
-                       " rejected as inconsistent with the estimate from the others";
-    }
-    result.move_without = moves[v];
-  }
-  for (const UnusedView& unused : calibration.unused) results[place_of.at(unused.capture)].reason = unused.reason;
-  return results;
-}
-
-// Returns the poses of the arm in all captures, with the corrections of those that the calibration uses.
-std::vector<CapturePoses> PosesOfCaptures(const Dataset& dataset, const PairCalibration& calibration) {
-  std::vector<CapturePoses> poses;
-  for (const Recording& capture : dataset.captures) poses.push_back({capture.name, capture.base_from_gripper, {}});
-  if (!calibration.refined) return poses;
-  for (size_t v = 0; v < calibration.views.size(); ++v) {
-    const std::optional<Rigid3d>& correction = calibration.refined->views[v].correction;
-    if (correction) poses[calibration.views[v].capture].corrections = {*correction};
-  }
-  return poses;
 }
 
 template <typename T>
@@ -167,8 +102,8 @@ std::optional<double> PValueOfBetter(const HoldOut& of_method, const HoldOut& of
   return mean > 0 ? of_either : 1 - of_either;
 }
 
-}  // namespace
-
+// Returns one estimate per method, then those of chain and bundle, each with its errors. `symmetries`: those of the
+// target (Target::Symmetries).
 std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibration,
                                     const std::vector<HoldOut>& hold_outs, const std::optional<Truth>& truth,
                                     const std::vector<Rigid3d>& symmetries) {
@@ -215,23 +150,6 @@ std::vector<Estimate> MakeEstimates(Setup setup, const PairCalibration& calibrat
   return estimates;
 }
 
-namespace {
-
-void AddHoldOuts(const Dataset& dataset, const std::vector<HoldOut>& hold_outs, std::string_view method,
-                 std::vector<ImageResult>* images) {
-  const auto of_method = std::find_if(hold_outs.begin(), hold_outs.end(),
-                                      [&](const HoldOut& hold_out) { return hold_out.method == method; });
-  if (of_method == hold_outs.end()) return;
-  std::map<std::string, double> distance_m_of;
-  for (const auto& [capture, distance_m] : of_method->target_m_of_capture) {
-    distance_m_of[dataset.captures[capture].name] = distance_m;
-  }
-  for (ImageResult& image : *images) {
-    const auto distance_m = distance_m_of.find(image.capture);
-    if (distance_m != distance_m_of.end()) image.holdout_target_mm = 1000 * distance_m->second;
-  }
-}
-
 // Returns the truth of the only camera and target; nothing if it is not known.
 std::optional<Truth> TruthOf(const Dataset& dataset) {
   if (!dataset.truth) return std::nullopt;
@@ -249,69 +167,76 @@ RunResult ResultOf(const Dataset& dataset) {
   return result;
 }
 
+// Returns the closed forms that succeeded on all captures; the folds run these.
+std::vector<std::string> MethodsOf(const PairCalibration& calibration) {
+  std::vector<std::string> methods;
+  for (const MethodResult& method : calibration.methods) {
+    if (method.hand_eye) methods.push_back(method.method);
+  }
+  return methods;
+}
+
+// Returns the held-out distances of a method, as those of the only camera.
+std::vector<DistancesOfCaptures> DistancesOf(const std::vector<HoldOut>& hold_outs, std::string_view method) {
+  for (const HoldOut& hold_out : hold_outs) {
+    if (hold_out.method == method) return {hold_out.target_m_of_capture};
+  }
+  return {};
+}
+
+// Gives the parts of a problem the names of those of `named`, and their state in the calibration.
+void NameParts(const Problem& named, const PairCalibration& calibration, Problem* problem) {
+  problem->robots = named.robots;
+  ProblemCamera& camera = problem->cameras.front();
+  camera.name = named.cameras.front().name;
+  camera.mount_name = named.cameras.front().mount_name;
+  camera.free_intrinsics = calibration.bundle.free_intrinsics;
+  camera.prior = calibration.bundle.camera_prior;
+  ProblemTarget& target = problem->targets.front();
+  target.name = named.targets.front().name;
+  target.mount_name = named.targets.front().mount_name;
+  target.free_shape = calibration.bundle.free_shape;
+}
+
 }  // namespace
 
-RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<TargetDetection>& detections,
-                 const EffectsOfCaptures& effects, const PairCalibration& calibration, const Advice& advice,
-                 PairCalibrationOptions options, RunObserver* observer) {
-  RunResult result = ResultOf(dataset);
-  result.observations = advice.findings;
-  // The folds run the methods that succeeded on all captures.
-  options.methods.clear();
-  for (const MethodResult& method : calibration.methods) {
-    if (method.hand_eye) options.methods.push_back(method.method);
-  }
+FormOfResult PairForm(const ImageRun& run, CalibratedImages* calibrated) {
+  const Dataset& dataset = run.dataset;
+  const Calibration& general = calibrated->calibration;
+  PairCalibration& calibration = *calibrated->calibration.pairs.front().calibration;
+  FormOfResult form;
+  RunResult& result = form.result;
+  result = ResultOf(dataset);
+  PairCalibrationOptions options = *calibrated->pair_options;
+  options.methods = MethodsOf(calibration);
   options.bundle.num_threads = 1;  // The folds run in parallel.
   std::vector<HoldOut> hold_outs;
-  if (run.folds > 0) {
-    const int num_folds = std::min(run.folds, static_cast<int>(calibration.views.size()));
-    StageReport report(RunStage::kHoldOut, num_folds, observer);
-    hold_outs = CrossValidate(calibration, options, num_folds, run.num_threads, [&] { report.Step(); });
+  if (run.options.folds > 0) {
+    const int num_folds = std::min(run.options.folds, static_cast<int>(calibration.views.size()));
+    StageReport report(RunStage::kHoldOut, num_folds, run.observer);
+    hold_outs = CrossValidate(calibration, options, num_folds, run.options.num_threads, [&] { report.Step(); });
   }
-  if (observer != nullptr) observer->OnHoldOuts(hold_outs);
+  if (run.observer != nullptr) run.observer->OnHoldOuts(hold_outs);
+  form.held_out_m = DistancesOf(hold_outs, kBundleMethod);
+  calibration.refined->covariance = general.refined->covariance;
+  calibration.refined->covariance_repeatable = general.refined->covariance_repeatable;
   result.estimates = MakeEstimates(options.setup, calibration, hold_outs, TruthOf(dataset), options.symmetries);
-  const SearchedModel of_all = AsProblem(calibration, options).model;
-  const Problem used = WithoutRejected(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution);
-  const ScaleShare scales = ShareOfScales(used, of_all.judged.solution, ScaleSigmasOf(dataset, of_all.problem));
-  const std::vector<Eigen::VectorXd> of_arm = ChangesByUnknownArms(used, of_all.judged.solution);
-  AddShare(scales, advice.changes, of_arm, &*result.estimates.back().solution);
-  result.observations.insert(result.observations.end(), scales.findings.begin(), scales.findings.end());
-  ResidualStructure structure = FindResidualStructure(used, of_all.judged.solution);
-  result.observations.insert(result.observations.end(), structure.findings.begin(), structure.findings.end());
-  result.point_deviations = std::move(structure.points);
-  if (!calibration.left_out.empty()) {
-    SetLeftOut(ErrorsOfUnused(of_all.problem, of_all.judged.solution, of_all.judged.left_out, 0),
-               &result.estimates.back().errors);
+  ImageSet contradicting;
+  for (const View& view : calibration.left_out) contradicting.insert({view.capture, 0});
+  if (!contradicting.empty()) {
+    SetLeftOut(ErrorsOfUnused(calibrated->seen, *general.refined, contradicting, 0), &result.estimates.back().errors);
   }
-  result.captures = PosesOfCaptures(dataset, calibration);
-  result.images = DescribeImages(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
-  AddHoldOuts(dataset, hold_outs, kBundleMethod, &result.images);
-  // A wrong scale moves the camera, and not what it sees of an object of known size.
-  Solution solution = of_all.judged.solution;
-  AddChanges(scales.changes, &solution.covariance);
-  std::vector<Eigen::VectorXd> all_changes = advice.changes;
-  all_changes.insert(all_changes.end(), of_arm.begin(), of_arm.end());
-  result.working_points = WorkingPointsOf(used, solution, all_changes);
   result.model = SummariseModel(calibration);
-  const PredictedImages predicted = PredictCaptures(dataset, detections, effects, *calibration.refined, 0);
-  for (Finding& missing : FindMissingIds(dataset, detections, predicted)) {
-    result.observations.push_back(std::move(missing));
+  if (!dataset.arms.empty() && dataset.arms.front()) {
+    form.of_arms = AddArm(dataset, run.options.kinematics, calibrated->arms.front(), calibration, &result);
   }
-  for (Finding& turned : FindSeenFromBehind(dataset, detections, predicted)) {
-    result.observations.push_back(std::move(turned));
-  }
-  result.requirements = ReachedAccuracies(run.requirements, used, solution, result.working_points);
-  return WithFinalEstimate(std::move(result));
+  return form;
 }
 
 RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const PairCalibration& calibration,
                       PoseCalibrationOptions options) {
   RunResult result = ResultOf(dataset);
-  // The folds run the methods that succeeded on all captures.
-  options.methods.clear();
-  for (const MethodResult& method : calibration.methods) {
-    if (method.hand_eye) options.methods.push_back(method.method);
-  }
+  options.methods = MethodsOf(calibration);
   std::vector<HoldOut> hold_outs;
   if (run.folds > 0) {
     hold_outs =
@@ -319,13 +244,57 @@ RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const PairC
   }
   result.estimates = MakeEstimates(options.setup, calibration, hold_outs, TruthOf(dataset), {Rigid3d()});
   result.model = SummariseModel(calibration);
-  result.captures = PosesOfCaptures(dataset, calibration);
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    result.images.push_back(EntryOfUnused(dataset, i));
-    result.images.back().used = true;
+    const Recording& capture = dataset.captures[i];
+    result.captures.push_back({capture.name, capture.base_from_gripper, {}});
+    ImageResult& image = result.images.emplace_back();
+    image.capture = capture.name;
+    image.camera = dataset.rig.cameras.front().name;
+    image.image = ImageOf(dataset, i, 0);
+    image.used = true;
   }
-  AddHoldOuts(dataset, hold_outs, kChainMethod, &result.images);
+  SetHoldOuts(dataset, DistancesOf(hold_outs, kChainMethod), &result.images);
   return WithFinalEstimate(std::move(result));
+}
+
+std::vector<Finding> AddArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                            const PairCalibration& calibration, RunResult* result) {
+  RobotSummary arm = SummariseArm(dataset, kinematics, setup, calibration);
+  std::vector<Finding> findings = FindingsOf(arm, SetupOf(dataset), calibration);
+  if (setup) {
+    std::optional<Finding> singular = FindSingularCaptures(dataset, 0, *setup, arm.is_estimated);
+    if (singular) findings.push_back(std::move(*singular));
+  }
+  result->arms = {std::move(arm)};
+  return findings;
+}
+
+CalibratedPair AsPair(PairCalibration calibration) {
+  CalibratedPair pair;
+  pair.robot = 0;
+  pair.num_images = static_cast<int>(calibration.views.size() + calibration.unused.size());
+  pair.calibration = std::move(calibration);
+  return pair;
+}
+
+void NameParts(RunOutput* output) {
+  Calibration& calibration = output->calibration;
+  const PairCalibration& pair = *calibration.pairs.front().calibration;
+  const Problem& named = output->dataset.rig;
+  if (IsShort(named)) return;
+  NameParts(named, pair, &calibration.problem);
+  calibration.refined->covariance.layout = UnknownsOf(calibration.problem);
+  calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
+  CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
+  RunResult& result = output->result;
+  NameParts(named, pair, &result.rig);
+  result.rig.targets.front().symmetries = calibration.problem.targets.front().symmetries;
+  // The basis of smooth errors is not written.
+  const bool is_smooth =
+      pair.refined->shared_effects != nullptr && pair.refined->shared_effects->kind == SharedEffectsKind::kSmooth;
+  if (is_smooth) result.rig.effects.clear();
+  result.solution = WithEffectsOf(result.rig, *calibration.refined);
+  result.solution.captures.clear();
 }
 
 }  // namespace heba

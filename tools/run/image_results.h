@@ -1,0 +1,43 @@
+// The entries of a result about each image and each capture.
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "heba/run_types.h"
+#include "tools/run/calibrated_images.h"
+#include "tools/run/second_detection.h"
+
+namespace heba {
+
+// Returns where a calibration predicts the targets in the images of the detections, with the RMS of each camera.
+PredictedImages PredictionsOf(const Calibration& calibration, const std::vector<TargetDetection>& detections);
+
+// Returns the errors of each camera over the images that are used, with the poses of the arms as given. `used` has the
+// points that the solution uses.
+std::vector<SquaredErrors> ErrorsOfCameras(const Problem& used, const Solution& solution);
+
+// Returns the entries of the images of all captures, used or not. `used` has the points that the solution uses, and
+// `loss` is that of the adjustment.
+std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used,
+                                      const std::vector<TargetDetection>& detections, LossKind loss);
+
+// Returns the poses of the arms in all captures, with the corrections of those of which an image is used: all errors
+// that the solution has found.
+std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Problem& used, const Solution& solution);
+
+// The distances of held-out targets of one camera, each with its capture: an index into Dataset::captures.
+using DistancesOfCaptures = std::vector<std::pair<size_t, double>>;
+// Sets the held-out distances of the images; there is a list for each camera.
+void SetHoldOuts(const Dataset& dataset, const std::vector<DistancesOfCaptures>& of_cameras,
+                 std::vector<ImageResult>* images);
+
+// Returns the entries of what was left out before the images were searched: one for each image, or one without an
+// image.
+std::vector<ImageResult> LeftOutResults(const Dataset& dataset);
+
+// Orders the entries of images as the captures are in a data set, whose roles they get. Those of no capture come last.
+void SortImages(const Dataset& dataset, std::vector<ImageResult>* images);
+
+}  // namespace heba
