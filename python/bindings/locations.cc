@@ -150,7 +150,7 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
 void BindLocations(pybind11::module_& module) {
   using pybind11::arg;
   module.def(
-      "is_rig_run",
+      "has_names",
       [](const std::filesystem::path& folder) {
         const pybind11::gil_scoped_release release;
         return !IsShortFile(RunFolderOf(folder) / "result.json");

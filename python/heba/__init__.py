@@ -9,7 +9,7 @@ the optical one (x right, y down, z forward).
 >>> print(result.verdict["grade"], result.hand_eye)
 """
 
-from ._calibration import Detection, Location, RigLocation, Symptom, calibrate, detect, doctor, locate, run
+from ._calibration import Detection, Location, Symptom, calibrate, detect, doctor, locate, run
 from ._heba import Error, __version__
 from ._opencv import (
     CALIB_HAND_EYE_ANDREFF,
@@ -25,8 +25,7 @@ from ._opencv import (
     calibrateRobotWorldHandEye,
     methods,
 )
-from ._result import Result
-from ._rig_result import RelativePose, RigArm, RigCamera, RigResult, RigTarget
+from ._result import ArmResult, CameraResult, RelativePose, Result, TargetResult
 
 __all__ = [
     "CALIB_HAND_EYE_ANDREFF",
@@ -36,17 +35,15 @@ __all__ = [
     "CALIB_HAND_EYE_TSAI",
     "CALIB_ROBOT_WORLD_HAND_EYE_LI",
     "CALIB_ROBOT_WORLD_HAND_EYE_SHAH",
+    "ArmResult",
+    "CameraResult",
     "Detection",
     "Error",
     "Location",
     "RelativePose",
     "Result",
-    "RigArm",
-    "RigCamera",
-    "RigLocation",
-    "RigResult",
-    "RigTarget",
     "Symptom",
+    "TargetResult",
     "__version__",
     "calibrate",
     "calibrateHandEye",

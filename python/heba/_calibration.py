@@ -10,14 +10,13 @@ import tempfile
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Callable, Iterator, Mapping, Sequence, TypeVar, Union, overload
+from typing import Any, Callable, Iterator, Mapping, Sequence, TypeVar, Union
 
 from . import _heba
 from ._arrays import grey_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
 from ._result import Result
-from ._rig_result import RigResult
 
 Image = Union["np.ndarray", str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], object]
@@ -43,39 +42,24 @@ class Location:
     """A located target.
 
     Attributes:
-        base_from_target: The target's pose in the robot's base, 4 x 4, m.
+        base_from_target: The target's pose in the robot's base, 4 x 4, m; of several arms, in that of the first one.
         covariance: The covariance of the position of its points, 3 x 3, m^2, along the axes of the base.
-        rms_px: The RMS of the points.
+        rms_px: The RMS of the points of all cameras.
+        target: Its name; empty for the only one without a name.
+        cameras: The names of the cameras that see it, likewise.
+        pose_covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the target's frame.
+        num_symmetries: The number of orientations in which the target looks the same. It has a location for each.
+        chance: The probability that images of cameras that agree differ by as much as these; 1 for one camera.
     """
 
     base_from_target: np.ndarray
     covariance: np.ndarray
     rms_px: float
-
-
-@dataclass(frozen=True)
-class RigLocation:
-    """A target that the cameras of a rig located together.
-
-    Attributes:
-        target: Its name.
-        cameras: The names of the cameras that see it.
-        world_from_target: The target's pose in the world, which is the base of the first arm, 4 x 4, m.
-        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the target's frame.
-        rms_px: The RMS of the points of all cameras.
-        num_symmetries: The number of orientations in which the target looks the same. It has a location for each.
-        chance: The probability that images of cameras that agree differ by as much as these; 1 for one camera.
-        centre_covariance: The covariance of the position of its points, 3 x 3, m^2, along the axes of the world.
-    """
-
     target: str
     cameras: tuple[str, ...]
-    world_from_target: np.ndarray
-    covariance: np.ndarray
-    rms_px: float
+    pose_covariance: np.ndarray
     num_symmetries: int
     chance: float
-    centre_covariance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -99,7 +83,7 @@ def run(
     out: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Result | RigResult:
+) -> Result:
     """Runs the calibration of a config, as `heba run` does, and writes the same folder.
 
     Args:
@@ -112,16 +96,13 @@ def run(
         progress: Is called with the stage ("detection", "second detection", "hold-out"), the steps that are done and
             their number. An exception that it raises ends the run.
 
-    Returns:
-        A RigResult for the config of a rig, otherwise a Result.
-
     Raises:
         heba.Error: The input is wrong, or the result cannot be trusted.
     """
     with _config_file(config) as file:
         entries, num_threads = _entries(settings), _threads(threads)
         folder = _interruptible(lambda cancellation: _heba.run(file, entries, out, num_threads, progress, cancellation))
-    return RigResult.read(folder) if _heba.is_rig_run(folder) else Result.read(folder)
+    return Result.read(folder)
 
 
 def doctor(
@@ -147,31 +128,15 @@ def detect(image: np.ndarray | str | os.PathLike[str], target: Mapping[str, Any]
     return Detection(*_heba.detect_file(image, yaml))
 
 
-@overload
-def locate(
-    run_folder: str | os.PathLike[str] | Result, image: Image, *, pose: Any = None, joints: Sequence[float] = ()
-) -> list[Location]: ...
-
-
-@overload
-def locate(
-    run_folder: str | os.PathLike[str] | RigResult,
-    image: Mapping[str, Image],
-    *,
-    pose: Any = None,
-    joints: Sequence[float] | Mapping[str, Sequence[float]] = (),
-) -> list[RigLocation]: ...
-
-
 @needs_numpy
 def locate(
-    run_folder: str | os.PathLike[str] | Result | RigResult,
+    run_folder: str | os.PathLike[str] | Result,
     image: Image | Mapping[str, Image],
     *,
     pose: Any = None,
     joints: Sequence[float] | Mapping[str, Sequence[float]] = (),
-) -> list[Location] | list[RigLocation]:
-    """Locates the target of a run in the robot's base, or those of a rig in the world, with their uncertainty.
+) -> list[Location]:
+    """Locates the targets of a run in the base of its first arm, with their uncertainty.
 
     Args:
         run_folder: The folder of a run, or its result.
@@ -193,14 +158,14 @@ def locate(
     folder = Path(run_folder) if isinstance(run_folder, (str, os.PathLike)) else run_folder.folder
     if folder is None:
         raise Error("a result of arrays has no folder; locate needs one of a run")
-    is_rig = isinstance(run_folder, RigResult) or _heba.is_rig_run(folder)
-    if is_rig and not (isinstance(image, Mapping) and image):
+    has_names = _heba.has_names(folder)
+    if has_names and not (isinstance(image, Mapping) and image):
         raise Error("image: the run is that of a rig; a dictionary of images by the names of its cameras is needed")
-    if not is_rig and isinstance(image, Mapping):
+    if not has_names and isinstance(image, Mapping):
         raise Error("image: the run has one camera; one image is needed, no dictionary")
-    if not is_rig and isinstance(joints, Mapping):
+    if not has_names and isinstance(joints, Mapping):
         raise Error("joints: the run has one arm; its joints are needed, no dictionary")
-    if not is_rig and isinstance(pose, Mapping):
+    if not has_names and isinstance(pose, Mapping):
         raise Error("pose: the run has one arm; its pose is needed, no dictionary")
     # A single camera and its arm have no names.
     images = image if isinstance(image, Mapping) else {"": image}
@@ -208,13 +173,14 @@ def locate(
     poses = pose if isinstance(pose, Mapping) else {} if pose is None else {"": pose}
     found = _heba.locate(
         folder,
-        [(name, *_image(one, f"image of camera {name}" if is_rig else "image")) for name, one in images.items()],
+        [(name, *_image(one, f"image of camera {name}" if has_names else "image")) for name, one in images.items()],
         [(name, _one_pose(one, f"pose {name}".rstrip())) for name, one in poses.items()],
         [(name, list(one)) for name, one in positions.items()],
     )
-    if is_rig:
-        return [RigLocation(target, tuple(cameras), *figures) for target, cameras, *figures in found]
-    return [Location(pose_in_base, centre, rms_px) for _, _, pose_in_base, _, rms_px, _, _, centre in found]
+    return [
+        Location(pose, covariance, rms_px, target, tuple(cameras), pose_covariance, num_symmetries, chance)
+        for target, cameras, pose, pose_covariance, rms_px, num_symmetries, chance, covariance in found
+    ]
 
 
 def _one_pose(value: Any, name: str) -> np.ndarray:
@@ -233,36 +199,6 @@ Lens = tuple[str, Sequence[float]]
 Size = tuple[int, int]
 
 
-@overload
-def calibrate(
-    points: Sequence[Any],
-    poses: Any,
-    target: Mapping[str, Any] | str,
-    *,
-    setup: str,
-    image_size: Size,
-    camera: Lens | None = None,
-    folds: int = 5,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Result: ...
-
-
-@overload
-def calibrate(
-    points: Mapping[str, Sequence[Any]],
-    poses: Any,
-    target: Mapping[str, Any] | str,
-    *,
-    setup: str,
-    image_size: Size | Mapping[str, Size],
-    camera: Mapping[str, Lens | None] | None = None,
-    folds: int = 5,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> RigResult: ...
-
-
 @needs_numpy
 def calibrate(
     points: Sequence[Any] | Mapping[str, Sequence[Any]],
@@ -275,7 +211,7 @@ def calibrate(
     folds: int = 5,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Result | RigResult:
+) -> Result:
     """Calibrates from detected points, with the error model chosen, hold-outs and findings as in `run`.
 
     Args:
@@ -293,9 +229,6 @@ def calibrate(
         threads: As in run.
         progress: As in run, for the stage "hold-out": the points are detected already. An exception that it raises ends
             the calibration.
-
-    Returns:
-        A RigResult for a dictionary of cameras, otherwise a Result.
     """
     if setup not in ("eye_to_hand", "eye_in_hand"):
         raise Error(f"setup: {unknown_name(setup, ['eye_to_hand', 'eye_in_hand'])}")
@@ -335,7 +268,7 @@ def calibrate(
             setup, yaml, cameras, base_from_gripper, folds, num_threads, progress, cancellation
         )
     )
-    return RigResult(text) if has_names else Result(text)
+    return Result(text)
 
 
 def _of_camera(value: Any, what: str, name: str) -> Any:

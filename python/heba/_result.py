@@ -7,15 +7,17 @@ import html
 import json
 import os
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Iterator, TypeVar
+from typing import Any, Iterator
 
 from . import _heba
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
 
-
-Kind = TypeVar("Kind", bound="RunFolder")
+_SCHEMAS = ("heba/result/1", "heba/rig/1")
+# What stands for the names of the parts of a run that has one camera, one target and one arm without names.
+_CAMERA, _TARGET, _ARM = "camera", "target", "robot"
 
 
 def matrix_of(pose: dict[str, Any]) -> np.ndarray:
@@ -36,15 +38,106 @@ def camera_matrix_of(camera: dict[str, Any]) -> np.ndarray:
     return np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
 
 
-class RunFolder:
-    """The contents of a result.json, whose keys and units the manual lists: what `Result` and `RigResult` share.
+@dataclass(frozen=True)
+class CameraResult:
+    """A calibrated camera.
+
+    Attributes:
+        mount: What carries it: "world", "gripper", "ARM.base", ...
+        pose: mount_from_camera, 4 x 4, m.
+        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the camera's frame;
+            None if it is not known.
+        camera: The model and its parameters as in result.json.
+    """
+
+    mount: str
+    pose: np.ndarray
+    covariance: np.ndarray | None
+    camera: dict[str, Any]
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """One sigma of the pose: along x, y and z of the camera (m), then about them (rad)."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    @property
+    def camera_model(self) -> str:
+        """The name of the camera model."""
+        return self.camera["model"]
+
+    @property
+    def camera_matrix(self) -> np.ndarray:
+        """The focal lengths and the principal point as OpenCV's 3 x 3 camera matrix, px."""
+        return camera_matrix_of(self.camera)
+
+    @property
+    def distortion(self) -> np.ndarray:
+        """The further parameters of the camera model; those of brown5 are OpenCV's k1, k2, p1, p2, k3."""
+        return np.array(self.camera["distortion"])
+
+
+@dataclass(frozen=True)
+class TargetResult:
+    """A target of a run.
+
+    Attributes:
+        mount: As of CameraResult.
+        pose: mount_from_target, 4 x 4, m.
+        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the target's frame.
+        shape: Its difference from the design as in result.json; None if it is as designed.
+    """
+
+    mount: str
+    pose: np.ndarray
+    covariance: np.ndarray | None
+    shape: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class ArmResult:
+    """An arm of a run.
+
+    Attributes:
+        pose: world_from_base, 4 x 4, m. The world is the base of the first arm.
+        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the frame of the base;
+            None for the first arm.
+        noise: The noise of its poses as in result.json; None if there is none.
+        kinematics: Its kinematics and their estimated errors, `robot` of result.json; None if the config names no
+            model of the arm.
+    """
+
+    pose: np.ndarray
+    covariance: np.ndarray | None
+    noise: dict[str, Any] | None
+    kinematics: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class RelativePose:
+    """The pose of one camera in another.
+
+    Attributes:
+        pose: parent_from_child, 4 x 4, m.
+        covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the child's frame.
+    """
+
+    pose: np.ndarray
+    covariance: np.ndarray
+
+
+class Result:
+    """The result of a run with any number of cameras, targets and arms: a result.json, whose keys and units the manual lists.
+
+    A run whose parts have no names has one of each, which are called "camera", "target" and "robot" here. The pose of
+    the only camera is `hand_eye`.
+
+    >>> result = heba.run("cell.yaml")
+    >>> print(result.cameras["left"].pose, result.relative("left", "right").covariance)
 
     Attributes:
         data: The whole file as Python's dictionaries and lists.
         folder: The folder of the run, with report.html; None for a calibration from arrays.
     """
-
-    _schema: str
 
     def __init__(self, text: str, folder: Path | None = None) -> None:
         self._text = text
@@ -52,7 +145,7 @@ class RunFolder:
         self.folder = folder
 
     @classmethod
-    def read(cls: type[Kind], folder: str | os.PathLike[str]) -> Kind:
+    def read(cls, folder: str | os.PathLike[str]) -> Result:
         """Reads the result of a run from its folder."""
         file = Path(folder) / "result.json"
         try:
@@ -62,8 +155,8 @@ class RunFolder:
         except json.JSONDecodeError as error:
             raise Error(f"{file}:{error.lineno}: {error.msg}") from None
         schema = result.data.get("schema")
-        if schema != cls._schema:
-            raise Error(f"{file}: has the schema {schema!r}, not {cls._schema!r}, which heba.{cls.__name__} reads")
+        if schema not in _SCHEMAS:
+            raise Error(f"{file}: has the schema {schema!r}, not {' or '.join(map(repr, _SCHEMAS))}")
         return result
 
     @property
@@ -128,19 +221,15 @@ class RunFolder:
         return "".join(parts)
 
     def __repr__(self) -> str:
-        return f"<heba.{type(self).__name__} {self.data['name']!r}: {self.verdict['grade']}>"
-
-
-class Result(RunFolder):
-    """The result of a run with one camera and one target."""
-
-    _schema = "heba/result/1"
+        return f"<heba.Result {self.data['name']!r}: {self.verdict['grade']}>"
 
     def estimate(self, method: str | None = None) -> dict[str, Any]:
         """Returns the refined estimate, or the one of a method, as in result.json.
 
         Without images or points, the refined estimate is that of the poses, "chain".
         """
+        if not self._is_short:
+            raise Error("the parts of the run have names, and it has one estimate: Result.cameras, targets and robots")
         usable = {entry["method"]: entry for entry in self.data["estimates"] if entry["ok"]}
         for name in ("bundle", "chain") if method is None else (method,):
             if name in usable:
@@ -152,50 +241,164 @@ class Result(RunFolder):
     @property
     @needs_numpy
     def hand_eye(self) -> np.ndarray:
-        """The camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
-        return matrix_of(self.estimate()["hand_eye"])
+        """The only camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
+        return self._only_camera.pose
 
     @property
     @needs_numpy
     def sigma(self) -> np.ndarray | None:
         """One sigma of hand_eye: along x, y and z of the camera (m), then about them (rad)."""
-        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+        return self._only_camera.sigma
 
     @property
+    @needs_numpy
     def camera_model(self) -> str:
-        """The name of the camera model."""
-        return self.estimate()["camera"]["model"]
+        """The name of the only camera's model."""
+        return self._only_camera.camera_model
 
     @property
     @needs_numpy
     def camera_matrix(self) -> np.ndarray:
         """The focal lengths and the principal point as OpenCV's 3 x 3 camera matrix, px."""
-        return camera_matrix_of(self.estimate()["camera"])
+        return self._only_camera.camera_matrix
 
     @property
     @needs_numpy
     def distortion(self) -> np.ndarray:
         """The further parameters of the camera model; those of brown5 are OpenCV's k1, k2, p1, p2, k3."""
-        return np.array(self.estimate()["camera"]["distortion"])
+        return self._only_camera.distortion
 
     @property
     @needs_numpy
     def board(self) -> np.ndarray:
-        """The target's pose, 4 x 4, m: gripper_from_target or base_from_target."""
-        return matrix_of(self.estimate()["board"])
+        """The only target's pose, 4 x 4, m: gripper_from_target or base_from_target."""
+        targets = self.targets
+        if len(targets) != 1:
+            raise Error("the run has several targets: their poses are in Result.targets")
+        return next(iter(targets.values())).pose
 
     @property
     @needs_numpy
     def covariance(self) -> np.ndarray | None:
         """The covariance of hand_eye, 6 x 6: translation (m), then rotation (rad), in the camera's frame."""
-        return self._covariance_of_hand_eye("covariance")
+        return self._only_camera.covariance
 
     @property
     @needs_numpy
     def covariance_repeatable(self) -> np.ndarray | None:
         """The covariance without what all sessions of a cell have in common: the scales of its robot and target."""
-        return self._covariance_of_hand_eye("covariance_repeatable")
+        return self._covariance_of(self._pose_of_only_camera, "covariance_repeatable")
 
-    def _covariance_of_hand_eye(self, key: str) -> np.ndarray | None:
-        covariance = self.estimate().get(key)
-        return None if covariance is None else np.array(covariance["matrix"])[:6, :6]
+    @property
+    @needs_numpy
+    def cameras(self) -> dict[str, CameraResult]:
+        """The cameras by their names."""
+        if self._is_short:
+            estimate = self.estimate()
+            mount = estimate["hand_eye"]["parent"]
+            pose = matrix_of(estimate["hand_eye"])
+            return {_CAMERA: CameraResult(mount, pose, self._covariance_of("hand_eye"), estimate["camera"])}
+        return {
+            name: CameraResult(
+                camera["mount"],
+                matrix_of(camera["pose"]),
+                self._covariance_of(f"cameras.{name}.pose"),
+                camera["camera"],
+            )
+            for name, camera in self.data["cameras"].items()
+        }
+
+    @property
+    @needs_numpy
+    def targets(self) -> dict[str, TargetResult]:
+        """The targets by their names."""
+        if self._is_short:
+            estimate = self.estimate()
+            shape = estimate.get("target_shape")
+            board = estimate["board"]
+            return {_TARGET: TargetResult(board["parent"], matrix_of(board), self._covariance_of("board"), shape)}
+        return {
+            name: TargetResult(
+                target["mount"],
+                matrix_of(target["pose"]),
+                self._covariance_of(f"targets.{name}.pose"),
+                target["shape"],
+            )
+            for name, target in self.data["targets"].items()
+        }
+
+    @property
+    @needs_numpy
+    def robots(self) -> dict[str, ArmResult]:
+        """The arms by their names, the first of which has the world as its base."""
+        if self._is_short:
+            estimate = self.estimate()
+            return {_ARM: ArmResult(np.eye(4), None, _noise_of(estimate), estimate.get("robot"))}
+        arms = {}
+        for name, arm in self.data["robots"].items():
+            covariance = self._covariance_of(f"robots.{name}.world_from_base") if arms else None
+            arms[name] = ArmResult(matrix_of(arm["world_from_base"]), covariance, arm["noise"], arm.get("robot"))
+        return arms
+
+    @needs_numpy
+    def relative(self, parent: str, child: str) -> RelativePose:
+        """Returns the pose of the camera `child` in the camera `parent`.
+
+        Its covariance is smaller than those of the two poses, which are correlated. Either order of the names is known
+        if both cameras stand still against each other: in the cell, or on one gripper.
+
+        Raises:
+            heba.Error: There is no such camera, or an arm moves one against the other.
+        """
+        for name in (parent, child):
+            if name not in self.cameras:
+                raise Error(f"camera: {unknown_name(name, list(self.cameras))}")
+        for pose in self.data.get("relative", []):
+            ends = (pose["parent"], pose["child"])
+            if ends == (parent, child):
+                return RelativePose(matrix_of(pose), np.array(pose["covariance"]))
+            if ends == (child, parent):
+                child_from_parent = matrix_of(pose)
+                adjoint = _adjoint(child_from_parent)
+                covariance = adjoint @ np.array(pose["covariance"]) @ adjoint.T
+                return RelativePose(np.linalg.inv(child_from_parent), covariance)
+        raise Error(f"cameras {parent} and {child}: have no constant pose in each other")
+
+    @property
+    def _is_short(self) -> bool:
+        return self.data["schema"] == _SCHEMAS[0]
+
+    @property
+    def _only_camera(self) -> CameraResult:
+        cameras = self.cameras
+        if len(cameras) != 1:
+            raise Error("the run has several cameras: their poses are in Result.cameras")
+        return next(iter(cameras.values()))
+
+    @property
+    def _pose_of_only_camera(self) -> str:
+        return "hand_eye" if self._is_short else f"cameras.{next(iter(self.cameras))}.pose"
+
+    def _covariance_of(self, block: str, key: str = "covariance") -> np.ndarray | None:
+        covariance = (self.estimate() if self._is_short else self.data).get(key)
+        if covariance is None or f"{block}.tx_m" not in covariance["order"]:
+            return None
+        first = covariance["order"].index(f"{block}.tx_m")
+        return np.array([row[first : first + 6] for row in covariance["matrix"][first : first + 6]])
+
+
+def _noise_of(estimate: dict[str, Any]) -> dict[str, Any] | None:
+    """Returns the noise of the only arm in the form of those with names."""
+    solve = estimate.get("solve") or {}
+    if solve.get("robot_sigma_mm") is None:
+        return None
+    return {"mm": solve["robot_sigma_mm"], "deg": solve["robot_sigma_deg"]}
+
+
+def _adjoint(pose: np.ndarray) -> np.ndarray:
+    """Returns the matrix that moves a tangent (translation, then rotation) through a pose: pose Exp(x) = Exp(Ad x) pose."""
+    x, y, z = pose[:3, 3]
+    adjoint = np.zeros((6, 6))
+    adjoint[:3, :3] = adjoint[3:, 3:] = pose[:3, :3]
+    adjoint[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ pose[:3, :3]
+    return adjoint

@@ -80,7 +80,7 @@ CalibrationProblem AsProblem(const PairCalibration& calibration, const PairCalib
   }
   model.problem = HandEyeProblem(problem, bundle);
   model.problem.targets[0].symmetries = options.symmetries;
-  model.options = AdjustmentOptionsOf(bundle);
+  model.options = bundle;
   model.judged.solution = ProblemSolution(of_all);
   model.judged.num_kept_against_test = calibration.num_kept_against_test;
   result.views = std::move(problem.views);

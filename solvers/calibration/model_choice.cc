@@ -316,7 +316,7 @@ std::vector<std::optional<EffectsFit>> FitEffects(
       if (!joints_of_captures.empty()) view.gripper_by_joints = joints_of_captures[k][view.capture];
     }
     const Problem whole = WithFixedWeights(HandEyeProblem(problem, options), whole_start);
-    const AdjustmentOptions of_whole = AdjustmentOptionsOf(options);
+    const AdjustmentOptions& of_whole = options;
     const Outcome<Solution> solution = RefineProblem(whole, whole_start.poses, of_whole);
     std::optional<EffectsFit>& fit = fits.emplace_back();
     if (!solution) continue;
@@ -414,7 +414,7 @@ Outcome<ModelChoice> ChooseModel(const PairProblem& problem, const HandEye& star
     for (const View& view : problem.views) effects.push_back(view.effect);
   }
   Outcome<ProblemChoice> chosen =
-      ChooseModel(HandEyeProblem(problem, with_fixed), HandEyePosesOf(start), AdjustmentOptionsOf(with_fixed), space);
+      ChooseModel(HandEyeProblem(problem, with_fixed), HandEyePosesOf(start), with_fixed, space);
   if (!chosen) return chosen.failure();
   const std::shared_ptr<const SharedEffects>& fixed = with_fixed.effects;
   ModelChoice choice;

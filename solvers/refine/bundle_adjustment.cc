@@ -12,14 +12,11 @@
 
 namespace heba {
 
-std::string BundleOptions::Check() const { return AdjustmentOptionsOf(*this).Check(); }
-
 Outcome<PairSolution> RefineHandEye(const PairProblem& problem, const HandEye& start, const BundleOptions& options) {
   std::vector<Rigid3d> poses;
   for (const View& view : problem.views) poses.push_back(view.camera_mount_from_target_mount);
   if (const std::optional<Failure> why_not = WhyNotObservable(AnalyseMotion(poses))) return *why_not;
-  const Outcome<Solution> solution =
-      RefineProblem(HandEyeProblem(problem, options), HandEyePosesOf(start), AdjustmentOptionsOf(options));
+  const Outcome<Solution> solution = RefineProblem(HandEyeProblem(problem, options), HandEyePosesOf(start), options);
   if (!solution) return solution.failure();
   return HandEyeSolution(*solution, options);
 }

@@ -38,20 +38,6 @@ Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options)
   return whole;
 }
 
-AdjustmentOptions AdjustmentOptionsOf(const BundleOptions& options) {
-  AdjustmentOptions adjustment;
-  adjustment.loss = options.loss;
-  adjustment.pixel_noise_px = options.pixel_noise_px;
-  adjustment.robot = options.robot;
-  adjustment.robot_noise = options.robot_noise;
-  adjustment.robot_noise_prior = options.robot_noise_prior;
-  adjustment.robot_noise_start = options.robot_noise_start;
-  adjustment.effects_avoid_zero = options.effects_avoid_zero;
-  adjustment.max_iterations = options.max_iterations;
-  adjustment.num_threads = options.num_threads;
-  return adjustment;
-}
-
 PairSolution HandEyeSolution(const Solution& whole, const BundleOptions& options) {
   PairSolution solution;
   solution.hand_eye = {whole.poses.mount_from_camera[0], whole.poses.mount_from_target[0]};

@@ -11,8 +11,6 @@ namespace heba {
 // Returns the problem whose captures are the views, with one image each, and whose unknowns are those of the options.
 // The world is the base of the arm.
 Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options);
-// Returns the options of its adjustment.
-AdjustmentOptions AdjustmentOptionsOf(const BundleOptions& options);
 
 // Returns a solution of such a problem in its other form (ProblemSolution). The effects are those of `options`.
 PairSolution HandEyeSolution(const Solution& solution, const BundleOptions& options);

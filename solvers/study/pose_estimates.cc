@@ -13,7 +13,7 @@ namespace {
 // Calibrates captures whose arms have white noise alone.
 Outcome<Calibration> CalibrateAsKnown(const StudyCell& cell, Problem problem) {
   CalibrationOptions options;
-  options.adjustment = AdjustmentOptionsOf(cell.options.bundle);
+  options.adjustment = cell.options.bundle;
   options.choose_target_shape = cell.options.choose.target_shape;
   options.smooth = SmoothPoseErrors::kNone;
   if (cell.gives_cameras) options.has_camera.assign(problem.cameras.size(), true);

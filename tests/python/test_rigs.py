@@ -37,14 +37,14 @@ def test_run_writes_what_the_program_writes(rig_cell, rig_run, tmp_path):
     result = heba.run(
         rig_cell / "config.yaml", out=tmp_path / "run", threads=1, progress=lambda *step: told.append(step)
     )
-    assert isinstance(result, heba.RigResult)
+    assert isinstance(result, heba.Result)
     program = json.loads((rig_run / "result.json").read_text())
     assert without_times(result.data) == without_times(program)
     assert {file.name for file in (tmp_path / "run").iterdir()} == {file.name for file in rig_run.iterdir()}
     assert result.verdict == program["verdict"]
     assert "camera right in camera left\n" in result.table()
     assert ("detection", 72, 72) in told and ("hold-out", 5, 5) in told
-    assert repr(result) == "<heba.RigResult 'config': good>"
+    assert repr(result) == "<heba.Result 'config': good>"
 
 
 def test_cameras_are_calibrated_from_arrays(rig_cell, rig_run):
@@ -54,7 +54,7 @@ def test_cameras_are_calibrated_from_arrays(rig_cell, rig_run):
     seen["right"][2] = None
     keys = {"setup": "eye_to_hand", "image_size": (640, 480), "folds": 0}
     result = heba.calibrate(seen, poses, plate, **keys)
-    whole = heba.RigResult.read(rig_run)
+    whole = heba.Result.read(rig_run)
     for name in seen:
         apart = result.cameras[name].pose[:3, 3] - whole.cameras[name].pose[:3, 3]
         assert np.linalg.norm(apart) < 3e-3
@@ -92,7 +92,7 @@ def test_progress_can_end_a_run(rig_cell, tmp_path):
 
 
 def test_poses_have_names_and_covariances(rig_cell, rig_run):
-    result = heba.RigResult.read(rig_run)
+    result = heba.Result.read(rig_run)
     truth = json.loads((rig_cell / "truth.json").read_text())
     assert list(result.cameras) == ["left", "right", "wrist"]
     assert list(result.targets) == ["plate", "wall"]
@@ -112,7 +112,7 @@ def test_poses_have_names_and_covariances(rig_cell, rig_run):
 
 
 def test_relative_poses_are_known_in_both_orders(rig_run):
-    result = heba.RigResult.read(rig_run)
+    result = heba.Result.read(rig_run)
     poses = {name: camera.pose for name, camera in result.cameras.items()}
     forth, back = result.relative("left", "right"), result.relative("right", "left")
     assert np.abs(forth.pose - np.linalg.inv(poses["left"]) @ poses["right"]).max() < 1e-12
@@ -153,25 +153,25 @@ def test_location_is_that_of_the_program(rig_cell, rig_run):
     expected = json.loads(printed.stdout)["targets"][0]
     located = heba.locate(rig_run, images)
     assert [(one.target, one.cameras, one.num_symmetries) for one in located] == [("plate", ("left", "right"), 1)]
-    assert np.allclose(located[0].world_from_target[:3, 3], expected["pose"]["translation_m"], rtol=0, atol=1e-12)
-    sigmas = np.sqrt(np.diag(located[0].covariance))
+    assert np.allclose(located[0].base_from_target[:3, 3], expected["pose"]["translation_m"], rtol=0, atol=1e-12)
+    sigmas = np.sqrt(np.diag(located[0].pose_covariance))
     assert np.allclose(1000 * sigmas[:3], expected["sigma"]["total"]["mm"], rtol=1e-9)
     assert np.allclose(np.rad2deg(sigmas[3:]), expected["sigma"]["total"]["deg"], rtol=1e-9)
     assert located[0].rms_px == pytest.approx(expected["rms_px"])
-    centre_mm = 1000 * np.sqrt(np.diag(located[0].centre_covariance))
+    centre_mm = 1000 * np.sqrt(np.diag(located[0].covariance))
     assert np.allclose(centre_mm, expected["poses"][0]["sigma_in_world"]["total_mm"], rtol=1e-9)
     # The target is where the arm holds it.
     names, poses = conftest.read_poses(rig_cell / "poses.csv")
-    held = poses[names.index(name)] @ heba.RigResult.read(rig_run).targets["plate"].pose
-    assert np.linalg.norm(located[0].world_from_target[:3, 3] - held[:3, 3]) < 1e-3
+    held = poses[names.index(name)] @ heba.Result.read(rig_run).targets["plate"].pose
+    assert np.linalg.norm(located[0].base_from_target[:3, 3] - held[:3, 3]) < 1e-3
     # Arrays in place of files, and one camera alone, which is less certain.
     cv2 = pytest.importorskip("cv2")
     greys = {camera: cv2.imread(str(image), cv2.IMREAD_GRAYSCALE) for camera, image in images.items()}
-    of_arrays = heba.locate(heba.RigResult.read(rig_run), greys)[0]
-    assert np.array_equal(of_arrays.world_from_target, located[0].world_from_target)
+    of_arrays = heba.locate(heba.Result.read(rig_run), greys)[0]
+    assert np.array_equal(of_arrays.base_from_target, located[0].base_from_target)
     alone = heba.locate(rig_run, {"left": greys["left"]})[0]
     assert alone.cameras == ("left",)
-    assert np.trace(alone.covariance[:3, :3]) > np.trace(located[0].covariance[:3, :3])
+    assert np.trace(alone.pose_covariance[:3, :3]) > np.trace(located[0].pose_covariance[:3, :3])
     with pytest.raises(heba.Error, match="left.*640 x 479.*640 x 480"):
         heba.locate(rig_run, {"left": greys["left"][:-1]})
 
@@ -180,10 +180,10 @@ def test_a_carried_camera_needs_the_pose_of_its_arm(rig_cell, rig_run):
     names, poses = conftest.read_poses(rig_cell / "poses.csv")
     image = rig_cell / "wrist" / names[0]
     located = heba.locate(rig_run, {"wrist": image}, pose=poses[0])[0]
-    held = poses[0] @ heba.RigResult.read(rig_run).targets["plate"].pose
-    assert np.linalg.norm(located.world_from_target[:3, 3] - held[:3, 3]) < 1e-3
+    held = poses[0] @ heba.Result.read(rig_run).targets["plate"].pose
+    assert np.linalg.norm(located.base_from_target[:3, 3] - held[:3, 3]) < 1e-3
     by_name = heba.locate(rig_run, {"wrist": image}, pose={"robot": poses[0]})[0]
-    assert np.array_equal(by_name.world_from_target, located.world_from_target)
+    assert np.array_equal(by_name.base_from_target, located.base_from_target)
     with pytest.raises(heba.Error, match="camera wrist is carried by the arm robot, whose pose is needed"):
         heba.locate(rig_run, {"wrist": image})
     with pytest.raises(heba.Error, match="the arm robot carries none of the cameras"):
@@ -217,7 +217,7 @@ def test_the_errors_of_an_arm_correct_its_poses(tmp_path):
     cell, run = tmp_path / "cell", tmp_path / "run"
     conftest.program("simulate", tmp_path / "scene.yaml", "--out", cell, "--quiet", *settings)
     conftest.program("run", cell / "config.yaml", "--out", run, "--quiet", "--set", "evaluate.folds=0")
-    kinematics = heba.RigResult.read(run).robots["robot"].kinematics
+    kinematics = heba.Result.read(run).robots["robot"].kinematics
     assert (kinematics["model"], kinematics["decision"]) == ("ur10e", "estimated")
     names, poses = conftest.read_poses(cell / "poses.csv")
     row = next(line for line in (cell / "joints.csv").read_text().splitlines() if line.startswith(names[0]))
@@ -231,11 +231,11 @@ def test_the_errors_of_an_arm_correct_its_poses(tmp_path):
     located = heba.locate(run, {"wrist": image}, pose=poses[0], joints=joints)
     assert [one.target for one in located] == [target["target"] for target in expected["targets"]]
     for one, target in zip(located, expected["targets"]):
-        assert np.allclose(one.world_from_target[:3, 3], target["pose"]["translation_m"], rtol=0, atol=1e-9)
-        sigmas_mm = 1000 * np.sqrt(np.diag(one.covariance)[:3])
+        assert np.allclose(one.base_from_target[:3, 3], target["pose"]["translation_m"], rtol=0, atol=1e-9)
+        sigmas_mm = 1000 * np.sqrt(np.diag(one.pose_covariance)[:3])
         assert np.allclose(sigmas_mm, target["sigma"]["total"]["mm"], rtol=1e-6)
     by_name = heba.locate(run, {"wrist": image}, pose={"robot": poses[0]}, joints={"robot": joints})
-    assert np.array_equal(by_name[0].world_from_target, located[0].world_from_target)
+    assert np.array_equal(by_name[0].base_from_target, located[0].base_from_target)
     with pytest.raises(heba.Error, match="pose: arm robot: .* several configurations.*; joints, those of the arm"):
         heba.locate(run, {"wrist": image}, pose=poses[0])
     with pytest.raises(heba.Error, match="joints: arm robot: there are 2, but the arm ur10e has 6"):
@@ -249,8 +249,9 @@ def test_wrong_input_is_one_line(rig_cell, rig_run, program_run, cell, tmp_path)
         ("one image is needed", lambda: heba.locate(program_run, {"left": image})),
         ("did you mean 'left'", lambda: heba.locate(rig_run, {"lefd": image})),
         ("joints", lambda: heba.locate(rig_run, {"left": image}, joints=[0])),
-        ("heba/rig/1", lambda: heba.Result.read(rig_run)),
-        ("heba/result/1", lambda: heba.RigResult.read(program_run)),
+        ("their poses are in Result.cameras", lambda: heba.Result.read(rig_run).hand_eye),
+        ("their poses are in Result.targets", lambda: heba.Result.read(rig_run).board),
+        ("it has one estimate", lambda: heba.Result.read(rig_run).estimate()),
         ("no target was detected", lambda: heba.locate(rig_run, {"left": np.zeros((480, 640), np.uint8)})),
     ]
     for words, call in calls:

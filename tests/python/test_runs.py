@@ -44,6 +44,12 @@ def test_run_writes_what_the_program_writes(cell, program_run, tmp_path):
     assert np.linalg.norm(result.hand_eye[:3, 3] - truth) < 1e-3
     assert result.covariance.shape == (6, 6)
     assert np.all(np.linalg.eigvalsh(result.covariance) > 0)
+    # The parts have no names of their own.
+    camera, target, arm = result.cameras["camera"], result.targets["target"], result.robots["robot"]
+    assert np.array_equal(camera.pose, result.hand_eye) and camera.mount == "base"
+    assert np.array_equal(camera.covariance, result.covariance)
+    assert np.array_equal(target.pose, result.board) and target.mount == "gripper" and target.covariance.shape == (6, 6)
+    assert np.array_equal(arm.pose, np.eye(4)) and arm.covariance is None
 
 
 def test_dictionaries_are_configs(cell, tmp_path, monkeypatch):

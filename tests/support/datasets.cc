@@ -101,6 +101,27 @@ ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t nu
   return made;
 }
 
+Dataset OnStream(Dataset dataset, double offset_s) {
+  constexpr double kBetweenCapturesS = 2;
+  PoseStream passed;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const double time_s = kBetweenCapturesS * static_cast<double>(i);
+    passed.times_s.push_back(time_s);
+    passed.base_from_gripper.push_back(dataset.captures[i].base_from_gripper.front());
+    dataset.captures[i].time_s = time_s - offset_s;
+  }
+  PoseStream stream;
+  constexpr int kRowsBetween = 400;
+  const int num_rows = kRowsBetween * static_cast<int>(passed.times_s.size() - 1);
+  for (int row = 0; row <= num_rows; ++row) {
+    stream.times_s.push_back(kBetweenCapturesS * row / kRowsBetween);
+    stream.base_from_gripper.push_back(PoseAt(passed, stream.times_s.back()));
+  }
+  for (Recording& capture : dataset.captures) capture.base_from_gripper = {PoseAt(stream, *capture.time_s)};
+  dataset.stream = std::move(stream);
+  return dataset;
+}
+
 std::vector<std::string> LeftOutOf(const RunResult& result) {
   std::vector<std::string> names;
   for (const ImageResult& image : result.images) {

@@ -37,6 +37,10 @@ struct ArmDataset {
 // last one.
 ArmDataset ThreeConfigurations(uint64_t seed, ArmSceneOptions options, size_t num_captures, size_t in_third);
 
+// Returns a data set of one arm with a stream that passes the poses of its captures, one every two seconds, while the
+// camera's clock is behind that of the robot by an offset. The poses of the captures are those at their times.
+Dataset OnStream(Dataset dataset, double offset_s);
+
 // Returns the names of the captures that are not used.
 std::vector<std::string> LeftOutOf(const RunResult& result);
 

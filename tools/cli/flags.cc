@@ -94,6 +94,9 @@ DEFINE_string(plane, "target",
 DEFINE_string(pose_format, "",
               "FORM|format of the poses: ros (the default), ur, kuka, ..., or a mapping as captures.pose_format");
 DEFINE_bool(any, false, "|the arguments are images or folders: print which target they show, as a config to paste");
+DEFINE_string(reference, "",
+              "PATH|in place of the robot's poses, for a camera and a target that stand still: an earlier image of the "
+              "target, or a folder of them");
 DEFINE_string(history, "", "FOLDER|add the check to the history in this folder, and write its page, history.html");
 DEFINE_int32(count, 15, "N|number of poses");
 DEFINE_string(procedure, "", "two_step|the motions of the two-step method instead of the best poses");

@@ -48,6 +48,7 @@ DECLARE_string(plane);
 DECLARE_bool(any);
 DECLARE_bool(json);
 DECLARE_string(history);
+DECLARE_string(reference);
 DECLARE_int32(count);
 DECLARE_string(tool);
 DECLARE_string(grasp);

@@ -41,27 +41,6 @@ Problem ProblemOf(const RunResult& result) {
   return problem;
 }
 
-// Returns the points of a target with symmetries in the reading order that is closest to the prediction.
-Observations InPredictedOrder(const RunResult& result, size_t camera, size_t target, const Rigid3d& predicted,
-                              const Observations& seen) {
-  const Observations* best = nullptr;
-  double least_px = 0;
-  std::vector<Observations> orders;
-  for (const Rigid3d& symmetry : result.rig.targets[target].symmetries) {
-    Observations& order = orders.emplace_back(seen);
-    order.points_in_target = (symmetry.RotationMatrix() * seen.points_in_target).colwise() + symmetry.translation;
-  }
-  for (const Observations& order : orders) {
-    const std::optional<SquaredErrors> errors =
-        ViewErrors(result.solution.cameras[camera], predicted, ApplyShape(order, result.solution.shapes[target]));
-    const std::optional<double> rms_px = errors ? errors->RmsPx() : std::nullopt;
-    if (!rms_px || (best != nullptr && *rms_px >= least_px)) continue;
-    best = &order;
-    least_px = *rms_px;
-  }
-  return best != nullptr ? *best : seen;
-}
-
 bool IsSame(const GivenArmPose& a, const GivenArmPose& b) {
   const bool has_same_joints = a.joints.has_value() == b.joints.has_value() && (!a.joints || *a.joints == *b.joints);
   return has_same_joints && a.base_from_gripper->translation == b.base_from_gripper->translation &&
@@ -86,6 +65,25 @@ ProblemCapture CaptureAt(const RunResult& result, const GivenArmPose& pose, cons
 }
 
 }  // namespace
+
+Observations InPredictedOrder(const Camera& camera, const std::vector<Rigid3d>& symmetries, const TargetShape& shape,
+                              const Rigid3d& predicted, const Observations& seen) {
+  const Observations* best = nullptr;
+  double least_px = 0;
+  std::vector<Observations> orders;
+  for (const Rigid3d& symmetry : symmetries) {
+    Observations& order = orders.emplace_back(seen);
+    order.points_in_target = (symmetry.RotationMatrix() * seen.points_in_target).colwise() + symmetry.translation;
+  }
+  for (const Observations& order : orders) {
+    const std::optional<SquaredErrors> errors = ViewErrors(camera, predicted, ApplyShape(order, shape));
+    const std::optional<double> rms_px = errors ? errors->RmsPx() : std::nullopt;
+    if (!rms_px || (best != nullptr && *rms_px >= least_px)) continue;
+    best = &order;
+    least_px = *rms_px;
+  }
+  return best != nullptr ? *best : seen;
+}
 
 std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
                                         const std::vector<SessionImage>& images) {
@@ -170,7 +168,9 @@ Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& ima
       const Rigid3d predicted = CameraFromTarget(session.problem, result.solution.poses, camera, t,
                                                  WithErrors(capture, result.solution.effects));
       capture.images.push_back(
-          {camera, t, InPredictedOrder(result, camera, t, predicted, ObservationsOf(*run.targets[t], seen[i][t]))});
+          {camera, t,
+           InPredictedOrder(result.solution.cameras[camera], result.rig.targets[t].symmetries,
+                            result.solution.shapes[t], predicted, ObservationsOf(*run.targets[t], seen[i][t]))});
       shows_target = true;
     }
     if (shows_target) continue;

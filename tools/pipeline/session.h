@@ -24,6 +24,10 @@ struct Session {
   std::vector<std::string> notes;  // One sentence for each image that is not used.
 };
 
+// Returns the points of a target with symmetries in the reading order that is closest to the prediction.
+Observations InPredictedOrder(const Camera& camera, const std::vector<Rigid3d>& symmetries, const TargetShape& shape,
+                              const Rigid3d& predicted, const Observations& seen);
+
 // Returns the poses of the arm at the images: the rows of a poses file that name them or, if no row names an image, the
 // rows in the order of the images. The joints are those of the rows if these are joints. Throws InputError if the file
 // cannot be read or has no row for an image.

@@ -131,7 +131,7 @@ struct RunResult {
   // One per arm: its kinematics, if the data set names them; or an empty list.
   std::vector<std::optional<RobotSummary>> arms;
   std::vector<std::string> target_types;  // Each target has one; an empty text if only poses of it were given.
-  std::vector<int> num_target_points;     // Each target has one: 0 if only poses of it were given.
+  std::vector<int> num_target_points;     // Each target has one, 0 if only poses of it were given; or an empty list.
   Solution solution;                      // Without the outcomes of the captures.
   // The estimates of all methods, of which `solution` is that of FindFinal, and the model are set for one camera, one
   // target and one arm. They are not written to files of the long form.

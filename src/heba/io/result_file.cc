@@ -294,7 +294,7 @@ Json TargetEntryJson(const RunResult& result, size_t index) {
   const std::string mount = MountText(result.rig, target);
   return Json{{"mount", mount},
               {"type", result.target_types[index]},
-              {"points", result.num_target_points[index]},
+              {"points", index < result.num_target_points.size() ? result.num_target_points[index] : 0},
               {"pose", PoseJson(solution.poses.mount_from_target[index], mount, target.name, &solution.covariance,
                                 TargetPoseBlock(target))},
               {"shape", ShapeJson(solution.shapes[index], solution.covariance, TargetShapeBlock(target))},

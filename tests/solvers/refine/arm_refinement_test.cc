@@ -118,7 +118,7 @@ TEST(JointNoiseTest, NoiseOfTheJointsIsToldFromThatOfThePoses) {
     sum_rotation_rad += with_joints->robot_noise->rotation_rad;
     EXPECT_EQ(without->robot_noise->joint_rad, 0);
     const auto log_likelihood_of = [&](const PairProblem& of_views, const PairSolution& solution) {
-      return LogLikelihoodOf(HandEyeProblem(of_views, refine), ProblemSolution(solution), AdjustmentOptionsOf(refine));
+      return LogLikelihoodOf(HandEyeProblem(of_views, refine), ProblemSolution(solution), refine);
     };
     sum_gain += log_likelihood_of(problem, *with_joints) - log_likelihood_of(white, *without);
   }

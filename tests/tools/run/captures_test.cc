@@ -152,12 +152,12 @@ TEST(ViewsTest, TheMountOfAnEyeInHandCameraIsTheGripper) {
 
 TEST(OptionsOfTest, OptionsAreThoseOfTheRun) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)}, Setup::kEyeInHand);
-  dataset.rig.cameras[0].camera.model = "brown5";
+  dataset.rig.cameras[0].camera = {"brown5", 640, 480, {}};
   RunOptions run;
   run.methods = {"park"};
   run.seed = "park";
   run.calibration.adjustment.loss = LossKind::kHuber;
-  const PairCalibrationOptions options = OptionsOf(dataset, run, {640, 480});
+  const PairCalibrationOptions options = OptionsOf(dataset, run);
   EXPECT_EQ(options.setup, Setup::kEyeInHand);
   EXPECT_THAT(options.methods, ElementsAre("park"));
   EXPECT_EQ(options.seed, "park");
@@ -181,7 +181,7 @@ TEST(OptionsOfTest, TheNoiseOfTheRobotIsChosenUnlessMoreIsSaid) {
   const auto options_of = [&](const auto& change) {
     RunOptions run;
     change(&run);
-    return OptionsOf(dataset, run, {640, 480});
+    return OptionsOf(dataset, run);
   };
   EXPECT_TRUE(options_of([](RunOptions*) {}).choose.robot_noise);
   EXPECT_TRUE(options_of([](RunOptions*) {}).choose_camera_model);

@@ -17,6 +17,8 @@
 #include "heba/io/result_file.h"
 #include "tests/support/cell_arm_scenes.h"
 #include "tests/support/cell_scenes.h"
+#include "tests/support/datasets.h"
+#include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temp_folder.h"
 #include "tools/pages/report.h"
@@ -205,6 +207,24 @@ TEST_F(RunTest, BuildsOnAnEarlierRun) {
       std::find_if(findings.begin(), findings.end(), [](const Finding& finding) { return finding.code == "prior"; });
   ASSERT_NE(prior, findings.end());
   EXPECT_EQ(prior->grade, Grade::kGood);
+}
+
+// The cameras share a clock, which is behind that of the only arm.
+TEST_F(RunTest, OffsetOfAStreamIsEstimatedBesideSeveralCameras) {
+  constexpr double kOffsetS = 0.4;
+  const CellScene scene = MakeScene(1);
+  Dataset dataset = OnStream(DatasetOf(scene), kOffsetS);
+  const Outcome<RunOutput> run = RunOn(dataset, scene);
+  ASSERT_TRUE(run) << run.reason();
+  const std::optional<EstimatedTimeOffset> offset = WrittenAndRead(run->result).time_offset;
+  ASSERT_TRUE(offset);
+  EXPECT_LT(offset->sigma_s, 5e-3);
+  EXPECT_NEAR(offset->value_s, kOffsetS, 4 * offset->sigma_s);
+  for (size_t c = 0; c < 2; ++c) EXPECT_LT(*run->result.errors[c].truth_mm, 2);
+  EXPECT_THAT(ResultTable(run->result, Colour::kPlain), HasSubstr("the robot's clock is"));
+  dataset.rig.robots.emplace_back("two");
+  for (Recording& capture : dataset.captures) capture.base_from_gripper.emplace_back();
+  EXPECT_THAT(InputErrorOf([&] { (void)heba::Run(dataset, RunOptions()); }), HasSubstr("is for one arm"));
 }
 
 // The plate was printed beside its design; the wall was not.

@@ -17,8 +17,6 @@ namespace heba {
 namespace {
 using ::testing::HasSubstr;
 
-constexpr double kBetweenCapturesS = 2;
-
 // A carried camera that passes the poses of its captures, and the true hand-eye pose.
 struct MovingCell {
   Dataset dataset;
@@ -37,27 +35,12 @@ MovingCell CellWithOffset(uint64_t seed, double offset_s) {
   const TestScene scene = MakeTestScene(seed, options);
   MovingCell cell{WithFixedCamera(DatasetOf(scene, Setup::kEyeInHand, target)),
                   scene.hand_eye.camera_mount_from_camera};
-  PoseStream passed;
   for (size_t i = 0; i < cell.dataset.captures.size(); ++i) {
     Recording& capture = cell.dataset.captures[i];
     capture.name = cell.dataset.given_detections[i].detection.image_digest = std::to_string(i) + ".png";
     capture.images = {capture.name};
-    const double time_s = kBetweenCapturesS * static_cast<double>(i);
-    passed.times_s.push_back(time_s);
-    passed.base_from_gripper.push_back(capture.base_from_gripper.front());
-    capture.time_s = time_s - offset_s;
   }
-  PoseStream stream;
-  constexpr int kRowsBetween = 400;
-  const int num_rows = kRowsBetween * static_cast<int>(passed.times_s.size() - 1);
-  for (int row = 0; row <= num_rows; ++row) {
-    stream.times_s.push_back(kBetweenCapturesS * row / kRowsBetween);
-    stream.base_from_gripper.push_back(PoseAt(passed, stream.times_s.back()));
-  }
-  for (Recording& capture : cell.dataset.captures) {
-    capture.base_from_gripper = {PoseAt(stream, *capture.time_s)};
-  }
-  cell.dataset.stream = std::move(stream);
+  cell.dataset = OnStream(std::move(cell.dataset), offset_s);
   return cell;
 }
 

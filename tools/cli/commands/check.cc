@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "tools/cli/command.h"
@@ -12,6 +15,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/files/check_file.h"
 #include "tools/pages/check_history.h"
+#include "tools/pipeline/reference_session.h"
 #include "tools/pipeline/session.h"
 #include "tools/text/check_text.h"
 #include "tools/text/console.h"
@@ -32,9 +36,25 @@ std::vector<SessionImage> ImagesOf(const Problem& rig, const std::vector<std::st
   return images;
 }
 
+// Returns the reference images: one, or those of a folder.
+std::vector<std::filesystem::path> References() {
+  namespace fs = std::filesystem;
+  const fs::path path = FLAGS_reference;
+  if (!fs::is_directory(path)) return {path};
+  std::vector<fs::path> images;
+  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
+    if (HasImageSuffix(entry.path())) images.push_back(entry.path());
+  }
+  if (images.empty()) throw InputError("--reference: the folder " + path.string() + " contains no images");
+  std::sort(images.begin(), images.end());
+  return images;
+}
+
 std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run, const std::vector<SessionImage>& images) {
   if (FLAGS_poses.empty() == FLAGS_pose.empty()) {
-    throw InputError("the robot's poses at the images are needed: --poses FILE, or --pose NUMBERS for one image");
+    throw InputError(
+        "the robot's poses at the images are needed: --poses FILE, or --pose NUMBERS for one image; without a robot, "
+        "--reference PATH, an earlier image of the same target");
   }
   const RobotSummary* const arm = FLAGS_joints.empty() ? nullptr : FindEstimatedArm(run.result, 0);
   if (!FLAGS_joints.empty() && arm == nullptr) {
@@ -73,17 +93,51 @@ int Undecided(const std::string& reason) {
   return kWorkFailed;
 }
 
+// What is tested, and how.
+struct CheckedSession {
+  Problem problem;
+  Solution solution;
+  SessionOptions options;
+  std::vector<std::string> notes;
+};
+
+// Reads images that were taken at poses of the robot.
+CheckedSession ReadAtPoses(const FinishedRun& run, const std::vector<SessionImage>& images) {
+  const bool is_in_place = IsTargetInPlace();
+  Session session = ReadSession(run, images, PosesOfFlags(run, images), NumThreads());
+  return {std::move(session.problem), run.result.solution, SessionOptionsOf(run, is_in_place),
+          std::move(session.notes)};
+}
+
+// Reads images of one camera that stands still, as its targets do.
+CheckedSession ReadBesideReferences(const FinishedRun& run, const std::vector<SessionImage>& images) {
+  if (!FLAGS_poses.empty() || !FLAGS_pose.empty() || !FLAGS_joints.empty()) {
+    throw InputError("--reference: takes the place of the robot's poses; leave out --poses, --pose and --joints");
+  }
+  if (!FLAGS_target.empty() && !IsTargetInPlace()) {
+    throw InputError("--reference: says nothing about a camera if the target was moved");
+  }
+  std::vector<std::filesystem::path> paths;
+  for (const SessionImage& image : images) {
+    if (image.camera != images.front().camera) throw InputError("--reference: the images are those of one camera");
+    paths.push_back(image.path);
+  }
+  ReferenceSession session = ReadReferenceSession(run, images.front().camera, References(), paths, NumThreads());
+  SessionOptions options;
+  options.wobble = {};
+  return {std::move(session.problem), std::move(session.solution), options, std::move(session.notes)};
+}
+
 }  // namespace
 
 int RunCommand_check(const std::vector<std::string>& arguments) {
   const std::vector<std::string> paths(arguments.begin() + 1, arguments.end());
-  const bool is_in_place = IsTargetInPlace();
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const std::vector<SessionImage> images = ImagesOf(run.result.rig, paths);
-  const Session session = ReadSession(run, images, PosesOfFlags(run, images), NumThreads());
+  const CheckedSession session = FLAGS_reference.empty() ? ReadAtPoses(run, images) : ReadBesideReferences(run, images);
   for (const std::string& note : session.notes) std::cerr << "heba: warning: " << note << std::endl;
   const Problem& rig = session.problem;
-  const Outcome<SessionCheck> check = CheckSession(rig, run.result.solution, SessionOptionsOf(run, is_in_place));
+  const Outcome<SessionCheck> check = CheckSession(rig, session.solution, session.options);
   if (!check && check.failure().code == "hidden_point") {
     return Undecided(
         "the robot's poses put the target out of the camera's view: they belong to other images, or are in other units "
