@@ -21,13 +21,35 @@
 namespace heba {
 namespace {
 
-// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
+// Returns one sigma of the scales of a target beside errors of an arm: what is known about them or, if a solution
+// without such errors has found scales that contradict it, how far they are from it.
+double ScaleSigmaOf(const ProblemTarget& target, const Solution& without_errors, size_t index) {
+  constexpr double kContradicts = 4;
+  double sigma = AsMeasured(target.known_scale_sigma);
+  const Covariance& covariance = without_errors.covariance;
+  const UnknownBlock block = covariance.layout.Block(TargetShapeBlock(target));
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    if (covariance.layout[i].group != UnknownGroup::kScale) continue;
+    const double scale = without_errors.shapes[index].params[static_cast<size_t>(covariance.layout[i].index)];
+    const double deviation = std::abs(scale - 1);
+    const double known = std::hypot(target.known_scale_sigma, kRobotScaleSigma);
+    if (deviation > kContradicts * std::hypot(known, std::sqrt(covariance.matrix(i, i)))) {
+      sigma = std::max(sigma, deviation);
+    }
+  }
+  return sigma;
+}
+
+// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture. `without_errors` is
+// a solution that has no such errors.
 void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-               const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem) {
+               const std::vector<std::shared_ptr<const PoseEffect>>& effects, const Solution& without_errors,
+               Problem* problem) {
   SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
-  for (ProblemTarget& target : problem->targets) {
-    if (!target.scale_sigma) target.scale_sigma = AsMeasured(target.known_scale_sigma);
+  for (size_t t = 0; t < problem->targets.size(); ++t) {
+    ProblemTarget& target = problem->targets[t];
+    if (!target.scale_sigma) target.scale_sigma = ScaleSigmaOf(target, without_errors, t);
   }
 }
 
@@ -86,7 +108,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const ArmErrorModels& arm,
   }
   const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
     Problem with_errors = fixed;
-    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
+    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), solution, &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
     const Problem without_joints = with_errors;
     SetJoints(arm, robot, branches, &with_errors);
@@ -257,7 +279,7 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
     const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsIn(arm, choice.branches);
     if (arm.is_chosen) parts.arms[r] = {arm.models, true, {effects}};
     is_any_chosen = is_any_chosen || arm.is_chosen;
-    SetErrors(r, choice.model, effects, &with_errors.problem);
+    SetErrors(r, choice.model, effects, model->judged.solution, &with_errors.problem);
   }
   if (!has_any) return choices;
   const auto decline_all = [&](const Failure& failure) {
@@ -333,7 +355,8 @@ std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Ju
     for (const ProblemCapture& capture : model->problem.captures) {
       effects.push_back(errors->EffectAt(capture.base_from_gripper[arm.robot]));
     }
-    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, &with_errors.problem);
+    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, solution,
+              &with_errors.problem);
   }
   if (added.empty()) return added;
   ModelSpace parts = space.parts;

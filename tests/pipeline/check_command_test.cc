@@ -56,6 +56,40 @@ TEST_F(CheckCommandTest, HoldsWhereNothingHasMoved) {
   EXPECT_EQ(Json::parse(json.out)["decision"], "holds");
 }
 
+// A camera and a target that stand still need no robot: earlier images of the target take its place.
+TEST_F(CheckCommandTest, ReferenceImagesTakeThePlaceOfTheRobot) {
+  const std::vector<std::string> settings = {"--set", "seed=6",
+                                             "--set", "motion.captures=1",
+                                             "--set", "motion.repeats=4",
+                                             "--set", "robot_noise.translation=0 mm",
+                                             "--set", "robot_noise.rotation=0 deg"};
+  Simulate("still", settings);
+  std::vector<std::string> knocked = settings;
+  knocked.insert(knocked.end(), {"--set", "hand_eye.translation=[820.5 mm, -140 mm, 610 mm]"});
+  Simulate("knocked", knocked);
+  const auto check = [&](const std::string& image, const std::vector<std::string>& arguments) {
+    std::vector<std::string> all = {"check", Path("run"), Path(image)};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return RunHeba(all);
+  };
+  const std::string reference = Path("still/images/000.png");
+  const CommandResult holds = check("still/images/001.png", {"--reference", reference});
+  EXPECT_EQ(holds.status, 0) << holds.err;
+  EXPECT_THAT(holds.out, HasSubstr("holds: 1 image agrees"));
+  const CommandResult moved = check("knocked/images/001.png", {"--reference", Path("still/images"), "--json"});
+  EXPECT_EQ(moved.status, 1);
+  const Json json = Json::parse(moved.out);
+  EXPECT_EQ(json["decision"], "moved");
+  double squares_mm2 = 0;
+  for (const Json& mm : json["change"]["translation_mm"]) squares_mm2 += mm.get<double>() * mm.get<double>();
+  EXPECT_NEAR(std::sqrt(squares_mm2), 0.5, 0.1);
+  EXPECT_THAT(moved.err, HasSubstr("do not tell this from a change of"));
+  const CommandResult both = check("still/images/001.png", {"--reference", reference, "--poses", "poses.csv"});
+  EXPECT_EQ(both.status, 2);
+  EXPECT_THAT(both.err, HasSubstr("takes the place of the robot's poses"));
+  EXPECT_THAT(check("still/images/001.png", {"--reference", Path("first")}).err, HasSubstr("contains no images"));
+}
+
 // The bend of a target is part of what a finished run says about it.
 TEST_F(CheckCommandTest, KnowsABentTarget) {
   const std::vector<std::string> bend = {"--set", "print.bend_x=2 mm", "--set", "print.bend_y=-1 mm"};

@@ -50,6 +50,8 @@ TEST(WatchCommandTest, EndsWhenTheRequiredAccuracyIsReached) {
   EXPECT_THAT(watch.out, HasSubstr(" captures: "));
   EXPECT_THAT(watch.out, HasSubstr("covered: x "));
   EXPECT_THAT(watch.out, HasSubstr(", skew "));
+  // Before all captures are calibrated again, the new one is compared with those before.
+  EXPECT_THAT(watch.out, HasSubstr(" with the captures before; with "));
   EXPECT_THAT(watch.out, HasSubstr("the required accuracy is reached"));
   EXPECT_TRUE(fs::exists(folder / "run" / "result.json"));
   EXPECT_THAT(ReadAll(path("run.watch.html")), HasSubstr("http-equiv=\"refresh\""));

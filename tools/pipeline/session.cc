@@ -13,6 +13,7 @@
 #include "heba/io/pose_source.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/robot_section.h"
+#include "tools/run/earlier_run.h"
 #include "tools/run/smooth_prior.h"
 #include "tools/text/failure_text.h"
 
@@ -27,17 +28,7 @@ Problem ProblemOf(const RunResult& result) {
     problem.cameras[c].camera = result.solution.cameras[c];
     problem.cameras[c].free_intrinsics = BundleOptions().free_intrinsics;
   }
-  for (ProblemTarget& target : problem.targets) {
-    target.free_shape.clear();
-    const UnknownLayout& layout = result.solution.covariance.layout;
-    for (int param = 0; param < TargetShape::kNumParams; ++param) {
-      const std::string name =
-          TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[static_cast<size_t>(param)]);
-      const TargetShapeGroup group = ShapeGroupOf(param);
-      const bool is_new = target.free_shape.empty() || target.free_shape.back() != group;
-      if (layout.Place(name) && is_new) target.free_shape.push_back(group);
-    }
-  }
+  for (size_t t = 0; t < problem.targets.size(); ++t) problem.targets[t].free_shape = FreeShapeOf(result, t);
   return problem;
 }
 
@@ -137,17 +128,22 @@ void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vecto
 
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<GivenArmPose>& poses, int num_threads) {
-  CHECK_EQ(images.size(), poses.size());
-  const RunResult& result = run.result;
-  if (result.rig.robots.size() > 1)
-    throw InputError("the run has several arms; only one with a single arm can be checked");
   std::vector<std::vector<Detection>> seen(images.size());
   ParallelFor(static_cast<int>(images.size()), num_threads, [&](int index) {
     const auto i = static_cast<size_t>(index);
     for (const std::shared_ptr<const Target>& target : run.targets) {
-      seen[i].push_back(DetectFor(result.solution.cameras[images[i].camera], *target, images[i].path));
+      seen[i].push_back(DetectFor(run.result.solution.cameras[images[i].camera], *target, images[i].path));
     }
   });
+  return SessionOf(run, images, poses, seen);
+}
+
+Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
+                  const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen) {
+  CHECK_EQ(images.size(), poses.size());
+  const RunResult& result = run.result;
+  if (result.rig.robots.size() > 1)
+    throw InputError("the run has several arms; only one with a single arm can be checked");
   Session session;
   session.problem = ProblemOf(result);
   std::vector<GivenArmPose> of_captures;

@@ -45,6 +45,11 @@ void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vecto
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<GivenArmPose>& poses, int num_threads);
 
+// Returns the session of images in which the targets were detected: `seen` has a list for each image, with an entry for
+// each target. Throws InputError like ReadSession.
+Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
+                  const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen);
+
 // Returns the options for a session of a run: its wobble, and the smooth errors that it states.
 SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place);
 

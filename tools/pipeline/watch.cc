@@ -4,6 +4,7 @@
 #include <chrono>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <thread>
@@ -15,10 +16,12 @@
 #include "heba/base/units.h"
 #include "heba/detection.h"
 #include "targets/images/image.h"
+#include "tools/config/finished_run.h"
 #include "tools/files/cached_detector.h"
 #include "tools/pages/page.h"
 #include "tools/pipeline/image_quality.h"
 #include "tools/pipeline/pipeline.h"
+#include "tools/pipeline/quick_look.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
@@ -27,7 +30,11 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-constexpr std::chrono::milliseconds kInterval(250);
+constexpr std::chrono::milliseconds kInterval(100);
+// A calibration of all captures takes longer than a look at a new one. It waits until nothing has come for so long, or
+// until so many captures wait for it.
+constexpr std::chrono::milliseconds kIdle(1000);
+constexpr size_t kMostWaiting = 5;
 
 // An image of a capture, and what it is called.
 struct WatchedImage {
@@ -178,7 +185,15 @@ class WatchedSession {
     num_waits_ = 0;
     std::string state = StateOf(*config, images);
     if (state == calibrated_) return false;
-    TellImages(*config, images);
+    const auto now = std::chrono::steady_clock::now();
+    if (state != looked_at_) {
+      TellImages(*config, images);
+      looked_at_ = state;
+      changed_at_ = now;
+      if (TellQuickly(*config)) return false;
+    } else if (now - changed_at_ < kIdle) {
+      return false;
+    }
     calibrated_ = std::move(state);
     return Calibrate(*config);
   }
@@ -260,6 +275,44 @@ class WatchedSession {
     return known->second;
   }
 
+  // Says what the captures that have come since the last calibration say beside it. Returns false if there is none of
+  // the same cell, if nothing can be said, or if many captures have come.
+  bool TellQuickly(const RunConfig& config) {
+    const Dataset& data = config.data;
+    if (known_ == nullptr || data.rig.robots.size() != 1 || detect_.empty() || used_by_known_ != config.targets_used) {
+      return false;
+    }
+    std::vector<SessionImage> images;
+    std::vector<GivenArmPose> poses;
+    std::vector<std::vector<Detection>> seen;
+    std::vector<std::string> names;
+    for (const Recording& capture : data.captures) {
+      if (captures_of_known_.contains(capture.name)) continue;
+      names.push_back(capture.name);
+      GivenArmPose pose;
+      pose.base_from_gripper = capture.base_from_gripper.front();
+      if (!capture.joints.empty() && !capture.joints.front().empty()) {
+        const std::vector<double>& joints = capture.joints.front();
+        pose.joints = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
+      }
+      for (size_t c = 0; c < capture.images.size(); ++c) {
+        if (capture.images[c].empty()) continue;
+        images.push_back({c, capture.images[c]});
+        poses.push_back(pose);
+        std::vector<Detection>& of_image = seen.emplace_back();
+        for (const CaptureDetection& one : DetectOnce(capture.images[c])) of_image.push_back(one.detection);
+      }
+    }
+    if (images.empty() || names.size() >= kMostWaiting) return false;
+    try {
+      const std::string text = QuickLook(known_, images, poses, seen);
+      if (!text.empty()) Tell(Join(names, ", ") + " " + text);
+      return !text.empty();
+    } catch (const InputError&) {
+      return false;  // The errors of the arm at this pose are not known.
+    }
+  }
+
   bool Calibrate(const RunConfig& config) {
     const fs::path output = options_.output.empty() ? config.output : options_.output;
     Console console(Verbosity::kQuiet);
@@ -268,6 +321,7 @@ class WatchedSession {
       Tell("not yet: " + FailureText(result.failure()));
       return false;
     }
+    Remember(config, output);
     Tell(KnownText(*result));
     const std::string next = NextText(*result);
     if (!next.empty()) Tell("next: " + next);
@@ -277,11 +331,30 @@ class WatchedSession {
     return is_met;
   }
 
+  // Keeps the run for what comes next; nothing of a run without a refined estimate.
+  void Remember(const RunConfig& config, const fs::path& output) {
+    known_ = nullptr;
+    captures_of_known_.clear();
+    try {
+      known_ = std::make_shared<const FinishedRun>(ReadFinishedRun(output));
+    } catch (const InputError&) {
+      return;
+    }
+    used_by_known_ = config.targets_used;
+    for (const Recording& capture : config.data.captures) captures_of_known_.insert(capture.name);
+  }
+
   std::string config_path_;
   WatchOptions options_;
   bool has_config_ = false;
   int num_waits_ = 0;
+  std::string looked_at_;  // StateOf the last look at images.
+  std::chrono::steady_clock::time_point changed_at_ = {};
   std::string calibrated_;  // StateOf the last run.
+  // The last run, the targets that it used, and the captures that it had.
+  std::shared_ptr<const FinishedRun> known_;
+  std::vector<std::string> used_by_known_;
+  std::set<std::string> captures_of_known_;
   Watched watched_;
   std::vector<std::string> targets_used_;
   std::vector<DetectFunction> detect_;  // One per target; they keep what the run needs again.

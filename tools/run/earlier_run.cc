@@ -40,16 +40,6 @@ std::vector<Group> GroupsIn(const UnknownLayout& layout, const std::string& name
   return groups;
 }
 
-// Returns the parts of a camera, and of a target's shape, that the earlier run estimated.
-std::vector<ParameterGroup> FreeIntrinsicsOf(const RunResult& earlier, size_t camera) {
-  return GroupsIn<ParameterGroup>(earlier.solution.covariance.layout, CameraBlock(earlier.rig.cameras[camera]),
-                                  [](int index) { return GroupOf(index); });
-}
-std::vector<TargetShapeGroup> FreeShapeOf(const RunResult& earlier, size_t target) {
-  return GroupsIn<TargetShapeGroup>(earlier.solution.covariance.layout, TargetShapeBlock(earlier.rig.targets[target]),
-                                    [](int index) { return ShapeGroupOf(index); });
-}
-
 void CheckTarget(const EarlierRun& earlier, const Target& target, size_t place) {
   const std::vector<std::string>& types = earlier.result->target_types;
   if (place >= types.size() || types[place].empty() || types[place] == target.type()) return;
@@ -154,6 +144,16 @@ void CheckPair(const EarlierRun& earlier, const Dataset& dataset) {
 }
 
 }  // namespace
+
+std::vector<ParameterGroup> FreeIntrinsicsOf(const RunResult& earlier, size_t camera) {
+  return GroupsIn<ParameterGroup>(earlier.solution.covariance.layout, CameraBlock(earlier.rig.cameras[camera]),
+                                  [](int index) { return GroupOf(index); });
+}
+
+std::vector<TargetShapeGroup> FreeShapeOf(const RunResult& earlier, size_t target) {
+  return GroupsIn<TargetShapeGroup>(earlier.solution.covariance.layout, TargetShapeBlock(earlier.rig.targets[target]),
+                                    [](int index) { return ShapeGroupOf(index); });
+}
 
 void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
   const RunResult& result = *earlier.result;

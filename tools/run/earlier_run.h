@@ -10,6 +10,10 @@
 
 namespace heba {
 
+// Return the parts of a camera, and of a target's shape, that a run estimated.
+std::vector<ParameterGroup> FreeIntrinsicsOf(const RunResult& run, size_t camera);
+std::vector<TargetShapeGroup> FreeShapeOf(const RunResult& run, size_t target);
+
 // Gives a data set and its options what the earlier run tells: the cameras that are not given, with the parts of their
 // intrinsics that were unknown, and the shapes of the targets, as they were modelled. Throws InputError, which begins
 // with the name of the earlier run, if that run has another kind of target, a camera of another model or image size, or
