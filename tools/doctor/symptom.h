@@ -14,7 +14,7 @@ namespace heba {
 enum class Severity { kRemark, kWrong };
 
 // The codes of all symptoms but those that are findings of a run (kFindingCodes). A code is stable over versions,
-// because other programs search for it. docs/manual/codes has a page on each.
+// because other programs search for it. docs/manual/codes has a section on each.
 inline constexpr std::string_view kSymptomCodes[] = {
     "pose_format",
     "target",

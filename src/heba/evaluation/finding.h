@@ -18,7 +18,7 @@ inline constexpr std::array<std::string_view, 3> kGradeNames = {"good", "doubtfu
 inline std::string_view GradeName(Grade grade) { return kGradeNames[static_cast<size_t>(grade)]; }
 
 // The codes of all findings about a run, then those of the findings that are only part of others. A code is stable over
-// versions. docs/manual/codes has a page on each.
+// versions. docs/manual/codes has a section on each.
 inline constexpr std::string_view kFindingCodes[] = {
     "uncertainty",
     "required",
