@@ -1,6 +1,7 @@
 // Tests of runs of one camera, one target and one arm: heba/run.h.
 #include "heba/run.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -202,6 +203,27 @@ TEST(PairRunTest, PointsOfTheTargetAreEstimatedIfTheyAreFree) {
   // The pixels have the noise of the detector again.
   EXPECT_GT(FindRefined(designed->result)->solution->pixel_sigma_px, 0.25);
   EXPECT_NEAR(FindRefined(run->result)->solution->pixel_sigma_px, 0.1, 0.02);
+}
+
+// A target that was entered 1.2 % too large, as if it had been measured to .1 %, is named and not taken for errors of the
+// robot, which follow the pose smoothly.
+TEST(PairRunTest, SizeThatContradictsItsStatedSigmaIsNamed) {
+  TestSceneOptions options = SimulatedOptions(*Chessboard());
+  options.robot_translation_m = 5e-5;
+  options.robot_rotation_rad = 1e-4;
+  const TestScene scene = MakeTestScene(6, options);
+  const std::shared_ptr<const Target> larger =
+      ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20.24 mm, scale_sigma: 0.1 %}");
+  const Outcome<RunOutput> run = heba::Run(WithFixedCamera(NamedDatasetOf(scene, larger)), WithoutFolds());
+  ASSERT_TRUE(run) << run.reason();
+  const std::vector<Finding>& findings = run->result.verdict.findings;
+  const auto found = std::find_if(findings.begin(), findings.end(),
+                                  [](const Finding& finding) { return finding.code == "target_scale"; });
+  ASSERT_NE(found, findings.end());
+  EXPECT_NE(found->grade, Grade::kGood);
+  EXPECT_NEAR(*found->Number("scale_x"), 1 / 1.012, 2e-3);
+  EXPECT_THAT(FindRefined(run->result)->hand_eye.camera_mount_from_camera,
+              IsNearPose(scene.hand_eye.camera_mount_from_camera, 5e-4, 1e-3));
 }
 
 TEST(PairRunTest, PointsOfASymmetricTargetAreRefused) {
