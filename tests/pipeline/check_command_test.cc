@@ -64,8 +64,9 @@ TEST_F(CheckCommandTest, ReferenceImagesTakeThePlaceOfTheRobot) {
                                              "--set", "robot_noise.translation=0 mm",
                                              "--set", "robot_noise.rotation=0 deg"};
   Simulate("still", settings);
+  // The simulated target stands before the camera as it stood, but a little farther away.
   std::vector<std::string> knocked = settings;
-  knocked.insert(knocked.end(), {"--set", "hand_eye.translation=[820.5 mm, -140 mm, 610 mm]"});
+  knocked.insert(knocked.end(), {"--set", "motion.distance=420.5 mm"});
   Simulate("knocked", knocked);
   const auto check = [&](const std::string& image, const std::vector<std::string>& arguments) {
     std::vector<std::string> all = {"check", Path("run"), Path(image)};
@@ -82,7 +83,8 @@ TEST_F(CheckCommandTest, ReferenceImagesTakeThePlaceOfTheRobot) {
   EXPECT_EQ(json["decision"], "moved");
   double squares_mm2 = 0;
   for (const Json& mm : json["change"]["translation_mm"]) squares_mm2 += mm.get<double>() * mm.get<double>();
-  EXPECT_NEAR(std::sqrt(squares_mm2), 0.5, 0.1);
+  EXPECT_GT(std::sqrt(squares_mm2), 0.3);
+  EXPECT_LT(std::sqrt(squares_mm2), 1);
   EXPECT_THAT(moved.err, HasSubstr("do not tell this from a change of"));
   const CommandResult both = check("still/images/001.png", {"--reference", reference, "--poses", "poses.csv"});
   EXPECT_EQ(both.status, 2);
