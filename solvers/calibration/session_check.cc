@@ -227,8 +227,23 @@ std::vector<TestedPart> PartsOf(const Problem& problem, const UnknownLayout& lay
   for (size_t t = 0; t < problem.targets.size() && has_targets; ++t) {
     add(ChangedPart::kTarget, t, TargetPoseBlock(problem.targets[t]));
   }
+  for (size_t r = 1; r < problem.robots.size(); ++r) add(ChangedPart::kBase, r, BaseBlock(problem.robots[r]));
   for (size_t c = 0; c < problem.cameras.size(); ++c) add(ChangedPart::kLens, c, CameraBlock(problem.cameras[c]));
   return parts;
+}
+
+// Returns the poses of the parts of a kind, which is not that of lenses.
+std::vector<Rigid3d>& PosesOf(ChangedPart kind, CellPoses* poses) {
+  switch (kind) {
+    case ChangedPart::kTarget:
+      return poses->mount_from_target;
+    case ChangedPart::kBase:
+      return poses->world_from_base;
+    case ChangedPart::kCamera:
+    case ChangedPart::kLens:
+      break;
+  }
+  return poses->mount_from_camera;
 }
 
 // Sets the inverse information of a part. Returns false if the images do not determine its change. `squares` are those
@@ -369,8 +384,7 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
       std::vector<double>& params = at.cameras[part.change.index].params;
       for (size_t i = 0; i < params.size(); ++i) params[i] += change[static_cast<Eigen::Index>(i)];
     } else {
-      Rigid3d& pose = part.change.part == ChangedPart::kCamera ? at.poses.mount_from_camera[part.change.index]
-                                                               : at.poses.mount_from_target[part.change.index];
+      Rigid3d& pose = PosesOf(part.change.part, &at.poses)[part.change.index];
       pose = Retract(pose, Tangent6(change));
     }
     StepTargets(*evaluated, evaluated->all_residuals - evaluated->all_tested.middleCols(part.first, part.size) * change,
@@ -385,11 +399,10 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
 // Returns the change of a part from the calibration to a solution: the tangent of a pose, or the difference of a lens.
 Eigen::VectorXd ChangeTo(const Solution& calibration, const Solution& solution, const SessionChange& part) {
   const size_t i = part.index;
-  if (part.part == ChangedPart::kCamera) {
-    return LocalCoordinates(calibration.poses.mount_from_camera[i], solution.poses.mount_from_camera[i]);
-  }
-  if (part.part == ChangedPart::kTarget) {
-    return LocalCoordinates(calibration.poses.mount_from_target[i], solution.poses.mount_from_target[i]);
+  if (part.part != ChangedPart::kLens) {
+    CellPoses before = calibration.poses;
+    CellPoses after = solution.poses;
+    return LocalCoordinates(PosesOf(part.part, &before)[i], PosesOf(part.part, &after)[i]);
   }
   const std::vector<double>& before = calibration.cameras[i].params;
   const std::vector<double>& after = solution.cameras[i].params;

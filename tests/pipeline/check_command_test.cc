@@ -160,6 +160,56 @@ TEST_F(CheckCommandTest, ChecksSeveralCameras) {
   EXPECT_EQ(Json::parse(check.out)["images"], 6);
 }
 
+// Two arms that carry a target each, before one camera. The second arm is moved.
+TEST_F(CheckCommandTest, NamesTheBaseOfAnArmThatHasMoved) {
+  const std::string lens =
+      "{model: brown4, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240, distortion: [-0.08, 0.05, 0, 0]}";
+  const std::string target =
+      "target: {type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_4X4_250";
+  WriteAll(
+      folder() / "arms.yaml",
+      "robots:\n  left: {}\n  right: {world_from_base: {translation: [1100 mm, 0 mm, 0 mm], rpy: [0 deg, 0 deg, 180 "
+      "deg]}}\ncameras:\n  top:\n    mount: world\n    pose: {translation: [500 mm, 50 mm, 1300 mm], rpy: [180 deg, 0 "
+      "deg, 0 deg]}\n    camera: " +
+          lens +
+          "\ntargets:\n  plate:\n    mount: left.gripper\n    pose: {translation: [0 mm, -50 mm, 80 mm], rpy: [0 deg, "
+          "180 deg, 0 deg]}\n    " +
+          target +
+          "}\n  disk:\n    mount: right.gripper\n    pose: {translation: [0 mm, 30 mm, 80 mm], rpy: [0 deg, 180 deg, 0 "
+          "deg]}\n    " +
+          target +
+          ", first_marker: 50}\nmotion: {captures: 16, distance: 700 mm, tilt: 30 deg}\nrobot_noise: {translation: "
+          "0.1 mm, rotation: 0.02 deg}\n");
+  const auto simulate = [&](const std::string& name, const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments = {"simulate", Path("arms.yaml"), "--out", Path(name), "--quiet"};
+    arguments.insert(arguments.end(), settings.begin(), settings.end());
+    ASSERT_EQ(RunHeba(arguments).status, 0);
+  };
+  simulate("arms", {});
+  ASSERT_EQ(RunHeba({"run", Path("arms/config.yaml"), "--out", Path("arms_run"), "--quiet", "--set",
+                     "refine.robot_noise=white", "--set", "evaluate.folds=0"})
+                .status,
+            0);
+  const std::vector<std::string> later = {"--set", "seed=7", "--set", "motion.captures=6"};
+  simulate("arms_later", later);
+  std::vector<std::string> moved = later;
+  moved.insert(moved.end(), {"--set", "robots.right.world_from_base.translation=[1104 mm, 0 mm, 0 mm]"});
+  simulate("arms_moved", moved);
+  const auto check = [&](const std::string& name) {
+    std::vector<std::string> arguments = {
+        "check",    Path("arms_run"), "--target",
+        "in-place", "--poses",        "left=" + Path(name + "/left.csv") + ";right=" + Path(name + "/right.csv")};
+    for (int i = 0; i < 6; ++i) arguments.push_back("top=" + Path(name + "/top/00" + std::to_string(i) + ".png"));
+    return RunHeba(arguments);
+  };
+  const CommandResult holds = check("arms_later");
+  EXPECT_EQ(holds.status, 0) << holds.err;
+  EXPECT_THAT(holds.out, HasSubstr("smallest change that is seen in 95 %: the base of arm right"));
+  const CommandResult found = check("arms_moved");
+  EXPECT_EQ(found.status, 1);
+  EXPECT_THAT(found.err, HasSubstr("the base of arm right has moved by"));
+}
+
 TEST_F(CheckCommandTest, HistoryGrows) {
   const std::string history = Path("history");
   for (const std::string name : {"later", "moved"}) {

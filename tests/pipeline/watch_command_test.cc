@@ -42,7 +42,14 @@ TEST(WatchCommandTest, EndsWhenTheRequiredAccuracyIsReached) {
     WriteAll(path("images/" + name), image);
     poses += rows[i] + "\n";
     WriteAll(path("poses.csv"), poses);
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    // Once there is a result, each capture waits for that of the one before.
+    const auto is_calibrated = [&] {
+      return !fs::exists(folder / "run.watch.html") || ReadAll(path("run.watch.html")).find(name) != std::string::npos;
+    };
+    const auto begin = std::chrono::steady_clock::now();
+    do {
+      std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    } while (!is_calibrated() && std::chrono::steady_clock::now() - begin < std::chrono::seconds(20));
   }
   watching.join();
   EXPECT_EQ(watch.status, 0) << watch.err;

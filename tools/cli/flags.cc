@@ -79,7 +79,7 @@ DEFINE_string(target, "",
 DEFINE_string(images, "", "PATH|the folder of the images; default: the one with the most images");
 DEFINE_string(poses, "",
               "PATH|the file or folder of the robot poses; default: found|check: the robot poses of the images, as in "
-              "the run's poses file");
+              "the run's poses file; of several arms: ARM=FILE;ARM=FILE");
 DEFINE_string(camera, "",
               "PATH|the camera file; default: found, or estimated from the captures"
               "|target: the file of the camera that is to see the proposed target");

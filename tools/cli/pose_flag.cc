@@ -69,4 +69,18 @@ std::pair<size_t, std::string> NamedValue(const std::string& what, const std::st
   return {static_cast<size_t>(found - names.begin()), text.substr(end + 1)};
 }
 
+std::vector<std::string> ValuesByArm(const std::string& flag, const std::string& value,
+                                     const std::vector<std::string>& robots, const std::string& form) {
+  std::vector<std::string> values(robots.size());
+  if (value.empty()) return values;
+  if (robots.size() == 1 && (robots.front().empty() || value.find('=') == std::string::npos)) return {value};
+  for (const std::string& part : Split(value, ';')) {
+    const auto [robot, text] = NamedValue(flag, part, robots, form);
+    if (!values[robot].empty()) throw InputError(flag + ": the arm " + robots[robot] + " is named twice");
+    if (Trim(text).empty()) throw InputError(flag + ": " + Quoted(part) + ": " + form + " is needed");
+    values[robot] = text;
+  }
+  return values;
+}
+
 }  // namespace heba

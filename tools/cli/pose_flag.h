@@ -33,4 +33,9 @@ const PoseFormat& FormatOfNear(const PoseFormat& format);
 std::pair<size_t, std::string> NamedValue(const std::string& what, const std::string& text,
                                           const std::vector<std::string>& names, const std::string& form);
 
+// Returns what a flag gives for each arm, empty if nothing: the value of the only arm, or ARM=VALUE;ARM=VALUE. Throws
+// InputError, which begins with `flag`, if the text has another form; `form` is that of one arm, such as ARM=NUMBERS.
+std::vector<std::string> ValuesByArm(const std::string& flag, const std::string& value,
+                                     const std::vector<std::string>& robots, const std::string& form);
+
 }  // namespace heba

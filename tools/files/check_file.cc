@@ -12,8 +12,9 @@ namespace {
 
 constexpr const char* kSchema = "heba/check/1";
 
-// Returns the body that a change is one of, as files name it: camera, target or lens, and its name if it has one.
+// Returns the body that a change is one of, as files name it: camera, target, base or lens, and its name if it has one.
 std::string BodyOf(const Problem& rig, const SessionChange& change) {
+  if (change.part == ChangedPart::kBase) return "base " + rig.robots[change.index];
   const bool is_target = change.part == ChangedPart::kTarget;
   const std::string& name = is_target ? rig.targets[change.index].name : rig.cameras[change.index].name;
   const std::string kind = is_target ? "target" : change.part == ChangedPart::kLens ? "lens" : "camera";

@@ -41,7 +41,7 @@ std::optional<Eigen::Matrix<double, 6, 6>> CovarianceWith(const std::shared_ptr<
 }  // namespace
 
 std::string QuickLook(const std::shared_ptr<const FinishedRun>& run, const std::vector<SessionImage>& images,
-                      const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen) {
+                      const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen) {
   const Session session = SessionOf(*run, images, poses, seen);
   SessionOptions options = SessionOptionsOf(*run, true);
   options.wobble = {};  // It is one session.

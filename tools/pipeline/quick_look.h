@@ -12,11 +12,11 @@
 
 namespace heba {
 
-// Returns one clause about images that were taken at these poses of the only arm, in which the targets were detected
+// Returns one clause about images that were taken at these poses of the arms, in which the targets were detected
 // (SessionOf): whether they agree with the run (CheckSession) and, of a single camera, the sigmas of its pose with
 // them: the run's result counts as an observation beside them (equation 19 of docs/estimation.md). Empty if the images
-// say nothing. The run must have one arm.
+// say nothing.
 std::string QuickLook(const std::shared_ptr<const FinishedRun>& run, const std::vector<SessionImage>& images,
-                      const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen);
+                      const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen);
 
 }  // namespace heba

@@ -32,26 +32,43 @@ Problem ProblemOf(const RunResult& result) {
   return problem;
 }
 
-bool IsSame(const GivenArmPose& a, const GivenArmPose& b) {
+bool IsSamePose(const GivenArmPose& a, const GivenArmPose& b) {
   const bool has_same_joints = a.joints.has_value() == b.joints.has_value() && (!a.joints || *a.joints == *b.joints);
   return has_same_joints && a.base_from_gripper->translation == b.base_from_gripper->translation &&
          a.base_from_gripper->rotation.coeffs() == b.base_from_gripper->rotation.coeffs();
 }
 
-// Returns a capture at a pose of the arm, with its error if the errors of the arm are estimated.
-ProblemCapture CaptureAt(const RunResult& result, const GivenArmPose& pose, const std::string& image) {
+bool IsSame(const ArmsAtImage& a, const ArmsAtImage& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), &IsSamePose);
+}
+
+// Returns a capture at these poses of the arms, with their errors if these are estimated.
+ProblemCapture CaptureAt(const RunResult& result, const ArmsAtImage& arms, const std::string& image) {
   const Problem& rig = result.rig;
-  const Outcome<StatedPose> stated = WithErrorsOfArm(FindEstimatedArm(result, 0), *pose.base_from_gripper, pose.joints);
-  if (!stated) throw InputError(image + ": the joints of the arm: " + FailureText(stated.failure()));
   ProblemCapture capture;
   capture.name = image;
-  capture.base_from_gripper = {stated->base_from_mount};
-  if (stated->gripper_by_joints.cols() > 0) capture.postures = {{stated->gripper_by_joints, {}}};
-  const SharedEffects* const effects = EffectsOf(rig, 0);
-  if (effects == nullptr) return capture;
-  std::vector<int> estimated;
-  for (const SharedEffect& effect : effects->effects) estimated.push_back(effect.index);
-  capture.effects = {stated->effect == nullptr ? nullptr : SelectEffects(stated->effect, effects->num_all, estimated)};
+  bool has_postures = false;
+  for (size_t r = 0; r < arms.size(); ++r) {
+    const Outcome<StatedPose> stated =
+        WithErrorsOfArm(FindEstimatedArm(result, r), *arms[r].base_from_gripper, arms[r].joints);
+    const std::string& name = rig.robots[r];
+    if (!stated) {
+      throw InputError(image + ": the joints of the arm" + (name.empty() ? "" : " " + name) + ": " +
+                       FailureText(stated.failure()));
+    }
+    capture.base_from_gripper.push_back(stated->base_from_mount);
+    capture.postures.push_back({stated->gripper_by_joints, {}});
+    has_postures = has_postures || stated->gripper_by_joints.cols() > 0;
+    const SharedEffects* const effects = EffectsOf(rig, r);
+    std::vector<int> estimated;
+    for (size_t k = 0; effects != nullptr && k < effects->effects.size(); ++k) {
+      estimated.push_back(effects->effects[k].index);
+    }
+    const bool has_effect = effects != nullptr && stated->effect != nullptr;
+    capture.effects.push_back(has_effect ? SelectEffects(stated->effect, effects->num_all, estimated) : nullptr);
+  }
+  if (!has_postures) capture.postures.clear();
+  if (rig.effects.empty()) capture.effects.clear();
   return capture;
 }
 
@@ -76,9 +93,9 @@ Observations InPredictedOrder(const Camera& camera, const std::vector<Rigid3d>& 
   return best != nullptr ? *best : seen;
 }
 
-std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
-                                        const std::vector<SessionImage>& images) {
-  const PoseReading& reading = run.pose_readings.front();
+std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, size_t robot, const std::filesystem::path& poses,
+                                        const std::filesystem::path& joints, const std::vector<SessionImage>& images) {
+  const PoseReading& reading = run.pose_readings[robot];
   const std::vector<PoseRow> rows = ReadPoses(poses, reading.format);
   std::map<std::string, const PoseRow*> row_of;
   for (const PoseRow& row : rows) {
@@ -95,7 +112,7 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::files
     throw InputError(image.path.string() + ": another image has this name, too, so that " + poses.string() +
                      " does not tell their poses apart; rename one");
   }
-  const RobotSummary* const arm = FindEstimatedArm(run.result, 0);
+  const RobotSummary* const arm = FindEstimatedArm(run.result, robot);
   std::vector<GivenArmPose> given;
   for (size_t i = 0; i < images.size(); ++i) {
     const PoseRow* row = row_of.empty() ? &rows[i] : nullptr;
@@ -109,25 +126,23 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::files
     GivenArmPose& pose = given.emplace_back();
     pose.base_from_gripper = BaseFromGripper(reading, row->pose);
     if (arm != nullptr && IsOfJoints(reading.format, arm->nominal)) {
-      const std::vector<double> joints = JointsOfNumbers(arm->nominal, reading.format, row->numbers);
-      pose.joints = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
+      const std::vector<double> of_row = JointsOfNumbers(arm->nominal, reading.format, row->numbers);
+      pose.joints = Eigen::Map<const Eigen::VectorXd>(of_row.data(), static_cast<Eigen::Index>(of_row.size()));
     }
+  }
+  if (joints.empty()) return given;
+  std::vector<std::string> names_of_images;
+  for (const SessionImage& image : images) names_of_images.push_back(image.path.filename().string());
+  const std::vector<std::vector<double>> read =
+      ReadJoints(arm->nominal, joints, run.joints_are_deg[robot], names_of_images);
+  for (size_t i = 0; i < read.size(); ++i) {
+    given[i].joints = Eigen::Map<const Eigen::VectorXd>(read[i].data(), static_cast<Eigen::Index>(read[i].size()));
   }
   return given;
 }
 
-void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vector<SessionImage>& images,
-               const std::filesystem::path& joints, std::vector<GivenArmPose>* poses) {
-  std::vector<std::string> names;
-  for (const SessionImage& image : images) names.push_back(image.path.filename().string());
-  const std::vector<std::vector<double>> read = ReadJoints(arm.nominal, joints, run.joints_are_deg.front(), names);
-  for (size_t i = 0; i < read.size(); ++i) {
-    (*poses)[i].joints = Eigen::Map<const Eigen::VectorXd>(read[i].data(), static_cast<Eigen::Index>(read[i].size()));
-  }
-}
-
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
-                    const std::vector<GivenArmPose>& poses, int num_threads) {
+                    const std::vector<ArmsAtImage>& poses, int num_threads) {
   std::vector<std::vector<Detection>> seen(images.size());
   ParallelFor(static_cast<int>(images.size()), num_threads, [&](int index) {
     const auto i = static_cast<size_t>(index);
@@ -139,17 +154,15 @@ Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& ima
 }
 
 Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
-                  const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen) {
+                  const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen) {
   CHECK_EQ(images.size(), poses.size());
   const RunResult& result = run.result;
-  if (result.rig.robots.size() > 1)
-    throw InputError("the run has several arms; only one with a single arm can be checked");
   Session session;
   session.problem = ProblemOf(result);
-  std::vector<GivenArmPose> of_captures;
+  std::vector<ArmsAtImage> of_captures;
   for (size_t i = 0; i < images.size(); ++i) {
     const auto same = std::find_if(of_captures.begin(), of_captures.end(),
-                                   [&](const GivenArmPose& pose) { return IsSame(pose, poses[i]); });
+                                   [&](const ArmsAtImage& arms) { return IsSame(arms, poses[i]); });
     const auto place = static_cast<size_t>(same - of_captures.begin());
     if (same == of_captures.end()) {
       of_captures.push_back(poses[i]);

@@ -28,27 +28,26 @@ struct Session {
 Observations InPredictedOrder(const Camera& camera, const std::vector<Rigid3d>& symmetries, const TargetShape& shape,
                               const Rigid3d& predicted, const Observations& seen);
 
-// Returns the poses of the arm at the images: the rows of a poses file that name them or, if no row names an image, the
-// rows in the order of the images. The joints are those of the rows if these are joints. Throws InputError if the file
-// cannot be read or has no row for an image.
-std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, const std::filesystem::path& poses,
-                                        const std::vector<SessionImage>& images);
+// The poses of all arms when an image was taken.
+using ArmsAtImage = std::vector<GivenArmPose>;
 
-// Sets the joints of the arm, whose errors are estimated, at the images: those of a file with columns j1 to jN and
-// image. Throws InputError like PosesOfImages.
-void SetJoints(const FinishedRun& run, const RobotSummary& arm, const std::vector<SessionImage>& images,
-               const std::filesystem::path& joints, std::vector<GivenArmPose>* poses);
+// Returns the poses of an arm at the images: the rows of a poses file that name them or, if no row names an image, the
+// rows in the order of the images. The joints are those of the rows if these are joints or, with a file of joints, of
+// which an arm with estimated errors may need some, those of its columns j1 to jN and image; an empty path: there is
+// none. Throws InputError if a file cannot be read or has no row for an image.
+std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, size_t robot, const std::filesystem::path& poses,
+                                        const std::filesystem::path& joints, const std::vector<SessionImage>& images);
 
-// Detects the targets in the images, which were taken at these poses of the only arm; images at one pose are one
-// capture. Throws InputError if an image cannot be read or is not of the size of the calibration's, if the run has
-// several arms, or if joints are missing without which the errors of its arm are not known.
+// Detects the targets in the images, which were taken at these poses of the arms; images at the same poses are one
+// capture. Throws InputError if an image cannot be read or is not of the size of the calibration's, or if joints are
+// missing without which the errors of an arm are not known.
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
-                    const std::vector<GivenArmPose>& poses, int num_threads);
+                    const std::vector<ArmsAtImage>& poses, int num_threads);
 
 // Returns the session of images in which the targets were detected: `seen` has a list for each image, with an entry for
 // each target. Throws InputError like ReadSession.
 Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
-                  const std::vector<GivenArmPose>& poses, const std::vector<std::vector<Detection>>& seen);
+                  const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen);
 
 // Returns the options for a session of a run: its wobble, and the smooth errors that it states.
 SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place);

@@ -279,26 +279,28 @@ class WatchedSession {
   // the same cell, if nothing can be said, or if many captures have come.
   bool TellQuickly(const RunConfig& config) {
     const Dataset& data = config.data;
-    if (known_ == nullptr || data.rig.robots.size() != 1 || detect_.empty() || used_by_known_ != config.targets_used) {
+    if (known_ == nullptr || detect_.empty() || used_by_known_ != config.targets_used) {
       return false;
     }
     std::vector<SessionImage> images;
-    std::vector<GivenArmPose> poses;
+    std::vector<ArmsAtImage> poses;
     std::vector<std::vector<Detection>> seen;
     std::vector<std::string> names;
     for (const Recording& capture : data.captures) {
       if (captures_of_known_.contains(capture.name)) continue;
       names.push_back(capture.name);
-      GivenArmPose pose;
-      pose.base_from_gripper = capture.base_from_gripper.front();
-      if (!capture.joints.empty() && !capture.joints.front().empty()) {
-        const std::vector<double>& joints = capture.joints.front();
-        pose.joints = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
+      ArmsAtImage arms;
+      for (size_t r = 0; r < capture.base_from_gripper.size(); ++r) {
+        GivenArmPose& arm = arms.emplace_back();
+        arm.base_from_gripper = capture.base_from_gripper[r];
+        if (r >= capture.joints.size() || capture.joints[r].empty()) continue;
+        arm.joints = Eigen::Map<const Eigen::VectorXd>(capture.joints[r].data(),
+                                                       static_cast<Eigen::Index>(capture.joints[r].size()));
       }
       for (size_t c = 0; c < capture.images.size(); ++c) {
         if (capture.images[c].empty()) continue;
         images.push_back({c, capture.images[c]});
-        poses.push_back(pose);
+        poses.push_back(arms);
         std::vector<Detection>& of_image = seen.emplace_back();
         for (const CaptureDetection& one : DetectOnce(capture.images[c])) of_image.push_back(one.detection);
       }

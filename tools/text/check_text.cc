@@ -56,6 +56,7 @@ std::string_view DecisionOf(const SessionCheck& check) {
 
 std::string_view SideOf(const Problem& rig, const SessionChange& change) {
   if (change.part == ChangedPart::kLens) return "";
+  if (change.part == ChangedPart::kBase) return "world";
   const Mount& mount =
       change.part == ChangedPart::kCamera ? rig.cameras[change.index].mount : rig.targets[change.index].mount;
   return mount.part == Mount::Part::kGripper ? "hand" : "world";
@@ -66,6 +67,7 @@ std::string PartText(const Problem& rig, const SessionChange& change) {
     const std::string& name = rig.targets[change.index].name;
     return name.empty() ? "the target" : "target " + name;
   }
+  if (change.part == ChangedPart::kBase) return "the base of arm " + rig.robots[change.index];
   const std::string& name = rig.cameras[change.index].name;
   const std::string camera = name.empty() ? "the camera" : "camera " + name;
   return change.part == ChangedPart::kLens ? "the lens of " + camera : camera;

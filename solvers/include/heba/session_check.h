@@ -1,5 +1,5 @@
-// Tests whether a finished calibration still holds for images that were taken later: whether a camera, a target or a
-// lens has changed since. Equation (16) of docs/estimation.md.
+// Tests whether a finished calibration still holds for images that were taken later: whether a camera, a target, the
+// base of an arm or a lens has changed since. Equation (16) of docs/estimation.md.
 #pragma once
 
 #include <cstddef>
@@ -32,12 +32,12 @@ struct SessionOptions {
   std::vector<std::optional<SmoothPrior>> smooth = {};
 };
 
-// A part is what may have changed.
-enum class ChangedPart { kCamera, kTarget, kLens };
+// A part is what may have changed. The base of the first arm is the world, in which the others stand.
+enum class ChangedPart { kCamera, kTarget, kBase, kLens };
 
 struct SessionChange {
   ChangedPart part = ChangedPart::kCamera;
-  size_t index = 0;  // The index is that of the camera or of the target.
+  size_t index = 0;  // The index is that of the camera, of the target or of the arm.
   // The estimated change if nothing else has changed, and its covariance: of a pose its tangent (m, rad, in its own
   // frame), of a lens its intrinsics.
   Eigen::VectorXd change;

@@ -205,8 +205,8 @@ TEST(PairRunTest, PointsOfTheTargetAreEstimatedIfTheyAreFree) {
   EXPECT_NEAR(FindRefined(run->result)->solution->pixel_sigma_px, 0.1, 0.02);
 }
 
-// A target that was entered 1.2 % too large, as if it had been measured to .1 %, is named and not taken for errors of the
-// robot, which follow the pose smoothly.
+// A target that was entered 1.2 % too large, as if it had been measured to .1 %, is named and not taken for errors of
+// the robot, which follow the pose smoothly.
 TEST(PairRunTest, SizeThatContradictsItsStatedSigmaIsNamed) {
   TestSceneOptions options = SimulatedOptions(*Chessboard());
   options.robot_translation_m = 5e-5;

@@ -50,27 +50,41 @@ std::vector<std::filesystem::path> References() {
   return images;
 }
 
-std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run, const std::vector<SessionImage>& images) {
+// Returns the poses of all arms at each image.
+std::vector<ArmsAtImage> PosesOfFlags(const FinishedRun& run, const std::vector<SessionImage>& images) {
+  const std::vector<std::string>& robots = run.result.rig.robots;
   if (FLAGS_poses.empty() == FLAGS_pose.empty()) {
     throw InputError(
         "the robot's poses at the images are needed: --poses FILE, or --pose NUMBERS for one image; without a robot, "
         "--reference PATH, an earlier image of the same target");
   }
-  const RobotSummary* const arm = FLAGS_joints.empty() ? nullptr : FindEstimatedArm(run.result, 0);
-  if (!FLAGS_joints.empty() && arm == nullptr) {
-    throw InputError("--joints: the run has not estimated the errors of an arm; leave them out");
+  const bool has_files = !FLAGS_poses.empty();
+  if (!has_files && images.size() != 1) {
+    throw InputError("--pose: is the pose of one image; of several, --poses FILE is needed");
   }
-  if (!FLAGS_poses.empty()) {
-    std::vector<GivenArmPose> poses = PosesOfImages(run, FLAGS_poses, images);
-    if (arm != nullptr) SetJoints(run, *arm, images, FLAGS_joints, &poses);
-    return poses;
+  const std::vector<std::string> poses = has_files ? ValuesByArm("--poses", FLAGS_poses, robots, "ARM=FILE")
+                                                   : ValuesByArm("--pose", FLAGS_pose, robots, "ARM=NUMBERS");
+  const std::vector<std::string> joints =
+      ValuesByArm("--joints", FLAGS_joints, robots, has_files ? "ARM=FILE" : "ARM=NUMBERS");
+  std::vector<ArmsAtImage> at_images(images.size(), ArmsAtImage(robots.size()));
+  for (size_t r = 0; r < robots.size(); ++r) {
+    const RobotSummary* const arm = FindEstimatedArm(run.result, r);
+    if (poses[r].empty()) throw InputError("the poses of arm " + robots[r] + " are needed: ARM=VALUE;ARM=VALUE");
+    if (!joints[r].empty() && arm == nullptr) {
+      throw InputError("--joints: the run has not estimated the errors of " +
+                       (robots[r].empty() ? "an arm" : "the arm " + robots[r]) + "; leave them out");
+    }
+    if (has_files) {
+      const std::vector<GivenArmPose> of_arm = PosesOfImages(run, r, poses[r], joints[r], images);
+      for (size_t i = 0; i < images.size(); ++i) at_images[i][r] = of_arm[i];
+      continue;
+    }
+    const PoseReading& reading = run.pose_readings[r];
+    GivenArmPose& pose = at_images.front()[r];
+    pose.base_from_gripper = BaseFromGripper(reading, PoseOfFlag("pose", poses[r], reading.format));
+    if (!joints[r].empty()) pose.joints = JointsOfFlag("joints", joints[r], arm->nominal, run.joints_are_deg[r]);
   }
-  if (images.size() != 1) throw InputError("--pose: is the pose of one image; of several, --poses FILE is needed");
-  const PoseReading& reading = run.pose_readings.front();
-  GivenArmPose pose;
-  pose.base_from_gripper = BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
-  if (arm != nullptr) pose.joints = JointsOfFlag("joints", FLAGS_joints, arm->nominal, run.joints_are_deg.front());
-  return {pose};
+  return at_images;
 }
 
 // Returns whether the target is where it was for the calibration, which must be said.

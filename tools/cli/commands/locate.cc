@@ -36,21 +36,6 @@ std::vector<std::string> NamesOf(const std::vector<Part>& parts) {
   return names;
 }
 
-// Returns what a flag gives for each arm, empty if nothing: the value of the only arm, or ARM=VALUE;ARM=VALUE.
-std::vector<std::string> ValuesByArm(const std::string& flag, const std::string& value,
-                                     const std::vector<std::string>& robots, const std::string& form) {
-  std::vector<std::string> values(robots.size());
-  if (value.empty()) return values;
-  if (robots.size() == 1 && (robots.front().empty() || value.find('=') == std::string::npos)) return {value};
-  for (const std::string& part : Split(value, ';')) {
-    const auto [robot, text] = NamedValue(flag, part, robots, form);
-    if (!values[robot].empty()) throw InputError(flag + ": the arm " + robots[robot] + " is named twice");
-    if (Trim(text).empty()) throw InputError(flag + ": " + Quoted(part) + ": " + form + " is needed");
-    values[robot] = text;
-  }
-  return values;
-}
-
 // Returns the poses and joints of the arms that --pose and --joints give; the joints are those of --pose if the poses
 // of the arm are joints.
 std::vector<GivenArmPose> PosesOfFlags(const FinishedRun& run) {
