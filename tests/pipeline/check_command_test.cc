@@ -179,7 +179,7 @@ TEST_F(CheckCommandTest, NamesTheBaseOfAnArmThatHasMoved) {
           "deg]}\n    " +
           target +
           ", first_marker: 50}\nmotion: {captures: 16, distance: 700 mm, tilt: 30 deg}\nrobot_noise: {translation: "
-          "0.1 mm, rotation: 0.02 deg}\n");
+          "0.1 mm, rotation: 0.02 deg}\nimage: {noise: 4 grey, blur: 0.7 px}\n");
   const auto simulate = [&](const std::string& name, const std::vector<std::string>& settings) {
     std::vector<std::string> arguments = {"simulate", Path("arms.yaml"), "--out", Path(name), "--quiet"};
     arguments.insert(arguments.end(), settings.begin(), settings.end());
