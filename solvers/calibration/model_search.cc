@@ -21,36 +21,46 @@
 namespace heba {
 namespace {
 
-// Returns one sigma of the scales of a target beside errors of an arm: what is known about them or, if a solution
-// without such errors has found scales that contradict it, how far they are from it.
-double ScaleSigmaOf(const ProblemTarget& target, const Solution& without_errors, size_t index) {
-  constexpr double kContradicts = 4;
-  double sigma = AsMeasured(target.known_scale_sigma);
-  const Covariance& covariance = without_errors.covariance;
-  const UnknownBlock block = covariance.layout.Block(TargetShapeBlock(target));
-  for (Eigen::Index i = block.first; i < block.end(); ++i) {
-    if (covariance.layout[i].group != UnknownGroup::kScale) continue;
-    const double scale = without_errors.shapes[index].params[static_cast<size_t>(covariance.layout[i].index)];
-    const double deviation = std::abs(scale - 1);
-    const double known = std::hypot(target.known_scale_sigma, kRobotScaleSigma);
-    if (deviation > kContradicts * std::hypot(known, std::sqrt(covariance.matrix(i, i)))) {
-      sigma = std::max(sigma, deviation);
-    }
-  }
-  return sigma;
-}
-
-// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture. `without_errors` is
-// a solution that has no such errors.
+// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
 void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-               const std::vector<std::shared_ptr<const PoseEffect>>& effects, const Solution& without_errors,
-               Problem* problem) {
+               const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem) {
   SetEffects(robot, model, effects, problem);
   // The lengths of an arm are told from the size of a target by what is known about either.
+  for (ProblemTarget& target : problem->targets) {
+    if (!target.scale_sigma) target.scale_sigma = AsMeasured(target.known_scale_sigma);
+  }
+}
+
+// Returns by how much the scales of a target that a solution has found contradict what is known about them; 0 if they
+// do not, or if they were held.
+double Contradiction(const ProblemTarget& target, const Solution& solution, size_t index) {
+  constexpr double kContradicts = 4;
+  const double known = std::hypot(target.known_scale_sigma, kRobotScaleSigma);
+  const Covariance& covariance = solution.covariance;
+  const UnknownBlock block = covariance.layout.Block(TargetShapeBlock(target));
+  double largest = 0;
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    if (covariance.layout[i].group != UnknownGroup::kScale) continue;
+    const double deviation =
+        std::abs(solution.shapes[index].params[static_cast<size_t>(covariance.layout[i].index)] - 1);
+    const double limit = kContradicts * std::hypot(known, std::sqrt(covariance.matrix(i, i)));
+    if (deviation > limit) largest = std::max(largest, deviation);
+  }
+  return largest;
+}
+
+// Gives targets whose scales contradict what is known about them a prior that does not hide it. Returns whether there
+// are any.
+bool WidenScales(const Solution& solution, Problem* problem) {
+  bool has_any = false;
   for (size_t t = 0; t < problem->targets.size(); ++t) {
     ProblemTarget& target = problem->targets[t];
-    if (!target.scale_sigma) target.scale_sigma = ScaleSigmaOf(target, without_errors, t);
+    const double contradiction = Contradiction(target, solution, t);
+    if (!target.scale_sigma || contradiction <= *target.scale_sigma) continue;
+    target.scale_sigma = contradiction;
+    has_any = true;
   }
+  return has_any;
 }
 
 // Adds what makes the noise of an arm's joints part of that of its poses, if it is known.
@@ -108,7 +118,7 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const ArmErrorModels& arm,
   }
   const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
     Problem with_errors = fixed;
-    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), solution, &with_errors);
+    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
     const Problem without_joints = with_errors;
     SetJoints(arm, robot, branches, &with_errors);
@@ -279,7 +289,7 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
     const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsIn(arm, choice.branches);
     if (arm.is_chosen) parts.arms[r] = {arm.models, true, {effects}};
     is_any_chosen = is_any_chosen || arm.is_chosen;
-    SetErrors(r, choice.model, effects, model->judged.solution, &with_errors.problem);
+    SetErrors(r, choice.model, effects, &with_errors.problem);
   }
   if (!has_any) return choices;
   const auto decline_all = [&](const Failure& failure) {
@@ -337,6 +347,23 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
   return choices;
 }
 
+// Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
+// smooth errors do: it is far from what is known beside these, too, and less white noise is left with it.
+bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened) {
+  constexpr double kMostLeft = 0.7;
+  const Solution& solution = widened.judged.solution;
+  bool has_any = false;
+  for (size_t t = 0; t < widened.problem.targets.size(); ++t) {
+    has_any = has_any || Contradiction(widened.problem.targets[t], solution, t) > 0;
+  }
+  for (size_t r = 0; r < solution.robot_noise.size() && has_any; ++r) {
+    const std::optional<RobotNoise>& before = as_known.judged.solution.robot_noise[r];
+    const std::optional<RobotNoise>& after = solution.robot_noise[r];
+    if (before && after && after->translation_m <= kMostLeft * before->translation_m) return true;
+  }
+  return false;
+}
+
 // Adds the smooth errors, as AddErrors.
 std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
   const bool is_free = model->options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
@@ -355,15 +382,21 @@ std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Ju
     for (const ProblemCapture& capture : model->problem.captures) {
       effects.push_back(errors->EffectAt(capture.base_from_gripper[arm.robot]));
     }
-    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, solution,
-              &with_errors.problem);
+    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, &with_errors.problem);
   }
   if (added.empty()) return added;
   ModelSpace parts = space.parts;
   parts.robot_noise = false;
   with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
   with_errors.is_fitted = false;
+  SearchedModel widened = with_errors;
   if (ChooseParts(parts, judge, &with_errors)) return {};
+  // A prior on the size of a target must not make its contradiction one of the robot. With white noise alone, the size
+  // may seem to be wrong because the robot is.
+  if (WidenScales(solution, &widened.problem) && !ChooseParts(parts, judge, &widened) &&
+      IsSizeWrong(with_errors, widened)) {
+    with_errors = std::move(widened);
+  }
   *model = std::move(with_errors);
   return added;
 }
