@@ -30,6 +30,7 @@ struct ReadingLimits {
   double better = 2.5;       // A reading whose misfit is smaller by this factor is another one, not chance or noise.
   double alike = 1.5;        // Readings within this factor are equally good.
   double good_share = 1e-3;  // Poses that fit to this share of the working distance are read correctly.
+  double poor_share = 0.1;   // A reading that leaves so much of it explains nothing, however bad the others are.
   // A remaining scale of the positions is reported beyond `scale`, as a ratio, and beyond so many of its sigmas, if it
   // reduces the misfit of the positions to less than `scale_gain`. Prints and intrinsics are rarely wrong by less.
   double scale = 0.04;
@@ -642,6 +643,7 @@ std::optional<BestReading> FindBetterReading(const std::vector<JudgedReading>& j
   if (!(kLimits.better * least_m < misfit_now_m && misfit_now_m > kLimits.good_share * distance_m)) {
     return std::nullopt;
   }
+  if (least_m > kLimits.poor_share * distance_m) return std::nullopt;
   const double alike_m = std::max(kLimits.alike * least_m, 0.5 * kLimits.good_share * distance_m);
   const JudgedReading* best = nullptr;
   for (const JudgedReading& one : judged) {
