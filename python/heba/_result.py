@@ -43,17 +43,17 @@ class CameraResult:
     """A calibrated camera.
 
     Attributes:
-        mount: What carries it: "world", "gripper", "ARM.base", ...
+        mount: What carries it: "world", "gripper", "ARM.base", ...; "base" or "gripper" if the parts have no names.
         pose: mount_from_camera, 4 x 4, m.
         covariance: The covariance of the pose, 6 x 6: translation (m), then rotation (rad), in the camera's frame;
             None if it is not known.
-        camera: The model and its parameters as in result.json.
+        camera: The model and its parameters as in result.json; None in a run on poses of the target.
     """
 
     mount: str
     pose: np.ndarray
     covariance: np.ndarray | None
-    camera: dict[str, Any]
+    camera: dict[str, Any] | None
 
     @property
     def sigma(self) -> np.ndarray | None:
@@ -63,6 +63,8 @@ class CameraResult:
     @property
     def camera_model(self) -> str:
         """The name of the camera model."""
+        if self.camera is None:
+            raise Error("a run on poses of the target has no camera model")
         return self.camera["model"]
 
     @property
@@ -392,7 +394,8 @@ def _noise_of(estimate: dict[str, Any]) -> dict[str, Any] | None:
     solve = estimate.get("solve") or {}
     if solve.get("robot_sigma_mm") is None:
         return None
-    return {"mm": solve["robot_sigma_mm"], "deg": solve["robot_sigma_deg"]}
+    keys = {"mm": "robot_sigma_mm", "deg": "robot_sigma_deg", "joint_deg": "joint_sigma_deg"}
+    return {**{name: solve.get(key) for name, key in keys.items()}, "std_mm": None, "std_deg": None}
 
 
 def _adjoint(pose: np.ndarray) -> np.ndarray:

@@ -359,7 +359,7 @@ bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened) {
   for (size_t r = 0; r < solution.robot_noise.size() && has_any; ++r) {
     const std::optional<RobotNoise>& before = as_known.judged.solution.robot_noise[r];
     const std::optional<RobotNoise>& after = solution.robot_noise[r];
-    if (before && after && after->translation_m <= kMostLeft * before->translation_m) return true;
+    if (before && after && after->translation_m < kMostLeft * before->translation_m) return true;
   }
   return false;
 }

@@ -16,7 +16,6 @@
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/diagnostics.h"
-#include "solvers/calibration/influence.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/calibration/observability.h"
 #include "solvers/calibration/posture_choice.h"
@@ -766,16 +765,6 @@ Advice Advise(const PairCalibration& calibration, const PairCalibrationOptions& 
   add(DiagnoseWeakDirections(solved, solution, bundle));
   add(DescribeModel(model, calibration.alternatives, solution));
   return advice;
-}
-
-std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const PairCalibration& calibration,
-                                                            const PairCalibrationOptions& options) {
-  const SearchedModel of_all = AsProblem(calibration, options).model;
-  std::vector<std::optional<CaptureMove>> moves =
-      MoveWithoutEachCapture(Without(of_all.problem, of_all.judged.left_out), of_all.judged.solution, 0,
-                             LossOf(OfInliers(calibration.bundle.loss)));
-  moves.resize(calibration.views.size());  // The captures that are left out come last.
-  return moves;
 }
 
 }  // namespace heba

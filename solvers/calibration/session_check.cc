@@ -505,6 +505,8 @@ void FitChanges(const Problem& problem, const Solution& calibration, const Solut
 Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& solution, const SessionOptions& options) {
   Solution calibration = solution;
   calibration.unmodelled_sigma_px.resize(problem_in.cameras.size());  // A file does not have them.
+  constexpr double kLeastPx = 1e-6;                                   // A file may state an exact camera.
+  for (double& sigma_px : calibration.pixel_sigmas_px) sigma_px = std::max(sigma_px, kLeastPx);
   const Problem problem = WeightedAs(calibration, problem_in);
   SessionCheck check;
   for (const ProblemCapture& capture : problem.captures) {

@@ -190,3 +190,5 @@ import builtins  # noqa: E402
 builtins.input = lambda prompt="": move_and_ask()
 sys.argv = sys.argv[2:]
 runpy.run_path(sys.argv[0], run_name="__main__")
+if "realsense" in sys.argv[0]:
+    assert RealSense.options == {"exposure": 0, "white balance": 0}, "exposure or white balance were not held"

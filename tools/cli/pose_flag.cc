@@ -73,7 +73,9 @@ std::vector<std::string> ValuesByArm(const std::string& flag, const std::string&
                                      const std::vector<std::string>& robots, const std::string& form) {
   std::vector<std::string> values(robots.size());
   if (value.empty()) return values;
-  if (robots.size() == 1 && (robots.front().empty() || value.find('=') == std::string::npos)) return {value};
+  // A path may have the sign, too.
+  const bool is_of_only = robots.size() == 1 && !value.starts_with(robots.front() + "=");
+  if (robots.size() == 1 && (robots.front().empty() || is_of_only)) return {value};
   for (const std::string& part : Split(value, ';')) {
     const auto [robot, text] = NamedValue(flag, part, robots, form);
     if (!values[robot].empty()) throw InputError(flag + ": the arm " + robots[robot] + " is named twice");

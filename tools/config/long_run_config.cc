@@ -179,8 +179,9 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
     if (used.contains(file_name)) continue;
     LeftOutImages& entry = left_out->emplace_back();
     entry.name = name + "/" + file_name;
-    entry.reason = arm.stream ? "the stream of the robot's poses does not reach its time"
-                              : "the robot's pose is not in the poses file";
+    entry.reason = arm.stream
+                       ? "it is not in the table of times, or the stream of the robot's poses does not reach its time"
+                       : "the robot's pose is not in the poses file";
     entry.images.resize(num_cameras);
     entry.images[camera_index] = path;
   }

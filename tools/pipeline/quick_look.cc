@@ -1,5 +1,6 @@
 #include "tools/pipeline/quick_look.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -20,7 +21,7 @@ namespace {
 std::optional<Eigen::Matrix<double, 6, 6>> CovarianceWith(const std::shared_ptr<const FinishedRun>& run,
                                                           Problem problem) {
   const RunResult& result = run->result;
-  if (problem.cameras.size() != 1) return std::nullopt;
+  if (problem.cameras.size() != 1 || problem.robots.size() != 1) return std::nullopt;
   problem.cameras[0].free_intrinsics = FreeIntrinsicsOf(result, 0);
   const Solution& solution = result.solution;
   try {
@@ -30,7 +31,8 @@ std::optional<Eigen::Matrix<double, 6, 6>> CovarianceWith(const std::shared_ptr<
   }
   AdjustmentOptions options;
   options.loss = LossKind::kNone;
-  options.pixel_noise_px = solution.pixel_sigmas_px[0];
+  constexpr double kLeastPx = 1e-6;  // A file may state an exact camera.
+  options.pixel_noise_px = std::max(solution.pixel_sigmas_px[0], kLeastPx);
   const bool is_exact = !solution.robot_noise[0];
   options.robot = is_exact ? AdjustmentOptions::Robot::kExact : AdjustmentOptions::Robot::kGivenNoise;
   if (!is_exact) options.robot_noise = NoiseElsewhere(solution, 0);
@@ -46,7 +48,8 @@ std::string QuickLook(const std::shared_ptr<const FinishedRun>& run, const std::
   SessionOptions options = SessionOptionsOf(*run, true);
   options.wobble = {};  // It is one session.
   const Outcome<SessionCheck> check = CheckSession(session.problem, run->result.solution, options);
-  if (!check && check.failure().code == "hidden_point") return "the pose of the robot belongs to another image";
+  if (!check && check.failure().code == "hidden_point")
+    return "shows the target elsewhere: the pose of the robot belongs to another image";
   if (!check) return "";
   const bool is_one = check->num_images == 1;
   if (DecisionOf(*check) != "holds") {

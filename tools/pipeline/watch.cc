@@ -22,6 +22,7 @@
 #include "tools/pipeline/image_quality.h"
 #include "tools/pipeline/pipeline.h"
 #include "tools/pipeline/quick_look.h"
+#include "tools/run/time_offset.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
 #include "tools/text/result_text.h"
@@ -185,13 +186,14 @@ class WatchedSession {
     num_waits_ = 0;
     std::string state = StateOf(*config, images);
     if (state == calibrated_) return false;
-    const auto now = std::chrono::steady_clock::now();
     if (state != looked_at_) {
       TellImages(*config, images);
       looked_at_ = state;
-      changed_at_ = now;
-      if (TellQuickly(*config)) return false;
-    } else if (now - changed_at_ < kIdle) {
+      const bool is_told = TellQuickly(*config);
+      changed_at_ = std::chrono::steady_clock::now();
+      if (is_told) WritePage(OutputOf(*config), config->data.name, lines_);
+      if (is_told) return false;
+    } else if (std::chrono::steady_clock::now() - changed_at_ < kIdle) {
       return false;
     }
     calibrated_ = std::move(state);
@@ -275,12 +277,28 @@ class WatchedSession {
     return known->second;
   }
 
+  fs::path OutputOf(const RunConfig& config) const { return options_.output.empty() ? config.output : options_.output; }
+
+  // Returns whether the last calibration is one of the cell that the config describes.
+  bool KnowsCell(const RunConfig& config) const {
+    if (known_ == nullptr || used_by_known_ != config.targets_used) return false;
+    const Problem& known = known_->result.rig;
+    const Problem& rig = config.data.rig;
+    const auto is_same = [](const auto& a, const auto& b) { return a.name == b.name && a.mount == b.mount; };
+    return known.robots == rig.robots &&
+           std::equal(known.cameras.begin(), known.cameras.end(), rig.cameras.begin(), rig.cameras.end(), is_same) &&
+           std::equal(known.targets.begin(), known.targets.end(), rig.targets.begin(), rig.targets.end(), is_same);
+  }
+
   // Says what the captures that have come since the last calibration say beside it. Returns false if there is none of
-  // the same cell, if nothing can be said, or if many captures have come.
+  // this cell, if nothing can be said, or if many captures have come.
   bool TellQuickly(const RunConfig& config) {
-    const Dataset& data = config.data;
-    if (known_ == nullptr || detect_.empty() || used_by_known_ != config.targets_used) {
-      return false;
+    if (detect_.empty() || !KnowsCell(config)) return false;
+    Dataset data = config.data;
+    if (data.stream && config.options.estimates_time_offset) {
+      const std::optional<EstimatedTimeOffset>& offset = known_->result.time_offset;
+      if (!offset) return false;
+      data = WithPosesAt(std::move(data), offset->value_s);
     }
     std::vector<SessionImage> images;
     std::vector<ArmsAtImage> poses;
@@ -293,7 +311,9 @@ class WatchedSession {
       for (size_t r = 0; r < capture.base_from_gripper.size(); ++r) {
         GivenArmPose& arm = arms.emplace_back();
         arm.base_from_gripper = capture.base_from_gripper[r];
-        if (r >= capture.joints.size() || capture.joints[r].empty()) continue;
+        // Joints tell the errors of an arm, if these were estimated.
+        const bool has_joints = r < capture.joints.size() && !capture.joints[r].empty();
+        if (!has_joints || FindEstimatedArm(known_->result, r) == nullptr) continue;
         arm.joints = Eigen::Map<const Eigen::VectorXd>(capture.joints[r].data(),
                                                        static_cast<Eigen::Index>(capture.joints[r].size()));
       }
@@ -316,7 +336,7 @@ class WatchedSession {
   }
 
   bool Calibrate(const RunConfig& config) {
-    const fs::path output = options_.output.empty() ? config.output : options_.output;
+    const fs::path output = OutputOf(config);
     Console console(Verbosity::kQuiet);
     const Outcome<RunResult> result = RunPipeline(config, output, options_.num_threads, &console);
     if (!result) {

@@ -20,6 +20,7 @@ struct ImageRun {
   RunOptions options;
   std::vector<DuplicateInDataset> duplicates;  // The images must not be used.
   RunObserver* observer = nullptr;             // May be null.
+  bool is_first = true;  // Whether the observer is told if there is no calibration: of several attempts, the first one.
 };
 
 struct CalibratedImages {

@@ -6,12 +6,10 @@
 
 #include "heba/calibration.h"
 #include "heba/data/scale_sigmas.h"
-#include "heba/image_detection.h"
 #include "solvers/calibration/drift_search.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/cell/calibration_stages.h"
 #include "solvers/cell/drift_calibration.h"
-#include "solvers/residuals/inliers.h"
 #include "tools/run/arm_errors.h"
 #include "tools/run/earlier_run.h"
 #include "tools/run/free_points.h"
@@ -26,7 +24,6 @@ namespace {
 Problem ProblemOf(const ImageRun& run, const std::vector<TargetDetection>& detections) {
   const Dataset& dataset = run.dataset;
   Problem problem = dataset.rig;
-  FitCamerasToImages(dataset, detections, &problem);
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     ProblemTarget& target = problem.targets[t];
     target.shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
@@ -132,9 +129,10 @@ Outcome<CalibratedImages> CalibrateCell(const ImageRun& run, std::vector<TargetD
 
 Advice AdviseOnCell(const ImageRun& run, const CalibratedImages& calibrated) {
   const Calibration& calibration = calibrated.calibration;
-  const CalibrationOptions options = CellOptions(run, calibrated.arms);
-  Advice advice = DiagnoseHeldIntrinsics(calibrated.seen, calibration, options.adjustment);
-  if (options.smooth != SmoothPoseErrors::kNone) {
+  AdjustmentOptions adjustment = run.options.calibration.adjustment;
+  adjustment.num_threads = run.options.num_threads;
+  Advice advice = DiagnoseHeldIntrinsics(calibrated.seen, calibration, adjustment);
+  if (run.options.calibration.smooth != SmoothPoseErrors::kNone) {
     const Advice of_smooth = DiagnoseSmoothRemainder(calibration.problem, *calibration.refined);
     advice.findings.insert(advice.findings.end(), of_smooth.findings.begin(), of_smooth.findings.end());
     advice.changes.insert(advice.changes.end(), of_smooth.changes.begin(), of_smooth.changes.end());

@@ -84,11 +84,8 @@ std::string NoteOn(const TargetInImage& target, const CaptureDetection& detectio
   return Join(notes, "; ");
 }
 
-// Returns why an image shows no target: why its capture is not used, or what the search for the only target says.
-std::string WhyNotSeen(const Calibration& calibration, size_t capture, const DetectionOfTarget& searched) {
-  for (const UnusedProblemImage& unused : calibration.unused) {
-    if (unused.capture == capture && !unused.image) return unused.reason;
-  }
+// Returns why an image shows no target: what the search for the only target says.
+std::string WhyNotSeen(const DetectionOfTarget& searched) {
   const std::string why = searched.empty() ? "" : searched.begin()->second->detection.reason;
   return why.empty() ? "no target was detected" : why;
 }
@@ -161,7 +158,7 @@ std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImage
       if (result.used) result.move_without = moves[c][i];
       result.reason = reasons.Text(is_only_target);
       if (!result.targets.empty()) continue;
-      result.reason = WhyNotSeen(calibrated.calibration, i, is_only_target ? searched : DetectionOfTarget());
+      result.reason = WhyNotSeen(is_only_target ? searched : DetectionOfTarget());
     }
   }
   return results;

@@ -23,8 +23,8 @@ std::vector<SquaredErrors> ErrorsOfCameras(const Problem& used, const Solution& 
 std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used,
                                       const std::vector<TargetDetection>& detections, LossKind loss);
 
-// Returns the poses of the arms in all captures, with the corrections of those of which an image is used: all errors
-// that the solution has found.
+// Returns the poses of the arms in all captures, with the corrections of those of which an image is used, unless the
+// arms have no noise: the noise together with the errors that captures share.
 std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Problem& used, const Solution& solution);
 
 // The distances of held-out targets of one camera, each with its capture: an index into Dataset::captures.

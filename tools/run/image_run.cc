@@ -89,8 +89,10 @@ struct CalibratedAtOffset {
 
 // Calibrates with an offset that is estimated beside all unknowns until it has settled; targets may be detected again.
 CalibratedAtOffset CalibrateStream(const ImageRun& run, std::vector<TargetDetection>* detections) {
+  bool is_first = true;
   const auto calibrate_at = [&](double offset_s) {
     ImageRun at_offset = run;
+    at_offset.is_first = std::exchange(is_first, false);
     at_offset.dataset = WithPosesAt(std::move(at_offset.dataset), offset_s);
     CalibratedAtOffset at{offset_s, at_offset.dataset, CalibrateImages(at_offset, detections), {}};
     if (!at.calibrated) return at;
@@ -118,6 +120,7 @@ EstimatedPoints CalibratePoints(ImageRun* run, CalibratedImages* calibrated, std
       return *std::move(estimated);
     }
     ImageRun displaced = *run;
+    displaced.is_first = false;
     displaced.dataset.targets = DisplacedTargets(designed, estimated->offsets);
     Outcome<CalibratedImages> next = CalibrateImages(displaced, detections);
     if (!next) break;
@@ -186,6 +189,8 @@ void AddPoints(const Dataset& dataset, const EstimatedPoints& points, RunResult*
   }
   if (points.changes.empty()) return;
   result->point_offsets = points.offsets;
+  // Only a pair has a model beside its solution.
+  if (result->estimates.empty()) return;
   result->model.target_shape.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(TargetShapeGroup::kPoints)]);
 }
 
@@ -219,7 +224,12 @@ RunResult Assess(const ImageRun& run, const std::vector<TargetDetection>& detect
   std::vector<Eigen::VectorXd> changes = advice.changes;
   changes.insert(changes.end(), of_arms.begin(), of_arms.end());
   result.working_points = WorkingPointsOf(used, with_scales, changes);
-  result.requirements = ReachedAccuracies(run.options.requirements, used, *calibration.refined, result.working_points);
+  std::vector<PlacedRequirement> requirements = run.options.requirements;
+  // The parts of a pair have no names yet.
+  for (PlacedRequirement& required : requirements) {
+    if (calibrated.pair_options) required.camera.clear();
+  }
+  result.requirements = ReachedAccuracies(requirements, used, *calibration.refined, result.working_points);
   for (const std::vector<Finding>& findings :
        {advice.findings, scales.findings, structure.findings, FindMissingIds(dataset, detections, predicted),
         FindSeenFromBehind(dataset, detections, predicted), calibrated.findings}) {

@@ -378,7 +378,7 @@ Outcome<CalibratedImages> CalibratePairImages(const ImageRun& run, std::vector<T
   if (!calibrated) return calibrated.failure();
   const Outcome<PairSolution>& refined = calibrated->calibration.refined;
   if (!refined) {
-    if (run.observer != nullptr) run.observer->OnCalibrated(calibrated->calibration);
+    if (run.observer != nullptr && run.is_first) run.observer->OnCalibrated(calibrated->calibration);
     return refined.failure();
   }
   return InGeneralForm(input, *std::move(calibrated), std::move(motions), *detections);

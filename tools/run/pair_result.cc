@@ -288,6 +288,8 @@ void NameParts(RunOutput* output) {
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
   RunResult& result = output->result;
   NameParts(named, pair, &result.rig);
+  // A prior may have told the order in which the target is read; the truth does not know it.
+  calibration.problem.targets.front().symmetries = output->dataset.targets.front()->Symmetries();
   result.rig.targets.front().symmetries = calibration.problem.targets.front().symmetries;
   // The basis of smooth errors is not written.
   const bool is_smooth =

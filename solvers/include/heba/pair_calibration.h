@@ -90,9 +90,4 @@ void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covaria
 // findings.
 Advice Advise(const PairCalibration& calibration, const PairCalibrationOptions& options);
 
-// Returns the influence of each used view on a calibration whose refinement succeeded
-// (solvers/calibration/influence.h).
-std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const PairCalibration& calibration,
-                                                            const PairCalibrationOptions& options);
-
 }  // namespace heba

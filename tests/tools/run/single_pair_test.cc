@@ -126,6 +126,19 @@ INSTANTIATE_TEST_SUITE_P(Scenes, SinglePairTest, ::testing::ValuesIn(kCases),
                          [](const auto& test) { return test.param.name; });
 
 // The errors of an arm are parts of both results, of which pages are made.
+TEST(SinglePairTest, RequirementMayNameTheCamera) {
+  const Dataset dataset = DatasetOf(kCases[0]);
+  RunOptions options = WithoutFolds();
+  options.requirements = {{0.5, 0.95, {}, ""}};
+  const Outcome<RunOutput> single = heba::Run(dataset, options);
+  options.requirements.front().camera = "top";
+  const Outcome<RunOutput> pair = heba::Run(Named(dataset), options);
+  ASSERT_TRUE(single && pair);
+  ASSERT_EQ(single->result.requirements.size(), size_t{1});
+  ASSERT_EQ(pair->result.requirements.size(), size_t{1});
+  EXPECT_EQ(pair->result.requirements[0].requirement.reached_m, single->result.requirements[0].requirement.reached_m);
+}
+
 TEST(SinglePairTest, ArmIsThatOfTheSingleCamera) {
   const std::shared_ptr<const Target> target = ParseTarget("{type: chessboard, rows: 6, columns: 8, square: 30 mm}");
   ArmSceneOptions scene_options;

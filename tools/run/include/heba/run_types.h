@@ -83,7 +83,8 @@ struct Dataset {
   // camera_from_target of each capture, which others estimated, in place of images and detections; or an empty list.
   // There must be one camera, one target and one arm.
   std::vector<Rigid3d> target_poses = {};
-  // The recorded motion of the robot, from which the poses of the captures are taken (RunOptions::time_offset). Every
+  // The recorded motion of the robot, from which the poses of the captures are taken
+  // (RunOptions::estimates_time_offset). Every
   // capture has a time then, and there must be one arm.
   std::optional<PoseStream> stream = {};
   // One per arm: its kinematics, which are estimated if the captures require it, if they are known; or an empty list.
