@@ -1,4 +1,4 @@
-// What new captures say beside a finished run of the captures before them, within milliseconds: whether they agree, and
+// A quick look says within milliseconds whether new captures agree with a finished run of the captures before them, and
 // how well the camera's pose is known with them.
 #pragma once
 

@@ -12,7 +12,7 @@
 
 namespace heba {
 
-// What CheckSession takes. Camera and targets stand in one base.
+// A ReferenceSession is what CheckSession takes. Camera and targets stand in one base.
 struct ReferenceSession {
   Problem problem;                 // Its captures have the points of the images, one each.
   Solution solution;               // The poses of the targets are those of the reference images, with their covariance.

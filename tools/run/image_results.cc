@@ -61,7 +61,7 @@ std::map<ImagePlace, std::string> ReasonsOf(const Problem& seen, const Calibrati
 
 // The detection of each target in an image.
 using DetectionOfTarget = std::map<size_t, const CaptureDetection*>;
-// Those of all images, by capture and camera.
+// The detections in all images are found by capture and camera.
 using DetectionOfImage = std::map<std::pair<size_t, size_t>, DetectionOfTarget>;
 
 DetectionOfImage ByImage(const std::vector<TargetDetection>& detections) {
@@ -84,8 +84,14 @@ std::string NoteOn(const TargetInImage& target, const CaptureDetection& detectio
   return Join(notes, "; ");
 }
 
-// Returns why an image shows no target: what the search for the only target says.
-std::string WhyNotSeen(const DetectionOfTarget& searched) {
+// Returns why an image shows no target: why its capture is not used, if no image of that shows any, or what the search
+// for the only target says. The points of a capture that is not used may all have been rejected by a second search.
+std::string WhyNotSeen(const CalibratedImages& calibrated, size_t capture, const DetectionOfTarget& searched) {
+  if (calibrated.seen.captures[capture].images.empty()) {
+    for (const UnusedProblemImage& unused : calibrated.calibration.unused) {
+      if (unused.capture == capture && !unused.image) return unused.reason;
+    }
+  }
   const std::string why = searched.empty() ? "" : searched.begin()->second->detection.reason;
   return why.empty() ? "no target was detected" : why;
 }
@@ -158,7 +164,7 @@ std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImage
       if (result.used) result.move_without = moves[c][i];
       result.reason = reasons.Text(is_only_target);
       if (!result.targets.empty()) continue;
-      result.reason = WhyNotSeen(is_only_target ? searched : DetectionOfTarget());
+      result.reason = WhyNotSeen(calibrated, i, is_only_target ? searched : DetectionOfTarget());
     }
   }
   return results;

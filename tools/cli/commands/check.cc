@@ -107,7 +107,7 @@ int Undecided(const std::string& reason) {
   return kWorkFailed;
 }
 
-// What is tested, and how.
+// A CheckedSession holds what is tested, and how.
 struct CheckedSession {
   Problem problem;
   Solution solution;
