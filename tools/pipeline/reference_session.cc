@@ -1,36 +1,16 @@
 #include "tools/pipeline/reference_session.h"
 
 #include <algorithm>
-#include <memory>
 #include <optional>
 
 #include "heba/base/error.h"
-#include "heba/base/parallel.h"
 #include "heba/location.h"
-#include "tools/config/finished_run.h"
-#include "tools/pipeline/session.h"
-#include "tools/run/image_location.h"
 #include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
 
 constexpr size_t kFewestPoints = 4;
-
-// The points of each target in each image.
-using SeenTargets = std::vector<std::vector<Detection>>;
-
-SeenTargets DetectAll(const FinishedRun& run, size_t camera, const std::vector<std::filesystem::path>& images,
-                      int num_threads) {
-  SeenTargets seen(images.size());
-  ParallelFor(static_cast<int>(images.size()), num_threads, [&](int index) {
-    const auto i = static_cast<size_t>(index);
-    for (const std::shared_ptr<const Target>& target : run.targets) {
-      seen[i].push_back(DetectFor(run.result.solution.cameras[camera], *target, images[i]));
-    }
-  });
-  return seen;
-}
 
 // Returns the camera and the targets of a run, all of which stand in one base, without captures. The lens of the camera
 // is not taken for granted.
@@ -74,15 +54,15 @@ Solution InCamera(const RunResult& result, size_t camera, const Problem& problem
 
 }  // namespace
 
-ReferenceSession ReadReferenceSession(const FinishedRun& run, size_t camera,
-                                      const std::vector<std::filesystem::path>& references,
-                                      const std::vector<std::filesystem::path>& images, int num_threads) {
+ReferenceSession ReadReferenceSession(const FinishedRun& run, const std::vector<SessionImage>& references,
+                                      const std::vector<SessionImage>& images, int num_threads) {
+  const size_t camera = images.front().camera;
   ReferenceSession session;
   Problem& problem = session.problem;
   problem = StandingStill(run.result, camera);
   Solution& solution = session.solution;
   solution = InCamera(run.result, camera, problem);
-  const SeenTargets in_references = DetectAll(run, camera, references, num_threads);
+  const SeenTargets in_references = DetectTargets(run, references, num_threads);
   std::vector<bool> is_known(run.targets.size(), false);
   std::string why_unknown = "no reference image shows the target";
   for (size_t t = 0; t < run.targets.size(); ++t) {
@@ -104,10 +84,10 @@ ReferenceSession ReadReferenceSession(const FinishedRun& run, size_t camera,
   if (std::find(is_known.begin(), is_known.end(), true) == is_known.end()) {
     throw InputError("--reference: " + why_unknown);
   }
-  const SeenTargets seen = DetectAll(run, camera, images, num_threads);
+  const SeenTargets seen = DetectTargets(run, images, num_threads);
   for (size_t i = 0; i < images.size(); ++i) {
     ProblemCapture& capture = problem.captures.emplace_back();
-    capture.name = images[i].string();
+    capture.name = images[i].path.string();
     capture.base_from_gripper = {Rigid3d()};
     for (size_t t = 0; t < run.targets.size(); ++t) {
       if (!is_known[t] || seen[i][t].ids.size() < kFewestPoints) continue;

@@ -1,14 +1,13 @@
 // A check without a robot: images of a camera and targets that stand still, beside reference images of them.
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "heba/data/problem.h"
 #include "heba/data/solution.h"
-#include "heba/session_check.h"
 #include "tools/config/finished_run.h"
+#include "tools/pipeline/session.h"
 
 namespace heba {
 
@@ -19,11 +18,10 @@ struct ReferenceSession {
   std::vector<std::string> notes;  // One sentence for each image that is not used.
 };
 
-// Detects the targets of a run in reference images and in later ones, all of the camera with this index, whose lens is
-// that of the run. Targets that the reference images do not show are not used. Throws InputError if an image cannot be
-// read, is not of the size of the calibration's, or if no reference image determines the pose of a target.
-ReferenceSession ReadReferenceSession(const FinishedRun& run, size_t camera,
-                                      const std::vector<std::filesystem::path>& references,
-                                      const std::vector<std::filesystem::path>& images, int num_threads);
+// Detects the targets of a run in reference images and in later ones, all of one camera, whose lens is that of the run.
+// Targets that the reference images do not show are not used. Throws InputError if an image cannot be read, is not of
+// the size of the calibration's, or if no reference image determines the pose of a target.
+ReferenceSession ReadReferenceSession(const FinishedRun& run, const std::vector<SessionImage>& references,
+                                      const std::vector<SessionImage>& images, int num_threads);
 
 }  // namespace heba

@@ -141,20 +141,24 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, size_t robot, co
   return given;
 }
 
-Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
-                    const std::vector<ArmsAtImage>& poses, int num_threads) {
-  std::vector<std::vector<Detection>> seen(images.size());
+SeenTargets DetectTargets(const FinishedRun& run, const std::vector<SessionImage>& images, int num_threads) {
+  SeenTargets seen(images.size());
   ParallelFor(static_cast<int>(images.size()), num_threads, [&](int index) {
     const auto i = static_cast<size_t>(index);
     for (const std::shared_ptr<const Target>& target : run.targets) {
       seen[i].push_back(DetectFor(run.result.solution.cameras[images[i].camera], *target, images[i].path));
     }
   });
-  return SessionOf(run, images, poses, seen);
+  return seen;
+}
+
+Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
+                    const std::vector<ArmsAtImage>& poses, int num_threads) {
+  return SessionOf(run, images, poses, DetectTargets(run, images, num_threads));
 }
 
 Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
-                  const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen) {
+                  const std::vector<ArmsAtImage>& poses, const SeenTargets& seen) {
   CHECK_EQ(images.size(), poses.size());
   const RunResult& result = run.result;
   Session session;

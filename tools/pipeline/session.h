@@ -44,10 +44,15 @@ std::vector<GivenArmPose> PosesOfImages(const FinishedRun& run, size_t robot, co
 Session ReadSession(const FinishedRun& run, const std::vector<SessionImage>& images,
                     const std::vector<ArmsAtImage>& poses, int num_threads);
 
-// Returns the session of images in which the targets were detected: `seen` has a list for each image, with an entry for
-// each target. Throws InputError like ReadSession.
+// The points of targets in images: a list for each image, with an entry for each target of the run.
+using SeenTargets = std::vector<std::vector<Detection>>;
+// Detects the targets of a run in images. Throws InputError if one cannot be read or is not of the size of the
+// calibration's.
+SeenTargets DetectTargets(const FinishedRun& run, const std::vector<SessionImage>& images, int num_threads);
+
+// Returns the session of images in which the targets were detected. Throws InputError like ReadSession.
 Session SessionOf(const FinishedRun& run, const std::vector<SessionImage>& images,
-                  const std::vector<ArmsAtImage>& poses, const std::vector<std::vector<Detection>>& seen);
+                  const std::vector<ArmsAtImage>& poses, const SeenTargets& seen);
 
 // Returns the options for a session of a run: its wobble, and the smooth errors that it states.
 SessionOptions SessionOptionsOf(const FinishedRun& run, bool is_target_in_place);

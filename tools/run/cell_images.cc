@@ -37,11 +37,7 @@ Problem ProblemOf(const ImageRun& run, const std::vector<TargetDetection>& detec
     problem.captures.push_back({recording.name, recording.base_from_gripper, {}});
   }
   for (const TargetDetection& detection : detections) {
-    const bool is_duplicate =
-        std::any_of(run.duplicates.begin(), run.duplicates.end(), [&](const DuplicateInDataset& duplicate) {
-          return duplicate.capture == detection.capture && duplicate.camera == detection.camera;
-        });
-    if (is_duplicate || detection.detection.detection.ids.empty()) continue;
+    if (IsDuplicate(run.duplicates, detection) || detection.detection.detection.ids.empty()) continue;
     problem.captures[detection.capture].images.push_back(
         {detection.camera, detection.target,
          ObservationsOf(*dataset.targets[detection.target], detection.detection.detection)});

@@ -97,6 +97,12 @@ std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std
   return duplicates;
 }
 
+bool IsDuplicate(const std::vector<DuplicateInDataset>& duplicates, const TargetDetection& detection) {
+  return std::any_of(duplicates.begin(), duplicates.end(), [&](const DuplicateInDataset& duplicate) {
+    return duplicate.capture == detection.capture && duplicate.camera == detection.camera;
+  });
+}
+
 std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& duplicates, size_t num_captures) {
   const auto num_repeats = std::count_if(duplicates.begin(), duplicates.end(), [](const DuplicateInDataset& duplicate) {
     return !duplicate.repeat_of.empty();

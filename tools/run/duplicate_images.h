@@ -58,6 +58,9 @@ struct DuplicateInDataset {
 };
 std::vector<DuplicateInDataset> FindDuplicates(const Dataset& dataset, const std::vector<TargetDetection>& detections);
 
+// Returns whether the image of a detection is one of these.
+bool IsDuplicate(const std::vector<DuplicateInDataset>& duplicates, const TargetDetection& detection);
+
 // Returns one sentence for each cause of duplicates among the captures of one camera.
 std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& duplicates, size_t num_captures);
 

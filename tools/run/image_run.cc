@@ -52,10 +52,7 @@ std::optional<Failure> TellDetected(const ImageRun& run, const std::vector<Targe
   const TargetDetection* first = nullptr;
   int num_seen = 0;
   for (const TargetDetection& seen : detections) {
-    const bool is_duplicate =
-        std::any_of(run.duplicates.begin(), run.duplicates.end(),
-                    [&](const DuplicateInDataset& duplicate) { return duplicate.capture == seen.capture; });
-    if (is_duplicate) continue;
+    if (IsDuplicate(run.duplicates, seen)) continue;
     if (first == nullptr) first = &seen;
     num_seen += seen.detection.detection.ids.empty() ? 0 : 1;
   }

@@ -36,17 +36,17 @@ std::vector<SessionImage> ImagesOf(const Problem& rig, const std::vector<std::st
   return images;
 }
 
-// Returns the reference images: one, or those of a folder.
-std::vector<std::filesystem::path> References() {
+// Returns the reference images of a camera: one, or those of a folder.
+std::vector<SessionImage> References(size_t camera) {
   namespace fs = std::filesystem;
   const fs::path path = FLAGS_reference;
-  if (!fs::is_directory(path)) return {path};
-  std::vector<fs::path> images;
+  if (!fs::is_directory(path)) return {{camera, path}};
+  std::vector<SessionImage> images;
   for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
-    if (HasImageSuffix(entry.path())) images.push_back(entry.path());
+    if (HasImageSuffix(entry.path())) images.push_back({camera, entry.path()});
   }
   if (images.empty()) throw InputError("--reference: the folder " + path.string() + " contains no images");
-  std::sort(images.begin(), images.end());
+  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return images;
 }
 
@@ -131,12 +131,11 @@ CheckedSession ReadBesideReferences(const FinishedRun& run, const std::vector<Se
   if (!FLAGS_target.empty() && !IsTargetInPlace()) {
     throw InputError("--reference: says nothing about a camera if the target was moved");
   }
-  std::vector<std::filesystem::path> paths;
+  const size_t camera = images.front().camera;
   for (const SessionImage& image : images) {
-    if (image.camera != images.front().camera) throw InputError("--reference: the images are those of one camera");
-    paths.push_back(image.path);
+    if (image.camera != camera) throw InputError("--reference: the images are those of one camera");
   }
-  ReferenceSession session = ReadReferenceSession(run, images.front().camera, References(), paths, NumThreads());
+  ReferenceSession session = ReadReferenceSession(run, References(camera), images, NumThreads());
   SessionOptions options;
   options.wobble = {};
   return {std::move(session.problem), std::move(session.solution), options, std::move(session.notes)};
