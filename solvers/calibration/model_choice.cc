@@ -49,17 +49,8 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
     const bool has_same_shape = other.model.shapes == model.shapes;
     if (nearest == nullptr || has_same_shape) nearest = &other;
   }
-  // Models of other shapes have nearly the same noise. A start at zero would stay there.
-  const auto start_from_noise = [](const Solution& solution, AdjustmentOptions* of_fit) {
-    constexpr double kLeast = 1e-5;
-    for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
-      if (!noise) continue;
-      of_fit->robot_noise_start.translation_m = std::max(kLeast, noise->translation_m);
-      of_fit->robot_noise_start.rotation_rad = std::max(kLeast, noise->rotation_rad);
-      return;
-    }
-  };
-  if (nearest != nullptr && nearest->model.effects == model.effects) start_from_noise(nearest->solution, &options);
+  // Models of other shapes have nearly the same noise.
+  if (nearest != nullptr && nearest->model.effects == model.effects) StartFromNoise(nearest->solution, &options);
   const Problem with_model = WithModel(comparison.problem, model, comparison.space);
   const auto fit_from = [&](const FittedModel& from, const AdjustmentOptions& of_fit) {
     return FittedAs(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);

@@ -19,6 +19,7 @@
 #include "solvers/calibration/multi_start.h"
 #include "solvers/calibration/observability.h"
 #include "solvers/calibration/posture_choice.h"
+#include "solvers/calibration/problem_model.h"
 #include "solvers/calibration/shared_causes.h"
 #include "solvers/calibration/smooth_remainder.h"
 #include "solvers/closed_form/hand_eye_method.h"
@@ -628,7 +629,10 @@ Outcome<PairCalibration> CalibratePart(const PairCalibration& full, const std::v
     std::move(others->begin(), others->end(), std::back_inserter(calibration.views));
   }
   calibration.seed = full.seed;
-  calibration.refined = RefineHandEye(ProblemOf(calibration, options), full.refined->hand_eye, calibration.bundle);
+  BundleOptions near_full = calibration.bundle;
+  StartFromNoise({full.refined->pixel_sigma_px}, full.refined->robot_noise, &near_full);
+  if (near_full.effects != nullptr) near_full.effects = StartingFrom(*near_full.effects, full.refined->effect_sigmas);
+  calibration.refined = RefineHandEye(ProblemOf(calibration, options), full.refined->hand_eye, near_full);
   if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
   return calibration;
 }

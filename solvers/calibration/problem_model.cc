@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "heba/base/error.h"
 #include "heba/data/free_parameters.h"
 
 namespace heba {
@@ -217,7 +218,42 @@ Problem StartingFrom(Problem problem, const Solution& solution) {
       if (free[i]) target.shape.params[i] = solution.shapes[t].params[i];
     }
   }
+  for (size_t r = 0; r < problem.effects.size(); ++r) {
+    const bool has_same = problem.effects[r] != nullptr && !solution.effects.empty() &&
+                          solution.effects[r].size() == problem.effects[r]->size() &&
+                          solution.effect_sigmas[r].size() == problem.effects[r]->groups.size();
+    if (has_same) problem.effects[r] = StartingFrom(*problem.effects[r], solution.effect_sigmas[r]);
+  }
   return problem;
+}
+
+Effects StartingFrom(const SharedEffects& effects, const std::vector<double>& sigmas) {
+  CHECK_EQ(sigmas.size(), effects.groups.size());
+  auto starting = std::make_shared<SharedEffects>(effects);
+  for (size_t g = 0; g < sigmas.size(); ++g) {
+    // A variance of zero would stay there.
+    constexpr double kLeastShare = 0.01;
+    double& sigma = starting->groups[g].sigma;
+    sigma = std::max(kLeastShare * sigma, sigmas[g]);
+  }
+  return starting;
+}
+
+void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optional<RobotNoise>& robot_noise,
+                    AdjustmentOptions* options) {
+  options->pixel_noise_start_px = pixel_sigmas_px;
+  if (!robot_noise) return;
+  constexpr double kLeast = 1e-5;  // m, rad
+  const auto above_zero = [&](double sigma) { return std::max(kLeast, sigma); };
+  options->robot_noise_start = {above_zero(robot_noise->translation_m), above_zero(robot_noise->rotation_rad),
+                                above_zero(robot_noise->joint_rad)};
+}
+
+void StartFromNoise(const Solution& solution, AdjustmentOptions* options) {
+  const std::vector<std::optional<RobotNoise>>& noise = solution.robot_noise;
+  const auto known =
+      std::find_if(noise.begin(), noise.end(), [](const auto& of_robot) { return of_robot.has_value(); });
+  StartFromNoise(solution.pixel_sigmas_px, known == noise.end() ? std::nullopt : *known, options);
 }
 
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "heba/data/problem.h"
@@ -55,8 +56,17 @@ struct ProblemModel {
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
 // Returns whether a problem that is adjusted with these options has a model.
 bool HasModel(const Problem& problem, const AdjustmentOptions& options, const ProblemModel& model);
-// Returns the problem with the cameras, and with the unknown parts of the shapes, of a solution as initial guesses.
+// Returns the problem with the cameras, the unknown parts of the shapes, and the sigmas of the arms' effects if it has
+// the same ones, of a solution as initial guesses.
 Problem StartingFrom(Problem problem, const Solution& solution);
+// Returns effects with sigmas that were found, one per group, as initial guesses, but none at zero.
+std::shared_ptr<const SharedEffects> StartingFrom(const SharedEffects& effects, const std::vector<double>& sigmas);
+// Sets the initial guesses of the noise to those that was found, none of it at zero: a variance of zero would stay
+// there.
+void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optional<RobotNoise>& robot_noise,
+                    AdjustmentOptions* options);
+// Likewise, to the noise of a solution.
+void StartFromNoise(const Solution& solution, AdjustmentOptions* options);
 // Sets the errors of an arm; `model` is null for none. `effects` has one entry per capture, a function of all effects
 // of the arm, null if the capture has none.
 void SetEffects(size_t robot, const std::shared_ptr<const SharedEffects>& model,

@@ -224,7 +224,6 @@ Outcome<StartedCalibration> StartCalibration(const Problem& problem, const Calib
   }
   Outcome<CellPoses> start = JoinPairs(rig, calibration.pairs);
   if (!start) return start.failure();
-  calibration.start = *start;
   ChooseReadingOrders(*start, &rig);
   // An outlier in one pair's calibration may be none in the adjustment of all.
   ImageSet left_out;

@@ -10,6 +10,7 @@
 #include "heba/base/failure_code.h"
 #include "heba/base/parallel.h"
 #include "solvers/calibration/held_out.h"
+#include "solvers/calibration/problem_model.h"
 #include "solvers/cell/rejection.h"
 #include "solvers/residuals/capture_loops.h"
 #include "solvers/residuals/inliers.h"
@@ -169,15 +170,16 @@ HoldOuts CrossValidate(const Calibration& full, const CalibrationOptions& option
                        const std::function<void()>& progress) {
   CHECK(full.refined.ok());
   // The points that the full adjustment rejected are no measure of its error.
-  const Problem problem = WithoutRejected(full.problem, *full.refined);
+  const Problem problem = StartingFrom(WithoutRejected(full.problem, *full.refined), *full.refined);
   const std::vector<int> fold_of = FoldsOf(problem, num_folds);
   AdjustmentOptions fold_options = options.adjustment;
   fold_options.loss = OfInliers(options.adjustment.loss);
   fold_options.num_threads = 1;
+  StartFromNoise(*full.refined, &fold_options);
   std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
   ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {
-    folds[static_cast<size_t>(fold)] = PredictFold(problem, full.start, fold_options, fold_of, fold);
+    folds[static_cast<size_t>(fold)] = PredictFold(problem, full.refined->poses, fold_options, fold_of, fold);
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
   });

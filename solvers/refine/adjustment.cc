@@ -135,7 +135,8 @@ Outcome<Solution> RefineProblem(const Problem& problem, const CellPoses& start, 
   const std::vector<std::vector<const Observations*>> points = PointsOfCameras(*fit.problem);
   for (size_t c = 0; c < of_cameras.size(); ++c) {
     if (!options.pixel_noise_px) {
-      fit.noise.pixel_px[c] = SigmaFromMedian(std::move(of_cameras[c]));
+      const bool is_guessed = !is_truncated && !options.pixel_noise_start_px.empty();
+      fit.noise.pixel_px[c] = is_guessed ? options.pixel_noise_start_px[c] : SigmaFromMedian(std::move(of_cameras[c]));
       continue;
     }
     const double detector_px = TypicalDetectorSigma(points[c]).value_or(0);

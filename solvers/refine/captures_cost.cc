@@ -218,10 +218,29 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     sums[0].matrix += sums[group].matrix;
     sums[0].loss_remainder += sums[group].loss_remainder;
   }
+  AddPriors(state->shared.parameters, &sums[0].matrix);
   // Only the lower triangles were summed.
   state->shared.matrix = sums[0].matrix.selfadjointView<Eigen::Lower>();
   state->shared.loss_remainder = sums[0].loss_remainder;
   return true;
+}
+
+void CapturesCost::AddPriors(const std::vector<double>& parameters, Eigen::MatrixXd* matrix) const {
+  const Eigen::Index residual = num_columns_ - 1;
+  for (const BlockPrior& prior : options_.priors) {
+    const auto block = std::find_if(blocks_.begin(), blocks_.end(), [&](const OwnerBlock& one) {
+      return one.unknowns.owner == prior.owner && one.index == prior.index;
+    });
+    if (block == blocks_.end()) continue;
+    const Eigen::Map<const Eigen::VectorXd> at(&parameters[block->first], block->size);
+    const Eigen::VectorXd pull = prior.weights.cwiseProduct(at - prior.mean);
+    (*matrix)(residual, residual) += pull.squaredNorm();
+    for (Eigen::Index i = block->unknowns.first; i < block->unknowns.end(); ++i) {
+      const int index = problem_.layout[i].index;
+      (*matrix)(i, i) += prior.weights[index] * prior.weights[index];
+      (*matrix)(residual, i) += prior.weights[index] * pull[index];
+    }
+  }
 }
 
 std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& step, size_t capture) const {

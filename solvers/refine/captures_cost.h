@@ -23,13 +23,15 @@
 #include "solvers/residuals/loop_problem.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/block_prior.h"
 
 namespace heba {
 
 // The normal equations of all captures at one value of the unknowns.
 struct NormalEquations {
   std::vector<double> parameters;  // The parameter blocks of CapturesCost, joined.
-  // J^T J of the unknowns (LoopProblem::layout) and the residual, with the poses of the captures eliminated.
+  // J^T J of the unknowns (LoopProblem::layout) and the residual, with the poses of the captures eliminated and with
+  // the priors of the cost.
   Eigen::MatrixXd matrix;
   double loss_remainder = 0;  // See ViewNormalEquations, solvers/residuals/view_reduction.h.
 };
@@ -41,6 +43,8 @@ struct CapturesCostOptions {
   // the shared unknowns.
   bool eliminated_poses_are_rough = false;
   int num_threads = 1;  // Upper bound; the result does not depend on it.
+  // What is known of parameter blocks; a block that does not exist is passed over.
+  std::vector<BlockPrior> priors;
 };
 
 // Parameter blocks, in the order of LoopProblem::layout: one for each shared pose (heba/geometry/pose_block.h), the
@@ -95,6 +99,8 @@ class CapturesCost final : public ceres::CostFunction {
   // Likewise, and refines the poses with all other unknowns held.
   bool SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> nuisance_poses,
                             CaptureTerms* terms) const;
+  // Adds the priors, at these parameters, to the lower triangle of NormalEquations::matrix.
+  void AddPriors(const std::vector<double>& parameters, Eigen::MatrixXd* matrix) const;
   // Returns the tangent from one value of the parameter blocks to another, in the order of the layout.
   Eigen::VectorXd Step(const std::vector<double>& from, const std::vector<double>& to) const;
   std::vector<double> Joined(const double* const* parameters) const;

@@ -291,17 +291,13 @@ ceres::Solver::Summary MinimiseOnce(const Loss& loss, NoiseScale scale, const Ad
                   [&](const auto& of_capture) { return std::all_of(of_capture.begin(), of_capture.end(), IsZero); });
   LoopProblem loops = CaptureLoops(*fit->problem, fit->groups, fit->state, fit->noise, !fit->state.corrections.empty());
   LoopUnknowns unknowns(loops.layout, ValuesOf(fit->state));
-  CapturesCost cost(std::move(loops), options);
+  options.priors = PriorsOfArms(*fit->problem, fit->noise);
+  for (BlockPrior& prior : PriorsOfCamerasAndTargets(*fit->problem)) options.priors.push_back(std::move(prior));
+  CapturesCost cost(std::move(loops), std::move(options));
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(fit_options.max_iterations);
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
-  std::vector<BlockPrior> priors = PriorsOfArms(*fit->problem, fit->noise);
-  for (BlockPrior& prior : PriorsOfCamerasAndTargets(*fit->problem)) {
-    // Ceres has no block of a shape that is known.
-    const bool is_known = prior.owner == UnknownOwner::kTarget && fit->problem->targets[prior.index].free_shape.empty();
-    if (!is_known) priors.push_back(std::move(prior));
-  }
-  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors, fit->problem->prior.get());
+  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, fit->problem->prior.get());
   fit->state = WithValues(std::move(fit->state), unknowns.Values());
   const std::vector<size_t> moving = MovingRobots(*fit->problem);
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();

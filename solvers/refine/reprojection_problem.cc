@@ -1,12 +1,9 @@
 #include "solvers/refine/reprojection_problem.h"
 
-#include <algorithm>
-#include <deque>
 #include <optional>
 #include <sstream>
 
 #include <ceres/manifold.h>
-#include <ceres/normal_prior.h>
 
 #include "heba/base/error.h"
 #include "heba/geometry/pose_block.h"
@@ -16,7 +13,7 @@ namespace heba {
 
 ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = max_iterations;
   // The error that remains within these tolerances is far below the last step, which is itself far below the noise.
   options.function_tolerance = 1e-12;
@@ -61,14 +58,6 @@ void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
   }
 }
 
-double* LoopUnknowns::Block(UnknownOwner owner, size_t index) const {
-  const auto found = std::find_if(places_.begin(), places_.end(), [&](const OwnerBlock& place) {
-    return place.unknowns.owner == owner && place.index == index;
-  });
-  CHECK(found != places_.end());
-  return blocks_[static_cast<size_t>(found - places_.begin())];
-}
-
 namespace {
 
 // Stops the iteration if the predicted relative decrease of the cost is at most `tolerance`.
@@ -87,25 +76,19 @@ class StopAtMinimum final : public ceres::IterationCallback {
 }  // namespace
 
 ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
-                                     const std::vector<BlockPrior>& priors, const JointPrior* joint) {
+                                     const JointPrior* joint) {
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  std::deque<ceres::NormalPrior> prior_costs;  // Does not move its elements.
   ceres::Problem problem(problem_options);
   unknowns->AddTo(&problem);
   problem.AddResidualBlock(cost, nullptr, unknowns->blocks());
-  for (const BlockPrior& prior : priors) {
-    const Eigen::MatrixXd rows = prior.weights.asDiagonal();
-    problem.AddResidualBlock(&prior_costs.emplace_back(rows, prior.mean), nullptr,
-                             unknowns->Block(prior.owner, prior.index));
-  }
   std::optional<JointPriorCost> joint_cost;
   if (joint != nullptr) {
     joint_cost.emplace(*joint, unknowns->layout(), unknowns->held());
     problem.AddResidualBlock(&*joint_cost, nullptr, unknowns->blocks());
   }
   ceres::Solver::Summary summary;
-  if (!priors.empty() || joint != nullptr) {
+  if (joint != nullptr) {
     ceres::Solve(options, &problem, &summary);
     return summary;
   }

@@ -26,8 +26,6 @@ class LoopUnknowns {
   // Adds the blocks to a Ceres problem and holds what is not free. This object must outlive the Ceres problem.
   void AddTo(ceres::Problem* ceres_problem);
   const std::vector<double*>& blocks() const { return blocks_; }
-  // Returns the block of an owner with this index among those of its kind.
-  double* Block(UnknownOwner owner, size_t index) const;
   const std::vector<double>& all() const { return all_; }
   const UnknownLayout& layout() const { return layout_; }
   const std::vector<TargetShape>& held() const { return held_; }  // All shapes, as they were given.
@@ -42,10 +40,11 @@ class LoopUnknowns {
   std::vector<double*> blocks_;
 };
 
-// Calls ceres::Solve for a problem of `cost` and these priors (`joint` may be null), from the values of the unknowns,
-// which become those of the solution. Without priors, convergence is also reached if the predicted relative decrease of
-// the cost in the next step is below options.function_tolerance; Ceres alone detects that only after the step.
+// Calls ceres::Solve for a problem of `cost` and, if it is not null, a prior of all unknowns, from the values of the
+// unknowns, which become those of the solution. Without that prior, convergence is also reached if the predicted
+// relative decrease of the cost in the next step is below options.function_tolerance; Ceres alone detects that only
+// after the step.
 ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
-                                     const std::vector<BlockPrior>& priors = {}, const JointPrior* joint = nullptr);
+                                     const JointPrior* joint = nullptr);
 
 }  // namespace heba

@@ -9,6 +9,7 @@
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
 #include "heba/kernels/gram_matrix.h"
+#include "heba/kernels/inverse_root.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
 
@@ -76,10 +77,12 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
         num_rows_(std::min(effects_.size(), views.front().by_effects.cols() - views.front().num_combined_effects)) {
     independent_.setZero(num_unknowns_ + 1, num_unknowns_ + 1);
     for (const LinearisedView& view : views) Add(view);
+    for (Eigen::Index k = 0; k < num_unknowns_; ++k) {
+      if (independent_(k, k) > 0) num_independent_columns_ = k + 1;
+    }
   }
 
-  Likelihood At(const Eigen::VectorXd& variances) const override;
-  Likelihood AverageAt(const Eigen::VectorXd& variances) const override;
+  Likelihood At(const Eigen::VectorXd& variances, Curvature curvature) const override;
   std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const override;
 
  private:
@@ -138,15 +141,15 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
       return weighted_.middleCols(static_cast<Eigen::Index>(capture) * num_columns_, num_columns_);
     }
 
-    // Returns a symmetric matrix times J^T S^-1: num_rows_ columns for each capture.
-    Eigen::MatrixXd TimesWeighted(const Eigen::MatrixXd& matrix) const {
+    // Returns J^T S^-1: num_rows_ columns for each capture.
+    Eigen::MatrixXd ByUnknowns() const {
       const Eigen::Index n = num_columns_ - 1;
       const Eigen::Index num_rows = weighted_.rows();
       Eigen::MatrixXd transposed(n, num_rows * static_cast<Eigen::Index>(inverses_.size()));
       for (size_t v = 0; v < inverses_.size(); ++v) {
         transposed.middleCols(static_cast<Eigen::Index>(v) * num_rows, num_rows) = Weighted(v).leftCols(n).transpose();
       }
-      return InnerProducts(matrix, transposed);
+      return transposed;
     }
 
    private:
@@ -255,31 +258,31 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     return squares;
   }
 
-  // Adds the scores of the variances of unknowns and their average information. `pulls` are J^T S^-1 V_k P y of the
-  // other variances, which belong to the groups `sources`.
-  void AddAverageOfUnknowns(const Eigen::MatrixXd& products, const EstimatedUnknowns& unknowns,
-                            const Eigen::VectorXd& variances, const Eigen::MatrixXd& pulls,
-                            const std::vector<Eigen::Index>& sources, Likelihood* likelihood) const;
-
-  // A capture's S^-1 and S^-1 J C J^T S^-1 ("seen"), multiplied by its effects A on the right, or on both sides.
-  struct ProductsOfEffects {
-    ByEffects inverse_a;
-    ByEffects seen_a;
-    EffectSquare a_inverse_a;
-    EffectSquare a_seen_a;
-
-    ProductsOfEffects(const ByEffects& a, const Square& inverse, const Square& seen)
-        : inverse_a(inverse * a),
-          seen_a(seen * a),
-          a_inverse_a(a.transpose() * inverse_a),
-          a_seen_a(a.transpose() * seen_a) {}
+  // The columns J^T S^-1 of all captures and C J^T S^-1, num_rows_ columns for each.
+  struct Spread {
+    Eigen::MatrixXd by_unknowns;
+    Eigen::MatrixXd of_unknowns;
   };
 
-  // Adds the scores and the Fisher information of the variances of unknowns: J^T S^-1 [J, y] in `products`, C in
-  // `covariance`, and the other variances' derivatives.
-  void AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
-                           const Eigen::VectorXd& step, const Eigen::VectorXd& variances,
-                           const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const;
+  // Adds the scores of the variances of unknowns and their average information. `pulls` are J^T S^-1 V_k P y of the
+  // other variances, which belong to the groups `sources`.
+  void AddAverageOfUnknowns(const Estimated& at, const Eigen::VectorXd& variances, const Eigen::MatrixXd& pulls,
+                            const std::vector<Eigen::Index>& sources, Likelihood* likelihood) const;
+
+  // Returns the expected information about all variances.
+  Eigen::MatrixXd ExpectedInformation(const Estimated& at, const Spread& spread,
+                                      const Eigen::VectorXd& variances) const;
+  // Returns that about the variances of pixels and effects: from the projection P of the rows, whose blocks are those
+  // of pairs of captures, or from the derivatives of the information about the unknowns.
+  Eigen::MatrixXd ExpectedByRows(const Estimated& at, const Spread& spread, double pixel_variance) const;
+  Eigen::MatrixXd ExpectedByUnknowns(const Estimated& at, const Spread& spread, double pixel_variance) const;
+
+  // Returns a capture's S^-1 J C J^T S^-1.
+  Square SeenBy(const Whitening& whitening, const Spread& spread, size_t capture) const {
+    return whitening.Weighted(capture)
+        .leftCols(num_unknowns_)
+        .lazyProduct(spread.of_unknowns.middleCols(static_cast<Eigen::Index>(capture) * num_rows_, num_rows_));
+  }
 
   Eigen::Index num_groups_;
   Eigen::Index num_unknowns_;
@@ -290,6 +293,7 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   // All rows that depend on no effect: the products of unknowns and offset, and the number of rows.
   Eigen::MatrixXd independent_;
   double num_independent_ = 0;
+  Eigen::Index num_independent_columns_ = 0;  // The unknowns after these have no such rows.
 };
 
 // Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both multiplied by
@@ -332,103 +336,183 @@ auto LikelihoodOfRows<kRows, kEffects>::EstimateUnknowns(const Eigen::MatrixXd& 
   // Scaled before factorisation because metres, radians and pixels are mixed.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
-  const auto factor = Cholesky(scale.asDiagonal() * information * scale.asDiagonal());
-  if (!factor) return std::nullopt;
+  const std::optional<Eigen::MatrixXd> root = InverseRootOf(scale.asDiagonal() * information * scale.asDiagonal());
+  if (!root) return std::nullopt;
   const Eigen::VectorXd all_units = units.cwiseProduct(scale);
   EstimatedUnknowns unknowns;
-  unknowns.covariance = all_units.asDiagonal() * factor->Inverse() * all_units.asDiagonal();
+  unknowns.covariance = all_units.asDiagonal() * InnerProducts(*root, *root) * all_units.asDiagonal();
   unknowns.step = unknowns.covariance * products.col(n).head(n);
-  unknowns.log_determinant = factor->LogDeterminant() - 2 * scale.array().log().sum();
+  unknowns.log_determinant = -2 * (root->diagonal().array().log().sum() + scale.array().log().sum());
   return unknowns;
 }
 
 // With the unknowns' columns J, the covariance S of the captures' rows and D, the prior variances of unknowns that have
 // one, the covariance of all rows is S + J D J^T. Its projection P = S^-1 - S^-1 J C J^T S^-1, where C is the inverse
 // of J^T S^-1 J + D^-1 (no row for a prior that does not exist, and the limit for a variance of zero), gives
-// likelihood, scores and Fisher information of every variance (Harville 1977, equations 3.3 to 3.6).
+// likelihood, scores and information of every variance (Harville 1977, equations 3.3 to 3.6). P y is S^-1 (y - J step),
+// the weighted residual, so that V_k P y is one vector for each variance: the residual itself for the pixels, A_k A_k^T
+// of it for a group of effects, and J_g pulls_g for a group of unknowns.
 template <int kRows, int kEffects>
-Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variances) const {
+Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variances, Curvature curvature) const {
   const Eigen::Index n = num_unknowns_;
   const double p = variances[0];
   const auto independent = independent_.topLeftCorner(n, n);
-  const auto independent_right = independent_.col(n).head(n);
   Likelihood result;
   result.gradient.setZero(num_groups_);
-  result.fisher.setZero(num_groups_, num_groups_);
+  result.average.setZero(num_groups_, num_groups_);
   const std::optional<Estimated> at = EstimateAt(variances);
   if (!at) return result;
   const auto& [whitening, products, unknowns] = *at;
   const auto& [covariance, step, log_determinant] = unknowns;
+  Spread spread{whitening.ByUnknowns(), {}};
+  spread.of_unknowns = InnerProducts(covariance, spread.by_unknowns);
+  std::vector<Eigen::Index> sources = {0};
+  for (const EffectColumns::Range& range : effects_.ranges) sources.push_back(range.group);
+  const auto num_sources = static_cast<Eigen::Index>(sources.size());
+  Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(num_sources, num_sources);  // (V_k P y)^T S^-1 V_l P y
+  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(n, num_sources);
+
+  const Eigen::VectorXd by_independent = independent_.col(n).head(n) - independent * step;
   const double independent_squares =
-      independent_(n, n) - 2 * step.dot(independent_right) + step.dot(independent * step);
-  const double independent_seen = covariance.cwiseProduct(independent).sum();
+      independent_(n, n) - step.dot(independent_.col(n).head(n)) - step.dot(by_independent);
   double squares = independent_squares / p + SquaresOfPriors(step, variances);
-  result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
-  result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
-  const Eigen::MatrixXd covariance_by_rows = whitening.TimesWeighted(covariance);
+  whole(0, 0) = independent_squares / (p * p * p);
+  pulls.col(0) = by_independent / (p * p);
+  Eigen::VectorXd twice = Eigen::VectorXd::Zero(num_sources);  // The gradients.
+  twice[0] = (independent_squares + covariance.cwiseProduct(independent).sum()) / (p * p) - num_independent_ / p;
+  Rows vectors(num_rows_, num_sources);
   for (size_t v = 0; v < dependent_.size(); ++v) {
     const DependentRows& capture = dependent_[v];
     const Square& inverse = whitening.Inverse(v);
-    const auto by_unknowns = whitening.Weighted(v).leftCols(n);
-    const Vector residual = capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step);
-    const Vector weighted = inverse * residual;
-    squares += residual.dot(weighted);
-    const Square seen =
-        by_unknowns.lazyProduct(covariance_by_rows.middleCols(static_cast<Eigen::Index>(v) * num_rows_, num_rows_));
-    const ProductsOfEffects of(capture.by_effects, inverse, seen);
-    const EffectVector a_weighted = capture.by_effects.transpose() * weighted;
-    result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
-    result.fisher(0, 0) += FisherOf(inverse, seen);
-    for (const EffectColumns::Range& a : effects_.ranges) {
-      WithSize(a.size, [&](auto a_size) {
-        constexpr int kA = a_size();
-        result.gradient[a.group] += 0.5 * (a_weighted.template segment<kA>(a.first, a.size).squaredNorm() -
-                                           of.a_inverse_a.diagonal().template segment<kA>(a.first, a.size).sum() +
-                                           of.a_seen_a.diagonal().template segment<kA>(a.first, a.size).sum());
-        result.fisher(a.group, 0) += FisherOf(of.inverse_a.template middleCols<kA>(a.first, a.size),
-                                              of.seen_a.template middleCols<kA>(a.first, a.size));
-        for (const EffectColumns::Range& b : effects_.ranges) {
-          if (b.group > a.group) break;
-          WithSize(b.size, [&](auto b_size) {
-            constexpr int kB = b_size();
-            result.fisher(a.group, b.group) +=
-                FisherOf(of.a_inverse_a.template block<kA, kB>(a.first, b.first, a.size, b.size),
-                         of.a_seen_a.template block<kA, kB>(a.first, b.first, a.size, b.size));
-          });
-        }
+    const auto weighted = whitening.Weighted(v);
+    vectors.col(0) = weighted.col(n) - weighted.leftCols(n).lazyProduct(step);
+    squares += vectors.col(0).dot(capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step));
+    const Square open = inverse - SeenBy(whitening, spread, v);  // The block of P.
+    twice[0] += vectors.col(0).squaredNorm() - open.trace();
+    const ByEffects open_a = open * capture.by_effects;
+    for (size_t k = 0; k < effects_.ranges.size(); ++k) {
+      const EffectColumns::Range& range = effects_.ranges[k];
+      WithSize(range.size, [&](auto size) {
+        const auto a = capture.by_effects.template middleCols<size()>(range.first, range.size);
+        const auto source = static_cast<Eigen::Index>(k) + 1;
+        const Eigen::Matrix<double, size(), 1> along = a.transpose() * vectors.col(0);
+        vectors.col(source).noalias() = a * along;
+        twice[source] +=
+            along.squaredNorm() - open_a.template middleCols<size()>(range.first, range.size).cwiseProduct(a).sum();
       });
     }
+    whole.noalias() += vectors.transpose() * (inverse * vectors);
+    pulls.noalias() += weighted.leftCols(n).transpose() * vectors;
   }
-  const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
-  result.fisher += FisherOfUnknowns(covariance, derivatives);
-  if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, variances, derivatives, &result);
-  result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
+  const Eigen::MatrixXd average = 0.5 * (whole - pulls.transpose() * (covariance * pulls));
+  result.gradient(sources) = 0.5 * twice;
+  result.average(sources, sources) = average;
+  if (!shared_.columns.empty()) AddAverageOfUnknowns(*at, variances, pulls, sources, &result);
+  if (curvature == Curvature::kAverageAndExpected) result.fisher = ExpectedInformation(*at, spread, variances);
   const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;
 }
 
 template <int kRows, int kEffects>
-void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
-    const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance, const Eigen::VectorXd& step,
-    const Eigen::VectorXd& variances, const std::vector<Eigen::MatrixXd>& derivatives, Likelihood* likelihood) const {
+Eigen::MatrixXd LikelihoodOfRows<kRows, kEffects>::ExpectedByUnknowns(const Estimated& at, const Spread& spread,
+                                                                      double pixel_variance) const {
   const Eigen::Index n = num_unknowns_;
+  const double p = pixel_variance;
+  const Eigen::MatrixXd& covariance = at.unknowns.covariance;
+  const double independent_seen = covariance.cwiseProduct(independent_.topLeftCorner(n, n)).sum();
+  Eigen::MatrixXd fisher = FisherOfUnknowns(covariance, DerivativesOf(at.whitening, p));
+  fisher(0, 0) += 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
+  for (size_t v = 0; v < dependent_.size(); ++v) {
+    const ByEffects& a = dependent_[v].by_effects;
+    const Square& inverse = at.whitening.Inverse(v);
+    const Square seen = SeenBy(at.whitening, spread, v);
+    const ByEffects inverse_a = inverse * a;
+    const ByEffects seen_a = seen * a;
+    const EffectSquare a_inverse_a = a.transpose() * inverse_a;
+    const EffectSquare a_seen_a = a.transpose() * seen_a;
+    fisher(0, 0) += FisherOf(inverse, seen);
+    for (const EffectColumns::Range& k : effects_.ranges) {
+      fisher(k.group, 0) += FisherOf(inverse_a.middleCols(k.first, k.size), seen_a.middleCols(k.first, k.size));
+      for (const EffectColumns::Range& l : effects_.ranges) {
+        if (l.group > k.group) break;
+        fisher(k.group, l.group) += FisherOf(a_inverse_a.block(k.first, l.first, k.size, l.size),
+                                             a_seen_a.block(k.first, l.first, k.size, l.size));
+      }
+    }
+  }
+  return fisher;
+}
+
+template <int kRows, int kEffects>
+Eigen::MatrixXd LikelihoodOfRows<kRows, kEffects>::ExpectedByRows(const Estimated& at, const Spread& spread,
+                                                                  double pixel_variance) const {
+  const double p = pixel_variance;
+  const auto independent = independent_.topLeftCorner(num_independent_columns_, num_independent_columns_);
+  const auto of_unknowns = spread.of_unknowns.topRows(num_independent_columns_);
+  const Eigen::MatrixXd by_independent =
+      independent * at.unknowns.covariance.topLeftCorner(num_independent_columns_, num_independent_columns_);
+  const Eigen::MatrixXd seen = InnerProducts(spread.by_unknowns, spread.of_unknowns);
+  const Eigen::MatrixXd of_independent = InnerProducts(independent, of_unknowns);
+  Eigen::MatrixXd fisher = Eigen::MatrixXd::Zero(num_groups_, num_groups_);
+  fisher(0, 0) = 0.5 / (p * p) *
+                 (num_independent_ - 2 / p * by_independent.trace() +
+                  by_independent.cwiseProduct(by_independent.transpose()).sum() / (p * p));
+  for (size_t v = 0; v < dependent_.size(); ++v) {
+    const auto first = static_cast<Eigen::Index>(v) * num_rows_;
+    const ByEffects& a = dependent_[v].by_effects;
+    // The pixels of the other rows, which no effect moves, against the variances of this capture.
+    const Square pixels =
+        of_unknowns.middleCols(first, num_rows_).transpose().lazyProduct(of_independent.middleCols(first, num_rows_));
+    const ByEffects pixels_a = pixels * a;
+    fisher(0, 0) += pixels.trace() / (p * p);
+    for (const EffectColumns::Range& k : effects_.ranges) {
+      fisher(k.group, 0) +=
+          0.5 / (p * p) * pixels_a.middleCols(k.first, k.size).cwiseProduct(a.middleCols(k.first, k.size)).sum();
+    }
+    for (size_t w = 0; w < dependent_.size(); ++w) {
+      Square open = -seen.block(first, static_cast<Eigen::Index>(w) * num_rows_, num_rows_, num_rows_);
+      if (v == w) open += at.whitening.Inverse(v);
+      const Eigen::Matrix<double, kEffects, kRows> a_open = a.transpose() * open;
+      const EffectSquare a_open_a = a_open * dependent_[w].by_effects;
+      fisher(0, 0) += 0.5 * open.squaredNorm();
+      for (const EffectColumns::Range& k : effects_.ranges) {
+        fisher(k.group, 0) += 0.5 * a_open.middleRows(k.first, k.size).squaredNorm();
+        for (const EffectColumns::Range& l : effects_.ranges) {
+          if (l.group > k.group) break;
+          fisher(k.group, l.group) += 0.5 * a_open_a.block(k.first, l.first, k.size, l.size).squaredNorm();
+        }
+      }
+    }
+  }
+  return fisher;
+}
+
+template <int kRows, int kEffects>
+Eigen::MatrixXd LikelihoodOfRows<kRows, kEffects>::ExpectedInformation(const Estimated& at, const Spread& spread,
+                                                                       const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
+  const double p = variances[0];
+  const Eigen::MatrixXd& products = at.products;
+  const Eigen::MatrixXd& covariance = at.unknowns.covariance;
+  // From here, the products of rows cost more than those of unknowns.
+  const bool has_few_rows = spread.by_unknowns.cols() < 3 * n;
+  Eigen::MatrixXd fisher = has_few_rows ? ExpectedByRows(at, spread, p) : ExpectedByUnknowns(at, spread, p);
+  if (shared_.columns.empty()) return fisher.selfadjointView<Eigen::Lower>();
+
   const auto num_shared = static_cast<Eigen::Index>(shared_.columns.size());
   const auto place_of = [&](Eigen::Index a) { return shared_.columns[static_cast<size_t>(a)]; };
   const auto group_of = [&](Eigen::Index a) { return shared_.groups[static_cast<size_t>(a)]; };
-  // J_g^T P y and the columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If the variance is above zero,
-  // both follow from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures
-  // tell far more than the prior.
-  Eigen::VectorXd pulls(num_shared);
+  // The columns g of I - C J^T S^-1 J, for the unknowns g with a variance. If the variance is above zero, they follow
+  // from C (J^T S^-1 J + D^-1) = I without a difference, which would lose all digits where the captures tell far more
+  // than the prior.
   Eigen::MatrixXd left(n, num_shared);
   for (Eigen::Index a = 0; a < num_shared; ++a) {
     const Eigen::Index g = place_of(a);
     const double variance = variances[group_of(a)];
     if (variance > 0) {
-      pulls[a] = step[g] / variance;
       left.col(a) = covariance.col(g) / variance;
     } else {
-      pulls[a] = products(g, n) - products.col(g).head(n).dot(step);
       left.col(a).noalias() = -covariance * products.col(g).head(n);
       left(g, a) += 1;
     }
@@ -444,97 +528,50 @@ void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(
       const bool is_from_prior = variances[group] > 0 && variances[other] > 0 && (a != b || share_of_prior < 0.5);
       const double seen = is_from_prior ? ((a == b ? 1 : 0) - share_of_prior) / variances[group]
                                         : products.col(place_of(a)).head(n).dot(left.col(b));
-      likelihood->fisher(group, other) += 0.5 * seen * seen;
-      if (a == b) likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen);
+      fisher(group, other) += 0.5 * seen * seen;
     }
   }
-  // J_g^T P V_k P J_g for the variances of the other groups.
-  for (size_t k = 0; k < derivatives.size(); ++k) {
-    if (derivatives[k].size() == 0) continue;
-    const auto other = static_cast<Eigen::Index>(k);
-    const Eigen::VectorXd seen = InnerProducts(derivatives[k], left).cwiseProduct(left).colwise().sum();
-    for (Eigen::Index a = 0; a < num_shared; ++a) {
-      likelihood->fisher(std::max(group_of(a), other), std::min(group_of(a), other)) += 0.5 * seen[a];
+  // J_g^T P V_k P J_g for the variances of the other groups, from the rows S^-1 J `left`.
+  Eigen::MatrixXd rows(spread.by_unknowns.cols(), num_shared);
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    const double variance = variances[group_of(a)];
+    if (variance > 0) {
+      rows.col(a) = spread.of_unknowns.row(place_of(a)).transpose() / variance;
+    } else {
+      rows.col(a).noalias() = spread.by_unknowns.transpose() * left.col(a);
     }
   }
-}
-
-// P y is S^-1 (y - J step), the weighted residual, so that V_k P y is one vector for each variance: the residual itself
-// for the pixels, A_k A_k^T of it for a group of effects, and J_g pulls_g for a group of unknowns.
-template <int kRows, int kEffects>
-Likelihood LikelihoodOfRows<kRows, kEffects>::AverageAt(const Eigen::VectorXd& variances) const {
-  const Eigen::Index n = num_unknowns_;
-  const double p = variances[0];
-  const auto independent = independent_.topLeftCorner(n, n);
-  Likelihood result;
-  result.gradient.setZero(num_groups_);
-  result.fisher.setZero(num_groups_, num_groups_);
-  const std::optional<Estimated> at = EstimateAt(variances);
-  if (!at) return result;
-  const auto& [whitening, products, unknowns] = *at;
-  const auto& [covariance, step, log_determinant] = unknowns;
-  std::vector<Eigen::Index> sources = {0};
-  for (const EffectColumns::Range& range : effects_.ranges) sources.push_back(range.group);
-  const auto num_sources = static_cast<Eigen::Index>(sources.size());
-  Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(num_sources, num_sources);  // (V_k P y)^T S^-1 V_l P y
-  Eigen::MatrixXd pulls = Eigen::MatrixXd::Zero(n, num_sources);
-
-  const Eigen::VectorXd by_independent = independent_.col(n).head(n) - independent * step;
-  const double independent_squares =
-      independent_(n, n) - step.dot(independent_.col(n).head(n)) - step.dot(by_independent);
-  double squares = independent_squares / p + SquaresOfPriors(step, variances);
-  whole(0, 0) = independent_squares / (p * p * p);
-  pulls.col(0) = by_independent / (p * p);
-  // Twice the gradients but for the parts that the unknowns take.
-  Eigen::VectorXd twice = Eigen::VectorXd::Zero(num_sources);
-  twice[0] = independent_squares / (p * p) - num_independent_ / p;
-  Rows vectors(num_rows_, num_sources);
+  const auto add = [&](Eigen::Index other, Eigen::Index a, double seen) {
+    fisher(std::max(group_of(a), other), std::min(group_of(a), other)) += 0.5 * seen;
+  };
+  const auto of_independent = left.topRows(num_independent_columns_);
+  const Eigen::MatrixXd by_independent =
+      independent_.topLeftCorner(num_independent_columns_, num_independent_columns_) * of_independent;
+  for (Eigen::Index a = 0; a < num_shared; ++a) {
+    add(0, a, rows.col(a).squaredNorm() + of_independent.col(a).dot(by_independent.col(a)) / (p * p));
+  }
   for (size_t v = 0; v < dependent_.size(); ++v) {
-    const DependentRows& capture = dependent_[v];
-    const Square& inverse = whitening.Inverse(v);
-    const auto weighted = whitening.Weighted(v);
-    vectors.col(0) = weighted.col(n) - weighted.leftCols(n).lazyProduct(step);
-    squares += vectors.col(0).dot(capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step));
-    twice[0] += vectors.col(0).squaredNorm() - inverse.trace();
-    const ByEffects inverse_a = inverse * capture.by_effects;
-    for (size_t k = 0; k < effects_.ranges.size(); ++k) {
-      const EffectColumns::Range& range = effects_.ranges[k];
-      WithSize(range.size, [&](auto size) {
-        const auto a = capture.by_effects.template middleCols<size()>(range.first, range.size);
-        const auto source = static_cast<Eigen::Index>(k) + 1;
-        const Eigen::Matrix<double, size(), 1> along = a.transpose() * vectors.col(0);
-        vectors.col(source).noalias() = a * along;
-        twice[source] +=
-            along.squaredNorm() - inverse_a.template middleCols<size()>(range.first, range.size).cwiseProduct(a).sum();
-      });
-    }
-    whole.noalias() += vectors.transpose() * (inverse * vectors);
-    pulls.noalias() += weighted.leftCols(n).transpose() * vectors;
-  }
-  const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
-  const Eigen::MatrixXd average = 0.5 * (whole - pulls.transpose() * (covariance * pulls));
-  for (Eigen::Index k = 0; k < num_sources; ++k) {
-    const Eigen::Index group = sources[static_cast<size_t>(k)];
-    const double taken = covariance.cwiseProduct(derivatives[static_cast<size_t>(group)]).sum();
-    result.gradient[group] = 0.5 * (twice[k] + taken);
-    for (Eigen::Index l = 0; l < num_sources; ++l) {
-      result.fisher(group, sources[static_cast<size_t>(l)]) = average(k, l);
+    const Eigen::Matrix<double, kEffects, Eigen::Dynamic> a_rows =
+        dependent_[v].by_effects.transpose() * rows.middleRows(static_cast<Eigen::Index>(v) * num_rows_, num_rows_);
+    for (const EffectColumns::Range& k : effects_.ranges) {
+      for (Eigen::Index a = 0; a < num_shared; ++a) {
+        add(k.group, a, a_rows.col(a).segment(k.first, k.size).squaredNorm());
+      }
     }
   }
-  if (!shared_.columns.empty()) AddAverageOfUnknowns(products, unknowns, variances, pulls, sources, &result);
-  const double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants() + log_determinant;
-  result.minus_log = 0.5 * (log_determinants + squares);
-  return result;
+  return fisher.selfadjointView<Eigen::Lower>();
 }
 
 template <int kRows, int kEffects>
-void LikelihoodOfRows<kRows, kEffects>::AddAverageOfUnknowns(
-    const Eigen::MatrixXd& products, const EstimatedUnknowns& unknowns, const Eigen::VectorXd& variances,
-    const Eigen::MatrixXd& pulls, const std::vector<Eigen::Index>& sources, Likelihood* likelihood) const {
+void LikelihoodOfRows<kRows, kEffects>::AddAverageOfUnknowns(const Estimated& at, const Eigen::VectorXd& variances,
+                                                             const Eigen::MatrixXd& pulls,
+                                                             const std::vector<Eigen::Index>& sources,
+                                                             Likelihood* likelihood) const {
   const Eigen::Index n = num_unknowns_;
+  const auto& [whitening, products, unknowns] = at;
   const Eigen::MatrixXd& covariance = unknowns.covariance;
   const auto information = products.topLeftCorner(n, n);
-  // J_g^T P y of each group, zero elsewhere, and the matrix (I - C J^T S^-1 J) times it, as in AddScoresOfUnknowns.
+  // J_g^T P y of each group, zero elsewhere, and the matrix (I - C J^T S^-1 J) times it, as in ExpectedInformation.
   Eigen::MatrixXd along = Eigen::MatrixXd::Zero(n, num_groups_);
   for (size_t i = 0; i < shared_.columns.size(); ++i) {
     const Eigen::Index g = shared_.columns[i];
@@ -564,14 +601,14 @@ void LikelihoodOfRows<kRows, kEffects>::AddAverageOfUnknowns(
                                               : along.col(group) - covariance * (information * along.col(group));
     for (size_t k = 0; k < sources.size(); ++k) {
       const double average = 0.5 * pulls.col(static_cast<Eigen::Index>(k)).dot(left);
-      likelihood->fisher(group, sources[k]) = average;
-      likelihood->fisher(sources[k], group) = average;
+      likelihood->average(group, sources[k]) = average;
+      likelihood->average(sources[k], group) = average;
     }
     const Eigen::VectorXd seen = information * left;
     for (const Eigen::Index other : groups) {
       if (other > group) break;
-      likelihood->fisher(group, other) = 0.5 * along.col(other).dot(seen);
-      likelihood->fisher(other, group) = likelihood->fisher(group, other);
+      likelihood->average(group, other) = 0.5 * along.col(other).dot(seen);
+      likelihood->average(other, group) = likelihood->average(group, other);
     }
   }
 }

@@ -17,8 +17,14 @@ namespace heba {
 struct Likelihood {
   double minus_log = std::numeric_limits<double>::infinity();
   Eigen::VectorXd gradient;  // Gradient of the log-likelihood.
-  Eigen::MatrixXd fisher;    // The expected or the average information.
+  // The average of the expected and the observed information (Gilmour, Thompson and Cullis, "Average information REML",
+  // 1995): half the product of V_k P y and P V_l P y for variances k and l.
+  Eigen::MatrixXd average;
+  Eigen::MatrixXd fisher;  // The expected information; empty unless it was asked for.
 };
+
+// The expected information costs several times as much as the rest.
+enum class Curvature { kAverage, kAverageAndExpected };
 
 // The information about the unknowns, and its negated derivatives by the variances.
 struct InformationAndDerivatives {
@@ -29,10 +35,7 @@ struct InformationAndDerivatives {
 class RestrictedLikelihood {
  public:
   virtual ~RestrictedLikelihood() = default;
-  virtual Likelihood At(const Eigen::VectorXd& variances) const = 0;
-  // Likewise with the average of the expected and the observed information (Gilmour, Thompson and Cullis, "Average
-  // information REML", 1995), which costs a fraction: half the product of V_k P y and P V_l P y for variances k and l.
-  virtual Likelihood AverageAt(const Eigen::VectorXd& variances) const = 0;
+  virtual Likelihood At(const Eigen::VectorXd& variances, Curvature curvature) const = 0;
   // Returns nothing if the variances make a covariance singular. Unknowns whose variance is zero are left out.
   virtual std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const = 0;
 };

@@ -25,17 +25,21 @@ void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& 
       likelihood->minus_log = std::numeric_limits<double>::infinity();
       return;
     }
+    double information = 0;
     if (groups[i].avoids_zero) {
       likelihood->minus_log -= 0.5 * std::log(v);
       likelihood->gradient[k] += 0.5 / v;
-      likelihood->fisher(k, k) += 0.5 / (v * v);
+      information += 0.5 / (v * v);
     }
-    if (!groups[i].prior) continue;
-    const double log_variance_sigma = 2 * groups[i].prior->log_sigma;
-    const double distance = (std::log(v) - 2 * std::log(groups[i].prior->median)) / log_variance_sigma;
-    likelihood->minus_log += 0.5 * distance * distance;
-    likelihood->gradient[k] -= distance / (log_variance_sigma * v);
-    likelihood->fisher(k, k) += 1 / std::pow(log_variance_sigma * v, 2);
+    if (groups[i].prior) {
+      const double log_variance_sigma = 2 * groups[i].prior->log_sigma;
+      const double distance = (std::log(v) - 2 * std::log(groups[i].prior->median)) / log_variance_sigma;
+      likelihood->minus_log += 0.5 * distance * distance;
+      likelihood->gradient[k] -= distance / (log_variance_sigma * v);
+      information += 1 / std::pow(log_variance_sigma * v, 2);
+    }
+    likelihood->average(k, k) += information;
+    if (likelihood->fisher.size() > 0) likelihood->fisher(k, k) += information;
   }
 }
 
@@ -52,15 +56,27 @@ Eigen::VectorXd VariancesOf(const std::vector<VarianceGroup>& groups) {
   return variances;
 }
 
-// Returns the step of Fisher scoring for the variances `free`.
+// Returns the step of Fisher scoring for the variances `free`, with the expected information or, where it is not known,
+// the average one.
 Eigen::VectorXd ScoringStep(const Likelihood& here, const std::vector<Eigen::Index>& free) {
-  const Eigen::MatrixXd fisher = here.fisher(free, free);
+  const Eigen::MatrixXd fisher = (here.fisher.size() > 0 ? here.fisher : here.average)(free, free);
   const Eigen::VectorXd gradient = here.gradient(free);
   const Eigen::VectorXd scale = fisher.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
   const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
   const auto size = static_cast<Eigen::Index>(free.size());
   return scale.asDiagonal() *
          SolveSymmetric(scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size), scale.cwiseProduct(gradient));
+}
+
+// Returns the step of Newton's method for the variances `free`. The observed information is as much below the average
+// one as that is below the expected one. Returns nothing if the likelihood is not concave here.
+std::optional<Eigen::VectorXd> NewtonStep(const Likelihood& here, const std::vector<Eigen::Index>& free) {
+  const Eigen::MatrixXd observed = 2 * here.average(free, free) - here.fisher(free, free);
+  const Eigen::VectorXd scale = here.fisher.diagonal()(free).cwiseSqrt().cwiseInverse();
+  if (!scale.allFinite()) return std::nullopt;
+  const auto factor = Cholesky(scale.asDiagonal() * observed * scale.asDiagonal());
+  if (!factor) return std::nullopt;
+  return scale.asDiagonal() * factor->Solve(scale.cwiseProduct(here.gradient(free)));
 }
 
 // Returns the variances that a step may change. A variance at zero stays there unless its gradient is positive, and one
@@ -114,14 +130,16 @@ double RestrictedLogLikelihood(const std::vector<LinearisedView>& all_views, dou
     num_rows += static_cast<double>(view.offset.size() + view.num_residual_dof);
   }
   const Eigen::VectorXd variances = VariancesOf(groups);
-  const Likelihood likelihood = WithPriors(groups, variances, MakeLikelihood(views, groups)->AverageAt(variances));
+  const Likelihood likelihood =
+      WithPriors(groups, variances, MakeLikelihood(views, groups)->At(variances, Curvature::kAverage));
   return -likelihood.minus_log - num_rows * std::log(unit_px);
 }
 
 std::optional<LikelihoodScores> ScoresOf(const std::vector<LinearisedView>& views,
                                          const std::vector<VarianceGroup>& groups) {
   const Eigen::VectorXd variances = VariancesOf(groups);
-  Likelihood likelihood = WithPriors(groups, variances, MakeLikelihood(views, groups)->At(variances));
+  Likelihood likelihood =
+      WithPriors(groups, variances, MakeLikelihood(views, groups)->At(variances, Curvature::kAverageAndExpected));
   if (!std::isfinite(likelihood.minus_log)) return std::nullopt;
   return LikelihoodScores{-likelihood.minus_log, std::move(likelihood.gradient), std::move(likelihood.fisher)};
 }
@@ -136,12 +154,14 @@ struct LikelyVariances {
 
 // Returns the variances of the groups that maximise likelihood times prior, as EstimateVariances. If those of the
 // groups are near them, the average information leads there, and the expected one, which costs more, confirms that
-// nothing is left to be gained. From far away, the average information may lead to another maximum.
+// nothing is left to be gained. From far away, the average information may lead to another maximum; Fisher scoring
+// leads to where Newton's method, which needs fewer steps, finds the same.
 LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const std::vector<VarianceGroup>& groups,
                                    double small_change, VarianceStart start) {
   bool is_expected = start == VarianceStart::kAnywhere;
   const auto at = [&](const Eigen::VectorXd& variances) {
-    return WithPriors(groups, variances, is_expected ? restricted.At(variances) : restricted.AverageAt(variances));
+    return WithPriors(groups, variances,
+                      restricted.At(variances, is_expected ? Curvature::kAverageAndExpected : Curvature::kAverage));
   };
   Eigen::VectorXd variances = VariancesOf(groups);
   Likelihood here = at(variances);
@@ -150,7 +170,7 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
     const std::vector<Eigen::Index> free = MovingVariances(groups, variances, here.gradient);
-    const Eigen::VectorXd direction = free.empty() ? Eigen::VectorXd() : ScoringStep(here, free);
+    Eigen::VectorXd direction = free.empty() ? Eigen::VectorXd() : ScoringStep(here, free);
     const auto moved_by = [&](double length) {
       Eigen::VectorXd next = variances;
       for (size_t a = 0; a < free.size(); ++a) {
@@ -166,9 +186,14 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
     bool has_moved = false;
     if (direction.size() > 0 && direction.allFinite()) {
       // The change is measured in units of the variances' standard deviations.
-      const Eigen::VectorXd unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
+      const Eigen::VectorXd unit = (is_expected ? here.fisher : here.average).diagonal().cwiseMax(0).cwiseSqrt();
+      const auto change = [&](const Eigen::VectorXd& next) {
+        return (next - variances).cwiseAbs().cwiseProduct(unit).maxCoeff();
+      };
+      constexpr double kNear = 1;
+      if (is_expected && change(moved_by(1)) < kNear) direction = NewtonStep(here, free).value_or(direction);
       const Eigen::VectorXd last = moved_by(1);
-      const bool is_small = (last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change;
+      const bool is_small = change(last) < small_change;
       if (is_small && is_expected) {
         variances = last;
         break;

@@ -26,7 +26,7 @@ struct VarianceComponents {
 constexpr double kExactVariances = 1e-4;
 constexpr double kRoughVariances = 1e-2;
 // Estimates the variances of the linearised captures by restricted maximum likelihood (Patterson and Thompson 1971)
-// with Fisher scoring. The first group must be that of the pixels, and a column
+// with Fisher scoring and, near the maximum, Newton's method. The first group must be that of the pixels, and a column
 // belongs to at most one group; effects without a group are zero. No variance can become negative, and each becomes
 // zero if the data require it, unless it has a prior. Iteration ends with the first step that changes no variance by
 // more than `small_change` of its own standard deviation. With priors, the estimate is the mode of likelihood times

@@ -146,7 +146,8 @@ double ErrorsOfOthersPx(const RunResult& result, const Rows& poses, const Rows& 
   double squares = 0;
   int num_points = 0;
   for (size_t i = 0; i < detections.size(); ++i) {
-    const auto& [name, capture] = detections[i];
+    const std::string& name = detections[i].first;
+    const CaptureDetection& capture = detections[i].second;
     const bool is_used = std::any_of(result.images.begin(), result.images.end(),
                                      [&](const ImageResult& other) { return other.used && other.image == name; });
     if (is_used || capture.detection.ids.empty()) continue;

@@ -4,7 +4,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <tuple>
 #include <utility>
 
 #include "heba/base/error.h"
@@ -49,7 +48,9 @@ void AddPoints(const Camera& camera, const Rigid3d& camera_from_target, const Ob
 // was chosen; what it does not have was left out.
 void AddDetection(const RunOutput& run, const TargetDetection& detection, ReportedImage* image) {
   const Solution& solution = run.result.solution;
-  const auto [i, c, t] = std::tuple(detection.capture, detection.camera, detection.target);
+  const size_t i = detection.capture;
+  const size_t c = detection.camera;
+  const size_t t = detection.target;
   if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
   const Rigid3d camera_from_target = PoseWithCorrection(run, i, c, t);
   const auto add = [&](const Observations& observations, const std::function<bool(int)>& is_used) {

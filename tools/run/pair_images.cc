@@ -353,7 +353,6 @@ CalibratedImages InGeneralForm(const PairInput& input, Calibrated calibrated, st
   for (const View& view : pair.with_rejected) {
     images.seen.captures[view.capture].images[0].observations = view.observations;
   }
-  images.calibration.start = HandEyePosesOf(pair.refined->hand_eye);
   images.calibration.refined = std::move(refined);
   for (const UnusedView& unused : pair.unused) {
     images.calibration.unused.push_back({unused.capture, std::nullopt, unused.reason});

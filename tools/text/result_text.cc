@@ -12,13 +12,13 @@
 namespace heba {
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<NamedReason>& named) {
   std::vector<std::pair<std::string, std::string>> names_of;
-  for (const auto& [name, reason] : named) {
+  for (const NamedReason& one : named) {
     const auto known =
-        std::find_if(names_of.begin(), names_of.end(), [&](const auto& entry) { return entry.first == reason; });
+        std::find_if(names_of.begin(), names_of.end(), [&](const auto& entry) { return entry.first == one.second; });
     if (known == names_of.end()) {
-      names_of.emplace_back(reason, name);
+      names_of.emplace_back(one.second, one.first);
     } else {
-      known->second += ", " + name;
+      known->second += ", " + one.first;
     }
   }
   return names_of;

@@ -66,7 +66,6 @@ struct Calibration {
   std::vector<MovedCamera> moved;
   std::vector<ArmErrorChoice> arms;  // One for each arm with models to choose from (CalibrationOptions::arms).
   std::vector<AddedSmoothErrors> smooth_errors;
-  CellPoses start;
   Outcome<Solution> refined = {};
 };
 
