@@ -9,5 +9,6 @@ void BindPosePairs(pybind11::module_& module);  // Hand-eye poses from pairs of 
 void BindCaptures(pybind11::module_& module);   // Detection, and calibration from detected points.
 void BindRuns(pybind11::module_& module);       // Runs of configs, and the doctor.
 void BindLocations(pybind11::module_& module);  // Location of targets with the result of a run.
+void BindSessions(pybind11::module_& module);   // Simulated, planned and checked sessions.
 
 }  // namespace heba

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -10,11 +9,11 @@
 #include <pybind11/stl/filesystem.h>
 
 #include "heba/base/error.h"
-#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
+#include "python/bindings/names.h"
 #include "tools/config/finished_run.h"
 #include "tools/config/run_folder.h"
 #include "tools/run/image_location.h"
@@ -29,29 +28,16 @@ using CameraImage = std::tuple<std::string, std::optional<GreyArray>, std::files
 // The pose of an arm, 1 x 4 x 4, with the arm's name; the name is empty for the only arm.
 using ArmPoseGiven = std::pair<std::string, DoubleArray>;
 
-size_t IndexOf(const std::string& what, const std::string& name, const std::vector<std::string>& names) {
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) throw InputError(what + ": " + UnknownName(name, names));
-  return static_cast<size_t>(found - names.begin());
-}
-
 // The positions of the joints of an arm (rad or m), with the arm's name as in ArmPoseGiven.
 using ArmJoints = std::pair<std::string, std::vector<double>>;
 
 // Returns what is given for each arm.
 std::vector<GivenArmPose> PosesOf(const std::vector<std::pair<std::string, Rigid3d>>& poses,
                                   const std::vector<ArmJoints>& joints, const std::vector<std::string>& robots) {
-  const auto index_of = [&](const std::string& what, const std::string& name) {
-    if (name.empty() && robots.size() > 1) {
-      throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " +
-                       Join(robots, ", "));
-    }
-    return name.empty() ? 0 : IndexOf(what, name, robots);
-  };
   std::vector<GivenArmPose> given(robots.size());
-  for (const auto& [name, pose] : poses) given[index_of("pose", name)].base_from_gripper = pose;
+  for (const auto& [name, pose] : poses) given[IndexOfArm("pose", name, robots)].base_from_gripper = pose;
   for (const auto& [name, positions] : joints) {
-    given[index_of("joints", name)].joints =
+    given[IndexOfArm("joints", name, robots)].joints =
         Eigen::Map<const Eigen::VectorXd>(positions.data(), static_cast<Eigen::Index>(positions.size()));
   }
   return given;

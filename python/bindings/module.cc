@@ -26,4 +26,5 @@ PYBIND11_MODULE(_heba, module) {
   heba::BindCaptures(module);
   heba::BindRuns(module);
   heba::BindLocations(module);
+  heba::BindSessions(module);
 }

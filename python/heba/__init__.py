@@ -26,6 +26,7 @@ from ._opencv import (
     methods,
 )
 from ._result import ArmResult, CameraResult, RelativePose, Result, TargetResult
+from ._sessions import Check, Plan, check, plan, simulate
 
 __all__ = [
     "CALIB_HAND_EYE_ANDREFF",
@@ -37,9 +38,11 @@ __all__ = [
     "CALIB_ROBOT_WORLD_HAND_EYE_SHAH",
     "ArmResult",
     "CameraResult",
+    "Check",
     "Detection",
     "Error",
     "Location",
+    "Plan",
     "RelativePose",
     "Result",
     "Symptom",
@@ -50,9 +53,12 @@ __all__ = [
     "calibrateRobotWorldHandEye",
     "calibrate_hand_eye",
     "calibrate_robot_world_hand_eye",
+    "check",
     "detect",
     "doctor",
     "locate",
     "methods",
+    "plan",
     "run",
+    "simulate",
 ]

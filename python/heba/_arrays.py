@@ -50,6 +50,14 @@ def poses_from(value: Any, name: str) -> np.ndarray:
     return array
 
 
+def joints_from(value: Any, num_poses: int, name: str) -> list[list[float]]:
+    """Returns the positions of an arm's joints at n poses."""
+    array = _finite(value, name)
+    if array.ndim != 2 or len(array) != num_poses:
+        raise Error(f"{name}: must be {num_poses} rows of numbers; it has the shape {np.shape(value)}")
+    return array.tolist()
+
+
 def grey_from(value: np.ndarray, name: str) -> np.ndarray:
     """Returns a grey image of 8 bits, without a copy if it is one already. Three channels are blue, green and red."""
     if value.dtype != np.uint8 or value.ndim not in (2, 3) or (value.ndim == 3 and value.shape[2] not in (1, 3)):

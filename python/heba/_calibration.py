@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
-import tempfile
 import threading
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Callable, Iterator, Mapping, Sequence, TypeVar, Union
+from typing import Any, Callable, Mapping, Sequence, TypeVar, Union
 
 from . import _heba
+from ._arguments import Settings, config_file, entries_of, folder_of, threads_of
 from ._arrays import grey_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
@@ -20,7 +18,6 @@ from ._result import Result
 
 Image = Union["np.ndarray", str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], object]
-Settings = Union[Sequence[str], Mapping[str, Any]]
 Found = TypeVar("Found")
 
 
@@ -99,8 +96,8 @@ def run(
     Raises:
         heba.Error: The input is wrong, or the result cannot be trusted.
     """
-    with _config_file(config) as file:
-        entries, num_threads = _entries(settings), _threads(threads)
+    with config_file(config) as file:
+        entries, num_threads = entries_of(settings), threads_of(threads)
         folder = _interruptible(lambda cancellation: _heba.run(file, entries, out, num_threads, progress, cancellation))
     return Result.read(folder)
 
@@ -109,8 +106,8 @@ def doctor(
     config: str | os.PathLike[str] | Mapping[str, Any], *, settings: Settings = (), threads: int | None = None
 ) -> list[Symptom]:
     """Examines a data set, as `heba doctor` does. Faults come first; an empty list means that nothing was found."""
-    with _config_file(config) as file:
-        symptoms = _heba.diagnose(file, _entries(settings), _threads(threads))
+    with config_file(config) as file:
+        symptoms = _heba.diagnose(file, entries_of(settings), threads_of(threads))
     return [Symptom(*words, tuple(changes)) for *words, changes in symptoms]
 
 
@@ -155,9 +152,7 @@ def locate(
     Raises:
         heba.Error: The input is wrong, no target is located, or the images of a target contradict each other.
     """
-    folder = Path(run_folder) if isinstance(run_folder, (str, os.PathLike)) else run_folder.folder
-    if folder is None:
-        raise Error("a result of arrays has no folder; locate needs one of a run")
+    folder = folder_of(run_folder, "locate")
     has_names = _heba.has_names(folder)
     if has_names and not (isinstance(image, Mapping) and image):
         raise Error("image: the run is that of a rig; a dictionary of images by the names of its cameras is needed")
@@ -262,7 +257,7 @@ def calibrate(
         unknown = set(value) - set(points) if isinstance(value, Mapping) and has_names else set()
         if unknown:
             raise Error(f"{key}: {unknown_name(min(unknown), list(points))}")
-    num_threads = _threads(threads)
+    num_threads = threads_of(threads)
     text = _interruptible(
         lambda cancellation: _heba.calibrate(
             setup, yaml, cameras, base_from_gripper, folds, num_threads, progress, cancellation
@@ -312,25 +307,6 @@ def _target_text(target: Mapping[str, Any] | str) -> str:
     return target if isinstance(target, str) else json.dumps(dict(target))
 
 
-def _own_words(message: str) -> str:
-    """Names the argument in place of the flag of the program."""
-    return re.sub(r"^--set\b", "settings", message)
-
-
-def _entries(settings: Settings) -> list[str]:
-    """Returns settings as entries "KEY=VALUE"."""
-    if not isinstance(settings, Mapping):
-        return list(settings)
-    entries = []
-    for key, value in settings.items():
-        if isinstance(value, Mapping):
-            entries += [f"{key}.{entry}" for entry in _entries(value)]
-        else:
-            # JSON is YAML.
-            entries.append(f"{key}={value if isinstance(value, str) else json.dumps(value, default=os.fspath)}")
-    return entries
-
-
 def _interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:
     """Calls in another thread, so that an interrupt from the keyboard ends the wait at once, and the call at its next step."""
     cancellation = _heba.Cancellation()
@@ -354,33 +330,3 @@ def _interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:
     if raised:
         raise raised[0]
     return found[0]
-
-
-def _threads(threads: int | None) -> int:
-    if threads is None:
-        return len(os.sched_getaffinity(0))
-    if threads < 1:
-        raise Error("threads: must be at least 1")
-    return threads
-
-
-@contextlib.contextmanager
-def _config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
-    """Gives the path of a config; a dictionary has a file as long as it is used."""
-    if not isinstance(config, Mapping):
-        try:
-            yield os.fspath(config)
-        except Error as error:
-            raise Error(_own_words(str(error))) from None
-        return
-    # Paths in a config are relative to its folder.
-    handle, path = tempfile.mkstemp(suffix=".yaml", prefix=".heba-", dir=os.getcwd())
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump({"name": "config", **config}, file, default=os.fspath)
-        yield path
-    except Error as error:
-        # The file is heba's own, and all of it is one line.
-        raise Error(re.sub(re.escape(path) + r"(:\d+)*", "config", _own_words(str(error)))) from None
-    finally:
-        os.unlink(path)

@@ -134,8 +134,12 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
                             const Eigen::VectorXd& effect_variances) {
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index num_dependent = view.offset.size() - view.num_rows_without_effects;
-  RowMajorMatrix dependent(num_dependent, n + 1);
-  dependent << view.by_unknowns.topRows(num_dependent), view.offset.head(num_dependent);
+  const double root_weight = 1 / std::sqrt(pixel_variance);
+  RowMajorMatrix whitened(view.offset.size(), n + 1);
+  if (whitened.rows() == 0) return whitened;
+  whitened << view.by_unknowns, view.offset;
+  if (num_dependent == 0) return root_weight * whitened;
+  RowMajorMatrix dependent = whitened.topRows(num_dependent);
   Eigen::MatrixXd covariance = CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances);
   auto root = Cholesky(covariance);
   if (!root) {
@@ -146,14 +150,9 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
   }
   // Rows without a finite covariance say nothing.
   if (!root) return RowMajorMatrix::Zero(view.offset.size(), n + 1);
-  if (num_dependent > 0) SolveLowerInPlace(root->lower(), &dependent);
-  const double root_weight = 1 / std::sqrt(pixel_variance);
-  RowMajorMatrix whitened(view.offset.size(), n + 1);
+  SolveLowerInPlace(root->lower(), &dependent);
   whitened.topRows(num_dependent) = dependent;
-  whitened.bottomLeftCorner(view.num_rows_without_effects, n) =
-      root_weight * view.by_unknowns.bottomRows(view.num_rows_without_effects);
-  whitened.bottomRightCorner(view.num_rows_without_effects, 1) =
-      root_weight * view.offset.tail(view.num_rows_without_effects);
+  whitened.bottomRows(view.num_rows_without_effects) *= root_weight;
   return whitened;
 }
 

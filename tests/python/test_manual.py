@@ -21,12 +21,13 @@ def test_the_page_runs(cell, rig_cell, tmp_path, monkeypatch, capsys):
     pairs = [(pose, np.linalg.inv(camera) @ np.linalg.inv(pose) @ poses[0]) for pose in poses]
     np.savetxt("pairs.csv", np.array(pairs).reshape(len(pairs), -1), delimiter=",", header="numbers", fmt="%.17g")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     names_of_page = {"poses": poses, "rig_poses": conftest.read_poses(rig_cell / "poses.csv")[1]}
     for block in blocks:
         exec(compile(block, str(PAGE), "exec"), names_of_page)
     assert np.abs(names_of_page["t_cam2gripper"][:, 0] - camera[:3, 3]).max() < 1e-6
     assert names_of_page["located"].rms_px < 0.5
+    assert names_of_page["later"].holds and len(names_of_page["plan"]) == 7
     assert names_of_page["together"][0].target == "plate"
     assert capsys.readouterr().out.count("good") >= 2
     assert os.path.exists("cell/run/report.html")

@@ -176,6 +176,20 @@ def test_location_is_that_of_the_program(rig_cell, rig_run):
         heba.locate(rig_run, {"left": greys["left"][:-1]})
 
 
+def test_check_takes_the_images_of_several_cameras(rig_cell, rig_run):
+    names, poses = conftest.read_poses(rig_cell / "poses.csv")
+    images = {camera: [rig_cell / camera / name for name in names[:3]] for camera in ("left", "right")}
+    of_images = np.concatenate([poses[:3], poses[:3]])
+    check = heba.check(rig_run, images, poses=of_images, target="in-place")
+    assert check.decision == "holds", check
+    step = np.eye(4)
+    step[0, 3] = 0.02
+    moved = heba.check(rig_run, {"left": images["left"]}, poses=step @ poses[:3], target="in-place")
+    assert moved.decision == "moved" and moved.body.split()[0] in ("camera", "target", "base")
+    with pytest.raises(heba.Error, match="^images: 'lift' is unknown; did you mean 'left'"):
+        heba.check(rig_run, {"lift": images["left"]}, poses=poses[:3], target="in-place")
+
+
 def test_a_carried_camera_needs_the_pose_of_its_arm(rig_cell, rig_run):
     names, poses = conftest.read_poses(rig_cell / "poses.csv")
     image = rig_cell / "wrist" / names[0]

@@ -185,6 +185,17 @@ int WriteImages(const SceneConfig& scene, const std::vector<SceneCapture>& captu
 
 }  // namespace
 
+void RefuseArms(const SceneConfig& scene, const std::string& path) {
+  for (size_t r = 0; r < scene.arms.size(); ++r) {
+    if (!scene.arms[r]) continue;
+    if (scene.two_step) throw InputError(path + ": motion.two_step cannot be combined with robot");
+    constexpr int kMostJoints = 6;
+    if (scene.arms[r]->nominal.num_joints() <= kMostJoints) continue;
+    throw InputError(path + ": " + (scene.has_named_robots ? "robots." + scene.problem.robots[r] : "robot") +
+                     ".model: a redundant arm reaches a pose in infinitely many ways; choose one with six joints");
+  }
+}
+
 Outcome<int> WriteDataSet(const SceneConfig& scene, const fs::path& output, int num_threads, Verbosity verbosity) {
   StagedFolder folder(output, "a data set");
   const Outcome<SceneCaptures> drawn = DrawSceneCaptures(scene);

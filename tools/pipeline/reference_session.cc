@@ -82,7 +82,7 @@ ReferenceSession ReadReferenceSession(const FinishedRun& run, const std::vector<
     solution.covariance.matrix.block<6, 6>(block.first, block.first) = located->front().pose_covariance.by_image;
   }
   if (std::find(is_known.begin(), is_known.end(), true) == is_known.end()) {
-    throw InputError("--reference: " + why_unknown);
+    throw InputError("the reference images: " + why_unknown);
   }
   const SeenTargets seen = DetectTargets(run, images, num_threads);
   for (size_t i = 0; i < images.size(); ++i) {

@@ -5,6 +5,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
@@ -100,6 +101,12 @@ std::string ChangeText(const Problem& rig, const SessionCheck& check) {
   if (!side.empty()) text += ", on the " + std::string(side) + " side";
   if (!others.empty()) text += "; the images do not tell this from a change of " + Join(others, " or ");
   return text;
+}
+
+std::string UndecidedText(const Failure& failure) {
+  if (failure.code != "hidden_point") return FailureText(failure);
+  return "the robot's poses put the target out of the camera's view: they belong to other images, or are in other "
+         "units than those of the calibration";
 }
 
 std::string CheckText(const Problem& rig, const SessionCheck& check) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "heba/base/error.h"
 #include "heba/data/problem.h"
 #include "heba/session_check.h"
 
@@ -18,6 +19,8 @@ std::string PartText(const Problem& rig, const SessionChange& change);
 // Returns whether the images tell the most likely change from another one: its likelihood is e^2 times larger.
 bool IsToldFrom(const SessionChange& likely, const SessionChange& other);
 
+// Returns why a check has no decision, in words.
+std::string UndecidedText(const Failure& failure);
 // Returns what has changed, with its size and sigma, as one clause; `check` must have found a change.
 std::string ChangeText(const Problem& rig, const SessionCheck& check);
 // Returns the decision with its evidence, and the smallest changes that would have been seen.

@@ -2,11 +2,9 @@
 #include <filesystem>
 #include <iostream>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/base/files.h"
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "tools/cli/command.h"
@@ -15,11 +13,10 @@
 #include "tools/config/capture_section.h"
 #include "tools/files/check_file.h"
 #include "tools/pages/check_history.h"
-#include "tools/pipeline/reference_session.h"
+#include "tools/pipeline/checked_session.h"
 #include "tools/pipeline/session.h"
 #include "tools/text/check_text.h"
 #include "tools/text/console.h"
-#include "tools/text/failure_text.h"
 
 namespace heba {
 namespace {
@@ -33,20 +30,6 @@ std::vector<SessionImage> ImagesOf(const Problem& rig, const std::vector<std::st
     const auto [camera, path] = NamedValue("an image", text, names, "CAMERA=IMAGE");
     images.push_back({camera, path});
   }
-  return images;
-}
-
-// Returns the reference images of a camera: one, or those of a folder.
-std::vector<SessionImage> References(size_t camera) {
-  namespace fs = std::filesystem;
-  const fs::path path = FLAGS_reference;
-  if (!fs::is_directory(path)) return {{camera, path}};
-  std::vector<SessionImage> images;
-  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
-    if (HasImageSuffix(entry.path())) images.push_back({camera, entry.path()});
-  }
-  if (images.empty()) throw InputError("--reference: the folder " + path.string() + " contains no images");
-  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return images;
 }
 
@@ -107,20 +90,10 @@ int Undecided(const std::string& reason) {
   return kWorkFailed;
 }
 
-// A CheckedSession holds what is tested, and how.
-struct CheckedSession {
-  Problem problem;
-  Solution solution;
-  SessionOptions options;
-  std::vector<std::string> notes;
-};
-
 // Reads images that were taken at poses of the robot.
 CheckedSession ReadAtPoses(const FinishedRun& run, const std::vector<SessionImage>& images) {
   const bool is_in_place = IsTargetInPlace();
-  Session session = ReadSession(run, images, PosesOfFlags(run, images), NumThreads());
-  return {std::move(session.problem), run.result.solution, SessionOptionsOf(run, is_in_place),
-          std::move(session.notes)};
+  return SessionAtPoses(run, images, PosesOfFlags(run, images), is_in_place, NumThreads());
 }
 
 // Reads images of one camera that stands still, as its targets do.
@@ -131,14 +104,7 @@ CheckedSession ReadBesideReferences(const FinishedRun& run, const std::vector<Se
   if (!FLAGS_target.empty() && !IsTargetInPlace()) {
     throw InputError("--reference: says nothing about a camera if the target was moved");
   }
-  const size_t camera = images.front().camera;
-  for (const SessionImage& image : images) {
-    if (image.camera != camera) throw InputError("--reference: the images are those of one camera");
-  }
-  ReferenceSession session = ReadReferenceSession(run, References(camera), images, NumThreads());
-  SessionOptions options;
-  options.wobble = {};
-  return {std::move(session.problem), std::move(session.solution), options, std::move(session.notes)};
+  return SessionBesideReferences(run, FLAGS_reference, images, NumThreads());
 }
 
 }  // namespace
@@ -151,12 +117,7 @@ int RunCommand_check(const std::vector<std::string>& arguments) {
   for (const std::string& note : session.notes) std::cerr << "heba: warning: " << note << std::endl;
   const Problem& rig = session.problem;
   const Outcome<SessionCheck> check = CheckSession(rig, session.solution, session.options);
-  if (!check && check.failure().code == "hidden_point") {
-    return Undecided(
-        "the robot's poses put the target out of the camera's view: they belong to other images, or are in other units "
-        "than those of the calibration");
-  }
-  if (!check) return Undecided(FailureText(check.failure()));
+  if (!check) return Undecided(UndecidedText(check.failure()));
   if (!FLAGS_history.empty()) AddToHistory(FLAGS_history, run.result.name, rig, *check);
   std::cout << (FLAGS_json ? CheckToJson(rig, *check) : ForTerminal(CheckText(rig, *check))) << std::flush;
   if (DecisionOf(*check) == "holds") return kDone;

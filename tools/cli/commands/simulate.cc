@@ -9,22 +9,6 @@
 #include "tools/text/console.h"
 
 namespace heba {
-namespace {
-
-// Throws InputError for arms whose poses cannot be simulated.
-void RefuseArms(const SceneConfig& scene, const std::string& path) {
-  for (size_t r = 0; r < scene.arms.size(); ++r) {
-    if (!scene.arms[r]) continue;
-    if (scene.two_step) throw InputError(path + ": motion.two_step cannot be combined with robot");
-    constexpr int kMostJoints = 6;
-    if (scene.arms[r]->nominal.num_joints() <= kMostJoints) continue;
-    throw InputError(path + ": " + (scene.has_named_robots ? "robots." + scene.problem.robots[r] : "robot") +
-                     ".model: a redundant arm reaches a pose in infinitely many ways; choose one with six joints");
-  }
-}
-
-}  // namespace
-
 int RunCommand_simulate(const std::vector<std::string>& arguments) {
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
   const std::string& path = arguments[0];

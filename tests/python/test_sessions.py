@@ -1,0 +1,108 @@
+"""Sessions before, during and after a calibration, beside the program's own results."""
+
+import json
+
+import conftest
+import numpy as np
+import pytest
+
+import heba
+
+
+@pytest.fixture(scope="module")
+def later(tmp_path_factory):
+    """A session of the cell: in place, and one whose camera was knocked by 4 mm."""
+    folder = tmp_path_factory.mktemp("later")
+    cells = {}
+    for name, x_mm in (("same", 1050), ("knocked", 1054)):
+        scene = folder / f"{name}.yaml"
+        scene.write_text(conftest.SCENE.format(setup="eye_to_hand", x=x_mm))
+        cells[name] = heba.simulate(scene, folder / name, settings={"seed": 8, "motion.captures": 5}).parent
+    return cells
+
+
+def images_and_poses(cell):
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    return [cell / "images" / name for name in names], poses
+
+
+def test_simulate_writes_what_the_program_writes(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(conftest.SCENE.format(setup="eye_to_hand", x=1050))
+    config = heba.simulate(scene, tmp_path / "by_python", settings={"motion": {"captures": 5}})
+    conftest.program("simulate", scene, "--set", "motion.captures=5", "--out", tmp_path / "by_program")
+    files = sorted(file.relative_to(config.parent) for file in config.parent.rglob("*") if file.is_file())
+    assert config.name == "config.yaml" and len(files) > 5
+    for file in files:
+        assert (config.parent / file).read_bytes() == (tmp_path / "by_program" / file).read_bytes(), file
+    with pytest.raises(heba.Error, match="settings: motion: unknown key 'capture'"):
+        heba.simulate(scene, tmp_path / "other", settings={"motion.capture": 5})
+
+
+def test_plan_gives_the_poses_that_the_program_writes(program_run, tmp_path):
+    plan = heba.plan(program_run, 4)
+    assert len(plan) == len(plan.images) == 7  # With three that are taken once more.
+    assert plan.poses.shape == (7, 4, 4) and plan.joints is None
+    assert np.all(np.diff(plan.target_sigma[:4]) < 0) and np.all(plan.visible >= 0.95)
+    told = conftest.program("plan", program_run, "--count", "4", "--out", tmp_path / "poses.csv").stdout
+    assert told.split()[: len(plan.table.split())] == plan.table.split()
+    names, poses = conftest.read_poses(tmp_path / "poses.csv")
+    assert names == list(plan.images)
+    assert np.allclose(poses, plan.poses, atol=1e-6)
+    assert heba.plan(heba.Result.read(program_run), 4).images == plan.images
+
+
+def test_plan_takes_a_dictionary_and_names_its_keys(program_run):
+    with pytest.raises(heba.Error, match="^count: must be a whole number from 5 to 500"):
+        heba.plan(program_run, 4, procedure="two_step")
+    with pytest.raises(heba.Error, match="^procedure: 'twostep' is unknown; did you mean 'two_step'"):
+        heba.plan(program_run, procedure="twostep")
+    with pytest.raises(heba.Error, match="^config: "):
+        heba.plan({"setup": "eye_to_hand"})
+
+
+def test_check_decides_as_the_program_does(program_run, later):
+    images, poses = images_and_poses(later["same"])
+    held = heba.check(program_run, images, poses=poses, target="in-place")
+    assert held.holds and held.body is None and held.change is None and held.notes == ()
+    by_file = heba.check(program_run, images, poses=later["same"] / "poses.csv", target="in-place")
+    assert by_file.data["p_value"] == pytest.approx(held.data["p_value"], rel=1e-6)
+    arguments = ["--poses", later["same"] / "poses.csv", "--target", "in-place", "--json"]
+    assert by_file.data == json.loads(conftest.program("check", program_run, *images, *arguments).stdout)
+
+
+def test_check_names_what_was_moved(program_run, later):
+    images, poses = images_and_poses(later["knocked"])
+    check = heba.check(heba.Result.read(program_run), images, poses=poses, target="in-place")
+    assert check.decision == "moved" and check.body == "camera"
+    assert np.linalg.norm(check.change["translation_mm"]) == pytest.approx(4, abs=0.5)
+
+
+def test_check_without_a_robot(program_run, later):
+    images, _ = images_and_poses(later["same"])
+    assert heba.check(program_run, images[0], reference=images[0]).holds
+    check = heba.check(program_run, images[1], reference=images[0])
+    assert check.decision == "moved"
+    with pytest.raises(heba.Error, match="^reference: takes the place of the robot's poses"):
+        heba.check(program_run, images[1], reference=images[0], target="moved")
+
+
+def test_check_says_what_it_needs(program_run, later, tmp_path):
+    images, poses = images_and_poses(later["same"])
+    with pytest.raises(heba.Error, match='^target: "in-place" or "moved" is needed'):
+        heba.check(program_run, images, poses=poses)
+    with pytest.raises(heba.Error, match="^poses: there are 4 of 5 images"):
+        heba.check(program_run, images, poses=poses[:4], target="moved")
+    with pytest.raises(heba.Error, match="^poses: the run has only one, without a name"):
+        heba.check(program_run, images, poses={"left": poses}, target="moved")
+    with pytest.raises(heba.Error, match="^joints: must be 5 rows of numbers"):
+        heba.check(program_run, images, poses=poses, joints=[[0.0] * 6], target="moved")
+    with pytest.raises(heba.Error, match="^images: the run has only one, without a name"):
+        heba.check(program_run, {"right": images}, poses=poses, target="moved")
+    with pytest.raises(heba.Error, match="nothing.png"):
+        heba.check(program_run, [tmp_path / "nothing.png"], poses=poses[:1], target="moved")
+    # Poses in mm put the target out of the camera's view.
+    far = poses.copy()
+    far[:, :3, 3] *= 1000
+    undecided = heba.check(program_run, images, poses=far, target="in-place")
+    assert undecided.decision == "undecided" and undecided.reason and not undecided.holds
