@@ -7,6 +7,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
+#include "heba/base/text.h"
 
 namespace heba {
 
@@ -21,13 +22,12 @@ inline size_t IndexOf(const std::string& what, const std::string& name, const st
   return static_cast<size_t>(found - names.begin());
 }
 
-// Returns the place of an arm; an empty name is that of the only one.
+// Returns the place of an arm; an empty name is that of the only one. Throws InputError, too.
 inline size_t IndexOfArm(const std::string& what, const std::string& name, const std::vector<std::string>& robots) {
   if (!name.empty()) return IndexOf(what, name, robots);
   if (robots.size() > 1) {
-    std::string names;
-    for (const std::string& robot : robots) names += (names.empty() ? "" : ", ") + robot;
-    throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " + names);
+    throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " +
+                     Join(robots, ", "));
   }
   return 0;
 }

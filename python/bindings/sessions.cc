@@ -9,6 +9,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include "heba/base/error.h"
+#include "heba/base/text.h"
 #include "heba/capture_plan.h"
 #include "heba/session_check.h"
 #include "python/bindings/arrays.h"
@@ -101,7 +102,8 @@ std::vector<ArmsAtImage> PosesAtImages(const FinishedRun& run, const std::vector
     }
   }
   for (size_t r = 0; r < robots.size(); ++r) {
-    if (!has_poses[r]) throw InputError("poses: the poses of arm " + robots[r] + " are needed");
+    if (has_poses[r]) continue;
+    throw InputError("poses: those of " + (robots[r].empty() ? "the arm" : "arm " + robots[r]) + " are needed");
   }
   return at_images;
 }
@@ -123,7 +125,11 @@ std::pair<std::string, std::vector<std::string>> Check(const fs::path& folder,
   for (const ProblemCamera& camera : run.result.rig.cameras) cameras.push_back(camera.name);
   std::vector<SessionImage> images;
   for (const auto& [name, path] : named) {
-    images.push_back({name.empty() && cameras.size() == 1 ? 0 : IndexOf("images", name, cameras), path});
+    if (name.empty() && cameras.size() > 1) {
+      throw InputError("images: the run is that of a rig; a dictionary by the names of its cameras is needed: " +
+                       Join(cameras, ", "));
+    }
+    images.push_back({name.empty() ? 0 : IndexOf("images", name, cameras), path});
   }
   const CheckedSession session =
       reference ? SessionBesideReferences(run, *reference, images, num_threads)

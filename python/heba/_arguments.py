@@ -40,8 +40,8 @@ def threads_of(threads: int | None) -> int:
 
 
 @contextlib.contextmanager
-def config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
-    """Gives the path of a config; a dictionary has a file as long as it is used."""
+def config_file(config: PathLike | Mapping[str, Any], *, has_name: bool = True) -> Iterator[str]:
+    """Gives the path of a config; a dictionary has a file as long as it is used, and a name if its form has one."""
     if not isinstance(config, Mapping):
         try:
             yield os.fspath(config)
@@ -52,7 +52,7 @@ def config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[
     handle, path = tempfile.mkstemp(suffix=".yaml", prefix=".heba-", dir=os.getcwd())
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump({"name": "config", **config}, file, default=os.fspath)
+            json.dump({**({"name": "config"} if has_name else {}), **config}, file, default=os.fspath)
         yield path
     except Error as error:
         # The file is heba's own, and all of it is one line.

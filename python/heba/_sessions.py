@@ -80,7 +80,7 @@ def simulate(
         settings: As in run.
         threads: As in run.
     """
-    with config_file(scene) as file:
+    with config_file(scene, has_name=False) as file:
         return _heba.simulate(file, entries_of(settings), Path(out), threads_of(threads))
 
 
@@ -104,10 +104,10 @@ def plan(
     if procedure not in (None, "two_step"):
         raise Error(f"procedure: {unknown_name(str(procedure), ['two_step'])}")
     fewest = 5 if procedure else 1
-    if not (isinstance(count, int) and fewest <= count <= 500):
+    if isinstance(count, bool) or not hasattr(count, "__index__") or not fewest <= count <= 500:
         raise Error(f"count: must be a whole number from {fewest} to 500")
     with config_file(folder_of(cell, "plan") if isinstance(cell, Result) else cell) as file:
-        captures, table = _heba.plan(file, entries_of(settings), count, procedure is not None)
+        captures, table = _heba.plan(file, entries_of(settings), int(count), procedure is not None)
     images, poses, joints, visible, target, position, orientation = zip(*captures)
     return Plan(
         images,
@@ -138,7 +138,8 @@ def check(
         run_folder: The folder of the run, or its result.
         images: The paths of images of the target; of several cameras: a dictionary of them by the cameras' names.
         poses: base_from_gripper of each image, n x 4 x 4, m, as the robot states it, or the path of a file of poses in
-            the format of the run; of several arms: a dictionary by their names. Images at equal poses are one capture.
+            the format of the run; of several arms: a dictionary by their names. Those of several cameras follow each
+            other in the order of the dictionary of images. Images at equal poses are one capture.
         joints: The positions of the joints, n x joints, rad or m, or the path of a file of them, if the run has
             estimated the errors of the arm; likewise.
         target: "in-place" if the target is mounted exactly as it was for the calibration, "moved" if not.
@@ -148,19 +149,28 @@ def check(
     """
     folder = folder_of(run_folder, "check")
     by_camera = images if isinstance(images, Mapping) else {"": images}
-    named = [
-        (name, Path(image))
-        for name, of_camera in by_camera.items()
-        for image in ([of_camera] if isinstance(of_camera, (str, os.PathLike)) else of_camera)
-    ]
+    try:
+        named = [
+            (str(name), Path(image))
+            for name, of_camera in by_camera.items()
+            for image in ([of_camera] if isinstance(of_camera, (str, os.PathLike)) else of_camera)
+        ]
+    except TypeError:
+        raise Error("images: must be paths of images") from None
     if not named:
         raise Error("images: there are none")
+    if target not in (None, "in-place", "moved"):
+        raise Error(f"target: {unknown_name(str(target), ['in-place', 'moved'])}")
     if reference is not None:
-        if poses is not None or joints is not None or target == "moved":
-            raise Error("reference: takes the place of the robot's poses, and says nothing if the target was moved")
+        if poses is not None or joints is not None:
+            raise Error("reference: takes the place of the robot's poses; leave out poses and joints")
+        if target == "moved":
+            raise Error("reference: says nothing about a camera if the target was moved")
+        if not os.fspath(reference):
+            raise Error("reference: is empty")
         arms = []
     else:
-        if target not in ("in-place", "moved"):
+        if target is None:
             raise Error('target: "in-place" or "moved" is needed: whether it is mounted as it was for the calibration')
         if poses is None:
             raise Error("poses: the robot's poses at the images are needed; without a robot, a reference image")
@@ -176,11 +186,13 @@ def check(
 
 def _arms(poses: Any, joints: Any, num_images: int) -> list[tuple[str, Any, str, list[list[float]], str]]:
     """Returns for each arm its name, its poses or their file, and its joints or their file."""
+    if joints is not None and isinstance(joints, Mapping) != isinstance(poses, Mapping):
+        raise Error("joints: must be a dictionary if the poses are one, and none if they are none")
     joints_of = joints if isinstance(joints, Mapping) else {} if joints is None else {"": joints}
     poses_of = poses if isinstance(poses, Mapping) else {"": poses}
     for name in joints_of:
         if name not in poses_of:
-            raise Error(f"joints: {unknown_name(name, list(poses_of))}")
+            raise Error(f"joints: {unknown_name(str(name), list(map(str, poses_of)))}")
     arms = []
     for name, given in poses_of.items():
         positions = joints_of.get(name)
@@ -188,11 +200,11 @@ def _arms(poses: Any, joints: Any, num_images: int) -> list[tuple[str, Any, str,
         if positions is not None and is_file != isinstance(positions, (str, os.PathLike)):
             raise Error("joints: must be a file if the poses are one, and an array if they are an array")
         if is_file:
-            arms.append((name, None, os.fspath(given), [], os.fspath(positions or "")))
+            arms.append((str(name), None, os.fspath(given), [], os.fspath(positions or "")))
             continue
         matrices = poses_from(given, f"poses {name}".rstrip())
         if len(matrices) != num_images:
             raise Error(f"poses {name}".rstrip() + f": there are {len(matrices)} of {num_images} images")
         rows = [] if positions is None else joints_from(positions, num_images, f"joints {name}".rstrip())
-        arms.append((name, matrices, "", rows, ""))
+        arms.append((str(name), matrices, "", rows, ""))
     return arms

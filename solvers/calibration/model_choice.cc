@@ -381,6 +381,7 @@ Outcome<ProblemChoice> ChooseModel(const Problem& problem, const CellPoses& star
     if (camera.model != problem.cameras[c].camera.model) choice.problem.cameras[c].camera = camera;
   }
   choice.options = best.options;
+  choice.options.pixel_noise_start_px.clear();
   choice.options.loss = options_in.loss;
   choice.options.effects_avoid_zero = options_in.effects_avoid_zero;
   choice.solution = best.solution;

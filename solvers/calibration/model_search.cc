@@ -33,9 +33,9 @@ void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
 
 // Returns by how much the scales of a target that a solution has found contradict what is known about them; 0 if they
 // do not, or if they were held.
-double Contradiction(const ProblemTarget& target, const Solution& solution, size_t index) {
+double Contradiction(const ProblemTarget& target, const Solution& solution, size_t index, double robot_scale_sigma) {
   constexpr double kContradicts = 4;
-  const double known = std::hypot(target.known_scale_sigma, kRobotScaleSigma);
+  const double known = std::hypot(target.known_scale_sigma, robot_scale_sigma);
   const Covariance& covariance = solution.covariance;
   const UnknownBlock block = covariance.layout.Block(TargetShapeBlock(target));
   double largest = 0;
@@ -51,11 +51,11 @@ double Contradiction(const ProblemTarget& target, const Solution& solution, size
 
 // Gives targets whose scales contradict what is known about them a prior that does not hide it. Returns whether there
 // are any.
-bool WidenScales(const Solution& solution, Problem* problem) {
+bool WidenScales(const Solution& solution, double robot_scale_sigma, Problem* problem) {
   bool has_any = false;
   for (size_t t = 0; t < problem->targets.size(); ++t) {
     ProblemTarget& target = problem->targets[t];
-    const double contradiction = Contradiction(target, solution, t);
+    const double contradiction = Contradiction(target, solution, t, robot_scale_sigma);
     if (!target.scale_sigma || contradiction <= *target.scale_sigma) continue;
     target.scale_sigma = contradiction;
     has_any = true;
@@ -349,12 +349,12 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
 
 // Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
 // smooth errors do: it is far from what is known beside these, too, and less white noise is left with it.
-bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened) {
+bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, double robot_scale_sigma) {
   constexpr double kMostLeft = 0.7;
   const Solution& solution = widened.judged.solution;
   bool has_any = false;
   for (size_t t = 0; t < widened.problem.targets.size(); ++t) {
-    has_any = has_any || Contradiction(widened.problem.targets[t], solution, t) > 0;
+    has_any = has_any || Contradiction(widened.problem.targets[t], solution, t, robot_scale_sigma) > 0;
   }
   for (size_t r = 0; r < solution.robot_noise.size() && has_any; ++r) {
     const std::optional<RobotNoise>& before = as_known.judged.solution.robot_noise[r];
@@ -393,8 +393,8 @@ std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Ju
   if (ChooseParts(parts, judge, &with_errors)) return {};
   // A prior on the size of a target must not make its contradiction one of the robot. With white noise alone, the size
   // may seem to be wrong because the robot is.
-  if (WidenScales(solution, &widened.problem) && !ChooseParts(parts, judge, &widened) &&
-      IsSizeWrong(with_errors, widened)) {
+  if (WidenScales(solution, space.robot_scale_sigma, &widened.problem) && !ChooseParts(parts, judge, &widened) &&
+      IsSizeWrong(with_errors, widened, space.robot_scale_sigma)) {
     with_errors = std::move(widened);
   }
   *model = std::move(with_errors);

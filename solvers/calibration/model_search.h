@@ -42,6 +42,7 @@ struct ErrorSpace {
   // Whether smooth errors are left out unless the captures reject the model without them (kRandomErrorsRejected);
   // otherwise they are part of the model unless the captures speak against them (AreLikely).
   bool must_be_shown = false;
+  double robot_scale_sigma = kRobotScaleSigma;  // CalibrationOptions::robot_scale_sigma.
 };
 
 struct FoundErrors {

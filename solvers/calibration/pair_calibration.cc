@@ -647,6 +647,7 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
   ErrorSpace space;
   space.parts = SpaceOf(options, problem);
   space.smooth = errors.smooth;
+  space.robot_scale_sigma = errors.robot_scale_sigma;
   ArmErrorModels& arm = space.arms.emplace_back(errors.arm);
   const auto of_views = [&](const auto& of_captures) {
     auto entries = of_captures;

@@ -231,7 +231,7 @@ Effects StartingFrom(const SharedEffects& effects, const std::vector<double>& si
   CHECK_EQ(sigmas.size(), effects.groups.size());
   auto starting = std::make_shared<SharedEffects>(effects);
   for (size_t g = 0; g < sigmas.size(); ++g) {
-    // A variance of zero would stay there.
+    // A variance of zero may stay there.
     constexpr double kLeastShare = 0.01;
     double& sigma = starting->groups[g].sigma;
     sigma = std::max(kLeastShare * sigma, sigmas[g]);
@@ -250,10 +250,15 @@ void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optio
 }
 
 void StartFromNoise(const Solution& solution, AdjustmentOptions* options) {
-  const std::vector<std::optional<RobotNoise>>& noise = solution.robot_noise;
-  const auto known =
-      std::find_if(noise.begin(), noise.end(), [](const auto& of_robot) { return of_robot.has_value(); });
-  StartFromNoise(solution.pixel_sigmas_px, known == noise.end() ? std::nullopt : *known, options);
+  std::optional<RobotNoise> largest;
+  for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
+    if (!noise) continue;
+    if (!largest) largest = RobotNoise();
+    largest->translation_m = std::max(largest->translation_m, noise->translation_m);
+    largest->rotation_rad = std::max(largest->rotation_rad, noise->rotation_rad);
+    largest->joint_rad = std::max(largest->joint_rad, noise->joint_rad);
+  }
+  StartFromNoise(solution.pixel_sigmas_px, largest, options);
 }
 
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {

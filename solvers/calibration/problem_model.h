@@ -56,16 +56,15 @@ struct ProblemModel {
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target);
 // Returns whether a problem that is adjusted with these options has a model.
 bool HasModel(const Problem& problem, const AdjustmentOptions& options, const ProblemModel& model);
-// Returns the problem with the cameras, the unknown parts of the shapes, and the sigmas of the arms' effects if it has
-// the same ones, of a solution as initial guesses.
+// Returns the problem with the cameras, the unknown parts of the shapes, and the sigmas of the arms' effects if there
+// are as many of them, of a solution as initial guesses.
 Problem StartingFrom(Problem problem, const Solution& solution);
 // Returns effects with sigmas that were found, one per group, as initial guesses, but none at zero.
 std::shared_ptr<const SharedEffects> StartingFrom(const SharedEffects& effects, const std::vector<double>& sigmas);
-// Sets the initial guesses of the noise to those that was found, none of it at zero: a variance of zero would stay
-// there.
+// Sets the initial guesses of the noise to the noise that was found, none of it at zero, where a variance may stay.
 void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optional<RobotNoise>& robot_noise,
                     AdjustmentOptions* options);
-// Likewise, to the noise of a solution.
+// Likewise, to the noise of a solution; that of the arms is the largest of all, by its parts.
 void StartFromNoise(const Solution& solution, AdjustmentOptions* options);
 // Sets the errors of an arm; `model` is null for none. `effects` has one entry per capture, a function of all effects
 // of the arm, null if the capture has none.

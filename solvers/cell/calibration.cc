@@ -246,7 +246,7 @@ Calibration FirstAdjustment(const StartedCalibration& started) {
 }
 
 Calibration FinishCalibration(StartedCalibration started, const CalibrationOptions& options) {
-  const ErrorSpace space{{}, options.arms, options.smooth, true};
+  const ErrorSpace space{{}, options.arms, options.smooth, true, options.robot_scale_sigma};
   const bool knows_arms = KnowsArms(options);
   FoundErrors found;
   const auto add_errors = [&](SearchedModel* model) { found = AddErrors(space, LeaveOutOutliers, model); };

@@ -82,6 +82,10 @@ Failure HiddenAtStart(const Problem& problem, const ImageIndex& index) {
 std::string AdjustmentOptions::Check() const {
   std::vector<std::string> faults;
   if (pixel_noise_px && !(*pixel_noise_px > 0)) faults.emplace_back("pixel_noise_px must be greater than zero");
+  const auto is_positive = [](double sigma_px) { return sigma_px > 0; };
+  if (!std::all_of(pixel_noise_start_px.begin(), pixel_noise_start_px.end(), is_positive)) {
+    faults.emplace_back("pixel_noise_start_px must be greater than zero");
+  }
   if (robot == BundleOptions::Robot::kGivenNoise &&
       !(robot_noise.translation_m >= 0 && robot_noise.rotation_rad >= 0)) {
     faults.emplace_back("robot_noise must not be negative");
@@ -93,6 +97,7 @@ std::string AdjustmentOptions::Check() const {
 Outcome<Solution> RefineProblem(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
+  CHECK(options.pixel_noise_start_px.empty() || options.pixel_noise_start_px.size() == problem.cameras.size());
   const bool is_truncated = options.loss == LossKind::kTruncated;
   const Loss& loss = LossOf(is_truncated ? LossKind::kNone : options.loss);
   Fit fit;

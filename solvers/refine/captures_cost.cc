@@ -231,7 +231,9 @@ void CapturesCost::AddPriors(const std::vector<double>& parameters, Eigen::Matri
     const auto block = std::find_if(blocks_.begin(), blocks_.end(), [&](const OwnerBlock& one) {
       return one.unknowns.owner == prior.owner && one.index == prior.index;
     });
+    CHECK(block != blocks_.end() || prior.owner == UnknownOwner::kTarget);
     if (block == blocks_.end()) continue;
+    CHECK_EQ(prior.weights.size(), block->size);
     const Eigen::Map<const Eigen::VectorXd> at(&parameters[block->first], block->size);
     const Eigen::VectorXd pull = prior.weights.cwiseProduct(at - prior.mean);
     (*matrix)(residual, residual) += pull.squaredNorm();

@@ -1,5 +1,5 @@
-// The Ceres cost function of all captures of an adjustment: one residual block with one row per unknown and two more,
-// independent of the number of captures and points.
+// The Ceres cost function of all captures of an adjustment and of what is known of its parameter blocks: one residual
+// block with one row per unknown and two more, independent of the number of captures and points.
 //
 // The normal equations of each view (solvers/residuals/view_reduction.h) have columns for the six parameters of
 // camera_from_target, the camera and the target's shape. Every other unknown adds columns that are a product with these
@@ -43,7 +43,7 @@ struct CapturesCostOptions {
   // the shared unknowns.
   bool eliminated_poses_are_rough = false;
   int num_threads = 1;  // Upper bound; the result does not depend on it.
-  // What is known of parameter blocks; a block that does not exist is passed over.
+  // What is known of parameter blocks; a target whose shape is known has no block.
   std::vector<BlockPrior> priors;
 };
 

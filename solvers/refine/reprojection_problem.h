@@ -8,7 +8,6 @@
 
 #include "solvers/refine/captures_cost.h"
 #include "solvers/residuals/loop_problem.h"
-#include "solvers/uncertainty/block_prior.h"
 
 namespace heba {
 

@@ -91,7 +91,6 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   using EffectSquare = Eigen::Matrix<double, kEffects, kEffects>;
   using EffectVector = Eigen::Matrix<double, kEffects, 1>;
   using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
-  using Vector = Eigen::Matrix<double, kRows, 1>;
 
   // The rows of a capture that depend on its effects, rotated such that there are num_rows_; padded with zeros if there
   // are fewer.
@@ -272,8 +271,8 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   // Returns the expected information about all variances.
   Eigen::MatrixXd ExpectedInformation(const Estimated& at, const Spread& spread,
                                       const Eigen::VectorXd& variances) const;
-  // Returns that about the variances of pixels and effects: from the projection P of the rows, whose blocks are those
-  // of pairs of captures, or from the derivatives of the information about the unknowns.
+  // Return the lower triangle of that about the variances of pixels and effects: from the projection P of the rows,
+  // whose blocks are those of pairs of captures, or from the derivatives of the information about the unknowns.
   Eigen::MatrixXd ExpectedByRows(const Estimated& at, const Spread& spread, double pixel_variance) const;
   Eigen::MatrixXd ExpectedByUnknowns(const Estimated& at, const Spread& spread, double pixel_variance) const;
 
@@ -336,8 +335,14 @@ auto LikelihoodOfRows<kRows, kEffects>::EstimateUnknowns(const Eigen::MatrixXd& 
   // Scaled before factorisation because metres, radians and pixels are mixed.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
-  const std::optional<Eigen::MatrixXd> root = InverseRootOf(scale.asDiagonal() * information * scale.asDiagonal());
-  if (!root) return std::nullopt;
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  std::optional<Eigen::MatrixXd> root = InverseRootOf(scaled);
+  if (!root) {
+    // The factorisation by itself is more stable.
+    const auto factor = Cholesky(scaled);
+    if (!factor) return std::nullopt;
+    root = InverseOfLower(factor->lower());
+  }
   const Eigen::VectorXd all_units = units.cwiseProduct(scale);
   EstimatedUnknowns unknowns;
   unknowns.covariance = all_units.asDiagonal() * InnerProducts(*root, *root) * all_units.asDiagonal();
@@ -360,6 +365,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   Likelihood result;
   result.gradient.setZero(num_groups_);
   result.average.setZero(num_groups_, num_groups_);
+  if (curvature == Curvature::kAverageAndExpected) result.fisher = result.average;
   const std::optional<Estimated> at = EstimateAt(variances);
   if (!at) return result;
   const auto& [whitening, products, unknowns] = *at;
@@ -378,7 +384,7 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   double squares = independent_squares / p + SquaresOfPriors(step, variances);
   whole(0, 0) = independent_squares / (p * p * p);
   pulls.col(0) = by_independent / (p * p);
-  Eigen::VectorXd twice = Eigen::VectorXd::Zero(num_sources);  // The gradients.
+  Eigen::VectorXd twice = Eigen::VectorXd::Zero(num_sources);  // Twice the gradients.
   twice[0] = (independent_squares + covariance.cwiseProduct(independent).sum()) / (p * p) - num_independent_ / p;
   Rows vectors(num_rows_, num_sources);
   for (size_t v = 0; v < dependent_.size(); ++v) {
@@ -495,7 +501,7 @@ Eigen::MatrixXd LikelihoodOfRows<kRows, kEffects>::ExpectedInformation(const Est
   const double p = variances[0];
   const Eigen::MatrixXd& products = at.products;
   const Eigen::MatrixXd& covariance = at.unknowns.covariance;
-  // From here, the products of rows cost more than those of unknowns.
+  // From three rows per unknown on, the products of rows cost more than those of unknowns.
   const bool has_few_rows = spread.by_unknowns.cols() < 3 * n;
   Eigen::MatrixXd fisher = has_few_rows ? ExpectedByRows(at, spread, p) : ExpectedByUnknowns(at, spread, p);
   if (shared_.columns.empty()) return fisher.selfadjointView<Eigen::Lower>();

@@ -35,6 +35,8 @@ struct InformationAndDerivatives {
 class RestrictedLikelihood {
  public:
   virtual ~RestrictedLikelihood() = default;
+  // If the variances make a covariance singular, or the captures do not determine the unknowns, minus_log is infinite,
+  // and the rest is zero.
   virtual Likelihood At(const Eigen::VectorXd& variances, Curvature curvature) const = 0;
   // Returns nothing if the variances make a covariance singular. Unknowns whose variance is zero are left out.
   virtual std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const = 0;

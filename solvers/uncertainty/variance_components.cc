@@ -26,6 +26,7 @@ void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& 
       return;
     }
     double information = 0;
+    double lack = 0;  // What the observed information lacks.
     if (groups[i].avoids_zero) {
       likelihood->minus_log -= 0.5 * std::log(v);
       likelihood->gradient[k] += 0.5 / v;
@@ -37,9 +38,13 @@ void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& 
       likelihood->minus_log += 0.5 * distance * distance;
       likelihood->gradient[k] -= distance / (log_variance_sigma * v);
       information += 1 / std::pow(log_variance_sigma * v, 2);
+      lack = distance / (log_variance_sigma * v * v);
     }
     likelihood->average(k, k) += information;
-    if (likelihood->fisher.size() > 0) likelihood->fisher(k, k) += information;
+    if (likelihood->fisher.size() == 0) continue;
+    // Newton's method takes the observed information from both, and scoring the expected one alone.
+    likelihood->average(k, k) -= 0.5 * lack;
+    likelihood->fisher(k, k) += information;
   }
 }
 
@@ -76,7 +81,8 @@ std::optional<Eigen::VectorXd> NewtonStep(const Likelihood& here, const std::vec
   if (!scale.allFinite()) return std::nullopt;
   const auto factor = Cholesky(scale.asDiagonal() * observed * scale.asDiagonal());
   if (!factor) return std::nullopt;
-  return scale.asDiagonal() * factor->Solve(scale.cwiseProduct(here.gradient(free)));
+  const Eigen::VectorXd step = scale.asDiagonal() * factor->Solve(scale.cwiseProduct(here.gradient(free)));
+  return step.allFinite() ? std::optional(step) : std::nullopt;
 }
 
 // Returns the variances that a step may change. A variance at zero stays there unless its gradient is positive, and one

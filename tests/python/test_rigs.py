@@ -1,6 +1,7 @@
 """Runs with rigs and location with their results, beside the program's own results."""
 
 import json
+import shutil
 import subprocess
 
 import conftest
@@ -176,6 +177,28 @@ def test_location_is_that_of_the_program(rig_cell, rig_run):
         heba.locate(rig_run, {"left": greys["left"][:-1]})
 
 
+def test_a_stream_of_poses_serves_several_cameras(rig_cell, tmp_path):
+    shutil.copytree(rig_cell, tmp_path / "rig")
+    names, _ = conftest.read_poses(rig_cell / "poses.csv")
+    numbers = np.array([line.split(",")[1:8] for line in (rig_cell / "poses.csv").read_text().splitlines()[1:]], float)
+    # The robot moves from pose to pose within a second, and the cameras' clock is ahead by .3 s.
+    signs = np.cumprod(np.sign(np.sum(numbers[1:, 3:] * numbers[:-1, 3:], axis=1)))
+    numbers[1:, 3:] *= signs[:, np.newaxis]
+    times = np.arange(0, len(names) - 1 + 1e-9, 0.02)
+    stream = np.array([np.interp(times, np.arange(len(names)), column) for column in numbers.T]).T
+    stream[:, 3:] /= np.linalg.norm(stream[:, 3:], axis=1)[:, np.newaxis]
+    rows = ["time,x,y,z,qx,qy,qz,qw"] + [",".join(map(repr, [float(t), *map(float, row)])) for t, row in zip(times, stream)]
+    (tmp_path / "rig" / "stream.csv").write_text("\n".join(rows) + "\n")
+    rows = ["image,time"] + [f"{name},{i + 0.3}" for i, name in enumerate(names[:-1])]
+    (tmp_path / "rig" / "poses.csv").write_text("\n".join(rows) + "\n")
+    settings = {"captures.stream": str(tmp_path / "rig" / "stream.csv"), "refine.robot_noise": "white", "evaluate.folds": 0}
+    config = tmp_path / "rig" / "config.yaml"
+    result = heba.run(config, out=tmp_path / "run", settings=settings)
+    assert result.data["time_offset"]["value_s"] == pytest.approx(-0.3, abs=0.002)
+    symptoms = heba.doctor(config, settings=settings)
+    assert not any(symptom.is_wrong for symptom in symptoms), symptoms
+
+
 def test_check_takes_the_images_of_several_cameras(rig_cell, rig_run):
     names, poses = conftest.read_poses(rig_cell / "poses.csv")
     images = {camera: [rig_cell / camera / name for name in names[:3]] for camera in ("left", "right")}
@@ -185,7 +208,9 @@ def test_check_takes_the_images_of_several_cameras(rig_cell, rig_run):
     step = np.eye(4)
     step[0, 3] = 0.02
     moved = heba.check(rig_run, {"left": images["left"]}, poses=step @ poses[:3], target="in-place")
-    assert moved.decision == "moved" and moved.body.split()[0] in ("camera", "target", "base")
+    assert moved.decision == "moved" and moved.change["side"] in ("hand", "world")
+    with pytest.raises(heba.Error, match="^images: the run is that of a rig; a dictionary by the names of its cameras"):
+        heba.check(rig_run, images["left"], poses=poses[:3], target="in-place")
     with pytest.raises(heba.Error, match="^images: 'lift' is unknown; did you mean 'left'"):
         heba.check(rig_run, {"lift": images["left"]}, poses=poses[:3], target="in-place")
 

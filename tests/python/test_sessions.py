@@ -9,6 +9,16 @@ import pytest
 import heba
 
 
+SCENE_OF_DICTIONARY = {
+    "setup": "eye_to_hand",
+    "target": {"type": "chessboard", "rows": 6, "columns": 7, "square": "30 mm"},
+    "camera": {"model": "pinhole", "image_size": [640, 480], "fx": 600, "fy": 600, "cx": 320, "cy": 240},
+    "hand_eye": {"translation": ["1050 mm", "50 mm", "400 mm"], "rpy": ["-88 deg", "3 deg", "91 deg"]},
+    "board": {"translation": ["50 mm", "-30 mm", "60 mm"], "rpy": ["178 deg", "3 deg", "20 deg"]},
+    "motion": {"captures": 10, "distance": "500 mm", "tilt": "25 deg"},
+}
+
+
 @pytest.fixture(scope="module")
 def later(tmp_path_factory):
     """A session of the cell: in place, and one whose camera was knocked by 4 mm."""
@@ -35,6 +45,8 @@ def test_simulate_writes_what_the_program_writes(tmp_path):
     assert config.name == "config.yaml" and len(files) > 5
     for file in files:
         assert (config.parent / file).read_bytes() == (tmp_path / "by_program" / file).read_bytes(), file
+    by_dictionary = heba.simulate(SCENE_OF_DICTIONARY, tmp_path / "by_dictionary")
+    assert heba.run(by_dictionary, out=tmp_path / "run").verdict["grade"] == "good"
     with pytest.raises(heba.Error, match="settings: motion: unknown key 'capture'"):
         heba.simulate(scene, tmp_path / "other", settings={"motion.capture": 5})
 
@@ -57,8 +69,16 @@ def test_plan_takes_a_dictionary_and_names_its_keys(program_run):
         heba.plan(program_run, 4, procedure="two_step")
     with pytest.raises(heba.Error, match="^procedure: 'twostep' is unknown; did you mean 'two_step'"):
         heba.plan(program_run, procedure="twostep")
-    with pytest.raises(heba.Error, match="^config: "):
-        heba.plan({"setup": "eye_to_hand"})
+    rough = {key: SCENE_OF_DICTIONARY[key] for key in ("setup", "target", "camera")}
+    place = {"hand_eye": SCENE_OF_DICTIONARY["hand_eye"], "board": SCENE_OF_DICTIONARY["board"]}
+    with pytest.raises(heba.Error, match="^config: plan.hand_eye and plan.board are needed"):
+        heba.plan(rough)
+    rough["camera"] = {"model": "pinhole"}
+    place["workspace"] = {"box": [["0 mm", "-500 mm", "-100 mm"], ["800 mm", "500 mm", "800 mm"]]}
+    place["lens"] = {"focal_length": "6 mm", "pixel": "0.01 mm", "image_size": [640, 480]}
+    assert len(heba.plan({**rough, "plan": place}, np.int64(6))) == 9
+    with pytest.raises(heba.Error, match="^count: must be a whole number from 1 to 500"):
+        heba.plan({**rough, "plan": place}, True)
 
 
 def test_check_decides_as_the_program_does(program_run, later):
@@ -83,8 +103,12 @@ def test_check_without_a_robot(program_run, later):
     assert heba.check(program_run, images[0], reference=images[0]).holds
     check = heba.check(program_run, images[1], reference=images[0])
     assert check.decision == "moved"
-    with pytest.raises(heba.Error, match="^reference: takes the place of the robot's poses"):
+    with pytest.raises(heba.Error, match="^reference: says nothing about a camera if the target was moved"):
         heba.check(program_run, images[1], reference=images[0], target="moved")
+    with pytest.raises(heba.Error, match="^reference: takes the place of the robot's poses"):
+        heba.check(program_run, images[1], reference=images[0], poses=np.eye(4))
+    with pytest.raises(heba.Error, match="^target: 'in_place' is unknown; did you mean 'in-place'"):
+        heba.check(program_run, images[1], reference=images[0], target="in_place")
 
 
 def test_check_says_what_it_needs(program_run, later, tmp_path):
@@ -97,6 +121,10 @@ def test_check_says_what_it_needs(program_run, later, tmp_path):
         heba.check(program_run, images, poses={"left": poses}, target="moved")
     with pytest.raises(heba.Error, match="^joints: must be 5 rows of numbers"):
         heba.check(program_run, images, poses=poses, joints=[[0.0] * 6], target="moved")
+    with pytest.raises(heba.Error, match="^poses: those of the arm are needed"):
+        heba.check(program_run, images, poses={}, target="moved")
+    with pytest.raises(heba.Error, match="^images: must be paths of images"):
+        heba.check(program_run, 3, poses=poses, target="moved")
     with pytest.raises(heba.Error, match="^images: the run has only one, without a name"):
         heba.check(program_run, {"right": images}, poses=poses, target="moved")
     with pytest.raises(heba.Error, match="nothing.png"):

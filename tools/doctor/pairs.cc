@@ -67,6 +67,8 @@ RunConfig ConfigOf(const RunConfig& config, const DoctorPair& pair) {
   of_data.arms = {std::nullopt};
   of_data.given_detections = GivenDetectionsOf(data, pair);
   of_data.detections_source = data.detections_source;
+  of_data.stream = data.stream;
+  of_pair.options.estimates_time_offset = config.options.estimates_time_offset;
   of_pair.targets_used = {config.targets_used[pair.target]};
   of_pair.has_target_keys = {config.has_target_keys[pair.target]};
   const PosesFileOfArm& arm = config.arms[pair.robot];
@@ -75,6 +77,7 @@ RunConfig ConfigOf(const RunConfig& config, const DoctorPair& pair) {
   for (const size_t i : pair.captures) {
     const Recording& capture = data.captures[i];
     of_data.captures.push_back({capture.name, {capture.base_from_gripper[pair.robot]}, {capture.images[pair.camera]}});
+    of_data.captures.back().time_s = capture.time_s;
     of_pair.arms.front().numbers.push_back(arm.numbers[i]);
   }
   return of_pair;

@@ -22,11 +22,13 @@ struct CheckedSession {
 };
 
 // Reads images that were taken at these poses of the arms, and detects the targets in them; `is_target_in_place`:
-// whether the targets are mounted as they were for the calibration. Throws InputError like ReadSession.
+// whether the targets are mounted as they were for the calibration. There must be an image. Throws InputError like
+// ReadSession.
 CheckedSession SessionAtPoses(const FinishedRun& run, const std::vector<SessionImage>& images,
                               const std::vector<ArmsAtImage>& poses, bool is_target_in_place, int num_threads);
 
-// Reads images of one camera that stands still, as its targets do, and the reference images: one, or those of a folder.
+// Reads images, at least one, of one camera that stands still, as its targets do, and the reference images: one, or
+// those of a folder.
 // Throws InputError if the images are those of several cameras or the folder has none, and like ReadReferenceSession.
 CheckedSession SessionBesideReferences(const FinishedRun& run, const std::filesystem::path& reference,
                                        const std::vector<SessionImage>& images, int num_threads);

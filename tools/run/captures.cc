@@ -41,6 +41,11 @@ ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved) {
   return sigmas;
 }
 
+double RobotScaleSigmaOf(const Dataset& dataset) {
+  const std::vector<double> sigmas = ScaleSigmasOf(dataset, dataset.rig).robots;
+  return *std::max_element(sigmas.begin(), sigmas.end());
+}
+
 std::string ImageOf(const Dataset& dataset, size_t capture, size_t camera) {
   const Recording& recording = dataset.captures[capture];
   const std::filesystem::path& image = recording.images[camera];

@@ -24,6 +24,8 @@ bool IsImageSizeKnown(const Dataset& dataset);
 // Returns what is known about the scales of a data set's targets and arms. `solved` has the errors of arms that were
 // estimated, which makes their lengths those of arms that were calibrated.
 ScaleSigmas ScaleSigmasOf(const Dataset& dataset, const Problem& solved);
+// Returns the largest sigma of the scale of an arm's translations, if no errors of the arm are estimated.
+double RobotScaleSigmaOf(const Dataset& dataset);
 
 // Returns how messages and results call the image of a camera in a capture: the capture if it has no image.
 std::string ImageOf(const Dataset& dataset, size_t capture, size_t camera);

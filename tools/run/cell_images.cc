@@ -11,6 +11,7 @@
 #include "solvers/cell/calibration_stages.h"
 #include "solvers/cell/drift_calibration.h"
 #include "tools/run/arm_errors.h"
+#include "tools/run/captures.h"
 #include "tools/run/earlier_run.h"
 #include "tools/run/free_points.h"
 #include "tools/run/image_results.h"
@@ -102,6 +103,7 @@ CalibrationOptions CellOptions(const ImageRun& run, const std::vector<std::optio
   options.has_camera = run.dataset.has_camera;
   options.adjustment.num_threads = run.options.num_threads;
   options.arms = ErrorsOfArms(run.dataset, arms, run.options.kinematics);
+  options.robot_scale_sigma = RobotScaleSigmaOf(run.dataset);
   return options;
 }
 

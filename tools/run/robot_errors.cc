@@ -29,6 +29,7 @@ std::optional<Finding> CalibrateWithRobotErrors(const Dataset& dataset, const Ru
                                                 PairCalibration* calibration) {
   RobotErrors errors;
   errors.smooth = run.calibration.smooth;
+  errors.robot_scale_sigma = RobotScaleSigmaOf(dataset);
   const bool has_arm = arm != nullptr && arm->reason.empty();
   if (has_arm) {
     errors.arm = ErrorsOfArm(dataset.arms.front()->arm, *arm, run.kinematics);

@@ -21,7 +21,8 @@ struct AdjustmentOptions {
   LossKind loss = LossKind::kTruncated;
   // Sigma of one coordinate of every camera, px. Nothing: estimated from the residuals, for each camera.
   std::optional<double> pixel_noise_px;
-  // Initial guess of that of each camera, which a truncated loss does not use; empty: by the median of the residuals.
+  // Initial guess of that sigma if it is estimated, greater than zero, one per camera; a truncated loss does not use
+  // it. Empty: by the median of the residuals.
   std::vector<double> pixel_noise_start_px;
   // Treats the poses of the arms as exact, as observations with the given noise, or as observations with a noise that
   // is estimated, for each arm by itself, together with the pixel noise (by restricted maximum likelihood).

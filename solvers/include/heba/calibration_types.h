@@ -27,6 +27,9 @@ struct CalibrationOptions {
   // One for each arm, or an empty list: no arm is known. Errors of an arm need an estimated noise of the arms, too; an
   // arm of which they are estimated has no smooth errors beside them.
   std::vector<ArmErrorModels> arms = {};
+  // One sigma of the scale of the arms' translations about 1, the largest of all arms: with it, the captures may
+  // contradict what is known about the size of a target.
+  double robot_scale_sigma = kRobotScaleSigma;
 };
 
 // The calibration of one pair of a camera and a target by itself (CalibratePair).

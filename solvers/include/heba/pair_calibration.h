@@ -42,6 +42,7 @@ struct RobotErrors {
       arm;  // Its effects are those of the captures View::capture. Without models and joints: no arm is known.
   // Errors that vary smoothly with the pose, of an arm of which no others are estimated.
   SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
+  double robot_scale_sigma = kRobotScaleSigma;  // CalibrationOptions::robot_scale_sigma.
 };
 
 struct RobotErrorsFound {

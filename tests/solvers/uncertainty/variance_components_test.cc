@@ -277,7 +277,7 @@ TEST(GeneralVariancesTest, LikelihoodAndScoresAreThoseOfTheDefinition) {
 }
 
 // The average information is 1/2 (V_k P y)^T P (V_l P y), the expected one 1/2 tr(P V_k P V_l), also at zero. Few
-// captures have fewer rows that depend on their effects than there are unknowns, many have more.
+// captures have fewer than three rows per unknown that depend on their effects, many have more.
 TEST(GeneralVariancesTest, InformationIsThatOfTheDefinition) {
   for (const int num_views : {8, 30}) {
     for (const double own : {0.3, 0.0}) {
@@ -311,6 +311,21 @@ TEST(GeneralVariancesTest, InformationIsThatOfTheDefinition) {
         }
       }
     }
+  }
+}
+
+// Captures that do not determine an unknown determine no variance either: nothing is free to move, and nothing aborts.
+TEST(GeneralVariancesTest, UndeterminedUnknownsLeaveTheVariancesAsTheyAre) {
+  for (const int num_views : {3, 30}) {
+    GeneralViews general = MakeGeneralViews(4, num_views, {0.5, 0.3}, {});
+    for (LinearisedView& view : general.views) view.by_unknowns.col(1).setZero();
+    const VarianceComponents found = EstimateVariances(general.views, general.groups);
+    ASSERT_EQ(found.variances.size(), 3);
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      EXPECT_EQ(found.variances[k], general.groups[static_cast<size_t>(k)].variance);
+      EXPECT_EQ(found.stddev[k], 0);
+    }
+    EXPECT_FALSE(ScoresOf(general.views, general.groups).has_value());
   }
 }
 

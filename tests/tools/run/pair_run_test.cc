@@ -2,7 +2,9 @@
 #include "heba/run.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -224,6 +226,28 @@ TEST(PairRunTest, SizeThatContradictsItsStatedSigmaIsNamed) {
   EXPECT_NEAR(*found->Number("scale_x"), 1 / 1.012, 2e-3);
   EXPECT_THAT(FindRefined(run->result)->hand_eye.camera_mount_from_camera,
               IsNearPose(scene.hand_eye.camera_mount_from_camera, 5e-4, 1e-3));
+}
+
+// If the lengths of the robot are known less well than the target, the contradiction is one of the robot: the target
+// keeps its size, and the sigma of the pose contains the doubt.
+TEST(PairRunTest, SizeIsBelievedBesideARobotOfUnknownLengths) {
+  TestSceneOptions options = SimulatedOptions(*Chessboard());
+  options.robot_translation_m = 5e-5;
+  options.robot_rotation_rad = 1e-4;
+  const TestScene scene = MakeTestScene(6, options);
+  const std::shared_ptr<const Target> larger =
+      ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20.24 mm, scale_sigma: 0.1 %}");
+  Dataset dataset = WithFixedCamera(NamedDatasetOf(scene, larger));
+  dataset.robot_scale_sigmas = {0.01};
+  const Outcome<RunOutput> run = heba::Run(dataset, WithoutFolds());
+  ASSERT_TRUE(run) << run.reason();
+  const Solution& solution = run->result.solution;
+  EXPECT_NEAR(solution.shapes[0].params[0], 1, 3e-3);
+  const double error_m = DistanceM(solution.poses.mount_from_camera[0], scene.hand_eye.camera_mount_from_camera);
+  EXPECT_GT(error_m, 2e-3);
+  const auto covariance = PoseCovarianceOf(solution.covariance, CameraPoseBlock(run->result.rig.cameras[0]));
+  ASSERT_TRUE(covariance.has_value());
+  EXPECT_LT(error_m, 2.5 * std::sqrt(covariance->topLeftCorner<3, 3>().trace()));
 }
 
 TEST(PairRunTest, PointsOfASymmetricTargetAreRefused) {

@@ -1,12 +1,10 @@
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <string>
 #include <vector>
 
 #include "heba/base/error.h"
 #include "heba/base/registry.h"
-#include "heba/base/text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
