@@ -1,4 +1,4 @@
-"""Arguments that several functions take: configs, settings, runs and threads."""
+"""What several functions share: configs, settings, runs and threads as arguments, and calls that can be interrupted."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import json
 import os
 import re
 import tempfile
+import threading
 from pathlib import Path
-from typing import Any, Iterator, Mapping, Sequence, Union
+from typing import Any, Callable, Iterator, Mapping, Sequence, TypeVar, Union
 
+from . import _heba
 from ._heba import Error
 from ._result import Result
 
 PathLike = Union[str, "os.PathLike[str]"]
 Settings = Union[Sequence[str], Mapping[str, Any]]
+Found = TypeVar("Found")
 
 
 def entries_of(settings: Settings) -> list[str]:
@@ -68,6 +71,31 @@ def folder_of(run: PathLike | Result, what: str) -> Path:
     if run.folder is None:
         raise Error(f"a result of arrays has no folder; {what} needs one of a run")
     return run.folder
+
+
+def interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:
+    """Calls in another thread, so that an interrupt from the keyboard ends the wait at once, and the call at its next step."""
+    cancellation = _heba.Cancellation()
+    found: list[Found] = []
+    raised: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            found.append(call(cancellation))
+        except BaseException as error:  # Is raised again in the thread that waits.
+            raised.append(error)
+
+    worker = threading.Thread(target=work, name="heba")
+    try:
+        worker.start()
+        while worker.is_alive():
+            worker.join(0.1)
+    except BaseException:
+        cancellation.request()
+        raise
+    if raised:
+        raise raised[0]
+    return found[0]
 
 
 def _own_words(message: str) -> str:

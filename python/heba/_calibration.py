@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Mapping, Sequence, TypeVar, Union
+from typing import Any, Callable, Mapping, Sequence, Union
 
 from . import _heba
-from ._arguments import Settings, config_file, entries_of, folder_of, threads_of
+from ._arguments import Settings, config_file, entries_of, folder_of, interruptible, threads_of
 from ._arrays import grey_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
@@ -18,7 +17,6 @@ from ._result import Result
 
 Image = Union["np.ndarray", str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], object]
-Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,7 @@ def run(
     """
     with config_file(config) as file:
         entries, num_threads = entries_of(settings), threads_of(threads)
-        folder = _interruptible(lambda cancellation: _heba.run(file, entries, out, num_threads, progress, cancellation))
+        folder = interruptible(lambda cancellation: _heba.run(file, entries, out, num_threads, progress, cancellation))
     return Result.read(folder)
 
 
@@ -258,7 +256,7 @@ def calibrate(
         if unknown:
             raise Error(f"{key}: {unknown_name(min(unknown), list(points))}")
     num_threads = threads_of(threads)
-    text = _interruptible(
+    text = interruptible(
         lambda cancellation: _heba.calibrate(
             setup, yaml, cameras, base_from_gripper, folds, num_threads, progress, cancellation
         )
@@ -305,28 +303,3 @@ def _capture(entry: Any, name: str, ids_of_target: Sequence[int]) -> tuple[list[
 def _target_text(target: Mapping[str, Any] | str) -> str:
     # JSON is YAML.
     return target if isinstance(target, str) else json.dumps(dict(target))
-
-
-def _interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:
-    """Calls in another thread, so that an interrupt from the keyboard ends the wait at once, and the call at its next step."""
-    cancellation = _heba.Cancellation()
-    found: list[Found] = []
-    raised: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            found.append(call(cancellation))
-        except BaseException as error:  # Is raised again in the thread that waits.
-            raised.append(error)
-
-    worker = threading.Thread(target=work, name="heba")
-    try:
-        worker.start()
-        while worker.is_alive():
-            worker.join(0.1)
-    except BaseException:
-        cancellation.request()
-        raise
-    if raised:
-        raise raised[0]
-    return found[0]

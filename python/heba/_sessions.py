@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Mapping, Sequence
 
 from . import _heba
-from ._arguments import PathLike, Settings, config_file, entries_of, folder_of, threads_of
+from ._arguments import PathLike, Settings, config_file, entries_of, folder_of, interruptible, threads_of
 from ._arrays import joints_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
@@ -107,7 +107,8 @@ def plan(
     if isinstance(count, bool) or not hasattr(count, "__index__") or not fewest <= count <= 500:
         raise Error(f"count: must be a whole number from {fewest} to 500")
     with config_file(folder_of(cell, "plan") if isinstance(cell, Result) else cell) as file:
-        captures, table = _heba.plan(file, entries_of(settings), int(count), procedure is not None)
+        entries = entries_of(settings)
+        captures, table = interruptible(lambda _: _heba.plan(file, entries, int(count), procedure is not None))
     images, poses, joints, visible, target, position, orientation = zip(*captures)
     return Plan(
         images,
@@ -175,8 +176,10 @@ def check(
         if poses is None:
             raise Error("poses: the robot's poses at the images are needed; without a robot, a reference image")
         arms = _arms(poses, joints, len(named))
-    text, notes = _heba.check(
-        folder, named, arms, target == "in-place", None if reference is None else Path(reference), threads_of(threads)
+    earlier = None if reference is None else Path(reference)
+    num_threads = threads_of(threads)
+    text, notes = interruptible(
+        lambda _: _heba.check(folder, named, arms, target == "in-place", earlier, num_threads)
     )
     data = json.loads(text)
     return Check(

@@ -1,6 +1,10 @@
 """Sessions before, during and after a calibration, beside the program's own results."""
 
 import json
+import os
+import signal
+import threading
+import time
 
 import conftest
 import numpy as np
@@ -79,6 +83,18 @@ def test_plan_takes_a_dictionary_and_names_its_keys(program_run):
     assert len(heba.plan({**rough, "plan": place}, np.int64(6))) == 9
     with pytest.raises(heba.Error, match="^count: must be a whole number from 1 to 500"):
         heba.plan({**rough, "plan": place}, True)
+
+
+def test_an_interrupt_from_the_keyboard_does_not_wait_for_the_plan(program_run):
+    timer = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        heba.plan(program_run, 400)
+    assert time.monotonic() - begin < 5
+    for thread in threading.enumerate():
+        if thread.name == "heba":
+            thread.join()
 
 
 def test_check_decides_as_the_program_does(program_run, later):
