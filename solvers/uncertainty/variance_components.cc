@@ -197,6 +197,7 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
         return (next - variances).cwiseAbs().cwiseProduct(unit).maxCoeff();
       };
       constexpr double kNear = 1;
+      const Eigen::VectorXd scoring = direction;
       if (is_expected && change(moved_by(1)) < kNear) direction = NewtonStep(here, free).value_or(direction);
       const Eigen::VectorXd last = moved_by(1);
       const bool is_small = change(last) < small_change;
@@ -208,7 +209,13 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
       for (int halving = 0; halving < 30 && !has_moved && !is_small; ++halving, length *= 0.5) {
         const Eigen::VectorXd next = moved_by(length);
         Likelihood there = at(next);
-        if (!(there.minus_log <= here.minus_log)) continue;
+        if (!(there.minus_log <= here.minus_log)) {
+          // Where a bound cuts Newton's step off, scoring may still lead on. The first of its steps has its full
+          // length.
+          if (halving == 0 && direction != scoring) length = 2;
+          direction = scoring;
+          continue;
+        }
         has_moved = true;
         variances = next;
         here = std::move(there);
