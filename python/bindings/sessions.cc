@@ -72,7 +72,8 @@ pybind11::tuple Plan(const fs::path& cell, const std::vector<std::string>& setti
 
 // The poses of an arm, n x 4 x 4, or the path of their file, and its joints in the same way; the name of the only arm
 // is empty.
-using ArmSession = std::tuple<std::string, std::optional<DoubleArray>, fs::path, std::vector<std::vector<double>>, fs::path>;
+using ArmSession =
+    std::tuple<std::string, std::optional<DoubleArray>, fs::path, std::vector<std::vector<double>>, fs::path>;
 
 // Returns the poses of all arms at each image.
 std::vector<ArmsAtImage> PosesAtImages(const FinishedRun& run, const std::vector<ArmSession>& arms,
@@ -131,10 +132,10 @@ std::pair<std::string, std::vector<std::string>> Check(const fs::path& folder,
     }
     images.push_back({name.empty() ? 0 : IndexOf("images", name, cameras), path});
   }
-  const CheckedSession session =
-      reference ? SessionBesideReferences(run, *reference, images, num_threads)
-                : SessionAtPoses(run, images, PosesAtImages(run, arms, poses_of_arms, images), is_target_in_place,
-                                 num_threads);
+  const CheckedSession session = reference
+                                     ? SessionBesideReferences(run, *reference, images, num_threads)
+                                     : SessionAtPoses(run, images, PosesAtImages(run, arms, poses_of_arms, images),
+                                                      is_target_in_place, num_threads);
   const Outcome<SessionCheck> check = CheckSession(session.problem, session.solution, session.options);
   return {check ? CheckToJson(session.problem, *check) : UndecidedToJson(UndecidedText(check.failure())),
           session.notes};

@@ -43,7 +43,7 @@ struct CapturesCostOptions {
   // the shared unknowns.
   bool eliminated_poses_are_rough = false;
   int num_threads = 1;  // Upper bound; the result does not depend on it.
-  // What is known of parameter blocks; a target whose shape is known has no block.
+  // The priors say what is known of parameter blocks; a target whose shape is known has no block.
   std::vector<BlockPrior> priors;
 };
 

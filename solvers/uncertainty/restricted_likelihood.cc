@@ -257,10 +257,11 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     return squares;
   }
 
-  // The columns J^T S^-1 of all captures and C J^T S^-1, num_rows_ columns for each.
+  // A Spread has J^T S^-1 and C J^T S^-1, num_rows_ columns for each capture, and the captures' S^-1 J C J^T S^-1.
   struct Spread {
     Eigen::MatrixXd by_unknowns;
     Eigen::MatrixXd of_unknowns;
+    std::vector<Square> seen;
   };
 
   // Adds the scores of the variances of unknowns and their average information. `pulls` are J^T S^-1 V_k P y of the
@@ -275,13 +276,6 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   // whose blocks are those of pairs of captures, or from the derivatives of the information about the unknowns.
   Eigen::MatrixXd ExpectedByRows(const Estimated& at, const Spread& spread, double pixel_variance) const;
   Eigen::MatrixXd ExpectedByUnknowns(const Estimated& at, const Spread& spread, double pixel_variance) const;
-
-  // Returns a capture's S^-1 J C J^T S^-1.
-  Square SeenBy(const Whitening& whitening, const Spread& spread, size_t capture) const {
-    return whitening.Weighted(capture)
-        .leftCols(num_unknowns_)
-        .lazyProduct(spread.of_unknowns.middleCols(static_cast<Eigen::Index>(capture) * num_rows_, num_rows_));
-  }
 
   Eigen::Index num_groups_;
   Eigen::Index num_unknowns_;
@@ -336,13 +330,8 @@ auto LikelihoodOfRows<kRows, kEffects>::EstimateUnknowns(const Eigen::MatrixXd& 
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  std::optional<Eigen::MatrixXd> root = InverseRootOf(scaled);
-  if (!root) {
-    // The factorisation by itself is more stable.
-    const auto factor = Cholesky(scaled);
-    if (!factor) return std::nullopt;
-    root = InverseOfLower(factor->lower());
-  }
+  const std::optional<Eigen::MatrixXd> root = InverseRootOf(scaled);
+  if (!root) return std::nullopt;
   const Eigen::VectorXd all_units = units.cwiseProduct(scale);
   EstimatedUnknowns unknowns;
   unknowns.covariance = all_units.asDiagonal() * InnerProducts(*root, *root) * all_units.asDiagonal();
@@ -370,8 +359,9 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
   if (!at) return result;
   const auto& [whitening, products, unknowns] = *at;
   const auto& [covariance, step, log_determinant] = unknowns;
-  Spread spread{whitening.ByUnknowns(), {}};
+  Spread spread{whitening.ByUnknowns(), {}, {}};
   spread.of_unknowns = InnerProducts(covariance, spread.by_unknowns);
+  spread.seen.reserve(dependent_.size());
   std::vector<Eigen::Index> sources = {0};
   for (const EffectColumns::Range& range : effects_.ranges) sources.push_back(range.group);
   const auto num_sources = static_cast<Eigen::Index>(sources.size());
@@ -393,7 +383,9 @@ Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variance
     const auto weighted = whitening.Weighted(v);
     vectors.col(0) = weighted.col(n) - weighted.leftCols(n).lazyProduct(step);
     squares += vectors.col(0).dot(capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step));
-    const Square open = inverse - SeenBy(whitening, spread, v);  // The block of P.
+    spread.seen.push_back(weighted.leftCols(n).lazyProduct(
+        spread.of_unknowns.middleCols(static_cast<Eigen::Index>(v) * num_rows_, num_rows_)));
+    const Square open = inverse - spread.seen.back();  // The block of P.
     twice[0] += vectors.col(0).squaredNorm() - open.trace();
     const ByEffects open_a = open * capture.by_effects;
     for (size_t k = 0; k < effects_.ranges.size(); ++k) {
@@ -432,7 +424,7 @@ Eigen::MatrixXd LikelihoodOfRows<kRows, kEffects>::ExpectedByUnknowns(const Esti
   for (size_t v = 0; v < dependent_.size(); ++v) {
     const ByEffects& a = dependent_[v].by_effects;
     const Square& inverse = at.whitening.Inverse(v);
-    const Square seen = SeenBy(at.whitening, spread, v);
+    const Square& seen = spread.seen[v];
     const ByEffects inverse_a = inverse * a;
     const ByEffects seen_a = seen * a;
     const EffectSquare a_inverse_a = a.transpose() * inverse_a;

@@ -26,7 +26,7 @@ void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& 
       return;
     }
     double information = 0;
-    double lack = 0;  // What the observed information lacks.
+    double lack = 0;  // The observed information is less than `information` by this.
     if (groups[i].avoids_zero) {
       likelihood->minus_log -= 0.5 * std::log(v);
       likelihood->gradient[k] += 0.5 / v;
@@ -176,8 +176,8 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
     const std::vector<Eigen::Index> free = MovingVariances(groups, variances, here.gradient);
-    Eigen::VectorXd direction = free.empty() ? Eigen::VectorXd() : ScoringStep(here, free);
-    const auto moved_by = [&](double length) {
+    const Eigen::VectorXd scoring = free.empty() ? Eigen::VectorXd() : ScoringStep(here, free);
+    const auto moved_by = [&](const Eigen::VectorXd& direction, double length) {
       Eigen::VectorXd next = variances;
       for (size_t a = 0; a < free.size(); ++a) {
         const Eigen::Index k = free[a];
@@ -189,36 +189,34 @@ LikelyVariances MaximiseLikelihood(const RestrictedLikelihood& restricted, const
       }
       return next;
     };
+    const auto moves_to = [&](const Eigen::VectorXd& next) {
+      Likelihood there = at(next);
+      if (!(there.minus_log <= here.minus_log)) return false;
+      variances = next;
+      here = std::move(there);
+      return true;
+    };
     bool has_moved = false;
-    if (direction.size() > 0 && direction.allFinite()) {
+    if (scoring.size() > 0 && scoring.allFinite()) {
       // The change is measured in units of the variances' standard deviations.
       const Eigen::VectorXd unit = (is_expected ? here.fisher : here.average).diagonal().cwiseMax(0).cwiseSqrt();
       const auto change = [&](const Eigen::VectorXd& next) {
         return (next - variances).cwiseAbs().cwiseProduct(unit).maxCoeff();
       };
       constexpr double kNear = 1;
-      const Eigen::VectorXd scoring = direction;
-      if (is_expected && change(moved_by(1)) < kNear) direction = NewtonStep(here, free).value_or(direction);
-      const Eigen::VectorXd last = moved_by(1);
+      const bool is_near = is_expected && change(moved_by(scoring, 1)) < kNear;
+      const std::optional<Eigen::VectorXd> newton = is_near ? NewtonStep(here, free) : std::nullopt;
+      const Eigen::VectorXd last = moved_by(newton ? *newton : scoring, 1);
       const bool is_small = change(last) < small_change;
       if (is_small && is_expected) {
         variances = last;
         break;
       }
+      // Scoring may lead on where a bound cuts Newton's step off.
+      has_moved = newton && moves_to(last);
       double length = 1;
       for (int halving = 0; halving < 30 && !has_moved && !is_small; ++halving, length *= 0.5) {
-        const Eigen::VectorXd next = moved_by(length);
-        Likelihood there = at(next);
-        if (!(there.minus_log <= here.minus_log)) {
-          // Where a bound cuts Newton's step off, scoring may still lead on. The first of its steps has its full
-          // length.
-          if (halving == 0 && direction != scoring) length = 2;
-          direction = scoring;
-          continue;
-        }
-        has_moved = true;
-        variances = next;
-        here = std::move(there);
+        has_moved = moves_to(moved_by(scoring, length));
       }
     }
     if (has_moved) continue;

@@ -1,4 +1,4 @@
-// What a check tests: the images of a later session, at poses of the arms or beside reference images.
+// A check tests the images of a later session, at poses of the arms or beside reference images.
 #pragma once
 
 #include <filesystem>

@@ -10,7 +10,7 @@ namespace heba {
 
 // Returns the lower triangular matrix X = L^-1 of the factorisation A = L L^T, such that the inverse of A is X^T X and
 // log |A| is -2 times the sum of the logarithms of X's diagonal. Nothing if A, of which the lower triangle is read, is
-// not positive, or nearly so: rounding grows with the condition of A's leading blocks, which should be below 1e10.
+// not positive.
 std::optional<Eigen::MatrixXd> InverseRootOf(const Eigen::Ref<const Eigen::MatrixXd>& matrix);
 
 }  // namespace heba
