@@ -39,8 +39,6 @@ function makePages() {
   run('compare', 'runs', '--out', 'comparison', '--quiet');
   const scene = readFileSync(join(source, 'configs/rig/scene.yaml'), 'utf8');
   writeFileSync(join(folder, 'rig.yaml'), scene.replace(/captures: *[0-9]+/, 'captures: 12'));
-  run('simulate', 'rig.yaml', '--out', 'rig', '--quiet');
-  run('run', 'rig/config.yaml', '--out', 'rig_run', '--quiet');
   writeFileSync(join(folder, 'rig_arm.yaml'), 'base: rig.yaml\nrobot: {model: ur10e, offsets: 0.05 deg, lengths: 0.3 mm, ' +
                 'angles: 0.03 deg, configurations: one, record_joints: true}\nrobot_noise: {translation: 0.02 mm, rotation: 0.004 deg}\n');
   run('simulate', 'rig_arm.yaml', '--out', 'rig_arm', '--quiet');
@@ -53,10 +51,15 @@ function makePages() {
   run('study', 'study.yaml', '--out', 'study', '--quiet');
 }
 
-// Opens a page and collects the browser's complaints about it while it is open.
-async function open(browser, file, width, complaints) {
-  const context = await browser.newContext({viewport: {width, height: 900}, offline: true});
-  const page = await context.newPage();
+// Opens a tab, in which all files are opened one after the other.
+async function openTab(browser, width, options) {
+  const context = await browser.newContext({viewport: {width, height: 900}, offline: true, ...options});
+  return context.newPage();
+}
+
+// Opens a file, and collects the browser's complaints about it while it is open.
+async function open(page, file, complaints) {
+  page.removeAllListeners();
   page.on('console', (message) => {
     if (['error', 'warning'].includes(message.type())) complaints.push(`${file}: console: ${message.text()}`);
   });
@@ -66,7 +69,6 @@ async function open(browser, file, width, complaints) {
     if (url !== pathToFileURL(join(folder, file)).href && !url.startsWith('data:')) complaints.push(`${file}: asks for ${url}`);
   });
   await page.goto(pathToFileURL(join(folder, file)).href);
-  return page;
 }
 
 // Selector of the marks of each view, and the minimum number of marks in these runs.
@@ -254,9 +256,8 @@ const kPages = [
   {file: 'runs/summary.html', views: ['dumbbells'], column: 'hold-out, px'},
   {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
-  {file: 'rig_run/report.html', views: kReportViews.filter((view) => view !== 'dumbbells'),
+  {file: 'rig_arm_run/report.html', views: [...kReportViews.filter((view) => view !== 'dumbbells'), 'arm-corrections', 'arm-map'],
    column: 'hold-out, px', isRig: true},
-  {file: 'rig_arm_run/report.html', views: ['set-up', 'arm-corrections', 'arm-map'], column: 'hold-out, px', isRig: true, isArm: true},
   {file: 'one_condition/study.html', views: ['dumbbells'], column: 'error, mm'},
 ];
 
@@ -286,19 +287,16 @@ async function checkNarrow(page, file) {
 }
 
 // Checks that without a script the page says that it has no charts, and shows its tables.
-async function checkWithoutScript(file) {
-  const context = await browser.newContext({viewport: {width: 1280, height: 900}, offline: true, javaScriptEnabled: false});
-  const page = await context.newPage();
+async function checkWithoutScript(page, file) {
   await page.goto(pathToFileURL(join(folder, file)).href);
   assert.ok(await page.locator('noscript p').isVisible(), `${file} does not say why it has no charts`);
   // A photograph needs no script.
   assert.equal(await page.locator('figure:not(.photograph) svg').count(), 0);
   const rows = page.locator('tbody tr');
   assert.ok((await rows.count()) > 0 && (await rows.first().boundingBox()), `${file} shows no table`);
-  await context.close();
 }
 
-// Checks that the record fits on the first printed page.
+// Checks that the record fits on the first printed page. It resizes the window.
 async function checkRecord(page, file) {
   await page.emulateMedia({media: 'print'});
   // US Letter, which is shorter than A4, without margins, in px.
@@ -315,17 +313,20 @@ try {
                 '--disable-component-update', '--disable-sync'];
   browser = await chromium.launch({executablePath, args});
   const complaints = [];
-  for (const {file, views, column: title, isReport, isRig, isArm} of kPages) {
-    await checkWithoutScript(file);
-    for (const width of [1280, 400]) {
-      const page = await open(browser, file, width, complaints);
+  const plain = await openTab(browser, 1280, {javaScriptEnabled: false});
+  const tabs = [[1280, await openTab(browser, 1280)], [400, await openTab(browser, 400)]];
+  for (const {file, views, column: title, isReport, isRig} of kPages) {
+    await checkWithoutScript(plain, file);
+    for (const [width, page] of tabs) {
+      await page.setViewportSize({width, height: 900});
+      await open(page, file, complaints);
       await checkFigures(page, file, width, views);
       await checkSorting(page, title, width);
       if (isRig) {
         await checkCell(page);
         await checkRigResiduals(page);
+        await checkArm(page);
       }
-      if (isArm) await checkArm(page);
       if (file.startsWith('study')) await checkStudy(page);
       if (width === 400) await checkNarrow(page, file);
       if (isReport) {
@@ -358,7 +359,6 @@ try {
       assert.equal(refusals.length, 2, String(complaints));
       complaints.splice(0, complaints.length, ...complaints.filter((text) => !refusals.includes(text)));
       if (isReport && width > 400) await checkRecord(page, file);
-      await page.context().close();
       console.log(`${file} at ${width} px: ok`);
     }
   }

@@ -244,10 +244,12 @@ TEST_F(CellCommandsTest, RunStatesTheErrorsOfAnArm) {
 TEST_F(CellCommandsTest, TablesOfABatchCountCapturesAndNameTheIntrinsics) {
   WriteAll(Path("cell/second.yaml"), "base: config.yaml\nname: second\n");
   const CommandResult batch =
-      RunHeba({"run", Path("cell/config.yaml"), Path("cell/second.yaml"), "--out", Path("batch")});
+      RunHeba({"run", Path("cell/config.yaml"), Path("cell/second.yaml"), "--out", Path("batch"), "--set",
+               "evaluate.folds=0", "--set", "refine.robot_noise=white"});
   ASSERT_EQ(batch.status, 0) << batch.err;
   EXPECT_THAT(batch.out, testing::ContainsRegex("second +rig, 3 cameras +12/12 "));
-  const CommandResult alone = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("alone")});
+  const CommandResult alone = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("alone"), "--set",
+                                       "evaluate.folds=0", "--set", "refine.robot_noise=white"});
   ASSERT_EQ(alone.status, 0) << alone.err;
   const Json params = Json::parse(ReadAll(Path("alone/result.json")))["cameras"]["right"]["camera"];
   EXPECT_NEAR(NumberAfter(alone.out, "camera right in world", "intrinsics brown5: fx "), params["fx"].get<double>(),
@@ -420,8 +422,9 @@ TEST_F(CellCommandsTest, TheResultListsWhatWasLeftOut) {
 }
 
 TEST_F(CellCommandsTest, CompareMatchesCamerasAndTargetsByName) {
-  const CommandResult fewer = RunHeba({"run", Path("cell/config.yaml"), "--set", "name=fewer", "--set",
-                                       "captures.exclude=[001.png]", "--out", Path("fewer"), "--quiet"});
+  const CommandResult fewer =
+      RunHeba({"run", Path("cell/config.yaml"), "--set", "name=fewer", "--set", "captures.exclude=[001.png]", "--set",
+               "evaluate.folds=0", "--out", Path("fewer"), "--quiet"});
   ASSERT_EQ(fewer.status, 0) << fewer.err;
   const CommandResult compared = RunHeba({"compare", Path("run"), Path("fewer"), "--out", Path("comparison")});
   ASSERT_EQ(compared.status, 0) << compared.err;
@@ -462,8 +465,9 @@ class CellBatchTest : public CellCommandsTest {
     fs::remove_all(Path("batch"));
     fs::create_directories(Path("batch"));
     fs::copy(Path("cell"), Path("batch/cell"), fs::copy_options::recursive);
-    WriteAll(Path("batch/free.yaml"), "base: cell/config.yaml\nevaluate: {folds: 2}\n");
-    WriteAll(Path("batch/held.yaml"), "base: cell/config.yaml\nrefine: {intrinsics: []}\nevaluate: {folds: 2}\n");
+    const std::string base = "base: cell/config.yaml\nevaluate: {folds: 0}\nrefine: {robot_noise: white";
+    WriteAll(Path("batch/free.yaml"), base + "}\n");
+    WriteAll(Path("batch/held.yaml"), base + ", intrinsics: []}\n");
   }
 
   static CommandResult RunBatch(const std::string& out, const std::vector<std::string>& more = {}) {
@@ -512,7 +516,7 @@ TEST_F(CellBatchTest, ResumeRunsOnlyWhatChanged) {
     held = Stamp("out/held");
   };
   expect_again(false, false, "nothing");
-  WriteAll(Path("batch/free.yaml"), "base: cell/config.yaml\nevaluate: {folds: 3}\n");
+  WriteAll(Path("batch/free.yaml"), ReadAll(Path("batch/free.yaml")) + "captures: {exclude: [003.png]}\n");
   expect_again(true, false, "a config");
   // The second camera sees a capture again.
   fs::copy_file(Path("batch/cell/right/001.png"), Path("batch/cell/right/000.png"),
@@ -529,8 +533,9 @@ TEST_F(CellBatchTest, ResumeRunsOnlyWhatChanged) {
 
 // A finished rig is named by its folder or by its result.json.
 TEST_F(CellCommandsTest, TheIntrinsicsOfOneCameraCanBeHeld) {
-  const CommandResult run = RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--quiet", "--set",
-                                     "cameras.left.refine.intrinsics=[]"});
+  const CommandResult run =
+      RunHeba({"run", Path("cell/config.yaml"), "--out", Path("held"), "--quiet", "--set",
+               "cameras.left.refine.intrinsics=[]", "--set", "evaluate.folds=0", "--set", "refine.robot_noise=white"});
   ASSERT_EQ(run.status, 0) << run.err;
   const Json result = Json::parse(ReadAll(Path("held/result.json")));
   const auto is_estimated = [&](const std::string& camera) {

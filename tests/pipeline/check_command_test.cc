@@ -139,7 +139,9 @@ TEST_F(CheckCommandTest, SaysThatPosesBelongToOtherImages) {
   EXPECT_THAT(check.err, HasSubstr("poses that belong to other images"));
 }
 
-TEST_F(CheckCommandTest, ChecksSeveralCameras) {
+using CheckCommandNightly = CheckCommandTest;
+
+TEST_F(CheckCommandNightly, ChecksSeveralCameras) {
   const std::string scene = std::string(HEBA_SOURCE_DIR) + "/configs/rig/scene.yaml";
   for (const auto& [name, seed] : {std::pair("rig", "3"), std::pair("rig_later", "9")}) {
     ASSERT_EQ(RunHeba({"simulate", scene, "--set", "motion.captures=10", "--set", std::string("seed=") + seed, "--out",

@@ -75,7 +75,9 @@ TEST_F(DriftRunTest, EstimatesACreep) {
   EXPECT_LT(ErrorMm(wanted), 0.2);
 }
 
-TEST_F(DriftRunTest, EstimatesAKnock) {
+using DriftRunNightly = DriftRunTest;
+
+TEST_F(DriftRunNightly, EstimatesAKnock) {
   const Json result = RunWith("knock", {"--set", std::string("moved={from: 10, by: ") + kMotion + "}"});
   const Json drift = FindingOf(result, "drift");
   ASSERT_FALSE(drift.is_null());
@@ -88,7 +90,7 @@ TEST_F(DriftRunTest, EstimatesAKnock) {
 
 // The captures follow a path, so that their order alone tells nothing; the first three poses at the end tell that the
 // camera was knocked half-way, although the calibration leaves these captures out as outliers.
-TEST_F(DriftRunTest, RevisitsShowAKnockAlongAPath) {
+TEST_F(DriftRunNightly, RevisitsShowAKnockAlongAPath) {
   const fs::path folder = TestFolder("drift_revisits");
   const std::string scene = std::string(HEBA_SOURCE_DIR) + "/configs/manual/cell.yaml";
   for (const std::string kind : {"before", "after"}) {

@@ -75,11 +75,11 @@ struct SetupAndTarget {
 };
 void PrintTo(const SetupAndTarget& value, std::ostream* stream) { *stream << value.name; }
 
-class NoiseFreeTest : public testing::TestWithParam<SetupAndTarget> {};
+class NoiseFreeNightly : public testing::TestWithParam<SetupAndTarget> {};
 
 // Without noise except for the rounding of grey levels the hand-eye pose is accurate to 0.02 mm and 0.002 deg in both
 // setups.
-TEST_P(NoiseFreeTest, HandEyeErrorIsBelowATwentiethOfAMillimetre) {
+TEST_P(NoiseFreeNightly, HandEyeErrorIsBelowATwentiethOfAMillimetre) {
   const fs::path folder = TestFolder("noise_free_" + GetParam().name);
   const Json result = CalibratePair(folder, SceneText(GetParam().setup, GetParam().target, 0, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
@@ -112,7 +112,7 @@ const SetupAndTarget kSetupsAndTargets[] = {
     {"asymmetric_circles_to_hand", "eye_to_hand", kAsymmetricCircles},
 };
 
-INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoiseFreeTest, testing::ValuesIn(kSetupsAndTargets),
+INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoiseFreeNightly, testing::ValuesIn(kSetupsAndTargets),
                          [](const auto& test) { return test.param.name; });
 
 class NoisyTest : public testing::TestWithParam<SetupAndTarget> {};

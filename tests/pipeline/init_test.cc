@@ -94,8 +94,10 @@ TEST_F(InitTest, SaysWhatIsMissing) {
   EXPECT_TRUE(fs::is_empty(folder_ / "cell"));
 }
 
+using InitNightly = InitTest;
+
 // A target that the images contradict is not said to fit, and its correction is named.
-TEST_F(InitTest, NamesTheCorrectionOfAWrongTarget) {
+TEST_F(InitNightly, NamesTheCorrectionOfAWrongTarget) {
   const CommandResult other = Init({"--target", "{type: chessboard, rows: 5, columns: 9, square: 25 mm}"});
   EXPECT_EQ(other.status, 0) << other.err;
   EXPECT_THAT(Unbroken(other.out), AllOf(HasSubstr("warning: the images show another target than the config names: "),

@@ -48,7 +48,9 @@ class StreamTest : public testing::Test {
   fs::path folder_;
 };
 
-TEST_F(StreamTest, OffsetFollowsTheClockOfTheCamera) {
+using StreamNightly = StreamTest;
+
+TEST_F(StreamNightly, OffsetFollowsTheClockOfTheCamera) {
   const CommandResult run = Run("real_robot.csv", Shifted("real_target_in_camera.csv", 0));
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("the robot's clock is"));

@@ -66,7 +66,7 @@ TEST(WatchCommandTest, EndsWhenTheRequiredAccuracyIsReached) {
 }
 
 // Two cameras, whose captures are there from the start.
-TEST(WatchCommandTest, LooksAtTheImagesOfEveryCamera) {
+TEST(WatchCommandNightly, LooksAtTheImagesOfEveryCamera) {
   const fs::path folder = TestFolder("watch_command_cameras");
   const std::string all = (folder / "all").string();
   ASSERT_EQ(RunHeba({"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/rig/scene.yaml", "--out", all, "--quiet",

@@ -96,7 +96,7 @@ TEST(SessionCheckTest, AcceptsWhatHasNotChanged) {
 }
 
 // Changes of the size that is said to be seen are found in 95 %.
-TEST(SessionCheckTest, FindsChangesOfTheSizeThatItStates) {
+TEST(SessionCheckNightly, FindsChangesOfTheSizeThatItStates) {
   constexpr int kNumTrials = 60;
   int num_found_camera = 0;
   int num_found_target = 0;

@@ -82,7 +82,7 @@ TEST(SmoothChoiceTest, ErrorsOfAnArmAreFoundToBeSmooth) {
 // Noise that each capture draws anew is not smooth. A few captures do not exclude that half of it is, and then the RMS
 // error grows, by at most three tenths, and the covariance still holds: the mean chi-square with 6 degrees of freedom
 // is within 4 standard deviations (of 1) of 6.
-TEST(SmoothChoiceTest, WhiteNoiseThatIsTakenForSmoothCostsLittle) {
+TEST(SmoothChoiceNightly, WhiteNoiseThatIsTakenForSmoothCostsLittle) {
   ArmSceneOptions options;
   options.offset_rad = options.length_m = options.angle_rad = 0;
   options.joint_noise_rad = DegToRad(0.02);
@@ -134,7 +134,7 @@ TEST(SmoothChoiceTest, WhiteNoiseBesideSmoothErrorsIsNotTakenForZero) {
 }
 
 // Many captures of a robot whose noise is white show that it is, and white noise alone remains.
-TEST(SmoothChoiceTest, ManyCapturesShowThatNoiseIsWhite) {
+TEST(SmoothChoiceNightly, ManyCapturesShowThatNoiseIsWhite) {
   ArmSceneOptions options;
   options.offset_rad = options.length_m = options.angle_rad = 0;
   options.joint_noise_rad = DegToRad(0.02);

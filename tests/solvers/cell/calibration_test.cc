@@ -399,7 +399,7 @@ TEST(Calibration, NamesTheTargetOfAWrongSizeBesideOneOfUnknownSize) {
   EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.01, 2e-4);
 }
 
-TEST(Calibration, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
+TEST(CalibrationNightly, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
   CellSceneSetting setting;
   setting.has_free_intrinsics = false;
   CellScene scene = MixedCell(22, setting);

@@ -64,7 +64,7 @@ double GripperErrorM(const CellArmScene& scene, size_t robot, const Calibration*
   return std::sqrt(squares_m2 / static_cast<double>(residual.size()));
 }
 
-TEST(CellArmsTest, TheErrorsOfAnArmAreEstimatedAndTheCovarianceIsHonest) {
+TEST(CellArmsNightly, TheErrorsOfAnArmAreEstimatedAndTheCovarianceIsHonest) {
   constexpr int kTrials = 5;
   PoseErrorSums with_arm;
   PoseErrorSums without;

@@ -94,7 +94,9 @@ TEST_P(SuggestionTest, IsDetectedAtTheDistanceAndAQuarterBeyond) {
   }
 }
 
-TEST_P(SuggestionTest, StatesTheScatterOfThePose) {
+using SuggestionNightly = SuggestionTest;
+
+TEST_P(SuggestionNightly, StatesTheScatterOfThePose) {
   const Outcome<Suggestion>& near = SuggestionFor(GetParam());
   const Outcome<Suggestion> far = SuggestTarget(OptionsFor(GetParam(), "a4", 0.9));
   ASSERT_TRUE(near.ok() && far.ok()) << near.reason() << far.reason();
@@ -103,6 +105,8 @@ TEST_P(SuggestionTest, StatesTheScatterOfThePose) {
   EXPECT_GT(far->sigma.position_m, near->sigma.position_m);
 }
 
+INSTANTIATE_TEST_SUITE_P(Types, SuggestionNightly, testing::ValuesIn(SuggestedTypes()),
+                         [](const auto& test) { return test.param; });
 INSTANTIATE_TEST_SUITE_P(Types, SuggestionTest, testing::ValuesIn(SuggestedTypes()),
                          [](const auto& param_info) { return param_info.param; });
 

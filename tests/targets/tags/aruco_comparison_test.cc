@@ -143,7 +143,7 @@ size_t ExpectEqualMarkers(const cv::Mat& grey, size_t entry) {
 }
 
 // Boards are rendered with each dictionary in two of four ways: small, large and blurred, with much noise, in clutter.
-TEST(ArucoComparison, RenderedImagesHaveEqualMarkers) {
+TEST(ArucoComparisonNightly, RenderedImagesHaveEqualMarkers) {
   Rng rng(72);
   for (size_t entry = 0; entry < kArucoDictionaries.size(); ++entry) {
     SCOPED_TRACE(kArucoDictionaries[entry].name);

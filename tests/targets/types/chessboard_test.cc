@@ -64,7 +64,7 @@ TEST(Chessboard, FindsRenderedTargetsAccurately) {
 // The pixels are purely black or white. The corners are more accurate than those of OpenCV's finder with its accuracy
 // option. The stated covariance is not too small but too large, because the steps that alternate along an edge cancel
 // each other.
-TEST(Chessboard, IsAccurateWithoutAntiAliasing) {
+TEST(ChessboardNightly, IsAccurateWithoutAntiAliasing) {
   constexpr int kRows = 5;
   constexpr int kColumns = 8;
   const std::unique_ptr<Target> target = MakeBoard(kRows, kColumns);

@@ -261,7 +261,7 @@ TEST(AprilTagGrid, IgnoresASecondTargetWithTheSameTags) {
 }
 
 // A few large tags belong to a copy that is cut off by the corner of the image; the whole target is farther away.
-TEST(AprilTagGrid, FindsTheTargetWithMoreVisibleTags) {
+TEST(AprilTagGridNightly, FindsTheTargetWithMoreVisibleTags) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 6, 6, ", corner_squares: false");
   const Camera camera{"pinhole", 4000, 3000, {4000, 4000, 1999.5, 1499.5}};
   const Drawing& drawing = target->Draw();

@@ -37,7 +37,7 @@ TEST(ArmClustersTest, FewCapturesInAThirdConfigurationAreNotLeftOut) {
   }
 }
 
-TEST(ArmClustersTest, WrongPosesInOneConfigurationAreLeftOut) {
+TEST(ArmClustersNightly, WrongPosesInOneConfigurationAreLeftOut) {
   ArmSceneOptions options;
   options.setup = Setup::kEyeInHand;
   ArmDataset made = ThreeConfigurations(4, options, 60, 20);
