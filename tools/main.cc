@@ -6,6 +6,7 @@
 
 #include <glog/logging.h>
 
+#include "heba/base/memory.h"
 #include "tools/cli/command.h"
 #include "tools/files/result_folder.h"
 
@@ -33,6 +34,7 @@ void WatchForInterruption() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  heba::KeepFreedMemory();
   WatchForInterruption();
   // Ceres warns through glog; the relevant warnings reach the user as errors or remarks of heba.
   FLAGS_logtostderr = true;

@@ -32,6 +32,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "heba/base/memory.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -640,6 +641,7 @@ int Soak() {
 }  // namespace heba
 
 int main(int argc, char** argv) {
+  heba::KeepFreedMemory();
   google::InitGoogleLogging(argv[0]);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   return heba::Soak();
