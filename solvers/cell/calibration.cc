@@ -291,14 +291,20 @@ Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions&
   return FinishCalibration(*std::move(started), options);
 }
 
-bool IsAtLeastAsGood(const Calibration& calibration, const Calibration& other) {
+FitQuality QualityOf(const Calibration& calibration) {
+  return {CountImages(calibration.problem, [](const ProblemImage&) { return true; }),
+          calibration.refined->pixel_sigmas_px};
+}
+
+FitQuality QualityOf(const PairCalibration& calibration) {
+  return {static_cast<int>(calibration.views.size()), {calibration.refined->pixel_sigma_px}};
+}
+
+bool IsAtLeastAsGood(const FitQuality& calibration, const FitQuality& other) {
   constexpr double kMaxRise = 1.05;
-  const auto num_used = [](const Calibration& of) {
-    return CountImages(of.problem, [](const ProblemImage&) { return true; });
-  };
-  const std::vector<double>& sigmas_px = calibration.refined->pixel_sigmas_px;
-  return num_used(calibration) >= num_used(other) &&
-         std::equal(sigmas_px.begin(), sigmas_px.end(), other.refined->pixel_sigmas_px.begin(),
+  return calibration.num_images >= other.num_images &&
+         std::equal(calibration.pixel_sigmas_px.begin(), calibration.pixel_sigmas_px.end(),
+                    other.pixel_sigmas_px.begin(),
                     [](double sigma_px, double of_other) { return sigma_px <= kMaxRise * of_other; });
 }
 

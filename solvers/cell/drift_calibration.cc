@@ -121,7 +121,7 @@ bool AreExplained(const DriftCalibration& corrected, const Calibration& first) {
     const double most = drift.evidence == DriftEvidence::kCameras ? kMostLeft : kMostRise;
     if (is_knocked || ImageErrorPx(calibration, camera) > most * ImageErrorPx(first, camera)) return false;
   }
-  return IsAtLeastAsGood(calibration, first);
+  return IsAtLeastAsGood(QualityOf(calibration), QualityOf(first));
 }
 
 }  // namespace

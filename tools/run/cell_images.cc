@@ -68,7 +68,7 @@ Outcome<CalibratedImages> CalibrateDetections(const ImageRun& run, const Calibra
     Problem more = ProblemOf(run, *again);
     Outcome<StartedCalibration> restarted = StartCalibration(more, options);
     const Outcome<Calibration> second = FirstOf(restarted);
-    if (second && IsAtLeastAsGood(*second, *first)) {
+    if (second && IsAtLeastAsGood(QualityOf(*second), QualityOf(*first))) {
       *detections = std::move(*again);
       seen = std::move(more);
       started = std::move(restarted);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "heba/base/failure_code.h"
+#include "heba/calibration.h"
 #include "heba/data/hand_eye.h"
 #include "heba/data/smooth_errors.h"
 #include "heba/pair_calibration.h"
@@ -26,14 +27,6 @@
 
 namespace heba {
 namespace {
-
-// Returns whether a calibration from more points is no worse: it uses at least as many views, and its residuals are at
-// most 5 % larger than those of the first.
-bool IsAtLeastAsGood(const PairCalibration& second, const PairCalibration& first) {
-  constexpr double kMaxRise = 1.05;
-  return second.views.size() >= first.views.size() &&
-         second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
-}
 
 // A PairInput is what the calibration begins with.
 struct PairInput {
@@ -117,7 +110,7 @@ Outcome<Calibrated> CalibrateCaptures(const PairInput& input, const std::set<siz
           DetectCapturesAgain(input, *detections, calibrated.effects, *calibration)) {
     EndIfCancelled(input.observer);
     Outcome<PairCalibration> second = calibrate(*again);
-    if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
+    if (second && second->refined && IsAtLeastAsGood(QualityOf(*second), QualityOf(*calibration))) {
       calibration = std::move(second);
       *detections = std::move(*again);
     }

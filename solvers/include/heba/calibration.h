@@ -25,9 +25,17 @@ namespace heba {
 // Calibration::refined.
 Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options);
 
+// What tells a calibration from another one of the same images; the adjustment succeeded.
+struct FitQuality {
+  int num_images = 0;                   // Images in use.
+  std::vector<double> pixel_sigmas_px;  // One per camera.
+};
+FitQuality QualityOf(const Calibration& calibration);
+FitQuality QualityOf(const PairCalibration& calibration);
+
 // Returns whether a calibration is no worse than another one of the same images: it uses at least as many, and the
-// residuals of no camera are more than 5 % larger. Both adjustments succeeded.
-bool IsAtLeastAsGood(const Calibration& calibration, const Calibration& other);
+// residuals of no camera are more than 5 % larger.
+bool IsAtLeastAsGood(const FitQuality& calibration, const FitQuality& other);
 
 // Returns a finding `held_intrinsics`, and the change of the estimate, for each camera whose intrinsics were held and
 // contradict the images and the poses of the arms, by a joint F-test of their changes in an adjustment that frees them,
