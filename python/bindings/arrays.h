@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include <opencv2/core/mat.hpp>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <opencv2/core/mat.hpp>
 
 #include "heba/geometry/rigid3.h"
 

@@ -61,9 +61,8 @@ using CapturePoints = std::pair<std::vector<int>, DoubleArray>;
 
 // One camera: its name, the points of each capture, of which the camera may have no image, the width and height of its
 // images, and the name of its model with its parameters, if they are given.
-using CameraPoints =
-    std::tuple<std::string, std::vector<std::optional<CapturePoints>>, std::pair<int, int>,
-               std::optional<std::pair<std::string, std::vector<double>>>>;
+using CameraPoints = std::tuple<std::string, std::vector<std::optional<CapturePoints>>, std::pair<int, int>,
+                                std::optional<std::pair<std::string, std::vector<double>>>>;
 
 CaptureDetection DetectionOf(const CapturePoints& points, const std::pair<int, int>& size) {
   CaptureDetection detection;
@@ -76,8 +75,8 @@ CaptureDetection DetectionOf(const CapturePoints& points, const std::pair<int, i
   return detection;
 }
 
-// Returns the cameras, which one arm moves against the target, and their points. The target is not set. A camera without
-// a name is that of a config in the short form.
+// Returns the cameras, which one arm moves against the target, and their points. The target is not set. A camera
+// without a name is that of a config in the short form.
 Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const std::vector<Rigid3d>& poses) {
   Dataset data = DatasetOf(setup, nullptr);
   data.name = "arrays";
@@ -90,15 +89,13 @@ Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const s
   data.has_camera.clear();
   data.camera_sources.clear();
   for (size_t i = 0; i < poses.size(); ++i) {
-    data.captures.push_back(
-        {std::to_string(i), {poses[i]}, std::vector<std::filesystem::path>(cameras.size())});
+    data.captures.push_back({std::to_string(i), {poses[i]}, std::vector<std::filesystem::path>(cameras.size())});
   }
   for (size_t c = 0; c < cameras.size(); ++c) {
     const auto& [name, captures, size, given] = cameras[c];
     ProblemCamera& camera = data.rig.cameras.emplace_back(unnamed);
     camera.name = name;
-    camera.camera = {given ? given->first : "", size.first, size.second,
-                     given ? given->second : std::vector<double>()};
+    camera.camera = {given ? given->first : "", size.first, size.second, given ? given->second : std::vector<double>()};
     const std::string faults = given ? CheckCamera(camera.camera) : "";
     const std::string source = name.empty() ? "camera" : "camera " + name;
     if (!faults.empty()) throw InputError(source + ": " + faults);

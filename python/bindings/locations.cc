@@ -67,8 +67,7 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
 
 // Locates what the images show with the result of a run.
 ImageLocation LocateWith(const FinishedRun& run, const std::vector<CameraImage>& images,
-                         const std::vector<cv::Mat>& pixels,
-                         const std::vector<std::pair<std::string, Rigid3d>>& poses,
+                         const std::vector<cv::Mat>& pixels, const std::vector<std::pair<std::string, Rigid3d>>& poses,
                          const std::vector<ArmJoints>& joints, LocationRequest* request) {
   const Problem& problem = run.result.rig;
   std::vector<std::string> names;
@@ -82,8 +81,8 @@ ImageLocation LocateWith(const FinishedRun& run, const std::vector<CameraImage>&
   for (size_t i = 0; i < images.size(); ++i) {
     const Camera& camera = run.result.solution.cameras[cameras[i]];
     for (size_t t = 0; t < run.targets.size(); ++t) {
-      sightings.push_back({cameras[i], t,
-                           DetectIn(*run.targets[t], camera, names[cameras[i]], pixels[i], std::get<2>(images[i]))});
+      sightings.push_back(
+          {cameras[i], t, DetectIn(*run.targets[t], camera, names[cameras[i]], pixels[i], std::get<2>(images[i]))});
     }
   }
   return LocateInImages(*request, "", sightings);

@@ -25,6 +25,8 @@ PYBIND11_MODULE(_heba, module) {
   heba::BindPosePairs(module);
   heba::BindCaptures(module);
   heba::BindRuns(module);
+  heba::BindResults(module);
+  heba::BindSheets(module);
   heba::BindLocations(module);
   heba::BindSessions(module);
 }

@@ -26,8 +26,7 @@ inline size_t IndexOf(const std::string& what, const std::string& name, const st
 inline size_t IndexOfArm(const std::string& what, const std::string& name, const std::vector<std::string>& robots) {
   if (!name.empty()) return IndexOf(what, name, robots);
   if (robots.size() > 1) {
-    throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " +
-                     Join(robots, ", "));
+    throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " + Join(robots, ", "));
   }
   return 0;
 }

@@ -40,9 +40,7 @@ class PythonObserver final : public RunObserver {
     ++num_done_;
     Tell(stage);
   }
-  bool IsCancelled() override {
-    return cancellation_.is_requested() || raised_.has_value();
-  }
+  bool IsCancelled() override { return cancellation_.is_requested() || raised_.has_value(); }
   // Raises the exception that ended the run, if there was one. The caller holds the GIL.
   void RethrowIfRaised() const {
     if (raised_) throw pybind11::error_already_set(*raised_);

@@ -11,18 +11,13 @@
 #include <pybind11/stl/filesystem.h>
 
 #include "heba/base/error.h"
-#include "heba/base/registry.h"
-#include "heba/io/export_files.h"
-#include "heba/io/result_file.h"
 #include "python/bindings/bindings.h"
 #include "python/bindings/python_observer.h"
-#include "tools/config/run_export.h"
 #include "tools/doctor/cell_doctor.h"
 #include "tools/doctor/doctor.h"
 #include "tools/pipeline/pipeline.h"
 #include "tools/text/console.h"
 #include "tools/text/failure_text.h"
-#include "tools/text/result_table.h"
 
 namespace heba {
 namespace {
@@ -67,30 +62,6 @@ std::vector<SymptomTuple> DiagnoseFile(const std::filesystem::path& config_path,
   return symptoms;
 }
 
-// Returns the names and the texts of the files of an export.
-std::vector<std::pair<std::string, std::string>> ExportOf(const std::filesystem::path& result_file,
-                                                          const std::string& format_name, bool is_forced) {
-  const pybind11::gil_scoped_release release;
-  const ExportFormat* const format = FindEntry(ExportFormats(), format_name);
-  if (format == nullptr) throw InputError("format: " + UnknownName(format_name, NamesOf(ExportFormats())));
-  const RunResult result = ReadWholeResult(result_file);
-  const ExportRequests requests = ExportRequestsOf(result_file.parent_path(), result, kBundleMethod);
-  std::vector<std::pair<std::string, std::string>> files;
-  std::string reason;
-  for (const ExportedFile& file :
-       FilesToExport({*format}, requests, result.verdict.grade, is_forced, "force=True exports it")) {
-    if (!file.text.empty()) files.emplace_back(file.name, file.text);
-    if (reason.empty()) reason = file.reason;
-  }
-  if (files.empty()) throw InputError("format " + format_name + ": " + reason);
-  return files;
-}
-
-std::string TableOf(const std::filesystem::path& result_file) {
-  const pybind11::gil_scoped_release release;
-  return ResultTable(ReadRunResult(result_file), Colour::kPlain);
-}
-
 }  // namespace
 
 void BindRuns(pybind11::module_& module) {
@@ -99,8 +70,6 @@ void BindRuns(pybind11::module_& module) {
   module.def("run", &RunFile, arg("config"), arg("settings"), arg("out"), arg("num_threads"), arg("progress"),
              arg("cancellation"));
   module.def("diagnose", &DiagnoseFile, arg("config"), arg("settings"), arg("num_threads"));
-  module.def("export", &ExportOf, arg("result_file"), arg("format"), arg("force"));
-  module.def("table", &TableOf, arg("result_file"));
 }
 
 }  // namespace heba

@@ -10,6 +10,7 @@ the optical one (x right, y down, z forward).
 """
 
 from ._calibration import Detection, Location, Symptom, calibrate, detect, doctor, locate, run
+from ._comparison import Comparison, compare
 from ._heba import Error, __version__
 from ._opencv import (
     CALIB_HAND_EYE_ANDREFF,
@@ -27,6 +28,7 @@ from ._opencv import (
 )
 from ._result import ArmResult, CameraResult, RelativePose, Result, TargetResult
 from ._sessions import Check, Plan, check, plan, simulate
+from ._sheets import target
 
 __all__ = [
     "CALIB_HAND_EYE_ANDREFF",
@@ -39,6 +41,7 @@ __all__ = [
     "ArmResult",
     "CameraResult",
     "Check",
+    "Comparison",
     "Detection",
     "Error",
     "Location",
@@ -54,6 +57,7 @@ __all__ = [
     "calibrate_hand_eye",
     "calibrate_robot_world_hand_eye",
     "check",
+    "compare",
     "detect",
     "doctor",
     "locate",
@@ -61,4 +65,5 @@ __all__ = [
     "plan",
     "run",
     "simulate",
+    "target",
 ]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Iterator
 
 from . import _heba
+from ._arrays import joints_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
 
@@ -193,6 +194,25 @@ class Result:
             for name, text in files.items():
                 (Path(out) / name).write_text(text, encoding="utf-8")
         return files
+
+    @needs_numpy
+    def correct(
+        self, poses: Any, joints: Any = None, *, arm: str = "", inverse: bool = False, force: bool = False
+    ) -> np.ndarray:
+        """Corrects poses by the estimated errors of an arm, as `heba correct` does, and returns n x 4 x 4 matrices.
+
+        Args:
+            poses: base_from_gripper as the controller reports it, n x 4 x 4, m.
+            joints: The positions of the joints at the poses, n x joints, rad or m; they are needed if the captures are
+                in several configurations. With `inverse`, positions near them.
+            arm: The name of the arm; the only one needs none.
+            inverse: Whether `poses` are where the gripper shall truly be; the poses to command are returned.
+            force: Whether poses are corrected although the verdict of the run is bad.
+        """
+        given = poses_from(poses, "poses")
+        at = [] if joints is None else joints_from(joints, len(given), "joints")
+        with self._file() as file:
+            return np.array(_heba.correct(file, arm, given, at, inverse, force))
 
     @contextlib.contextmanager
     def _file(self) -> Iterator[Path]:

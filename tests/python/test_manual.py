@@ -21,7 +21,7 @@ def test_the_page_runs(cell, rig_cell, tmp_path, monkeypatch, capsys):
     pairs = [(pose, np.linalg.inv(camera) @ np.linalg.inv(pose) @ poses[0]) for pose in poses]
     np.savetxt("pairs.csv", np.array(pairs).reshape(len(pairs), -1), delimiter=",", header="numbers", fmt="%.17g")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert len(blocks) == 8
+    assert len(blocks) == 9
     names_of_page = {"poses": poses, "rig_poses": conftest.read_poses(rig_cell / "poses.csv")[1]}
     for block in blocks:
         exec(compile(block, str(PAGE), "exec"), names_of_page)

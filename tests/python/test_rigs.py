@@ -279,6 +279,34 @@ def test_the_errors_of_an_arm_correct_its_poses(tmp_path):
         heba.locate(run, {"wrist": image}, pose=poses[0])
     with pytest.raises(heba.Error, match="joints: arm robot: there are 2, but the arm ur10e has 6"):
         heba.locate(run, {"wrist": image}, pose=poses[0], joints=[0, 0])
+    check_corrected_poses(cell, run, tmp_path)
+
+
+def check_corrected_poses(cell, run, folder):
+    """Checks that the poses of a run are corrected as the program corrects them."""
+    rows = [line.split(",") for line in (cell / "poses.csv").read_text().splitlines() if not line.startswith("#")]
+    joints = {}
+    for line in (cell / "joints.csv").read_text().splitlines():
+        name, *positions = line.split(",")
+        joints[name] = positions
+    lines = [",".join(row + joints[row[0]]) for row in rows if row[0] in joints]
+    (folder / "with_joints.csv").write_text("\n".join(lines) + "\n")
+    names, poses = conftest.read_poses(folder / "with_joints.csv")
+    at = [[float(number) for number in joints[name]] for name in names]
+    result = heba.Result.read(run)
+    for options, inverse in ((["--inverse"], True), ([], False)):
+        conftest.program("correct", run, folder / "with_joints.csv", "--out", folder / "corrected.csv", *options)
+        of_names, expected = conftest.read_poses(folder / "corrected.csv")
+        assert of_names == names
+        corrected = result.correct(poses, at, inverse=inverse)
+        assert np.allclose(corrected, expected, rtol=0, atol=1e-8)
+        assert np.abs(corrected - poses).max() > 1e-5
+    with pytest.raises(heba.Error, match=r"poses\[0\]: .*several configurations"):
+        result.correct(poses)
+    with pytest.raises(heba.Error, match="joints: the arm ur10e has 6 joints, not 2"):
+        result.correct(poses[:1], [[0, 0]])
+    with pytest.raises(heba.Error, match="arm: unknown .*robot|arm: .*did you mean 'robot'"):
+        result.correct(poses[:1], arm="robt")
 
 
 def test_wrong_input_is_one_line(rig_cell, rig_run, program_run, cell, tmp_path):

@@ -7,29 +7,18 @@
 #include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
 #include "heba/data/scale_sigmas.h"
 #include "heba/io/camera_file.h"
-#include "heba/target.h"
 #include "targets/render/papers.h"
-#include "targets/render/sheet.h"
-#include "targets/render/sheet_file.h"
 #include "targets/render/suggestion.h"
-#include "targets/render/target_text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/command_table.h"
 #include "tools/cli/flags.h"
-#include "tools/config/file_kind.h"
+#include "tools/pipeline/target_sheet.h"
 #include "tools/text/console.h"
-#include "tools/text/target_symmetry.h"
 
 namespace heba {
 namespace {
-
-std::string ShownSize(const Eigen::Vector2d& size_mm) {
-  const auto shown = [](double mm) { return RoundTrip(std::round(10 * mm) / 10); };
-  return shown(size_mm.x()) + " x " + shown(size_mm.y()) + " mm";
-}
 
 const Paper& ParsePaper() {
   const Paper* const paper = FindEntry(Papers(), FLAGS_paper);
@@ -55,8 +44,8 @@ std::string SuggestionFile(const Suggestion& suggestion, const SuggestionOptions
   std::string text = "# Proposed by heba target --suggest --paper " + std::string(options.paper.name) +
                      " --distance '" + FLAGS_distance + "' --camera " + Quoted(FLAGS_camera) + " --target-type " +
                      options.type + "\n";
-  text += "# " + ShownSize(suggestion.drawing_mm) + " with its border, on " + std::string(options.paper.name) + " of " +
-          ShownSize(suggestion.page_mm) + "\n";
+  text += "# " + ShownSizeMm(suggestion.drawing_mm) + " with its border, on " + std::string(options.paper.name) +
+          " of " + ShownSizeMm(suggestion.page_mm) + "\n";
   text += "# At " + RoundTrip(std::round(1000 * options.distance_m)) + " mm " + suggestion.feature + " has " +
           Significant(suggestion.feature_px, 3) + " px; the target takes " + percent(suggestion.height_share) +
           " of the image's height and " + percent(suggestion.width_share) + " of its width\n";
@@ -103,33 +92,6 @@ int Suggest() {
   return kDone;
 }
 
-// Throws InputError if the sheet or its description would replace the target's file or a file of another kind.
-void CheckOutputs(const std::filesystem::path& target, const std::filesystem::path& sheet,
-                  const std::filesystem::path& json) {
-  std::error_code not_there;
-  for (const std::filesystem::path& output : {sheet, json}) {
-    if (std::filesystem::equivalent(target, output, not_there)) {
-      throw InputError("--out " + sheet.string() + ": " + output.string() +
-                       " would replace the file of the target; choose another name");
-    }
-  }
-  if (std::filesystem::exists(json, not_there) && !IsSheetJson(ReadTextFile(json))) {
-    throw InputError("--out " + sheet.string() + ": " + json.string() +
-                     " would be replaced, which does not describe a sheet; choose another name");
-  }
-}
-
-// Warns that the sheet is spread over several pages.
-void WarnOfPages(const std::string& path, const Target& target, const Sheet& sheet) {
-  const std::optional<Paper> larger = SmallestPaper(target, sheet.options);
-  const Paper& paper = *sheet.options.paper;
-  std::cerr << "heba: warning: " << path << ": the sheet of " << ShownSize(sheet.size_mm) << " does not fit on "
-            << paper.name << " (" << ShownSize(paper.SizeMm(false)) << "): it is spread over " << sheet.pages.size()
-            << " pages, and a target that is glued together is not as flat and exact as one page; "
-            << (larger ? "it fits on " + std::string(larger->name) : "no paper is large enough")
-            << ", and 'heba target --suggest' proposes a target for a paper" << std::endl;
-}
-
 }  // namespace
 
 int RunCommand_target(const std::vector<std::string>& arguments) {
@@ -148,32 +110,13 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   options.dpi = FLAGS_dpi;
   if (const std::string faults = OnOneLine(options.Check()); !faults.empty()) throw InputError("--dpi: " + faults);
   if (!FLAGS_paper.empty()) options.paper = ParsePaper();
-  // The keys of a target may take the place of its file.
-  const bool has_keys = arguments[0].find('{') != std::string::npos;
-  const std::string name = has_keys ? "target" : arguments[0];
-  if (!has_keys) RefuseFolder(name, FileKind::kTarget);
-  const ConfigValue value = has_keys ? ParseYaml(arguments[0], name) : ReadYamlFile(name);
-  RefuseOtherKind(value, name, FileKind::kTarget);
-  MapReader reader(value);
-  const std::unique_ptr<Target> target = CreateTarget(reader);
-  options.title = TargetTitle(*target, reader.used());
-  options.config = TargetConfigLine(reader.used());
-  const Sheet sheet = MakeSheet(*target, options);
-  std::filesystem::path json = path;
-  json.replace_extension(".json");
-  CheckOutputs(arguments[0], path, json);
-  WriteSheet(sheet, path);
-  WriteFileAtomically(json, SheetJson(sheet, path));
-  const size_t num_pages = sheet.pages.size();
+  const TargetSheet written = WriteTargetSheet(arguments[0], options, path);
+  const size_t num_pages = written.sheet.pages.size();
   std::cout << path.string() << ": " << (num_pages > 1 ? std::to_string(num_pages) + " pages of " : "")
-            << ShownSize(sheet.page_mm) << ", " << sheet.points.size()
+            << ShownSizeMm(written.sheet.page_mm) << ", " << written.sheet.points.size()
             << " points; print at 100 % and check both rulers\n"
-            << json.string() << ": the positions of the points" << std::endl;
-  if (num_pages > 1) WarnOfPages(name, *target, sheet);
-  if (target->Symmetries().size() > 1) {
-    std::cerr << "heba: warning: " << name << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
-              << std::endl;
-  }
+            << written.points_file.string() << ": the positions of the points" << std::endl;
+  for (const std::string& warning : written.warnings) std::cerr << "heba: warning: " << warning << std::endl;
   return kDone;
 }
 
