@@ -64,10 +64,10 @@ std::tuple<std::string, std::string, std::string> Compare(const std::vector<std:
 
 // Returns the true poses of an arm, n x 4 x 4, or those to command, with the joints at them (rad or m) if they are
 // given. The only arm has an empty name.
-std::vector<pybind11::array_t<double>> Correct(const std::filesystem::path& result_file, const std::string& arm,
-                                               const DoubleArray& base_from_gripper,
-                                               const std::vector<std::vector<double>>& joints, bool is_inverse,
-                                               bool is_forced) {
+std::vector<pybind11::array_t<double>> CorrectPoses(const std::filesystem::path& result_file, const std::string& arm,
+                                                    const DoubleArray& base_from_gripper,
+                                                    const std::vector<std::vector<double>>& joints, bool is_inverse,
+                                                    bool is_forced) {
   const std::vector<Rigid3d> given = PosesFrom(base_from_gripper);
   std::vector<Rigid3d> corrected;
   {
@@ -110,7 +110,7 @@ void BindResults(pybind11::module_& module) {
   module.def("export", &ExportOf, arg("result_file"), arg("format"), arg("force"));
   module.def("table", &TableOf, arg("result_file"));
   module.def("compare", &Compare, arg("runs"), arg("out"));
-  module.def("correct", &Correct, arg("result_file"), arg("arm"), arg("base_from_gripper"), arg("joints"),
+  module.def("correct", &CorrectPoses, arg("result_file"), arg("arm"), arg("base_from_gripper"), arg("joints"),
              arg("is_inverse"), arg("is_forced"));
 }
 
