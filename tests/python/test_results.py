@@ -14,7 +14,7 @@ def test_compare_gives_what_the_program_writes(cell, program_run, tmp_path):
     printed = conftest.program("compare", program_run, tmp_path / "fewer", "--out", tmp_path / "by_program")
     # The program breaks long lines.
     assert " ".join(printed.stdout.split()).startswith(" ".join(comparison.table.split()))
-    files = {file.name for file in (tmp_path / "by_python").iterdir()}
+    files = {file.name for file in (tmp_path / "by_python").iterdir() if not file.name.startswith(".")}
     assert files == {"compare.csv", "pairs.csv", "compare.html"}
     for file in files:
         assert (tmp_path / "by_python" / file).read_bytes() == (tmp_path / "by_program" / file).read_bytes(), file
