@@ -34,7 +34,7 @@ std::vector<std::string> TargetTypeNames() { return NamesOf(kTargetTypes); }
 
 std::unique_ptr<Target> CreateTarget(MapReader& reader) {
   if (IsKalibrTarget(reader)) reader = MapReader(FromKalibrTarget(reader));
-  std::unique_ptr<Target> target = ReadChoice(reader, "type", kTargetTypes).create(reader);
+  std::unique_ptr<Target> target = ReadChoice(reader, "type", kTargetTypes)->create(reader);
   if (reader.Has("scale_sigma")) target->set_scale_sigma(reader.Ratio("scale_sigma"));
   reader.Finish();
   return target;

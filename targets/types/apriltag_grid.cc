@@ -138,9 +138,9 @@ class AprilTagGrid final : public Target {
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
-  const TagFamilyName& entry = ReadChoice(reader, "family", kTagFamilies);
-  const std::string name = entry.name;
-  TagFamily family(entry);
+  const TagFamilyName* const entry = ReadChoice(reader, "family", kTagFamilies);
+  const std::string name = entry->name;
+  TagFamily family(*entry);
   const bool has_outer_cells = family.NumOuterCells() > 0;
   TagGridGeometry geometry;
   geometry.family = name;

@@ -386,17 +386,17 @@ std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   geometry.square_m = reader.PositiveLength("square");
   geometry.marker_m = reader.PositiveLength("marker");
   if (geometry.marker_m >= geometry.square_m) reader.Get("marker").Fail("must be smaller than the square");
-  const ArucoDictionaryName& entry = ReadChoice(reader, "dictionary", kArucoDictionaries);
-  geometry.dictionary = entry.name;
+  const ArucoDictionaryName* const entry = ReadChoice(reader, "dictionary", kArucoDictionaries);
+  geometry.dictionary = entry->name;
   geometry.legacy_pattern = reader.Bool("legacy_pattern", false);
   geometry.first_marker = reader.Int("first_marker", {0, 10000}, 0);
   const int num_markers = geometry.rows * geometry.columns / 2;
-  if (geometry.first_marker + num_markers > entry.num_markers) {
+  if (geometry.first_marker + num_markers > entry->num_markers) {
     reader.Get("dictionary")
-        .Fail(std::string(entry.name) + " has " + std::to_string(entry.num_markers) + " markers; the target needs " +
+        .Fail(std::string(entry->name) + " has " + std::to_string(entry->num_markers) + " markers; the target needs " +
               std::to_string(geometry.first_marker + num_markers));
   }
-  return std::make_unique<Charuco>(geometry, ArucoDictionary(entry));
+  return std::make_unique<Charuco>(geometry, ArucoDictionary(*entry));
 }
 
 }  // namespace heba
