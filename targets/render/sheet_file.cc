@@ -55,12 +55,13 @@ void PaintAndFinish(const Surface& surface, double units_per_mm, const Sheet& sh
   RequireCairo(cairo_surface_status(surface.get()));
 }
 
-// Replaces the text between the first `before` and the next `after`.
-void ReplaceBetween(std::string_view before, std::string_view after, const std::string& text, std::string* bytes) {
+// Replaces the text between the first `before` and the next `after`. Returns false if there is none.
+bool ReplaceBetween(std::string_view before, std::string_view after, const std::string& text, std::string* bytes) {
   const size_t found = bytes->find(before);
-  CHECK_NE(found, std::string::npos);
+  if (found == std::string::npos) return false;
   const size_t begin = found + before.size();
   bytes->replace(begin, bytes->find(after, begin) - begin, text);
+  return true;
 }
 
 std::string Svg(const Sheet& sheet) {
@@ -69,10 +70,10 @@ std::string Svg(const Sheet& sheet) {
   const Eigen::Vector2d size = kUnitsPerMm * sheet.page_mm;
   std::string bytes;
   PaintAndFinish(Surface(cairo_svg_surface_create_for_stream(Append, &bytes, size.x(), size.y())), kUnitsPerMm, sheet);
-  ReplaceBetween(" width=\"", "\"", RoundTrip(Rounded(sheet.page_mm.x())) + "mm", &bytes);
-  ReplaceBetween(" height=\"", "\"", RoundTrip(Rounded(sheet.page_mm.y())) + "mm", &bytes);
-  // Cairo numbers the surfaces of a process; a fixed id gives equal bytes for equal sheets.
-  ReplaceBetween("<g id=\"", "\"", "sheet", &bytes);
+  CHECK(ReplaceBetween(" width=\"", "\"", RoundTrip(Rounded(sheet.page_mm.x())) + "mm", &bytes));
+  CHECK(ReplaceBetween(" height=\"", "\"", RoundTrip(Rounded(sheet.page_mm.y())) + "mm", &bytes));
+  // Cairo numbers the surfaces of a process, up to version 1.16; a fixed id gives equal bytes for equal sheets.
+  ReplaceBetween("<g id=\"surface", "\"", "", &bytes);
   return bytes;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -530,9 +531,11 @@ std::vector<MadeImage> MadeBmps() {
         {0x7c00, 0x3e0, 0x1f, 0xf0000000},    {0x3ff00000, 0xffc00, 0x3ff, 0xc0000000},
         {0, 0xff00, 0xff, 0xff000000}};
     for (size_t i = 0; i < masks.size(); ++i) {
+      const bool has_other_bits = std::any_of(masks[i].begin(), masks[i].end(),
+                                              [](uint32_t mask) { return mask != 0 && std::popcount(mask) != 8; });
       for (const uint32_t header : {40, 52, 56, 108, 124}) {
         images.push_back({name + std::to_string(header) + " masks of 32, " + std::to_string(i),
-                          Bmp({32, 3, header, is_from_top, false, masks[i]})});
+                          Bmp({32, 3, header, is_from_top, false, masks[i]}), has_other_bits});
       }
     }
   }

@@ -9,6 +9,7 @@ namespace heba {
 struct MadeImage {
   std::string name;
   std::string bytes;
+  bool is_read_as_by_opencv_4_6 = false;  // Later versions of OpenCV read other pixels.
 };
 
 // Grey, colours and palettes of all depths, with and without transparency, interlaced and not.
