@@ -81,6 +81,8 @@ std::string Pdf(const Sheet& sheet) {
   const Eigen::Vector2d size = kPointsPerMm * sheet.page_mm;
   std::string bytes;
   const Surface surface(cairo_pdf_surface_create_for_stream(Append, &bytes, size.x(), size.y()));
+  // Every printer reads this version, and its objects are not compressed.
+  cairo_pdf_surface_restrict_to_version(surface.get(), CAIRO_PDF_VERSION_1_4);
   // The dates are fixed, so that equal sheets give equal bytes.
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");

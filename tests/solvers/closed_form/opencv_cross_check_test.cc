@@ -95,7 +95,9 @@ TEST_P(OpenCvLargeTurns, GiveWrongPosesForExactData) {
   }
   // OpenCV 4.10 is exact, too.
   constexpr bool kIsMended = CV_VERSION_MAJOR > 4 || CV_VERSION_MINOR >= 10;
-  if (!kIsMended) EXPECT_GT(worst_rad, DegToRad(1));
+  if (!kIsMended) {
+    EXPECT_GT(worst_rad, DegToRad(1));
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Table, OpenCvLargeTurns, testing::Values("tsai", "daniilidis"),
