@@ -1,4 +1,4 @@
-// The runs that are compared, and the folder of a comparison.
+// A comparison reads finished runs and writes a folder.
 #pragma once
 
 #include <filesystem>

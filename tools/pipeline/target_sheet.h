@@ -1,4 +1,4 @@
-// The printed sheet of a target, from its file or its keys.
+// A sheet of a target is printed from the target's file or keys.
 #pragma once
 
 #include <filesystem>

@@ -25,7 +25,7 @@ namespace heba {
 // Calibration::refined.
 Outcome<Calibration> Calibrate(const Problem& problem, const CalibrationOptions& options);
 
-// What tells a calibration from another one of the same images; the adjustment succeeded.
+// A FitQuality tells a calibration, whose adjustment succeeded, from another one of the same images.
 struct FitQuality {
   int num_images = 0;                   // Images in use.
   std::vector<double> pixel_sigmas_px;  // One per camera.

@@ -1,4 +1,4 @@
-// The memory of a whole process.
+// A process keeps the memory that it frees, or returns it to the system.
 #pragma once
 
 namespace heba {
