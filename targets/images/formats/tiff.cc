@@ -68,7 +68,8 @@ toff_t Seek(thandle_t handle, toff_t offset, int whence) {
 int KeepOpen(thandle_t /*handle*/) { return 0; }
 toff_t SizeOf(thandle_t handle) { return SourceOf(handle)->bytes.size(); }
 
-int KeepError(TIFF* /*tiff*/, void* data, const char* /*module*/, const char* format, va_list arguments) {
+[[gnu::format(printf, 4, 0)]] int KeepError(TIFF* /*tiff*/, void* data, const char* /*module*/, const char* format,
+                                            va_list arguments) {
   char message[200] = {};
   std::vsnprintf(message, sizeof message, format, arguments);
   auto* const source = static_cast<Source*>(data);
