@@ -15,6 +15,7 @@
 #include "heba/data/prediction.h"
 #include "heba/data/target_shape.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/kernels/small_matrix.h"
 #include "solvers/calibration/capture_outliers.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/residuals/capture_loops.h"
@@ -24,8 +25,6 @@
 
 namespace heba {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // The poses of the grippers, corrected by the estimated errors of the arms, and the roots of the covariances of their
 // corrections (Tangent6): one of each for each arm.

@@ -10,14 +10,13 @@
 #include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "heba/data/target_shape.h"
+#include "heba/kernels/small_matrix.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr double kSize = 6;  // Coordinates of a pose.
 // Fewer images of a part cannot tell a motion from wrong images.

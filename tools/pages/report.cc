@@ -11,6 +11,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/kernels/small_matrix.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "tools/pages/arm_section.h"
 #include "tools/pages/cell_figure.h"
@@ -25,7 +26,6 @@ namespace heba {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 PageCell Number(const std::optional<double>& value) { return {value ? Significant(*value, 3) : "", true}; }
 

@@ -12,13 +12,12 @@
 #include "heba/data/hand_eye.h"
 #include "heba/io/pose_formats.h"
 #include "heba/io/result_file.h"
+#include "heba/kernels/small_matrix.h"
 #include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // Returns the text with a capital first letter, and with a full stop unless it already ends a sentence.
 std::string Sentence(const std::string& text) {

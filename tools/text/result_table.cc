@@ -6,13 +6,13 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/hand_eye.h"
+#include "heba/kernels/small_matrix.h"
 #include "tools/text/camera_figures.h"
 #include "tools/text/figure_columns.h"
 
 namespace heba {
 namespace {
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 // Words the covariance of a pose.
 using SigmasText = std::string (*)(const Matrix6&);
 using Columns = std::vector<FigureColumn<CameraFigures>>;

@@ -6,11 +6,11 @@
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
 #include "heba/base/units.h"
+#include "heba/kernels/small_matrix.h"
 
 namespace heba {
 
 std::optional<PoseDifference> DifferenceOf(const UncertainPose& a, const UncertainPose& b) {
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
   const Matrix6 covariance = a.covariance + b.covariance;
   const Tangent6 difference = LocalCoordinates(a.pose, b.pose);
   const Tangent6 scale = covariance.diagonal().cwiseSqrt().cwiseInverse();

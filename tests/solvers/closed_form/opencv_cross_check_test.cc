@@ -7,10 +7,10 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <opencv2/core/version.hpp>
 
 #include "solvers/closed_form/hand_eye_method.h"
 #include "tests/support/matchers.h"
+#include "tests/support/opencv_version.h"
 #include "tests/support/scenes.h"
 #include "tools/bench/opencv_calibration.h"
 
@@ -94,8 +94,7 @@ TEST_P(OpenCvLargeTurns, GiveWrongPosesForExactData) {
     }
   }
   // OpenCV 4.10 is exact, too.
-  constexpr bool kIsMended = CV_VERSION_MAJOR > 4 || CV_VERSION_MINOR >= 10;
-  if (!kIsMended) {
+  if (IsOpenCvBefore(4, 10)) {
     EXPECT_GT(worst_rad, DegToRad(1));
   }
 }

@@ -44,7 +44,6 @@ TEST(SmallMatrixTest, SolvesAndInvertsLowerTriangles) {
     SolveLowerInPlace(full, &solved);  // Only the lower triangle is read.
     EXPECT_LT((lower * solved - right).cwiseAbs().maxCoeff(), 1e-12) << size;
   }
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
   const Matrix6 full = Matrix6::Random() + 4 * Matrix6::Identity();
   const Matrix6 lower = full.triangularView<Eigen::Lower>();
   EXPECT_LT((lower * InverseOfLower(full) - Matrix6::Identity()).cwiseAbs().maxCoeff(), 1e-14);
