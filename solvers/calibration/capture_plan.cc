@@ -125,7 +125,7 @@ std::array<double, 2> DepthsOf(const PlanCell& cell) {
 // Returns a pose of the target in front of the camera, with its front towards it.
 Rigid3d DrawPose(const PlanCell& cell, const std::array<double, 2>& depths_m, Rng* rng) {
   const double depth_m = depths_m[0] * std::pow(depths_m[1] / depths_m[0], rng->Uniform());
-  const Eigen::Vector3d pixel(rng->Uniform(0, cell.camera.width_px), rng->Uniform(0, cell.camera.height_px), 1);
+  const Eigen::Vector3d pixel{rng->Uniform(0, cell.camera.width_px), rng->Uniform(0, cell.camera.height_px), 1};
   const Eigen::Vector3d ray((pixel.x() - cell.camera.params[2]) / cell.camera.params[0],
                             (pixel.y() - cell.camera.params[3]) / cell.camera.params[1], 1);
   // The normal of the target towards the camera is tilted against the line of sight.

@@ -183,7 +183,7 @@ double SizeSeen(const std::vector<TestedPart>& parts, const TestedPart& moved, b
   const Eigen::MatrixXd by_change = information.middleCols(moved.first + (is_rotation ? 3 : 0), 3);
   Eigen::MatrixXd shifts(information.rows(), draws.products.cols());
   for (Eigen::Index k = 0; k < shifts.cols(); ++k) {
-    const Eigen::Vector3d direction(normal(random), normal(random), normal(random));
+    const Eigen::Vector3d direction{normal(random), normal(random), normal(random)};
     shifts.col(k) = by_change * direction.normalized();
   }
   const auto share_found = [&](double size) {

@@ -70,9 +70,11 @@ void AddPrint(cairo_t* context, const Eigen::Vector2d& at, double size_px, Rng& 
     for (double x = 0; x < 2 * size_px; x += 0.75 * letter_px) {
       if (rng.Uniform() < 0.15) continue;
       const double y = line * 1.6 * letter_px;
-      cairo_move_to(context, x + rng.Uniform(0, 0.5) * letter_px, y + rng.Uniform(0, 0.3) * letter_px);
+      const Eigen::Vector2d start{rng.Uniform(0, 0.5), rng.Uniform(0, 0.3)};
+      cairo_move_to(context, x + start.x() * letter_px, y + start.y() * letter_px);
       for (int stroke = 0; stroke < 3; ++stroke) {
-        cairo_line_to(context, x + rng.Uniform(0, 0.55) * letter_px, y + rng.Uniform() * letter_px);
+        const Eigen::Vector2d end{rng.Uniform(0, 0.55), rng.Uniform()};
+        cairo_line_to(context, x + end.x() * letter_px, y + end.y() * letter_px);
       }
       cairo_stroke(context);
     }
@@ -110,13 +112,13 @@ cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector
   AddGradient(context, middle, 2 * diagonal_px, rng);
   constexpr int kNumMarks = 90;
   for (int i = 0; i < kNumMarks; ++i) {
-    Eigen::Vector2d at(rng.Uniform(0, width_px), rng.Uniform(0, height_px));
+    Eigen::Vector2d at{rng.Uniform(0, width_px), rng.Uniform(0, height_px)};
     double size_px = diagonal_px * std::exp(rng.Uniform(std::log(0.008), std::log(0.12)));
     if (i >= kNumMarks / 2 && !outline_px.empty()) {
       // Half of the marks are placed right beside the sheet.
       size_px *= 0.5;
       at = outline_px[rng.Index(static_cast<int>(outline_px.size()))] +
-           size_px * Eigen::Vector2d(rng.Normal(), rng.Normal());
+           size_px * Eigen::Vector2d{rng.Normal(), rng.Normal()};
     }
     SetAlbedo(context, rng.Uniform());
     // The position is clamped, so that a mark far outside the image consumes the same random numbers.
@@ -151,8 +153,8 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
     } while (std::count(options.avoided_codes.begin(), options.avoided_codes.end(), RingCodeOf(word, options.bits)) >
              0);
     const double reach_m = (has_ring ? outer : 1) * radius_m;
-    const Eigen::Vector2d at(rng.Uniform(drawing->min_m.x(), drawing->max_m.x()),
-                             rng.Uniform(drawing->min_m.y(), drawing->max_m.y()));
+    const Eigen::Vector2d at{rng.Uniform(drawing->min_m.x(), drawing->max_m.x()),
+                             rng.Uniform(drawing->min_m.y(), drawing->max_m.y())};
     if (kept.exteriorDistance(at) < reach_m) continue;
     const double paper = drawing->ground;
     const double colour = paper > 0.5 ? ink : 1 - ink;
@@ -173,8 +175,9 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
     }
     drawing->AddDisc(at, radius_m, colour);
     if (is_broken) {
-      drawing->AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)),
-                       rng.Uniform(0.2, 0.8) * radius_m, rng.Uniform());
+      const double chip_radius_m = rng.Uniform(0.2, 0.8) * radius_m;
+      drawing->AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)), chip_radius_m,
+                       rng.Uniform());
     }
   }
 }

@@ -99,7 +99,7 @@ TEST_P(HandEyeMethodTest, RefusesParallelAxesAndNoRotation) {
     for (int i = 0; i < 12; ++i) {
       const Rigid3d camera_from_target =
           scene.pairs[0].camera_from_target *
-          Rigid3d(ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.1 * rng.NormalVector3());
+          Rigid3d{ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.1 * rng.NormalVector3()};
       pairs.push_back({CameraMountFromTargetMount(scene.hand_eye, camera_from_target), camera_from_target});
     }
     const Outcome<HandEye> found = Solve(pairs);

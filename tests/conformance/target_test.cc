@@ -210,8 +210,8 @@ TEST_P(TargetTest, SymmetriesMatchTheDetectedOrders) {
       EXPECT_LT(DistanceToNearestM(target_->points(), symmetries[k] * point.in_target), 1e-9);
     }
     for (int sample = 0; sample < 300; ++sample) {
-      const Eigen::Vector2d at_m(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
-                                 rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
+      const Eigen::Vector2d at_m{rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
+                                 rng.Uniform(drawing.min_m.y(), drawing.max_m.y())};
       const Eigen::Vector3d moved_m = symmetries[k] * Eigen::Vector3d(at_m.x(), at_m.y(), 0);
       EXPECT_EQ(AlbedoAt(drawing, moved_m.head<2>()), AlbedoAt(drawing, at_m));
     }

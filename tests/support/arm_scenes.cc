@@ -20,7 +20,7 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
   motion.motion.num_captures = options.num_captures;
   motion.motion.max_tilt_rad = plain.max_tilt_rad;
   motion.has_several_configurations = options.has_several_configurations;
-  motion.tip_from_gripper = Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3());
+  motion.tip_from_gripper = Rigid3d{ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()};
   if (options.tip_from_gripper) motion.tip_from_gripper = *options.tip_from_gripper;
   const Outcome<ArmCaptures> captures =
       SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, &rng);

@@ -15,8 +15,8 @@ CellScene ReachableCell(uint64_t seed, const CellSceneSetting& setting) {
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
   AddLeftAndRight(setting, &rng, &scene);
-  AddCamera("wrist", gripper, Rigid3d(ExpRotation(0.5 * rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
-  AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
+  AddCamera("wrist", gripper, Rigid3d{ExpRotation(0.5 * rng.Direction3()), 0.1 * rng.Direction3()}, setting, &scene);
+  AddTarget("plate", gripper, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   // The front of a target is on the side of its negative z axis.
   AddTarget("floor", base, Rigid3d(ExpRotation({kPi, 0, 0}), {0.6, -0.3, 0.1}), &scene);
   return scene;
@@ -27,7 +27,7 @@ CellArmScene WithArms(CellScene rig, const CellSceneSetting& setting, const ArmE
   CellArmScene scene{std::move(rig), {}, {}};
   for (size_t r = 0; r < scene.rig.problem.robots.size(); ++r) {
     const Arm nominal = *FindArm("ur10e");
-    const Rigid3d tip_from_gripper(ExpRotation(rng.Direction3()), 0.05 * rng.Direction3());
+    const Rigid3d tip_from_gripper{ExpRotation(rng.Direction3()), 0.05 * rng.Direction3()};
     scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
   }
   const SceneOptions options = OptionsOf(setting, scene.arms.size());

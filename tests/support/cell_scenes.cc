@@ -82,8 +82,8 @@ CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
   AddLeftAndRight(setting, &rng, &scene);
-  AddCamera("wrist", gripper, Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()), setting, &scene);
-  AddTarget("plate", gripper, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
+  AddCamera("wrist", gripper, Rigid3d{ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()}, setting, &scene);
+  AddTarget("plate", gripper, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   AddTarget("wall", base, Rigid3d(ExpRotation(rng.Direction3()), {0.8, -0.3, 0.2}), &scene);
   Simulate(setting, &rng, &scene);
   return scene;
@@ -99,7 +99,7 @@ CellScene FourCameraCell(uint64_t seed, const CellSceneSetting& setting) {
     AddCamera("camera" + std::to_string(c + 1), base, LookingAt(place, kWorkPlace, rng.Uniform(-1, 1)), setting,
               &scene);
   }
-  AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()),
+  AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()},
             &scene);
   Simulate(setting, &rng, &scene);
   return scene;
@@ -114,7 +114,7 @@ CellScene TwoArmCell(uint64_t seed, const CellSceneSetting& setting) {
             &scene);
   for (size_t r = 0; r < 2; ++r) {
     AddTarget(r == 0 ? "plate" : "disk", {r, Mount::Part::kGripper},
-              Rigid3d(ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()), &scene);
+              Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   }
   Simulate(setting, &rng, &scene);
   return scene;

@@ -42,8 +42,8 @@ TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options) {
   TestScene scene;
   scene.camera = options.camera;
   // The camera is 0.7 m from the base or 0.1 m from the flange; the target is on the other mount.
-  const Rigid3d far_pose(ExpRotation(rng.Uniform(0.5, 3.1) * rng.Direction3()), 0.7 * rng.Direction3());
-  const Rigid3d near_pose(ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), 0.1 * rng.Direction3());
+  const Rigid3d far_pose{ExpRotation(rng.Uniform(0.5, 3.1) * rng.Direction3()), 0.7 * rng.Direction3()};
+  const Rigid3d near_pose{ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), 0.1 * rng.Direction3()};
   const bool to_hand = options.setup == Setup::kEyeToHand;
   scene.hand_eye = {to_hand ? far_pose : near_pose, to_hand ? near_pose : far_pose};
   MotionOptions motion;

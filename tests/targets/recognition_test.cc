@@ -128,7 +128,7 @@ TEST(RecogniseTargetsTest, FindsNothingWithoutTarget) {
       }
     }
     for (int i = 0; i < 30; ++i) {
-      const cv::Rect box(rng.Index(600), rng.Index(440), 5 + rng.Index(30), 5 + rng.Index(30));
+      const cv::Rect box{rng.Index(600), rng.Index(440), 5 + rng.Index(30), 5 + rng.Index(30)};
       image(box & cv::Rect(0, 0, image.cols, image.rows)).setTo(rng.Index(256));
     }
     EXPECT_THAT(RecogniseTargets({image}), IsEmpty());

@@ -208,8 +208,8 @@ std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, con
                                       ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)});
   const double distance_m = focal_px * kSquareM / row.square_px;
   const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
-  const Eigen::Vector3d place_m(rng.Uniform(-0.03, 0.03) * distance_m, rng.Uniform(-0.03, 0.03) * distance_m,
-                                distance_m);
+  const Eigen::Vector3d place_m{rng.Uniform(-0.03, 0.03) * distance_m, rng.Uniform(-0.03, 0.03) * distance_m,
+                                distance_m};
   const Rigid3d camera_from_target(rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
   RenderOptions options;
   options.is_point_sampled = row.is_point_sampled;
@@ -363,7 +363,7 @@ Rigid3d DrawWholePose(const Drawing& drawing, const Camera& camera, double squar
         ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)});
     const double distance_m = camera.params[0] * square_m / square_px;
     const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
-    const Eigen::Vector3d place_m(rng.Uniform(-0.5, 0.5) * distance_m, rng.Uniform(-0.4, 0.4) * distance_m, distance_m);
+    const Eigen::Vector3d place_m{rng.Uniform(-0.5, 0.5) * distance_m, rng.Uniform(-0.4, 0.4) * distance_m, distance_m};
     const Rigid3d camera_from_target(rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
     if (IsWithin(image, drawing, camera, camera_from_target)) return camera_from_target;
   }

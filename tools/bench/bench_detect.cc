@@ -121,7 +121,7 @@ void Run(const Row& row) {
                                         ExpRotation({0, 0, rng.Uniform(-0.3, 0.3)}) * front;
     const Eigen::Vector2d middle = 0.5 * (drawing.min_m + drawing.max_m);
     const Rigid3d camera_from_target(
-        rotation, Eigen::Vector3d(rng.Uniform(-0.02, 0.02), rng.Uniform(-0.02, 0.02), 1) * row.distance_m -
+        rotation, Eigen::Vector3d{rng.Uniform(-0.02, 0.02), rng.Uniform(-0.02, 0.02), 1} * row.distance_m -
                       rotation * Eigen::Vector3d(middle.x(), middle.y(), 0));
     RenderOptions options = OrdinaryLight();
     options.clutter = true;

@@ -73,8 +73,8 @@ cv::Mat Smeared(const cv::Mat& grey, Rng* random) {
 // Adds the reflection of a lamp: an elliptic spot that saturates in its middle.
 cv::Mat WithGlare(const cv::Mat& grey, Rng* random) {
   cv::Mat light = cv::Mat::zeros(grey.size(), CV_32F);
-  const cv::Point at(static_cast<int>(grey.cols * random->Uniform(0.35, 0.65)),
-                     static_cast<int>(grey.rows * random->Uniform(0.35, 0.65)));
+  const cv::Point at{static_cast<int>(grey.cols * random->Uniform(0.35, 0.65)),
+                     static_cast<int>(grey.rows * random->Uniform(0.35, 0.65))};
   cv::ellipse(light, at, {grey.cols / 12, grey.cols / 24}, random->Uniform(0, 180), 0, 360, 200.0, cv::FILLED);
   cv::GaussianBlur(light, light, {}, 0.015 * grey.cols);
   cv::Mat lit;

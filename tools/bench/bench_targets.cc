@@ -269,7 +269,7 @@ std::array<Errors, 2> MeasurePrecision(const Target& target, double unit_m, cons
     Rng rng(static_cast<uint64_t>(FLAGS_seed), static_cast<uint64_t>(view));
     const double middle_px = 0.5 * (size_px - 1);
     const Camera camera{"pinhole", size_px, size_px, {kFocalPx, kFocalPx, middle_px, middle_px}};
-    const Eigen::Vector2d aside(rng.Uniform(-0.5, 0.5) / kFocalPx, rng.Uniform(-0.5, 0.5) / kFocalPx);
+    const Eigen::Vector2d aside{rng.Uniform(-0.5, 0.5) / kFocalPx, rng.Uniform(-0.5, 0.5) / kFocalPx};
     Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, kPi / 4), aside, rng);
     RenderOptions options;
     options.blur_sigma_px = look.blur_px;
@@ -378,7 +378,7 @@ Errors MeasureRecall(double diameter_px, double tilt_rad) {
     Rng rng(static_cast<uint64_t>(FLAGS_seed) + 100, static_cast<uint64_t>(picture));
     const Drawing drawing = AmidRoundMarks(*board, large ? 10 : 60, own, large ? 0.03 : 0.1, rng);
     const double distance_m = camera.params[0] * 2 * radius_m / diameter_px;
-    const Eigen::Vector2d aside(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1));
+    const Eigen::Vector2d aside{rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1)};
     const Rigid3d camera_from_target = RandomPose(drawing, distance_m, tilt_rad, aside, rng);
     RenderOptions options;
     options.blur_sigma_px = 0.7;
@@ -458,7 +458,7 @@ void ReportFalse() {
     const Errors errors = Sum(FLAGS_cluttered, [&](int picture) {
       Rng rng(static_cast<uint64_t>(FLAGS_seed) + 200, static_cast<uint64_t>(picture));
       const Drawing drawing = AmidRoundMarks(*test.drawn, 120, test.avoided, 0.15, rng);
-      const Eigen::Vector2d aside(rng.Uniform(-0.15, 0.15), rng.Uniform(-0.1, 0.1));
+      const Eigen::Vector2d aside{rng.Uniform(-0.15, 0.15), rng.Uniform(-0.1, 0.1)};
       const double distance_m = rng.Uniform(0.3, 0.9);
       const Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, 1.0), aside, rng);
       RenderOptions options;

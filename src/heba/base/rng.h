@@ -1,5 +1,6 @@
 // Random numbers that are the same on every machine and with every compiler. They depend on a seed only, never on a
-// clock.
+// clock. Compilers evaluate the arguments of a call in different orders, so a call's arguments hold at most one draw;
+// those in braces are evaluated from left to right.
 #pragma once
 
 #include <cmath>

@@ -90,7 +90,7 @@ Outcome<ArmCaptures> SimulateArmCaptures(Setup setup, const Camera& camera, cons
     const Outcome<std::vector<Rigid3d>> seen = SimulatePoses(camera, points_in_target, z_out, motion, rng);
     if (!seen) return Failure{seen.reason()};
     constexpr double kNearM = 0.08;
-    const Rigid3d on_gripper(ExpRotation(rng->Uniform(0, 1.5) * rng->Direction3()), kNearM * rng->Direction3());
+    const Rigid3d on_gripper{ExpRotation(rng->Uniform(0, 1.5) * rng->Direction3()), kNearM * rng->Direction3()};
     ArmCaptures captures;
     // At home, the camera sees the target as in the first of the poses.
     if (setup == Setup::kEyeToHand) {

@@ -68,7 +68,7 @@ View DisplaceAQuarterOfPoints(View* view, Rng* rng) {
   for (Eigen::Index i = 0; i < view->observations.size(); ++i) {
     keep.push_back(rng->Uniform() >= 0.25);
     if (keep.back()) continue;
-    view->observations.pixels.col(i) += Eigen::Vector2d(rng->Uniform(-40, 40), rng->Uniform(-40, 40));
+    view->observations.pixels.col(i) += Eigen::Vector2d{rng->Uniform(-40, 40), rng->Uniform(-40, 40)};
   }
   View good = *view;
   good.observations = KeepPoints(view->observations, keep);

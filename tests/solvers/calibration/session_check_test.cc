@@ -72,7 +72,7 @@ Outcome<SessionCheck> Check(const TwoSessions& sessions, bool is_in_place) {
 
 Tangent6 RandomTranslation(double length_m, std::mt19937_64* random) {
   std::normal_distribution<double> normal;
-  const Eigen::Vector3d direction(normal(*random), normal(*random), normal(*random));
+  const Eigen::Vector3d direction{normal(*random), normal(*random), normal(*random)};
   Tangent6 step = Tangent6::Zero();
   step.head<3>() = length_m * direction.normalized();
   return step;

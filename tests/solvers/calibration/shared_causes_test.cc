@@ -26,7 +26,10 @@ View At(size_t capture, double x_m, double y_m) {
 std::vector<View> OfOneSide() {
   Rng rng(1);
   std::vector<View> views;
-  for (size_t i = 0; i < 20; ++i) views.push_back(At(2 * i, rng.Uniform(0, 0.5), rng.Uniform(-0.5, 0.5)));
+  for (size_t i = 0; i < 20; ++i) {
+    const double x_m = rng.Uniform(0, 0.5);
+    views.push_back(At(2 * i, x_m, rng.Uniform(-0.5, 0.5)));
+  }
   return views;
 }
 

@@ -166,7 +166,7 @@ TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
                     TrueView(object->scene, object->scene.arms.front(), view.camera, object->world_from_target),
                     kImagePx, &rng, &view.observations);
       for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
-        view.observations.pixels.col(i) += kPixelPx * Eigen::Vector2d(rng.Normal(), rng.Normal());
+        view.observations.pixels.col(i) += kPixelPx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
       }
       pixels.push_back({view.camera, view.observations.pixels.col(id)});
     }

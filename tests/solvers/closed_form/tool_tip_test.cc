@@ -21,10 +21,10 @@ std::vector<Rigid3d> Touches(int number, double angle_rad, double noise_m, bool 
   std::normal_distribution<double> normal;
   std::vector<Rigid3d> poses;
   for (int i = 0; i < number; ++i) {
-    Eigen::Vector3d axis(normal(random), normal(random), normal(random));
+    Eigen::Vector3d axis{normal(random), normal(random), normal(random)};
     if (about_z) axis = Eigen::Vector3d::UnitZ();
     const Eigen::Quaterniond rotation = ExpRotation(angle_rad * normal(random) * axis.normalized());
-    const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
+    const Eigen::Vector3d noise{normal(random), normal(random), normal(random)};
     poses.emplace_back(rotation, kPoint - rotation * kTip + noise_m * noise);
   }
   return poses;

@@ -202,7 +202,7 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
     for (int i = 0; i < 12; ++i) {
       const Rigid3d camera_from_target =
           scene.pairs[0].camera_from_target *
-          Rigid3d(ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.02 * rng.NormalVector3());
+          Rigid3d{ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.02 * rng.NormalVector3()};
       problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                             CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
                                             GridPoints(8, 6, 0.03), 0.1, &rng));
@@ -268,8 +268,8 @@ TEST(BundleAdjustmentTest, RefusesSingularMotionsWithNoisyRobots) {
                                                 GridPoints(8, 6, 0.03), 0.1, &rng));
           // A robot that errs by 0.5 mm errs by 0.05 deg.
           Rigid3d& pose = problem.views.back().camera_mount_from_target_mount;
-          pose = pose * Rigid3d(ExpRotation(robot_m / 5e-4 * DegToRad(0.05) * rng.NormalVector3()),
-                                robot_m * rng.NormalVector3());
+          pose = pose * Rigid3d{ExpRotation(robot_m / 5e-4 * DegToRad(0.05) * rng.NormalVector3()),
+                                robot_m * rng.NormalVector3()};
         }
         for (const BundleOptions::Robot robot : {BundleOptions::Robot::kExact, BundleOptions::Robot::kEstimatedNoise}) {
           BundleOptions options;

@@ -60,7 +60,7 @@ TestScene DiscScene(uint64_t seed, Setup setup) {
     for (Eigen::Index i = 0; i < observations.size(); ++i) {
       observations.pixels.col(i) =
           ImagedCentroid(scene.camera, scene.pairs[v].camera_from_target, observations.points_in_target.col(i)) +
-          kNoisePx * Eigen::Vector2d(rng.Normal(), rng.Normal());
+          kNoisePx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
     }
   }
   return scene;

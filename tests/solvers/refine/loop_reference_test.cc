@@ -162,7 +162,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
         Points2 pixel;
         const Points3 point = actual * Eigen::Vector3d(shaped.points_in_target.col(k));
         CHECK(loops.cameras[camera]->Project(shared.cameras[camera].data(), point, &pixel, nullptr));
-        observations.pixels.col(k) = pixel.col(0) + kPixelPx * Eigen::Vector2d(rng.Normal(), rng.Normal());
+        observations.pixels.col(k) = pixel.col(0) + kPixelPx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
       }
       random.observations.push_back(std::move(observations));
       capture.views.push_back({&random.observations.back(), loop, image.camera, image.target});

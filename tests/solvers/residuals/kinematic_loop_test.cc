@@ -29,7 +29,7 @@ Values RandomValues(uint64_t seed) {
   Values values;
   for (int i = 0; i < 3; ++i) values.shared.push_back(RandomPose(&rng));
   for (int i = 0; i < 2; ++i) values.own.push_back(RandomPose(&rng));
-  values.effects.push_back(0.1 * Eigen::Vector4d(rng.Normal(), rng.Normal(), rng.Normal(), rng.Normal()));
+  values.effects.push_back(0.1 * Eigen::Vector4d{rng.Normal(), rng.Normal(), rng.Normal(), rng.Normal()});
   return values;
 }
 

@@ -14,7 +14,7 @@ std::vector<Rigid3d> DrawPoses(int num, double spread_m, double spread_rad, uint
   Rng rng(seed);
   std::vector<Rigid3d> poses;
   for (int i = 0; i < num; ++i) {
-    poses.emplace_back(ExpRotation(spread_rad * rng.NormalVector3()), spread_m * rng.NormalVector3());
+    poses.push_back({ExpRotation(spread_rad * rng.NormalVector3()), spread_m * rng.NormalVector3()});
   }
   return poses;
 }

@@ -30,7 +30,7 @@ std::vector<Eigen::Vector2d> Mapped(const std::vector<Eigen::Vector2d>& points, 
   Rng rng(3);
   std::vector<Eigen::Vector2d> mapped;
   for (const Eigen::Vector2d& point : points) {
-    mapped.push_back(ApplyHomography(TrueHomography(), point) + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal()));
+    mapped.push_back(ApplyHomography(TrueHomography(), point) + noise_px * Eigen::Vector2d{rng.Normal(), rng.Normal()});
   }
   return mapped;
 }

@@ -57,7 +57,7 @@ std::vector<Rigid3d> Poses() {
       {Eigen::Quaterniond(Eigen::AngleAxisd(0.5 * M_PI, Eigen::Vector3d::UnitY())), Eigen::Vector3d(1e-5, -2e-7, 3)},
       {Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d(-1, 2, 0)}};
   for (int i = 0; i < 20; ++i) {
-    poses.emplace_back(ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), rng.Uniform(0, 2) * rng.Direction3());
+    poses.push_back({ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), rng.Uniform(0, 2) * rng.Direction3()});
   }
   return poses;
 }

@@ -14,14 +14,15 @@
 namespace heba {
 namespace {
 
-Rigid3d RandomPose(Rng* rng) { return Rigid3d(ExpRotation(rng->NormalVector3()), 0.1 * rng->NormalVector3()); }
+Rigid3d RandomPose(Rng* rng) { return Rigid3d{ExpRotation(rng->NormalVector3()), 0.1 * rng->NormalVector3()}; }
 
 bool IsCompliance(int place) { return place % kNumArmParams == static_cast<int>(ArmParam::kCompliance); }
 
 TEST(ArmErrorsTest, NoErrorsLeaveThePose) {
   Rng rng(1);
   const Arm& arm = *FindArm("ur5e");
-  const auto effect = MakeArmEffect(arm, RandomJoints(arm, &rng), RandomPose(&rng));
+  const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+  const auto effect = MakeArmEffect(arm, joints, RandomPose(&rng));
   EXPECT_LT(LocalCoordinates({}, effect->Evaluate(Eigen::VectorXd::Zero(arm.num_params()), nullptr)).norm(), 1e-12);
 }
 

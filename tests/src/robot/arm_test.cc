@@ -96,7 +96,7 @@ TEST_P(EveryArmTest, NearlyParallelAxesKeepSmallParameters) {
   std::vector<ArmAxis> axes = AxesOf(nominal, zero);
   for (ArmAxis& axis : axes) {
     axis.direction =
-        ExpRotation(Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()) * DegToRad(0.1)) * axis.direction;
+        ExpRotation(Eigen::Vector3d{rng.Normal(), rng.Normal(), rng.Normal()} * DegToRad(0.1)) * axis.direction;
   }
   const Arm arm = ArmFromAxes("tilted", axes, BaseFromTip(nominal, zero));
   for (const ArmJoint& joint : arm.joints) {

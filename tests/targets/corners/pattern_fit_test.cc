@@ -128,9 +128,9 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
   FitTotals totals;
   for (int i = 0; i < num_views; ++i) {
     const double towards = rng.Uniform(-M_PI, M_PI);
-    const Rigid3d pose(ExpRotation(rng.Uniform(0, 0.7) * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
+    const Rigid3d pose{ExpRotation(rng.Uniform(0, 0.7) * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
                            ExpRotation(rng.Uniform(-M_PI, M_PI) * Eigen::Vector3d::UnitZ()),
-                       {rng.Uniform(-0.001, 0.001), rng.Uniform(-0.001, 0.001), 0.6});
+                       {rng.Uniform(-0.001, 0.001), rng.Uniform(-0.001, 0.001), 0.6}};
     RenderOptions options = options_in;
     options.seed = static_cast<uint64_t>(i) + 1;
     cv::Mat image = RenderView(drawing, camera, pose, options);

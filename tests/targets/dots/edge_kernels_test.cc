@@ -34,7 +34,10 @@ TEST_P(EdgeKernelTest, BlurredEllipseGradientMatchesDifferences) {
   EdgePixels pixels;
   Rng rng(5, 0);
   // The number of pixels does not fill the SIMD lanes.
-  for (int i = 0; i < 301; ++i) pixels.Add(rng.Uniform(-1.4, 1.4), rng.Uniform(-1.4, 1.4), rng.Uniform(0, 1));
+  for (int i = 0; i < 301; ++i) {
+    const Eigen::Vector2d at{rng.Uniform(-1.4, 1.4), rng.Uniform(-1.4, 1.4)};
+    pixels.Add(at.x(), at.y(), rng.Uniform(0, 1));
+  }
   pixels.Pad();
   pixels.SetWeight(7, 0);
   for (const double bend : {0.2, 1e9}) {

@@ -21,8 +21,8 @@ cv::Mat Blots(uint64_t seed, int width, int height) {
   Rng rng(seed, 0);
   cv::Mat grey(height, width, CV_8UC1, cv::Scalar(40));
   for (int i = 0; i < 60; ++i) {
-    const cv::Point centre(static_cast<int>(rng.Uniform(0, width)), static_cast<int>(rng.Uniform(0, height)));
-    const cv::Size axes(static_cast<int>(rng.Uniform(0, 8)), static_cast<int>(rng.Uniform(0, 8)));
+    const cv::Point centre{static_cast<int>(rng.Uniform(0, width)), static_cast<int>(rng.Uniform(0, height))};
+    const cv::Size axes{static_cast<int>(rng.Uniform(0, 8)), static_cast<int>(rng.Uniform(0, 8))};
     cv::ellipse(grey, centre, axes, rng.Uniform(0, 180), 0, 360, cv::Scalar(i % 3 == 2 ? 40 : 200), cv::FILLED);
   }
   return grey;

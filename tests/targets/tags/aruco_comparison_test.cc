@@ -81,7 +81,10 @@ TEST_P(ArucoDictionaryComparison, IdentificationIsEqual) {
       }
     }
     const int num_errors = is_random ? 0 : rng.Index(dictionary.num_correctable_bits() + 3);
-    for (int error = 0; error < num_errors; ++error) bits.at<uchar>(rng.Index(size), rng.Index(size)) ^= 1;
+    for (int error = 0; error < num_errors; ++error) {
+      const int row = rng.Index(size);
+      bits.at<uchar>(row, rng.Index(size)) ^= 1;
+    }
     for (int turns = rng.Index(4); turns > 0; --turns) cv::rotate(bits.clone(), bits, cv::ROTATE_90_CLOCKWISE);
     uint64_t code = 0;
     for (int row = 0; row < size; ++row) {

@@ -212,9 +212,10 @@ void ExpectPrecision(const Precision& precision) {
     options.noise_grey = precision.noise_grey;
     options.light_slope = precision.light_slope;
     const double middle = 0.5 * options.width_px;
-    const Ellipse dot =
-        Ellipse::FromAxes({middle + rng.Uniform(-0.5, 0.5), middle + rng.Uniform(-0.5, 0.5)}, precision.radius_px,
-                          precision.radius_px * std::cos(rng.Uniform(0, kPi / 4)), rng.Uniform(0, kPi));
+    const Eigen::Vector2d centre_px{middle + rng.Uniform(-0.5, 0.5), middle + rng.Uniform(-0.5, 0.5)};
+    const double tilt_rad = rng.Uniform(0, kPi / 4);
+    const Ellipse dot = Ellipse::FromAxes(centre_px, precision.radius_px, precision.radius_px * std::cos(tilt_rad),
+                                          rng.Uniform(0, kPi));
     const cv::Mat grey = RenderDot(dot, options, Rng(2, static_cast<uint64_t>(k)));
     const std::vector<FoundEllipse> found = FindEllipses(grey, {});
     ASSERT_EQ(found.size(), 1u) << "dot " << k;
@@ -478,8 +479,8 @@ TEST(CircleGrid, IsFoundAmongStrayDots) {
     const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
     int num_strays = 0;
     while (num_strays < 40) {
-      const Eigen::Vector2d place(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
-                                  rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
+      const Eigen::Vector2d place{rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
+                                  rng.Uniform(drawing.min_m.y(), drawing.max_m.y())};
       // The quiet zone stays free.
       if (place.x() > -0.02 && place.x() < 0.12 && place.y() > -0.02 && place.y() < 0.10) continue;
       drawing.AddDisc(place, rng.Uniform(0.002, 0.007), 0);

@@ -540,7 +540,9 @@ TEST(CodedBoard, IsNotSeenInClutter) {
     if (!is_there) marks.avoided_codes = own;
     AddRoundMarks(marks, kept, rng, &drawing);
     const Camera camera = MakeCamera(640, 480, 800);
-    const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), rng.Uniform(0.25, 0.5), rng.Uniform(0, 0.9), rng);
+    const double distance_m = rng.Uniform(0.25, 0.5);
+    const double tilt_rad = rng.Uniform(0, 0.9);
+    const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), distance_m, tilt_rad, rng);
     const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(image)));
     EXPECT_EQ(detection.ids.size(), is_there ? 4u : 0u) << image << " " << detection.reason;
     EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);

@@ -45,7 +45,7 @@ TEST(ArmClustersNightly, WrongPosesInOneConfigurationAreLeftOut) {
   std::vector<std::string> wrong;
   for (size_t i = made.dataset.captures.size() - 20; i < made.dataset.captures.size(); i += 2) {
     Rigid3d& pose = made.dataset.captures[i].base_from_gripper[0];
-    pose = pose * Rigid3d(ExpRotation(0.05 * rng.Direction3()), 0.03 * rng.Direction3());
+    pose = pose * Rigid3d{ExpRotation(0.05 * rng.Direction3()), 0.03 * rng.Direction3()};
     wrong.push_back(made.dataset.captures[i].name);
   }
   // The poses are wrong, so that the joints do not belong to them.
@@ -76,7 +76,7 @@ TEST(ArmClustersTest, ConfigurationOfEachCaptureIsFoundWithoutImages) {
   ArmDataset made = ThreeConfigurations(6, LargeErrors(), 40, 6);
   Rng rng(7);
   for (Rigid3d& pose : made.camera_from_target) {
-    pose = pose * Rigid3d(ExpRotation(1e-4 * rng.Direction3()), 5e-5 * rng.Direction3());
+    pose = pose * Rigid3d{ExpRotation(1e-4 * rng.Direction3()), 5e-5 * rng.Direction3()};
   }
   made.dataset.target_poses = made.camera_from_target;
   made.dataset.given_detections.clear();
@@ -104,8 +104,8 @@ TEST(ArmClustersTest, PosesInOneConfigurationAreNotReadInSeveral) {
     dataset.arms = {RobotArm{scene.nominal, scene.tip_from_gripper, {}}};
     Rng rng(seed);
     for (const PosePair& pair : scene.scene.pairs) {
-      const Eigen::Vector3d rotation_rad(6e-4 * rng.Normal(), 6e-4 * rng.Normal(), 6e-4 * rng.Normal());
-      const Eigen::Vector3d translation_m(3e-4 * rng.Normal(), 3e-4 * rng.Normal(), 3e-4 * rng.Normal());
+      const Eigen::Vector3d rotation_rad{6e-4 * rng.Normal(), 6e-4 * rng.Normal(), 6e-4 * rng.Normal()};
+      const Eigen::Vector3d translation_m{3e-4 * rng.Normal(), 3e-4 * rng.Normal(), 3e-4 * rng.Normal()};
       dataset.target_poses.push_back(pair.camera_from_target * Rigid3d(ExpRotation(rotation_rad), translation_m));
     }
     const Outcome<RunOutput> run = heba::Run(dataset, WithoutFolds());

@@ -182,7 +182,7 @@ TEST(PairRunTest, PointsOfTheTargetAreEstimatedIfTheyAreFree) {
   PointOffsets printed;
   Rng rng(2);
   for (const TargetPoint& point : target->points()) {
-    printed[point.id] = 3e-4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+    printed[point.id] = 3e-4 * Eigen::Vector3d{rng.Normal(), rng.Normal(), rng.Normal()};
   }
   const TestScene scene = SimulatedScene(*Displaced(target, printed));
   Dataset dataset = WithFixedCamera(NamedDatasetOf(scene, target));

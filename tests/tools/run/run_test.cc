@@ -235,7 +235,7 @@ TEST_F(RunTest, PointsOfATargetAreEstimatedIfTheyAreFree) {
   PointOffsets printed;
   Rng rng(3);
   for (const TargetPoint& point : designed->points()) {
-    printed[point.id] = 3e-4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+    printed[point.id] = 3e-4 * Eigen::Vector3d{rng.Normal(), rng.Normal(), rng.Normal()};
   }
   targets_[0] = Displaced(designed, printed);
   const CellScene scene = MakeScene(1);

@@ -176,7 +176,7 @@ TEST(CapturesCheckTest, IsSilentIfNothingFits) {
   Rng rng(3);
   std::vector<Rigid3d> poses = PosesOf(examination);
   for (Rigid3d& pose : poses) {
-    pose = pose * Rigid3d(ExpRotation(0.05 * rng.NormalVector3()), 0.04 * rng.NormalVector3());
+    pose = pose * Rigid3d{ExpRotation(0.05 * rng.NormalVector3()), 0.04 * rng.NormalVector3()};
   }
   poses[4] = poses[4] * Rigid3d(ExpRotation({0, 2, 0}), {0, 0.2, 0});
   SetPoses(poses, &examination);

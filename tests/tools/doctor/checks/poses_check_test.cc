@@ -231,7 +231,7 @@ TEST(PosesCheckTest, NamesTheArmWhosePosesFit) {
   Rng rng(3);
   std::vector<Rigid3d> other;
   for (size_t i = 0; i < right.size(); ++i) {
-    other.emplace_back(ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3());
+    other.push_back({ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3()});
   }
   examination.rig.other_arms = {{"third", other}, {"right", right}};
   const std::vector<Symptom> symptoms = Check_poses(&examination);
@@ -298,7 +298,7 @@ TEST(PosesCheckTest, SaysThatNothingExplainsUnrelatedPoses) {
   Rng rng(3);
   std::vector<Rigid3d> poses;
   for (size_t i = 0; i < examination.config.data.captures.size(); ++i) {
-    poses.emplace_back(ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3());
+    poses.push_back({ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3()});
   }
   SetPoses(poses, &examination);
   const std::vector<Symptom> symptoms = Check_poses(&examination);
