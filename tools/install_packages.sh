@@ -5,12 +5,12 @@ set -euo pipefail
 
 # What differs between Debian's releases: 13 has no clang 14, and other versions format and warn differently.
 case "$(. /etc/os-release && echo "${VERSION_ID-}")" in
-  13) of_release=() ;;
-  *) of_release=(clang-format-14 clang-tidy-14) ;;
+  13) compiler=() checkers=() ;;
+  *) compiler=(clang-14) checkers=(clang-format-14 clang-tidy-14) ;;
 esac
 
 packages=(
-  g++ cmake ninja-build pkg-config
+  g++ "${compiler[@]}" cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
   libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev
   libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev zlib1g-dev
@@ -21,7 +21,7 @@ packages=(
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
 if [ "${1-}" = "--tests" ]; then
   # Tests and benchmarks compare with OpenCV's contrib modules.
-  packages+=(libgtest-dev libgmock-dev libbenchmark-dev "${of_release[@]}" libopencv-dev libopencv-contrib-dev
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev "${checkers[@]}" libopencv-dev libopencv-contrib-dev
     slurm-wlm munge procps chromium valgrind patchelf python3-pytest python3-opencv python3-venv)
 fi
 
