@@ -78,22 +78,26 @@ Tangent6 RandomTranslation(double length_m, std::mt19937_64* random) {
   return step;
 }
 
-// A session without any change is accepted in 95 %, with one image and with several, wherever the target is.
-TEST(SessionCheckTest, AcceptsWhatHasNotChanged) {
-  constexpr int kNumTrials = 100;
+// A session without any change is accepted in 95 %, with one image and with several, wherever the target is. Chance
+// exceeds the limits in less than 1 %.
+void ExpectAccepted(int num_trials, int least, int most) {
   for (const auto& [num_later, is_in_place] : {std::pair(1, true), std::pair(6, true), std::pair(6, false)}) {
     int num_accepted = 0;
-    for (int trial = 0; trial < kNumTrials; ++trial) {
+    for (int trial = 0; trial < num_trials; ++trial) {
       const TwoSessions sessions =
           MakeSessions(static_cast<uint64_t>(trial), trial % 2 == 0 ? Setup::kEyeToHand : Setup::kEyeInHand, num_later);
       const Outcome<SessionCheck> check = Check(sessions, is_in_place);
       ASSERT_TRUE(check.ok()) << check.reason();
       num_accepted += check->has_changed ? 0 : 1;
     }
-    EXPECT_GE(num_accepted, 88) << num_later << " images";
-    EXPECT_LE(num_accepted, 99) << num_later << " images";
+    EXPECT_GE(num_accepted, least) << num_later << " images";
+    EXPECT_LE(num_accepted, most) << num_later << " images";
   }
 }
+
+TEST(SessionCheckTest, AcceptsWhatHasNotChanged) { ExpectAccepted(20, 16, 20); }
+
+TEST(SessionCheckNightly, AcceptsWhatHasNotChanged) { ExpectAccepted(100, 88, 99); }
 
 // Changes of the size that is said to be seen are found in 95 %.
 TEST(SessionCheckNightly, FindsChangesOfTheSizeThatItStates) {
