@@ -43,8 +43,9 @@ function(heba_install_report_packages source work why_not)
   file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${work})
   message(STATUS "Report: installing the packages of tools/pages/web with npm")
   # Whatever the user's npm leaves out otherwise: the bundler's binary is an optional package, the tests' are for
-  # development.
+  # development. A registry that is out of reach costs seconds, not npm's usual minutes.
   execute_process(COMMAND ${HEBA_NPM} ci --ignore-scripts --no-audit --no-fund --include=dev --include=optional
+                          --fetch-retries=1 --fetch-retry-mintimeout=2000 --fetch-timeout=60000
                   WORKING_DIRECTORY ${work} TIMEOUT 600
                   RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said)
   heba_probe_report_packages(${work} probe)
