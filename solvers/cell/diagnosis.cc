@@ -1,6 +1,7 @@
 #include "solvers/cell/diagnosis.h"
 
 #include <algorithm>
+#include <limits>
 #include <set>
 
 #include "solvers/calibration/observability.h"
@@ -20,10 +21,25 @@ int NumContradicting(const CalibratedPair& pair) {
 
 bool IsCalibrated(const CalibratedPair& pair) { return pair.calibration && pair.calibration->refined; }
 
-bool IsSuspicious(const CalibratedPair& pair) {
+// Returns the least pixel noise that a pair was found to have; infinity if none was calibrated.
+double LeastNoisePx(const std::vector<CalibratedPair>& pairs) {
+  double least_px = std::numeric_limits<double>::infinity();
+  for (const CalibratedPair& pair : pairs) {
+    if (IsCalibrated(pair)) least_px = std::min(least_px, pair.calibration->refined->pixel_sigma_px);
+  }
+  return least_px;
+}
+
+// Returns whether a pair fits far worse than the best one: if no capture agrees with another, none contradicts them.
+bool IsFarWorse(const CalibratedPair& pair, double least_noise_px) {
+  constexpr double kFar = 10;
+  return !IsCalibrated(pair) || pair.calibration->refined->pixel_sigma_px > kFar * least_noise_px;
+}
+
+bool IsSuspicious(const CalibratedPair& pair, double least_noise_px) {
   constexpr double kManyUnused = 0.25;
   if (!pair.robot || pair.num_images < kFewest) return false;
-  return !IsCalibrated(pair) || NumContradicting(pair) > kManyUnused * pair.num_images;
+  return IsFarWorse(pair, least_noise_px) || NumContradicting(pair) > kManyUnused * pair.num_images;
 }
 
 // Returns whether the residuals of a pair are clearly smaller than those of the same pair among `others`: without
@@ -56,9 +72,10 @@ Problem Shifted(const Problem& problem, size_t camera, int shift) {
 
 std::optional<ShiftedCamera> FindShiftedCamera(const Problem& problem, const std::vector<CalibratedPair>& pairs,
                                                const CalibrationOptions& options) {
+  const double least_noise_px = LeastNoisePx(pairs);
   std::set<size_t> cameras;
   for (const CalibratedPair& pair : pairs) {
-    if (IsSuspicious(pair)) cameras.insert(pair.camera);
+    if (IsSuspicious(pair, least_noise_px)) cameras.insert(pair.camera);
   }
   for (const size_t camera : cameras) {
     for (const int shift : {-1, 1, -2, 2}) {
@@ -67,7 +84,8 @@ std::optional<ShiftedCamera> FindShiftedCamera(const Problem& problem, const std
       for (const CalibratedPair& pair : CalibratePairs(Shifted(problem, camera, shift), options)) {
         if (!pair.robot) continue;
         num_images += pair.num_images;
-        num_unused += IsCalibrated(pair) && FitsBetter(pair, pairs) ? NumContradicting(pair) : pair.num_images;
+        const bool is_as_good = !IsFarWorse(pair, least_noise_px) && FitsBetter(pair, pairs);
+        num_unused += is_as_good ? NumContradicting(pair) : pair.num_images;
       }
       constexpr double kFewUnused = 0.1;
       if (num_images >= kFewest && num_unused <= kFewUnused * num_images) return ShiftedCamera{camera, shift};

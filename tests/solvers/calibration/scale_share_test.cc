@@ -81,7 +81,7 @@ TEST(ScaleShareTest, IsTheChangeByARobotOfAnotherScale) {
 
 // A held scale about which there is prior knowledge leaves what an adjustment that frees it with this knowledge states.
 TEST(ScaleShareTest, IsThatOfAFreeScaleWithPriorKnowledge) {
-  constexpr double kSigma = 5e-4;
+  constexpr double kSigma = 1e-3;
   const TestSceneOptions scene_options = NoisyScene(Setup::kEyeToHand);
   const TestScene scene = MakeTestScene(4, scene_options);
   BundleOptions options;

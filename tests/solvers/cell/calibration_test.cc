@@ -210,22 +210,26 @@ TEST(Calibration, PredictsHeldOutCaptures) {
   }
 }
 
+// Whether the shifted images of the camera fail by themselves, contradict each other in part, or agree with noise of a
+// hundred pixels, depends on the scene.
 TEST(Calibration, NamesTheCameraWhoseImagesAreShifted) {
-  CellScene scene = FourCameraCell(15);
-  // The images of the third camera belong to the capture before.
-  std::vector<ProblemImage> last;
-  for (ProblemCapture& capture : scene.problem.captures) {
-    std::vector<ProblemImage> own;
-    for (const ProblemImage& image : capture.images) {
-      if (image.camera == 2) own.push_back(image);
+  for (const uint64_t seed : {15, 16, 18}) {
+    CellScene scene = FourCameraCell(seed);
+    // The images of the third camera belong to the capture before.
+    std::vector<ProblemImage> last;
+    for (ProblemCapture& capture : scene.problem.captures) {
+      std::vector<ProblemImage> own;
+      for (const ProblemImage& image : capture.images) {
+        if (image.camera == 2) own.push_back(image);
+      }
+      std::erase_if(capture.images, [](const ProblemImage& image) { return image.camera == 2; });
+      capture.images.insert(capture.images.end(), last.begin(), last.end());
+      last = own;
     }
-    std::erase_if(capture.images, [](const ProblemImage& image) { return image.camera == 2; });
-    capture.images.insert(capture.images.end(), last.begin(), last.end());
-    last = own;
+    const Outcome<Calibration> calibration = Calibrate(scene.problem, GivenCameras(scene));
+    ASSERT_FALSE(calibration) << seed;
+    EXPECT_EQ(calibration.reason(), "shifted_images (shift -1, camera camera3)") << seed;
   }
-  const Outcome<Calibration> calibration = Calibrate(scene.problem, GivenCameras(scene));
-  ASSERT_FALSE(calibration);
-  EXPECT_EQ(calibration.reason(), "shifted_images (shift -1, camera camera3)");
 }
 
 // Moves a camera from a capture on.

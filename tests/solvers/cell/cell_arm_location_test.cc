@@ -148,7 +148,8 @@ SeenObject SeeBeforeTheWrist(uint64_t seed) {
 }
 
 // The means of the chi-squares with 6 degrees of freedom, and of those with 3 of points, are within 4 standard
-// deviations of these. They are not if the errors of the arm are taken as known exactly, or if they are not corrected.
+// deviations of these. They are much larger if the errors of the arm are not corrected, and larger by a tenth at least,
+// in the same trials, if the corrections are taken as known exactly.
 TEST(CellArmLocation, ErrorsAgreeWithTheCovarianceAndAreSmallerThanWithoutTheCorrection) {
   constexpr int kNumTrials = 60;
   LocationErrors by_all;
@@ -177,7 +178,7 @@ TEST(CellArmLocation, ErrorsAgreeWithTheCovarianceAndAreSmallerThanWithoutTheCor
   EXPECT_NEAR(by_wrist.MeanChi2(), 6, tolerance);
   ASSERT_GE(points.num, 10);
   EXPECT_NEAR(points.MeanChi2(), 3, 4 * std::sqrt(6.0 / points.num));
-  EXPECT_GT(as_if_known.MeanChi2(), 6 + tolerance);
+  EXPECT_GT(as_if_known.MeanChi2(), 1.1 * by_wrist.MeanChi2());
   EXPECT_GT(plain.MeanChi2(), 6 + tolerance);
   EXPECT_LT(by_wrist.RmsMm(), 0.5 * plain.RmsMm());
 }

@@ -50,7 +50,7 @@ TEST_P(ArmRefinementTest, ErrorsOfTheArmAreFoundWithHonestCovariance) {
   options.setup = GetParam().setup;
   options.has_several_configurations = GetParam().has_several_configurations;
   options.num_captures = 25;
-  constexpr int kTrials = 8;
+  constexpr int kTrials = 16;
   double sum_squares = 0;
   double dof = 0;
   double white_m2 = 0;
