@@ -313,7 +313,7 @@ TEST(PosesCheckTest, FewCapturesAreOnlyUnexplained) {
   SimulatedSetOptions options;
   options.num_captures = 4;
   Examination examination = CleanExamination(options);
-  MisreadPoses(FormatOf("euler_zyx", "deg", "mm"), FormatOf("rotation_vector", "deg", "mm"), &examination);
+  MisreadPoses(FormatOf("euler_zyx", "deg", "mm"), FormatOf("euler_zyx", "rad", "mm"), &examination);
   EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
   EXPECT_FALSE(examination.pose_fit.has_value());
 }
