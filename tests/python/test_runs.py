@@ -253,12 +253,12 @@ def test_the_module_does_not_leak(cell):
     def peak_mb():
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
-    for _ in range(30):
+    for _ in range(15):
         heba.detect(grey, target)
     before = peak_mb()
-    for _ in range(200):
+    for _ in range(80):
         heba.detect(grey, target)
-    # 200 leaked images would be 60 MB.
+    # 80 leaked images would be 24 MB.
     assert peak_mb() - before < 10
 
 

@@ -37,6 +37,8 @@ struct PoseFit {
 struct CellContext {
   // The codes (Target::Codes) of the other targets that the images may show, which are not this one.
   std::vector<std::string> other_codes;
+  // Whether some images of the cell show the whole target: where others do not show it, it is not in view.
+  bool is_target_known = false;
   // All captures of the rig, with the poses of the arm. The data set has those whose images do not show another target
   // instead.
   std::vector<std::string> captures;

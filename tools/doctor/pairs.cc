@@ -35,6 +35,21 @@ bool IsToBeDiagnosed(const DoctorPair& pair) {
   return pair.num_seen > 0 && (pair.num_seen >= kFewest || is_missed);
 }
 
+// Returns, for each target, whether some images of the cell show the whole of it.
+std::vector<bool> AreKnown(const Dataset& data, const std::vector<TargetDetection>& detections) {
+  constexpr double kWhole = 0.9;
+  constexpr int kSome = 3;
+  std::vector<int> num_whole(data.targets.size(), 0);
+  for (const TargetDetection& detection : detections) {
+    const auto num_points = static_cast<double>(detection.detection.detection.ids.size());
+    const auto num_all = static_cast<double>(data.targets[detection.target]->points().size());
+    if (IsSeen(detection) && num_points >= kWhole * num_all) ++num_whole[detection.target];
+  }
+  std::vector<bool> are_known;
+  for (const int num : num_whole) are_known.push_back(num >= kSome);
+  return are_known;
+}
+
 // Returns the given detections of a pair in its captures.
 std::vector<TargetDetection> GivenDetectionsOf(const Dataset& data, const DoctorPair& pair) {
   std::vector<TargetDetection> given;
@@ -110,6 +125,7 @@ std::string Replaced(std::string text, const std::vector<std::pair<std::string, 
 CellContext ContextOf(const RunConfig& config, const DoctorPair& pair) {
   const Dataset& data = config.data;
   CellContext context;
+  context.is_target_known = pair.is_target_known;
   for (size_t t = 0; t < data.targets.size(); ++t) {
     if (t == pair.target) continue;
     for (std::string& code : data.targets[t]->Codes()) context.other_codes.push_back(std::move(code));
@@ -136,6 +152,7 @@ bool IsSeen(const TargetDetection& detection) {
 
 std::vector<DoctorPair> PairsOf(const RunConfig& config, const std::vector<TargetDetection>& detections) {
   const Problem& rig = config.data.rig;
+  const std::vector<bool> are_known = AreKnown(config.data, detections);
   std::vector<DoctorPair> pairs;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     std::vector<int> num_targets(config.data.captures.size(), 0);
@@ -146,7 +163,7 @@ std::vector<DoctorPair> PairsOf(const RunConfig& config, const std::vector<Targe
     for (size_t t = 0; t < rig.targets.size(); ++t) {
       const std::optional<size_t> arm = ArmOf(rig, c, t);
       if (!arm) continue;
-      DoctorPair pair{c, t, *arm, {}, 0};
+      DoctorPair pair{c, t, *arm, {}, 0, are_known[t]};
       for (const TargetDetection& detection : detections) {
         if (detection.camera != c || detection.target != t) continue;
         if (IsSeen(detection)) ++pair.num_seen;

@@ -24,6 +24,7 @@ struct DoctorPair {
   size_t robot = 0;
   std::vector<size_t> captures;  // The captures in which the camera sees the target, or no target.
   int num_seen = 0;
+  bool is_target_known = false;  // Whether some images of the cell, of any camera, show the whole target.
 };
 
 // A pair, diagnosed as a data set of one camera.

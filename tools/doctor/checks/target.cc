@@ -305,13 +305,14 @@ std::vector<Symptom> Check_target(Examination* examination) {
       Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;
   std::string seen = SeenText(config, few) + " that were searched";
+  const bool may_be_another = !examination->rig.is_target_known;
   std::optional<TargetInImages> shown;
-  if (is_in_none) shown = FindShownTarget(*examination, sample);
+  if (is_in_none && may_be_another) shown = FindShownTarget(*examination, sample);
   if (!shown) {
     examination->detections = detect_all();
     if (IsSeenWell(config, examination->detections)) return {};
     seen = SeenText(config, examination->detections);
-    if (!is_in_none) shown = FindShownTarget(*examination, sample);
+    if (!is_in_none && may_be_another) shown = FindShownTarget(*examination, sample);
   }
   if (!shown) return SeldomSeen(config, examination->detections, seen);
   examination->config = WithTarget(std::move(examination->config), shown->target);
