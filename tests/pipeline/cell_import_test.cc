@@ -37,7 +37,7 @@ void WriteMetricSet(const fs::path& folder) {
   }
 }
 
-TEST(CellImportTest, CalibratesTheMetricDataSet) {
+TEST(CellImportNightly, CalibratesTheMetricDataSet) {
   for (const char* name : {"metric_workcell_camera1", "metric_workcell_camera2"}) HEBA_SKIP_WITHOUT(DataDir() / name);
   const fs::path folder = TestFolder("rig_import");
   WriteMetricSet(folder / "set");
