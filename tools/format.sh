@@ -5,4 +5,4 @@ cd "$(dirname "$0")/.."
 
 mode=(-i)
 if [ "${1:-}" = --check ]; then mode=(--dry-run -Werror); fi
-find src solvers targets tools tests -name '*.cc' -o -name '*.h' | sort | xargs clang-format-14 "${mode[@]}"
+find src solvers targets tools tests python -name '*.cc' -o -name '*.h' | sort | xargs clang-format-14 "${mode[@]}"

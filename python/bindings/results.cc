@@ -73,27 +73,27 @@ std::vector<pybind11::array_t<double>> CorrectPoses(const std::filesystem::path&
   {
     const pybind11::gil_scoped_release release;
     const RunResult result = ReadWholeResult(result_file);
+    if (arm.empty() && result.rig.robots.size() > 1) {
+      throw InputError("arm: the run has several arms, one of which is needed: " + Join(result.rig.robots, ", "));
+    }
     const size_t index = IndexOfArm("arm", arm, result.rig.robots);
     const RobotSummary* const robot = FindEstimatedArm(result, index);
     if (robot == nullptr) throw InputError("arm: " + WhyNotEstimated(result, index));
     if (result.verdict.grade == Grade::kBad && !is_forced) {
       throw InputError("the verdict of the run is bad, and a robot would move by these poses; force=True gives them");
     }
+    const auto num_joints = static_cast<size_t>(robot->nominal.num_joints());
+    if (!joints.empty() && joints.front().size() != num_joints) {
+      throw InputError("joints: the arm " + robot->nominal.name + " has " + std::to_string(num_joints) +
+                       " joints, not " + std::to_string(joints.front().size()));
+    }
     for (size_t i = 0; i < given.size(); ++i) {
-      Eigen::VectorXd at;
-      if (!joints.empty()) {
-        at = Eigen::Map<const Eigen::VectorXd>(joints[i].data(), static_cast<Eigen::Index>(joints[i].size()));
-      }
-      const auto with_joints = [&] {
+      const auto by_joints = [&] {
+        const Eigen::Map<const Eigen::VectorXd> at(joints[i].data(), static_cast<Eigen::Index>(num_joints));
         return is_inverse ? CommandFor(*robot, given[i], at) : TruePose(*robot, given[i], at);
       };
       const auto by_pose = [&] { return is_inverse ? CommandFor(*robot, given[i]) : TruePose(*robot, given[i]); };
-      if (!joints.empty() && at.size() != static_cast<Eigen::Index>(JointColumns(robot->nominal).size())) {
-        throw InputError("joints: the arm " + robot->nominal.name + " has " +
-                         std::to_string(JointColumns(robot->nominal).size()) + " joints, not " +
-                         std::to_string(at.size()));
-      }
-      const Outcome<Rigid3d> pose = joints.empty() ? by_pose() : with_joints();
+      const Outcome<Rigid3d> pose = joints.empty() ? by_pose() : by_joints();
       if (!pose) throw InputError("poses[" + std::to_string(i) + "]: " + FailureText(pose.failure()));
       corrected.push_back(*pose);
     }
