@@ -3,11 +3,12 @@
 #include "heba/base/error.h"
 #include "heba/robot/arm_table.h"
 #include "heba/simulation/arm_captures.h"
+#include "tests/support/scene_rng.h"
 
 namespace heba {
 
 ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   ArmScene made;
   made.nominal = *FindArm(options.arm);
   made.errors = DrawArmErrors(

@@ -6,11 +6,12 @@
 #include "heba/base/error.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_table.h"
+#include "tests/support/scene_rng.h"
 
 namespace heba {
 
 CellScene ReachableCell(uint64_t seed, const CellSceneSetting& setting) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   CellScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
@@ -23,7 +24,7 @@ CellScene ReachableCell(uint64_t seed, const CellSceneSetting& setting) {
 }
 
 CellArmScene WithArms(CellScene rig, const CellSceneSetting& setting, const ArmErrorSigmas& sigmas, uint64_t seed) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   CellArmScene scene{std::move(rig), {}, {}};
   for (size_t r = 0; r < scene.rig.problem.robots.size(); ++r) {
     const Arm nominal = *FindArm("ur10e");

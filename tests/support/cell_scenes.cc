@@ -4,6 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/factorisation.h"
+#include "tests/support/scene_rng.h"
 
 namespace heba {
 
@@ -77,7 +78,7 @@ void AddLeftAndRight(const CellSceneSetting& setting, Rng* rng, CellScene* scene
 }
 
 CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   CellScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
@@ -90,7 +91,7 @@ CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
 }
 
 CellScene FourCameraCell(uint64_t seed, const CellSceneSetting& setting) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   CellScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   for (int c = 0; c < 4; ++c) {
@@ -106,7 +107,7 @@ CellScene FourCameraCell(uint64_t seed, const CellSceneSetting& setting) {
 }
 
 CellScene TwoArmCell(uint64_t seed, const CellSceneSetting& setting) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   CellScene scene;
   scene.problem.robots = {"left", "right"};
   scene.truth.world_from_base = {Rigid3d(), Rigid3d(ExpRotation({0.05, -0.02, 3.0}), {1.1, 0.1, 0.02})};

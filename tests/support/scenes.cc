@@ -2,6 +2,8 @@
 
 #include <map>
 
+#include "tests/support/scene_rng.h"
+
 namespace heba {
 
 Points3 GridPoints(int columns, int rows, double spacing_m) {
@@ -38,7 +40,7 @@ Camera TestCamera(const std::string& model) {
 }
 
 TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options) {
-  Rng rng(seed);
+  Rng rng = SceneRng(seed);
   TestScene scene;
   scene.camera = options.camera;
   // The camera is 0.7 m from the base or 0.1 m from the flange; the target is on the other mount.
