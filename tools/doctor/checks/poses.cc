@@ -221,6 +221,9 @@ double MisfitM(const HandEye& hand_eye, const Rigid3d& mount, const ExaminedView
   return least;
 }
 
+// A part of fewer captures is as likely one of wrong poses.
+constexpr std::ptrdiff_t kLeastPart = 3;
+
 // Returns the reading in which the images belong to their poses up to a capture and, from there on, to those `step`
 // rows away, at the capture for which this explains most; nothing if either part alone determines no hand-eye pose.
 std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows& rows, std::ptrdiff_t step) {
@@ -263,9 +266,8 @@ std::optional<Reading> ShiftedFromOn(const Examination& examination, const Rows&
       total += cost(v, 0) - cost(v, step);
     }
   }
-  // A part of fewer captures is as likely one of wrong poses.
-  constexpr size_t kLeastPart = 3;
-  if (!best_from || *best_from < kLeastPart || views.size() - *best_from < kLeastPart) return std::nullopt;
+  const auto least_part = static_cast<size_t>(kLeastPart);
+  if (!best_from || *best_from < least_part || views.size() - *best_from < least_part) return std::nullopt;
   const size_t from = rows.place[views[*best_from].capture];
   return Repaired(examination, rows, ShiftedFromOnText(rows.names[from], step),
                   kMistakes.shift + kMistakes.part + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
@@ -645,9 +647,20 @@ std::optional<BestReading> FindBetterReading(const std::vector<JudgedReading>& j
   }
   if (least_m > kLimits.poor_share * distance_m) return std::nullopt;
   const double alike_m = std::max(kLimits.alike * least_m, 0.5 * kLimits.good_share * distance_m);
+  // The typical misfit passes over three captures in ten. A reading that does not explain these is no better for being
+  // simpler.
+  const auto num_fitting = [&](const JudgedReading& one) {
+    const std::vector<double>& misfits_m = one.consistency.misfit_m;
+    return std::count_if(misfits_m.begin(), misfits_m.end(),
+                         [&](double misfit) { return misfit <= kLimits.poor_share * distance_m; });
+  };
+  std::ptrdiff_t most_fitting = 0;
+  for (const JudgedReading& one : judged) {
+    if (misfit_m(one) <= alike_m) most_fitting = std::max(most_fitting, num_fitting(one));
+  }
   const JudgedReading* best = nullptr;
   for (const JudgedReading& one : judged) {
-    if (misfit_m(one) > alike_m) continue;
+    if (misfit_m(one) > alike_m || num_fitting(one) + kLeastPart <= most_fitting) continue;
     if (best == nullptr || std::pair(one.oddness, misfit_m(one)) < std::pair(best->oddness, misfit_m(*best))) {
       best = &one;
     }
