@@ -326,6 +326,9 @@ std::vector<Reading> OtherArms(const Examination& examination) {
   return readings;
 }
 
+// The sigma of a fit's scale, relative to it.
+double RelativeScaleSigma(const PoseConsistency& fit) { return fit.robot_scale_stddev / std::abs(fit.robot_scale); }
+
 std::optional<JudgedReading> Judge(const Examination& examination, const Reading& reading) {
   // This number is enough to distinguish readings.
   constexpr size_t kMostViews = 40;
@@ -348,8 +351,7 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
     constexpr double kSameScale = 0.02;
     constexpr double kSigmas = 5;
     judged.has_other_scale =
-        std::abs(RestScale(judged) - 1) > std::max(kSameScale, kSigmas * judged.consistency.robot_scale_stddev /
-                                                                   std::abs(judged.consistency.robot_scale));
+        std::abs(RestScale(judged) - 1) > std::max(kSameScale, kSigmas * RelativeScaleSigma(judged.consistency));
     if (judged.has_other_scale && !IsPlausibleScale(RestScale(judged))) return std::nullopt;
     if (judged.unit != reading.format.translation_unit) judged.oddness += kMistakes.unit;
     if (judged.has_other_scale) judged.oddness += kMistakes.scale;
@@ -446,10 +448,30 @@ Fault InverseRotationFault() {
           {"transpose the matrices (or change the signs of the quaternions' x, y, z) in the poses file"}};
 }
 
-Fault ScaleFault(double scale) {
+// Explains the spacing of an asymmetric circle grid if the target is half or twice as large as its config says, or by
+// the root of 2: makers and programs mean different distances by it.
+std::string SpacingConventions(const std::string& target_used, double ratio) {
+  const YAML::Node target = YAML::Load(target_used);
+  if (!target.IsMap() || !target["asymmetric"] || target["asymmetric"].Scalar() != "true") return "";
+  const double root = std::sqrt(2.0);
+  constexpr double kAlike = 0.06;
+  for (const double convention : {0.5, 1 / root, root, 2.0}) {
+    if (std::abs(ratio / convention - 1) > kAlike) continue;
+    return "; the spacing of an asymmetric grid is the distance between neighbouring rows, half of that between the "
+           "dots "
+           "of one row, and not that between nearest dots, which is the root of 2 larger";
+  }
+  return "";
+}
+
+// `scale`: the factor from the robot's lengths to those of the target in the config. Its sigma is relative.
+Fault ScaleFault(const RunConfig& config, double scale, double relative_sigma) {
   return {"target_scale",
-          "the target is " + Significant(1 / scale, 4) + " times as large as the config says",
-          {"measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 4)}};
+          "the target is " + Significant(1 / scale, 4) + " times as large as the config says (+- " +
+              Significant(relative_sigma / scale, 1) + ", one sigma)",
+          {"measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 4) +
+           " (or, if it is right, the focal length is wrong by this factor)" +
+           SpacingConventions(config.targets_used.front(), 1 / scale)}};
 }
 
 // Returns all faults of the config's reading, with their cures; `settings` are SettingsOf the best one.
@@ -463,7 +485,9 @@ std::vector<Fault> FaultsOfNumbers(const Examination& examination, const JudgedR
   if (best.reading.direction == Direction::kInverse) faults.push_back(InverseFault(examination, best));
   if (best.reading.direction == Direction::kInverseRotation) faults.push_back(InverseRotationFault());
   const double rest = RestScale(best);
-  if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) faults.push_back(ScaleFault(rest));
+  if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) {
+    faults.push_back(ScaleFault(config, rest, RelativeScaleSigma(best.consistency)));
+  }
   return faults;
 }
 
@@ -541,22 +565,6 @@ void Apply(const JudgedReading& best, Examination* examination) {
     views.push_back(std::move(view));
   }
   examination->views = std::move(views);
-}
-
-// Explains the spacing of an asymmetric circle grid if the target is half or twice as large as its config says, or by
-// the root of 2: makers and programs mean different distances by it.
-std::string SpacingConventions(const std::string& target_used, double ratio) {
-  const YAML::Node target = YAML::Load(target_used);
-  if (!target.IsMap() || !target["asymmetric"] || target["asymmetric"].Scalar() != "true") return "";
-  const double root = std::sqrt(2.0);
-  constexpr double kAlike = 0.06;
-  for (const double convention : {0.5, 1 / root, root, 2.0}) {
-    if (std::abs(ratio / convention - 1) > kAlike) continue;
-    return "; the spacing of an asymmetric grid is the distance between neighbouring rows, half of that between the "
-           "dots "
-           "of one row, and not that between nearest dots, which is the root of 2 larger";
-  }
-  return "";
 }
 
 // Checks captures that are too few for a robust fit by what no hand-eye pose changes: between two captures, the gripper
@@ -693,13 +701,8 @@ bool ShowsOtherSize(const PoseConsistency& scaled, const PoseConsistency& now, d
 }
 
 Symptom OtherSize(const RunConfig& config, const PoseConsistency& scaled, const PoseConsistency& now) {
-  const double scale = scaled.robot_scale;
-  Symptom symptom{Severity::kWrong, "target_scale",
-                  "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
-                      Significant(scaled.robot_scale_stddev / (scale * scale), 1) + ", one sigma)",
-                  "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
-                      " (or, if it is right, the focal length is wrong by this factor)" +
-                      SpacingConventions(config.targets_used.front(), 1 / scale)};
+  const Fault fault = ScaleFault(config, scaled.robot_scale, RelativeScaleSigma(scaled));
+  Symptom symptom{Severity::kWrong, fault.code, fault.what, fault.cures.front()};
   symptom.evidence =
       "with this scale, robot and images differ by " + MisfitText(scaled) + ", without it by " + MisfitText(now);
   return symptom;
