@@ -11,6 +11,8 @@
 
 namespace heba {
 
+struct JointPrior;  // heba/data/joint_prior.h
+
 // Returns settings for small dense problems that are solved to full precision. One thread is used, so that the result
 // does not depend on the number of threads.
 ceres::Solver::Options ReprojectionSolverOptions(int max_iterations);
