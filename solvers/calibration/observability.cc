@@ -171,6 +171,9 @@ std::optional<Eigen::MatrixXd> WhitenedRows(const Problem& used, const Solution&
   return CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(by_sigmas).SolveLower(view.by_unknowns);
 }
 
+// Returns whether a sigma is less by more than rounding: of captures that tell the same, the first ones are suggested.
+bool IsLess(double sigma, double other) { return sigma < (1 - 1e-6) * other; }
+
 bool SeesAnything(const CandidateCaptures& candidate) {
   return std::all_of(candidate.captures.begin(), candidate.captures.end(), [&](const ProblemCapture& capture) {
     return std::any_of(capture.images.begin(), capture.images.end(), [&](const ProblemImage& image) {
@@ -205,7 +208,7 @@ Finding Suggest(const Problem& problem, const CandidateCaptures& candidate, size
   size_t helped = camera;
   const auto ratio = [&](size_t c) { return after[c] / before[c].sigma; };
   for (size_t c = 0; c < before.size(); ++c) {
-    if (ratio(c) < ratio(helped)) helped = c;
+    if (IsLess(ratio(c), ratio(helped))) helped = c;
   }
   suggested.names.emplace_back("from_capture", problem.captures[candidate.capture].name);
   if (!problem.cameras[camera].name.empty()) {
@@ -324,7 +327,7 @@ std::vector<Finding> DiagnoseDirections(const Problem& used, const Solution& sol
     size_t best = candidates.size();
     for (size_t k = 0; k < candidates.size(); ++k) {
       if (!sigmas[k] || (*sigmas[k])[c] >= kHelps * worst[c].sigma) continue;
-      if (best == candidates.size() || (*sigmas[k])[c] < (*sigmas[best])[c]) best = k;
+      if (best == candidates.size() || IsLess((*sigmas[k])[c], (*sigmas[best])[c])) best = k;
     }
     if (best < candidates.size()) {
       finding.parts.push_back(Suggest(used, candidates[best], c, worst, *sigmas[best]));
