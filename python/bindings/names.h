@@ -22,11 +22,13 @@ inline size_t IndexOf(const std::string& what, const std::string& name, const st
   return static_cast<size_t>(found - names.begin());
 }
 
-// Returns the place of an arm; an empty name is that of the only one. Throws InputError, too.
-inline size_t IndexOfArm(const std::string& what, const std::string& name, const std::vector<std::string>& robots) {
+// Returns the place of an arm; an empty name is that of the only one. Throws InputError, too, which says that `needed`
+// tells several arms apart.
+inline size_t IndexOfArm(const std::string& what, const std::string& name, const std::vector<std::string>& robots,
+                         const std::string& needed = "a dictionary by their names") {
   if (!name.empty()) return IndexOf(what, name, robots);
   if (robots.size() > 1) {
-    throw InputError(what + ": the rig has several arms; a dictionary by their names is needed: " + Join(robots, ", "));
+    throw InputError(what + ": the rig has several arms; " + needed + " is needed: " + Join(robots, ", "));
   }
   return 0;
 }

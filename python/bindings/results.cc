@@ -73,10 +73,7 @@ std::vector<pybind11::array_t<double>> CorrectPoses(const std::filesystem::path&
   {
     const pybind11::gil_scoped_release release;
     const RunResult result = ReadWholeResult(result_file);
-    if (arm.empty() && result.rig.robots.size() > 1) {
-      throw InputError("arm: the run has several arms, one of which is needed: " + Join(result.rig.robots, ", "));
-    }
-    const size_t index = IndexOfArm("arm", arm, result.rig.robots);
+    const size_t index = IndexOfArm("arm", arm, result.rig.robots, "the name of one");
     const RobotSummary* const robot = FindEstimatedArm(result, index);
     if (robot == nullptr) throw InputError("arm: " + WhyNotEstimated(result, index));
     if (result.verdict.grade == Grade::kBad && !is_forced) {

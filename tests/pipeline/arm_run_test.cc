@@ -106,7 +106,7 @@ TEST_F(ArmRunTest, WrongArmIsRefusedByName) {
   EXPECT_THAT(result, HasSubstr("heba doctor says which"));
 }
 
-// What the doctor says about one of the sets if it is read with some settings.
+// A case states what the doctor says about one of the sets if it is read with some settings.
 struct DoctorCase {
   std::string set;
   std::vector<std::string> settings;

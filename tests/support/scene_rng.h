@@ -1,4 +1,4 @@
-// The random numbers of the tests' scenes. A test's seed is one scene of many: HEBA_SCENES=1, 2, ... draws others from
+// SceneRng draws the tests' scenes. A test's seed is one scene of many: HEBA_SCENES=1, 2, ... draws others from
 // the same seeds. What fails with some of them claims too much, or stands for a fault that its own scene does not show.
 #pragma once
 

@@ -285,8 +285,7 @@ TEST(Calibration, NamesTheCameraThatWasMoved) {
   // All images of the camera after the motion are left out.
   int num_after = 0;
   for (size_t i = 20; i < scene.problem.captures.size(); ++i) {
-    const std::vector<ProblemImage>& images = scene.problem.captures[i].images;
-    num_after += std::any_of(images.begin(), images.end(), [](const ProblemImage& image) { return image.camera == 1; });
+    num_after += Sees(scene.problem.captures[i], 1) ? 1 : 0;
   }
   EXPECT_EQ(*findings.front().Number("images_left_out"), num_after);
   EXPECT_EQ(findings.front().Name("first_left_out"), "capture_20");

@@ -464,7 +464,8 @@ std::string SpacingConventions(const std::string& target_used, double ratio) {
   return "";
 }
 
-// `scale`: the factor from the robot's lengths to those of the target in the config. Its sigma is relative.
+// Returns the fault of a target whose lengths in the config are `scale` times those by the robot. The sigma is
+// relative.
 Fault ScaleFault(const RunConfig& config, double scale, double relative_sigma) {
   return {"target_scale",
           "the target is " + Significant(1 / scale, 4) + " times as large as the config says (+- " +
