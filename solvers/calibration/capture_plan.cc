@@ -44,14 +44,14 @@ Rigid3d MountOf(const PlanCell& cell, const Rigid3d& camera_from_target) {
 }
 
 // Returns a pose that is off by about the stated sizes.
-Rigid3d Rough(const Rigid3d& pose, const PlanCell& cell, Rng* rng) {
+Rigid3d Rough(const Rigid3d& pose, const PlanCell& cell, Rng& rng) {
   const double per_axis = std::sqrt(1.0 / 3);
   Tangent6 error;
-  error << cell.uncertainty_m * per_axis * rng->NormalVector3(), cell.uncertainty_rad * per_axis * rng->NormalVector3();
+  error << cell.uncertainty_m * per_axis * rng.NormalVector3(), cell.uncertainty_rad * per_axis * rng.NormalVector3();
   return Retract(pose, error);
 }
 
-std::vector<HandEye> RoughSetups(const PlanCell& cell, Rng* rng) {
+std::vector<HandEye> RoughSetups(const PlanCell& cell, Rng& rng) {
   std::vector<HandEye> setups;
   for (int i = 0; i < kNumRoughSetups; ++i) {
     HandEye& rough = setups.emplace_back();
@@ -123,15 +123,15 @@ std::array<double, 2> DepthsOf(const PlanCell& cell) {
 }
 
 // Returns a pose of the target in front of the camera, with its front towards it.
-Rigid3d DrawPose(const PlanCell& cell, const std::array<double, 2>& depths_m, Rng* rng) {
-  const double depth_m = depths_m[0] * std::pow(depths_m[1] / depths_m[0], rng->Uniform());
-  const Eigen::Vector3d pixel{rng->Uniform(0, cell.camera.width_px), rng->Uniform(0, cell.camera.height_px), 1};
+Rigid3d DrawPose(const PlanCell& cell, const std::array<double, 2>& depths_m, Rng& rng) {
+  const double depth_m = depths_m[0] * std::pow(depths_m[1] / depths_m[0], rng.Uniform());
+  const Eigen::Vector3d pixel{rng.Uniform(0, cell.camera.width_px), rng.Uniform(0, cell.camera.height_px), 1};
   const Eigen::Vector3d ray((pixel.x() - cell.camera.params[2]) / cell.camera.params[0],
                             (pixel.y() - cell.camera.params[3]) / cell.camera.params[1], 1);
   // The normal of the target towards the camera is tilted against the line of sight.
-  const double tilt_rad = cell.max_tilt_rad * std::sqrt(rng->Uniform());
-  const double azimuth_rad = rng->Uniform(0, 2 * kPi);
-  const double spin_rad = rng->Uniform(-kPi, kPi);
+  const double tilt_rad = cell.max_tilt_rad * std::sqrt(rng.Uniform());
+  const double azimuth_rad = rng.Uniform(0, 2 * kPi);
+  const double spin_rad = rng.Uniform(-kPi, kPi);
   const Eigen::Vector3d to_camera = -ray.normalized();
   const Eigen::Vector3d z = cell.z_out ? to_camera : Eigen::Vector3d(-to_camera);
   const Eigen::Quaterniond facing = RotationOnto(Eigen::Vector3d::UnitZ(), z);
@@ -195,7 +195,7 @@ bool Complete(const PlanCell& cell, const std::vector<HandEye>& setups, const Si
   return true;
 }
 
-std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng* rng) {
+std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng& rng) {
   const std::vector<HandEye> setups = RoughSetups(cell, rng);
   const SimulatedTarget outline = OutlineOf(cell);
   const std::array<double, 2> depths_m = DepthsOf(cell);
@@ -236,7 +236,7 @@ PlanProblem ProblemOf(const PlanCell& cell, bool is_exact) {
 std::optional<LinearisedView> Linearise(const PlanCell& cell, PlanProblem plan, const Rigid3d& camera_from_target) {
   Rng none(0);
   const Rigid3d mount = MountOf(cell, camera_from_target);
-  const std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, mount, cell.points_in_target, 0, &none);
+  const std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, mount, cell.points_in_target, 0, none);
   if (!view) return std::nullopt;
   ProblemCapture& capture = plan.problem.captures.emplace_back();
   capture.base_from_gripper = {BaseFromGripper(cell.setup, mount)};
@@ -447,7 +447,7 @@ std::vector<size_t> Choose(const std::vector<Candidate>& candidates, size_t coun
 
 // Returns the captures of the two-step method that the cell allows.
 std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOptions& options,
-                                            const std::vector<Candidate>& candidates, Drawn* drawn, Rng* rng) {
+                                            const std::vector<Candidate>& candidates, Drawn* drawn, Rng& rng) {
   const std::vector<HandEye> setups = RoughSetups(cell, rng);
   const SimulatedTarget outline = OutlineOf(cell);
   MotionOptions home;
@@ -462,7 +462,7 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
     constexpr double kLeastShare = 0.1;
     const double share = std::pow(kLeastShare, static_cast<double>(attempt) / kMostTries);
     // The home pose is as far away as a pose that the cell allows.
-    const int like = rng->Index(static_cast<int>(candidates.size()));
+    const int like = rng.Index(static_cast<int>(candidates.size()));
     home.distance_m = candidates[static_cast<size_t>(like)].capture.camera_from_target.translation.z();
     motion.translation_m = share * TwoStepMotionOptions().translation_m;
     motion.max_turn_rad = share * TwoStepMotionOptions().max_turn_rad;
@@ -532,7 +532,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   Rng rng(options.seed);
   Drawn drawn;
   CapturePlan plan;
-  const std::vector<Candidate> candidates = WithInformation(cell, DrawCandidates(cell, options, &drawn, &rng));
+  const std::vector<Candidate> candidates = WithInformation(cell, DrawCandidates(cell, options, &drawn, rng));
   plan.num_candidates = candidates.size();
   if (candidates.size() < static_cast<size_t>(options.is_two_step ? 1 : options.count)) {
     return WhyTooFew(drawn, candidates.size(), options.count);
@@ -554,7 +554,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   std::vector<Candidate> chosen;
   if (options.is_two_step) {
     Drawn of_motion;
-    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, candidates, &of_motion, &rng);
+    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, candidates, &of_motion, rng);
     chosen = WithInformation(cell, captures);
     if (chosen.empty()) return WhyTooFew(of_motion, 0, options.count);
   } else {

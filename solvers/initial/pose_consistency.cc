@@ -176,10 +176,10 @@ class Solver {
 };
 
 // Returns three different elements of `from`, which must have at least three.
-std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
+std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng& rng) {
   std::vector<size_t> triple;
   while (triple.size() < 3) {
-    const size_t pick = from[static_cast<size_t>(rng->Index(static_cast<int>(from.size())))];
+    const size_t pick = from[static_cast<size_t>(rng.Index(static_cast<int>(from.size())))];
     if (std::find(triple.begin(), triple.end(), pick) == triple.end()) triple.push_back(pick);
   }
   return triple;
@@ -187,7 +187,7 @@ std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
 
 // Finds the rotations with the smallest 70 % quantile of the misfits, from random triples and then from the captures
 // that fit.
-std::pair<Rotations, RotationFit> FindRotations(const Solver& solver, Rng* rng) {
+std::pair<Rotations, RotationFit> FindRotations(const Solver& solver, Rng& rng) {
   std::vector<size_t> all(solver.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = i;
   Rotations best;
@@ -197,7 +197,7 @@ std::pair<Rotations, RotationFit> FindRotations(const Solver& solver, Rng* rng) 
     for (const size_t capture : RandomTriple(all, rng)) {
       // The first candidate is the likeliest.
       const int num = static_cast<int>(solver.NumCandidates(capture));
-      const size_t candidate = rng->Uniform() < 0.5 ? 0 : static_cast<size_t>(rng->Index(num));
+      const size_t candidate = rng.Uniform() < 0.5 ? 0 : static_cast<size_t>(rng.Index(num));
       chosen.push_back({capture, candidate});
     }
     const Rotations rotations = solver.SolveRotations(chosen);
@@ -227,7 +227,7 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   if (captures.size() < kMinCaptures) return std::nullopt;
   const Solver solver(captures);
   Rng rng(1);
-  const std::pair<Rotations, RotationFit> found_rotations = FindRotations(solver, &rng);
+  const std::pair<Rotations, RotationFit> found_rotations = FindRotations(solver, rng);
   const Rotations& rotations = found_rotations.first;
   const RotationFit& by_rotation = found_rotations.second;
   if (!std::isfinite(by_rotation.typical)) return std::nullopt;
@@ -265,7 +265,7 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   try_from(all_fitting);
   for (int trial = 0; trial < kNumTriples / 2; ++trial) {
     std::vector<Choice> chosen;
-    for (const size_t i : RandomTriple(fitting, &rng)) chosen.push_back(choices[i]);
+    for (const size_t i : RandomTriple(fitting, rng)) chosen.push_back(choices[i]);
     try_from(chosen);
   }
   for (int round = 0; round < kNumRounds; ++round) {

@@ -104,7 +104,7 @@ std::vector<Eigen::Index> StudiedUnknowns(const UnknownLayout& layout) {
   return studied;
 }
 
-std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng* rng) {
+std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng& rng) {
   const Eigen::VectorXd drawn = DrawErrors(cell, rng);
   const Outcome<PairCalibration> calibration = CalibratePair(SimulateViews(cell, drawn, rng), OptionsOf(cell));
   std::vector<TrialEstimate> estimates;

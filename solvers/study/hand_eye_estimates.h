@@ -11,7 +11,7 @@ namespace heba {
 
 // Simulates the captures of a trial and returns the estimates of every closed form, of the chain and of the bundle
 // adjustment.
-std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng* rng);
+std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng& rng);
 
 // Returns the unknowns of a layout whose errors are studied: all but the robot's systematic errors and the target's
 // shape.

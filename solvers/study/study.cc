@@ -127,8 +127,8 @@ std::vector<std::string> StudiedPoses(const StudyCell& cell) {
 
 std::vector<std::vector<TrialEstimate>> RunTrial(const StudyCell& cell, uint64_t seed, int trial) {
   Rng rng(seed, static_cast<uint64_t>(trial));
-  if (IsHandEye(cell)) return {EstimateHandEye(cell, &rng)};
-  const Problem problem = SimulateProblem(cell, &rng);
+  if (IsHandEye(cell)) return {EstimateHandEye(cell, rng)};
+  const Problem problem = SimulateProblem(cell, rng);
   const std::vector<PoseEstimate> truth = TruePoses(cell);
   std::vector<std::vector<TrialEstimate>> estimates(truth.size());
   for (const StudyEstimator estimator : cell.estimators) {

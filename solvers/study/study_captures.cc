@@ -30,14 +30,14 @@ Observations TruePoints(const StudyCell& cell, size_t target) {
 }
 
 // Displaces a point with the probability of the cell.
-void DisplacePoint(const StudyCell& cell, Eigen::Index point, Points2* pixels, Rng* rng) {
-  if (rng->Uniform() >= cell.outlier_points) return;
-  (*pixels)(0, point) += rng->Uniform(-kOutlierPx, kOutlierPx);
-  (*pixels)(1, point) += rng->Uniform(-kOutlierPx, kOutlierPx);
+void DisplacePoint(const StudyCell& cell, Eigen::Index point, Points2* pixels, Rng& rng) {
+  if (rng.Uniform() >= cell.outlier_points) return;
+  (*pixels)(0, point) += rng.Uniform(-kOutlierPx, kOutlierPx);
+  (*pixels)(1, point) += rng.Uniform(-kOutlierPx, kOutlierPx);
 }
 
 // Returns the captures at one pose.
-std::vector<View> ViewsAt(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng* rng) {
+std::vector<View> ViewsAt(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng& rng) {
   const Setup setup = SetupOf(cell);
   const SimulatedPose& pose = cell.captures[index].seen;
   const Camera& camera = cell.problem.cameras[0].camera;
@@ -58,8 +58,7 @@ std::vector<View> ViewsAt(const StudyCell& cell, size_t index, const Eigen::Vect
   bool is_seen = false;
   for (int draw = 0; draw < kMostDraws && !is_seen; ++draw) {
     Tangent6 error;
-    error << cell.robot_noise.translation_m * rng->NormalVector3(),
-        cell.robot_noise.rotation_rad * rng->NormalVector3();
+    error << cell.robot_noise.translation_m * rng.NormalVector3(), cell.robot_noise.rotation_rad * rng.NormalVector3();
     Rigid3d correction = Retract(Rigid3d(), error);
     if (robot) {
       correction =
@@ -77,13 +76,13 @@ std::vector<View> ViewsAt(const StudyCell& cell, size_t index, const Eigen::Vect
     if (repeat > 0) views[repeat].name += "_" + std::to_string(repeat);
     auto& pixels = views[repeat].observations.pixels;
     for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
-      const double u = cell.pixel_sigma_px * rng->Normal();
-      const double v = cell.pixel_sigma_px * rng->Normal();
+      const double u = cell.pixel_sigma_px * rng.Normal();
+      const double v = cell.pixel_sigma_px * rng.Normal();
       pixels.col(i) += Eigen::Vector2d(u, v);
       DisplacePoint(cell, i, &pixels, rng);
     }
   }
-  if (rng->Uniform() < cell.wrong_captures) {
+  if (rng.Uniform() < cell.wrong_captures) {
     const Rigid3d stated = BaseFromGripper(setup, view.camera_mount_from_target_mount);
     const Rigid3d wrong = CameraMountFromTargetMount(setup, WithRobotNoise(stated, kWrongRad, kWrongM, rng));
     for (View& repeated : views) repeated.camera_mount_from_target_mount = wrong;
@@ -103,7 +102,7 @@ StudyCell WithoutErrors(StudyCell cell) {
 
 }  // namespace
 
-std::vector<View> SimulateViews(const StudyCell& cell, const Eigen::VectorXd& drawn, Rng* rng) {
+std::vector<View> SimulateViews(const StudyCell& cell, const Eigen::VectorXd& drawn, Rng& rng) {
   std::vector<View> views;
   for (size_t i = 0; i < cell.captures.size(); ++i) {
     for (View& view : ViewsAt(cell, i, drawn, rng)) views.push_back(std::move(view));
@@ -111,7 +110,7 @@ std::vector<View> SimulateViews(const StudyCell& cell, const Eigen::VectorXd& dr
   return views;
 }
 
-Problem SimulateProblem(const StudyCell& cell, Rng* rng) {
+Problem SimulateProblem(const StudyCell& cell, Rng& rng) {
   SceneOptions options;
   options.noise_px = cell.pixel_sigma_px;
   options.robot_noise = cell.robot_noise;
@@ -127,7 +126,7 @@ Problem SimulateProblem(const StudyCell& cell, Rng* rng) {
   problem.captures = SimulateCaptures(problem, cell.poses, targets, arms, options, rng);
   for (size_t i = 0; i < problem.captures.size(); ++i) {
     ProblemCapture& capture = problem.captures[i];
-    const bool is_wrong = cell.wrong_captures > 0 && i % num_repeats == 0 && rng->Uniform() < cell.wrong_captures;
+    const bool is_wrong = cell.wrong_captures > 0 && i % num_repeats == 0 && rng.Uniform() < cell.wrong_captures;
     for (Rigid3d& pose : capture.base_from_gripper) {
       if (is_wrong) pose = WithRobotNoise(pose, kWrongRad, kWrongM, rng);
     }
@@ -149,7 +148,7 @@ Problem ExactProblem(const StudyCell& cell) {
   Problem problem;
   if (IsHandEye(cell)) {
     const Eigen::VectorXd none = Eigen::VectorXd::Zero(cell.robot ? cell.robot->errors->num_all : 0);
-    PairProblem views{cell.problem.cameras[0].camera, SimulateViews(exact, none, &rng), SetupOf(cell),
+    PairProblem views{cell.problem.cameras[0].camera, SimulateViews(exact, none, rng), SetupOf(cell),
                       TrueShape(cell, 0)};
     for (size_t i = 0; i < views.views.size() && cell.robot; ++i) {
       const size_t pose = i / static_cast<size_t>(cell.num_repeats);
@@ -161,7 +160,7 @@ Problem ExactProblem(const StudyCell& cell) {
     options.effects = DrawnErrors(cell);
     problem = HandEyeProblem(views, options);
   } else {
-    problem = SimulateProblem(exact, &rng);
+    problem = SimulateProblem(exact, rng);
   }
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     problem.targets[t].shape = TrueShape(cell, t);

@@ -55,23 +55,23 @@ std::shared_ptr<const SharedEffects> DrawnErrors(const StudyCell& cell) {
   return drawn.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(drawn);
 }
 
-Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng* rng) {
+Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng& rng) {
   if (!cell.robot) return {};
   const SharedEffects& errors = *cell.robot->errors;
   Eigen::VectorXd drawn = Eigen::VectorXd::Zero(errors.num_all);
   for (const SharedEffect& effect : errors.effects)
-    drawn[effect.index] = errors.groups[effect.group].sigma * rng->Normal();
+    drawn[effect.index] = errors.groups[effect.group].sigma * rng.Normal();
   return drawn;
 }
 
 Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joints, const Eigen::VectorXd& drawn,
-                      double joint_noise_rad, Rng* rng) {
+                      double joint_noise_rad, Rng& rng) {
   Eigen::VectorXd noise(gripper_by_joints.cols());
-  for (double& joint : noise) joint = joint_noise_rad * rng->Normal();
+  for (double& joint : noise) joint = joint_noise_rad * rng.Normal();
   return effect.Evaluate(drawn, nullptr) * Retract(Rigid3d(), gripper_by_joints * noise);
 }
 
-void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng* rng,
+void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng& rng,
                     TrialEstimate* estimate) {
   const Covariance& covariance = solution.covariance;
   const Eigen::Vector3d middle = cell.targets[0].points.points_in_target.rowwise().mean();

@@ -14,15 +14,15 @@ namespace heba {
 std::shared_ptr<const SharedEffects> DrawnErrors(const StudyCell& cell);
 
 // Draws the systematic errors of the robot; empty if it has none.
-Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng* rng);
+Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng& rng);
 
 // Returns the error of a robot pose: the systematic errors `drawn`, then a draw of the noise of the joints.
 Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joints, const Eigen::VectorXd& drawn,
-                      double joint_noise_rad, Rng* rng);
+                      double joint_noise_rad, Rng& rng);
 
 // Adds the errors of a solution's predictions at the places of the cell. The regions are those of a further capture
 // there, whose joints are noisy too.
-void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng* rng,
+void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng& rng,
                     TrialEstimate* estimate);
 // Adds the errors to a sum.
 void AddTo(const PlaceErrors& errors, PlaceErrors* sum);

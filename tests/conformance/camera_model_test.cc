@@ -48,11 +48,11 @@ bool SeesPerpendicularRays(const Camera& camera) {
 }
 
 // Returns points in front of the camera whose projections cover the image.
-Points3 RandomPoints(Rng* rng, int count) {
+Points3 RandomPoints(Rng& rng, int count) {
   Points3 points(3, count);
   for (int i = 0; i < count; ++i) {
-    const double z = rng->Uniform(0.2, 3.0);
-    points.col(i) << z * rng->Uniform(-0.6, 0.6), z * rng->Uniform(-0.45, 0.45), z;
+    const double z = rng.Uniform(0.2, 3.0);
+    points.col(i) << z * rng.Uniform(-0.6, 0.6), z * rng.Uniform(-0.45, 0.45), z;
   }
   return points;
 }
@@ -65,8 +65,8 @@ class CameraModelTest : public testing::TestWithParam<CameraCase> {
   // Returns random points that differ between the lenses of a model: the points of the lenses before are drawn first.
   Points3 RandomPointsOfLens(uint64_t seed, int count) const {
     Rng rng(seed);
-    for (int lens_index = 0; lens_index < GetParam().lens_index; ++lens_index) RandomPoints(&rng, count);
-    return RandomPoints(&rng, count);
+    for (int lens_index = 0; lens_index < GetParam().lens_index; ++lens_index) RandomPoints(rng, count);
+    return RandomPoints(rng, count);
   }
 };
 

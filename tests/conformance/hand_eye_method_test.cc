@@ -29,7 +29,7 @@ class HandEyeMethodTest : public testing::TestWithParam<std::string> {
 std::vector<PosePair> WithNoise(std::vector<PosePair> pairs, double rotation_rad, double translation_m, uint64_t seed) {
   Rng rng(seed);
   for (PosePair& pair : pairs) {
-    pair.camera_from_target = WithRobotNoise(pair.camera_from_target, rotation_rad, translation_m, &rng);
+    pair.camera_from_target = WithRobotNoise(pair.camera_from_target, rotation_rad, translation_m, rng);
   }
   return pairs;
 }

@@ -11,13 +11,13 @@
 
 namespace {
 
-std::string Spoiled(std::string text, const std::vector<std::string>& seeds, heba::Rng* rng) {
-  const int num_changes = 1 + rng->Index(4);
+std::string Spoiled(std::string text, const std::vector<std::string>& seeds, heba::Rng& rng) {
+  const int num_changes = 1 + rng.Index(4);
   for (int i = 0; i < num_changes; ++i) {
-    const size_t at = text.empty() ? 0 : static_cast<size_t>(rng->Index(static_cast<int>(text.size())));
-    switch (rng->Index(6)) {
+    const size_t at = text.empty() ? 0 : static_cast<size_t>(rng.Index(static_cast<int>(text.size())));
+    switch (rng.Index(6)) {
       case 0:  // Replaces a byte.
-        if (!text.empty()) text[at] = static_cast<char>(rng->Index(256));
+        if (!text.empty()) text[at] = static_cast<char>(rng.Index(256));
         break;
       case 1:  // Truncates.
         text.resize(at);
@@ -25,18 +25,18 @@ std::string Spoiled(std::string text, const std::vector<std::string>& seeds, heb
       case 2:  // Inserts something that parsers stumble over.
         text.insert(at, std::vector<std::string>{"\n", ":", "[", "{", "\"", "nan", "1e999", "-", "&a ", "*a", "#", "\t",
                                                  ",", "99999999999999999999", std::string("\0", 1),
-                                                 "\xff"}[static_cast<size_t>(rng->Index(16))]);
+                                                 "\xff"}[static_cast<size_t>(rng.Index(16))]);
         break;
       case 3:  // Repeats a part.
-        text.insert(at, text.substr(at, static_cast<size_t>(1 + rng->Index(40))));
+        text.insert(at, text.substr(at, static_cast<size_t>(1 + rng.Index(40))));
         break;
       case 4:  // Removes a part.
-        text.erase(at, static_cast<size_t>(1 + rng->Index(40)));
+        text.erase(at, static_cast<size_t>(1 + rng.Index(40)));
         break;
       default: {  // Inserts a part of another seed.
-        const std::string& other = seeds[static_cast<size_t>(rng->Index(static_cast<int>(seeds.size())))];
-        const size_t from = other.empty() ? 0 : static_cast<size_t>(rng->Index(static_cast<int>(other.size())));
-        text.insert(at, other.substr(from, static_cast<size_t>(1 + rng->Index(60))));
+        const std::string& other = seeds[static_cast<size_t>(rng.Index(static_cast<int>(seeds.size())))];
+        const size_t from = other.empty() ? 0 : static_cast<size_t>(rng.Index(static_cast<int>(other.size())));
+        text.insert(at, other.substr(from, static_cast<size_t>(1 + rng.Index(60))));
       }
     }
   }
@@ -70,7 +70,7 @@ int main(int argc, char** argv) {
   heba::Rng rng(1);
   const int count = std::atoi(argv[2]);
   for (int i = 0; i < count; ++i) {
-    Run(Spoiled(seeds[static_cast<size_t>(rng.Index(static_cast<int>(seeds.size())))], seeds, &rng));
+    Run(Spoiled(seeds[static_cast<size_t>(rng.Index(static_cast<int>(seeds.size())))], seeds, rng));
   }
   std::cout << seeds.size() << " seeds and " << count << " spoiled copies\n";
   return 0;

@@ -90,10 +90,10 @@ class RecordedArmRunTest : public testing::Test {
     return all;
   }
 
-  std::vector<size_t> Subset(size_t size, Rng* rng) const {
+  std::vector<size_t> Subset(size_t size, Rng& rng) const {
     std::vector<size_t> all = All();
     for (size_t i = 0; i < size; ++i) {
-      std::swap(all[i], all[i + static_cast<size_t>(rng->Uniform(0, 1) * static_cast<double>(all.size() - i))]);
+      std::swap(all[i], all[i + static_cast<size_t>(rng.Uniform(0, 1) * static_cast<double>(all.size() - i))]);
     }
     all.resize(size);
     std::sort(all.begin(), all.end());
@@ -133,7 +133,7 @@ TEST_F(RecordedArmRunTest, ArmIsEstimatedFromRandomParts) {
   Rng rng(1);
   for (int part = 0; part < 20; ++part) {
     const size_t size = 25 + static_cast<size_t>(rng.Uniform(0, 1) * 30);
-    const Json result = Run(Subset(size, &rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
+    const Json result = Run(Subset(size, rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
     EXPECT_EQ(result["estimates"].back()["robot"]["decision"], "estimated") << "part " << part << " of " << size;
   }
 }
@@ -177,7 +177,7 @@ TEST_F(RecordedArmRunTest, EightCapturesPredictTheOthers) {
   Rng rng(3);
   std::vector<double> errors_px;
   for (int part = 0; part < 5; ++part) {
-    Run(Subset(8, &rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
+    Run(Subset(8, rng), joints_, "{model: ur5}", "evaluate: {folds: 0}\n");
     const RunResult result = ReadRunResult(folder_ / "run" / "result.json");
     ASSERT_TRUE(FindEstimatedArm(result, 0) != nullptr) << part;
     errors_px.push_back(ErrorsOfOthersPx(result, poses_, joints_, detections, *target));
@@ -215,7 +215,7 @@ TEST_F(RecordedArmRunTest, WrongJointsAndArmsAreNeverEstimatedAndGood) {
   for (const auto& [name, spoiling] : spoilings) {
     for (int part = 0; part < 5; ++part) {
       const size_t size = 25 + static_cast<size_t>(rng.Uniform(0, 1) * 20);
-      const Json result = Run(Subset(size, &rng), spoiling.first(joints_), spoiling.second, "evaluate: {folds: 0}\n");
+      const Json result = Run(Subset(size, rng), spoiling.first(joints_), spoiling.second, "evaluate: {folds: 0}\n");
       EXPECT_NE(result["verdict"]["grade"], "good") << name;
       EXPECT_EQ(result["estimates"].back()["robot"]["decision"], "declined") << name;
     }

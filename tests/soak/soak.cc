@@ -372,13 +372,13 @@ bool OpenCvAnswers(const Dataset& data) {
   }
 }
 
-void Shuffle(Rng* random, std::vector<size_t>* values) {
+void Shuffle(Rng& random, std::vector<size_t>* values) {
   for (size_t i = values->size(); i > 1; --i) {
-    std::swap((*values)[i - 1], (*values)[static_cast<size_t>(random->Index(static_cast<int>(i)))]);
+    std::swap((*values)[i - 1], (*values)[static_cast<size_t>(random.Index(static_cast<int>(i)))]);
   }
 }
 
-void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng* random, Dataset* data) {
+void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling spoiling, Rng& random, Dataset* data) {
   std::vector<size_t> order(captures.size());
   std::iota(order.begin(), order.end(), size_t{0});
   Shuffle(random, &order);
@@ -394,27 +394,27 @@ void Spoil(const RecordedSet& set, const std::vector<size_t>& captures, Spoiling
     data->given_detections[order[0]].detection = others.empty() ? data->given_detections[order[1]].detection
                                                                 : set.data.given_detections[others.front()].detection;
   } else if (spoiling == Spoiling::kTurned) {
-    const Eigen::Vector3d axis = random->NormalVector3().normalized();
+    const Eigen::Vector3d axis = random.NormalVector3().normalized();
     Rigid3d& pose = data->captures[order[0]].base_from_gripper[0];
     pose = pose * Rigid3d(ExpRotation(DegToRad(3.0) * axis), Eigen::Vector3d::Zero());
   }
 }
 
-Subset Draw(const std::vector<RecordedSet>& sets, size_t which, Rng* random) {
+Subset Draw(const std::vector<RecordedSet>& sets, size_t which, Rng& random) {
   Subset subset;
   subset.set = which;
   const RecordedSet& set = sets[which];
   const int most = std::min(FLAGS_most_captures, static_cast<int>(set.seen.size()));
   const int least = std::min(kFewestCaptures, most);
-  subset.num_captures = least + random->Index(most - least + 1);
+  subset.num_captures = least + random.Index(most - least + 1);
   std::vector<size_t> captures = set.seen;
   Shuffle(random, &captures);
   captures.resize(static_cast<size_t>(subset.num_captures));
   std::sort(captures.begin(), captures.end());
-  subset.fixed = static_cast<size_t>(random->Index(static_cast<int>(kFixed.size())));
+  subset.fixed = static_cast<size_t>(random.Index(static_cast<int>(kFixed.size())));
   subset.data = PartOf(set.data, captures);
   if (FLAGS_spoil) {
-    subset.spoiling = static_cast<Spoiling>(1 + random->Index(3));
+    subset.spoiling = static_cast<Spoiling>(1 + random.Index(3));
     Spoil(set, captures, subset.spoiling, random, &subset.data);
   }
   return subset;
@@ -552,7 +552,7 @@ int Soak() {
   Rng random(static_cast<uint64_t>(FLAGS_seed));
   std::vector<Subset> subsets;
   for (int i = 0; i < FLAGS_subsets; ++i) {
-    subsets.push_back(Draw(sets, static_cast<size_t>(i) % sets.size(), &random));
+    subsets.push_back(Draw(sets, static_cast<size_t>(i) % sets.size(), random));
     Subset& subset = subsets.back();
     subset.opencv_answers = subset.spoiling == Spoiling::kNone && OpenCvAnswers(subset.data);
     if (!kFixed[subset.fixed].lens) continue;

@@ -7,9 +7,9 @@
 
 namespace heba {
 
-inline Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
+inline Eigen::VectorXd RandomJoints(const Arm& arm, Rng& rng) {
   Eigen::VectorXd joints(arm.num_joints());
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+  for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
   return joints;
 }
 

@@ -12,7 +12,7 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
   ArmScene made;
   made.nominal = *FindArm(options.arm);
   made.errors = DrawArmErrors(
-      made.nominal, {options.offset_rad, options.length_m, options.angle_rad, options.compliance_rad_per_nm}, &rng);
+      made.nominal, {options.offset_rad, options.length_m, options.angle_rad, options.compliance_rad_per_nm}, rng);
   for (const auto& [place, change] : options.changes) made.errors[place] += change;
   const TestSceneOptions plain;
   TestScene& scene = made.scene;
@@ -24,7 +24,7 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
   motion.tip_from_gripper = Rigid3d{ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()};
   if (options.tip_from_gripper) motion.tip_from_gripper = *options.tip_from_gripper;
   const Outcome<ArmCaptures> captures =
-      SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, &rng);
+      SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, rng);
   CHECK(captures.ok()) << captures.reason();
   scene.hand_eye = captures->hand_eye;
   made.tip_from_gripper = motion.tip_from_gripper;
@@ -41,7 +41,7 @@ ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options) {
     Eigen::VectorXd reached = joints + options.joint_ripple_rad * (2 * joints + phases_rad).array().sin().matrix();
     for (double& joint : reached) joint += options.joint_noise_rad * rng.Normal();
     std::optional<View> view = SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
-                                            mount_of(actual, reached), options.points, options.noise_px, &rng);
+                                            mount_of(actual, reached), options.points, options.noise_px, rng);
     CHECK(view.has_value());
     view->capture = scene.views.size();
     view->camera_mount_from_target_mount = mount_of(made.nominal, joints);

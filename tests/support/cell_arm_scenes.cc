@@ -15,7 +15,7 @@ CellScene ReachableCell(uint64_t seed, const CellSceneSetting& setting) {
   CellScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
-  AddLeftAndRight(setting, &rng, &scene);
+  AddLeftAndRight(setting, rng, &scene);
   AddCamera("wrist", gripper, Rigid3d{ExpRotation(0.5 * rng.Direction3()), 0.1 * rng.Direction3()}, setting, &scene);
   AddTarget("plate", gripper, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   // The front of a target is on the side of its negative z axis.
@@ -29,16 +29,16 @@ CellArmScene WithArms(CellScene rig, const CellSceneSetting& setting, const ArmE
   for (size_t r = 0; r < scene.rig.problem.robots.size(); ++r) {
     const Arm nominal = *FindArm("ur10e");
     const Rigid3d tip_from_gripper{ExpRotation(rng.Direction3()), 0.05 * rng.Direction3()};
-    scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, &rng), tip_from_gripper, true, 0});
+    scene.arms.push_back(SimulatedArm{nominal, DrawArmErrors(nominal, sigmas, rng), tip_from_gripper, true, 0});
   }
   const SceneOptions options = OptionsOf(setting, scene.arms.size());
   const Outcome<ArmMotion> motion =
-      SimulateArmMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, &rng);
+      SimulateArmMotion(scene.rig.problem, scene.rig.truth, scene.rig.targets, options, scene.arms, rng);
   CHECK(motion.ok()) << motion.reason();
   scene.joints = motion->joints;
   scene.rig.arms = motion->exact;
   scene.rig.problem.captures =
-      SimulateCaptures(scene.rig.problem, scene.rig.truth, scene.rig.targets, *motion, options, &rng);
+      SimulateCaptures(scene.rig.problem, scene.rig.truth, scene.rig.targets, *motion, options, rng);
   return scene;
 }
 

@@ -51,7 +51,7 @@ SceneOptions OptionsOf(const CellSceneSetting& setting, size_t num_arms) {
   return options;
 }
 
-void Simulate(const CellSceneSetting& setting, Rng* rng, CellScene* scene) {
+void Simulate(const CellSceneSetting& setting, Rng& rng, CellScene* scene) {
   const SceneOptions options = OptionsOf(setting, scene->problem.robots.size());
   const Outcome<std::vector<ArmPoses>> arms =
       SimulateArmPoses(scene->problem, scene->truth, scene->targets, options, rng);
@@ -71,10 +71,10 @@ CellScene OneArmScene() {
   return scene;
 }
 
-void AddLeftAndRight(const CellSceneSetting& setting, Rng* rng, CellScene* scene) {
+void AddLeftAndRight(const CellSceneSetting& setting, Rng& rng, CellScene* scene) {
   const Mount base{0, Mount::Part::kBase};
-  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, kWorkPlace, rng->Uniform(-1, 1)), setting, scene);
-  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, kWorkPlace, rng->Uniform(-1, 1)), setting, scene);
+  AddCamera("left", base, LookingAt({0.5, 0.6, 0.7}, kWorkPlace, rng.Uniform(-1, 1)), setting, scene);
+  AddCamera("right", base, LookingAt({0.6, 0.55, 0.55}, kWorkPlace, rng.Uniform(-1, 1)), setting, scene);
 }
 
 CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
@@ -82,11 +82,11 @@ CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting) {
   CellScene scene = OneArmScene();
   const Mount base{0, Mount::Part::kBase};
   const Mount gripper{0, Mount::Part::kGripper};
-  AddLeftAndRight(setting, &rng, &scene);
+  AddLeftAndRight(setting, rng, &scene);
   AddCamera("wrist", gripper, Rigid3d{ExpRotation(rng.Direction3()), 0.1 * rng.Direction3()}, setting, &scene);
   AddTarget("plate", gripper, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   AddTarget("wall", base, Rigid3d(ExpRotation(rng.Direction3()), {0.8, -0.3, 0.2}), &scene);
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   return scene;
 }
 
@@ -102,7 +102,7 @@ CellScene FourCameraCell(uint64_t seed, const CellSceneSetting& setting) {
   }
   AddTarget("plate", {0, Mount::Part::kGripper}, Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()},
             &scene);
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   return scene;
 }
 
@@ -117,7 +117,7 @@ CellScene TwoArmCell(uint64_t seed, const CellSceneSetting& setting) {
     AddTarget(r == 0 ? "plate" : "disk", {r, Mount::Part::kGripper},
               Rigid3d{ExpRotation(2 * rng.Direction3()), 0.1 * rng.Direction3()}, &scene);
   }
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   return scene;
 }
 

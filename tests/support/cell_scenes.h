@@ -47,13 +47,13 @@ void AddTarget(const std::string& name, const Mount& mount, const Rigid3d& mount
 // Returns the options of the simulation of a rig with this number of arms.
 SceneOptions OptionsOf(const CellSceneSetting& setting, size_t num_arms);
 
-void Simulate(const CellSceneSetting& setting, Rng* rng, CellScene* scene);
+void Simulate(const CellSceneSetting& setting, Rng& rng, CellScene* scene);
 
 // Returns a scene of one arm, whose base is the world, without anything else.
 CellScene OneArmScene();
 
 // Adds the fixed cameras left and right, which look at the place where the arm works.
-void AddLeftAndRight(const CellSceneSetting& setting, Rng* rng, CellScene* scene);
+void AddLeftAndRight(const CellSceneSetting& setting, Rng& rng, CellScene* scene);
 
 // Two fixed cameras and one on the gripper, a target on the gripper and one beside the arm.
 CellScene MixedCell(uint64_t seed, const CellSceneSetting& setting = {});

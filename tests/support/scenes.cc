@@ -57,9 +57,9 @@ TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options) {
     TwoStepMotionOptions two_step;
     two_step.num_turns = options.num_captures - 3;
     poses = *SimulateTwoStepPoses(options.setup, scene.camera, options.points, false, scene.hand_eye, motion, two_step,
-                                  &rng);
+                                  rng);
   } else {
-    const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, options.points, false, motion, &rng);
+    const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, options.points, false, motion, rng);
     for (const Rigid3d& camera_from_target : *free) poses.push_back({CaptureRole::kNone, camera_from_target});
   }
   TargetShape made = DesignedShape(options.points);
@@ -72,7 +72,7 @@ TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options) {
   for (const auto& [role, camera_from_target] : poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);
     scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
-                                        mount, made_points, options.noise_px, &rng));
+                                        mount, made_points, options.noise_px, rng));
     scene.views.back().observations.points_in_target = options.points;
     scene.views.back().role = role;
     scene.pairs.push_back({mount, camera_from_target, role, std::nullopt});

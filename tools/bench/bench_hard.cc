@@ -28,16 +28,16 @@ DEFINE_string(only, "", "only the kinds whose names contain this");
 namespace heba {
 namespace {
 
-using Spoil = std::function<cv::Mat(const cv::Mat& grey, Rng* random)>;
+using Spoil = std::function<cv::Mat(const cv::Mat& grey, Rng& random)>;
 
-cv::Mat WithSpots(const cv::Mat& grey, Rng* random) {
+cv::Mat WithSpots(const cv::Mat& grey, Rng& random) {
   // The dots of an infrared projector: one on 150 px, with a radius of 1 to 2 px.
   cv::Mat spotted = grey.clone();
   const auto num_spots = static_cast<int>(grey.total() / 150);
   for (int i = 0; i < num_spots; ++i) {
-    const cv::Point at(random->Index(grey.cols), random->Index(grey.rows));
-    const double level = std::min(255.0, grey.at<uchar>(at) + random->Uniform(60, 140));
-    cv::circle(spotted, at, random->Uniform(0, 1) < 0.5 ? 1 : 2, level, cv::FILLED, cv::LINE_AA);
+    const cv::Point at(random.Index(grey.cols), random.Index(grey.rows));
+    const double level = std::min(255.0, grey.at<uchar>(at) + random.Uniform(60, 140));
+    cv::circle(spotted, at, random.Uniform(0, 1) < 0.5 ? 1 : 2, level, cv::FILLED, cv::LINE_AA);
   }
   return spotted;
 }
@@ -48,20 +48,20 @@ cv::Mat Scaled(const cv::Mat& grey, double scale, double offset) {
   return changed;
 }
 
-cv::Mat WithNoise(const cv::Mat& grey, double sigma, Rng* random) {
+cv::Mat WithNoise(const cv::Mat& grey, double sigma, Rng& random) {
   cv::Mat noisy = grey.clone();
   for (auto at = noisy.begin<uchar>(); at != noisy.end<uchar>(); ++at) {
-    *at = cv::saturate_cast<uchar>(*at + sigma * random->Normal());
+    *at = cv::saturate_cast<uchar>(*at + sigma * random.Normal());
   }
   return noisy;
 }
 
-cv::Mat Dark(const cv::Mat& grey, Rng* random) { return WithNoise(Scaled(grey, 0.12, 2), 3, random); }
+cv::Mat Dark(const cv::Mat& grey, Rng& random) { return WithNoise(Scaled(grey, 0.12, 2), 3, random); }
 
-cv::Mat Smeared(const cv::Mat& grey, Rng* random) {
+cv::Mat Smeared(const cv::Mat& grey, Rng& random) {
   constexpr int kLength = 7;
   cv::Mat kernel = cv::Mat::zeros(kLength, kLength, CV_32F);
-  const double angle = random->Uniform(0, kPi);
+  const double angle = random.Uniform(0, kPi);
   const cv::Point2d half(0.5 * (kLength - 1) * std::cos(angle), 0.5 * (kLength - 1) * std::sin(angle));
   const cv::Point2d middle(0.5 * (kLength - 1), 0.5 * (kLength - 1));
   cv::line(kernel, middle - half, middle + half, 1.0, 1, cv::LINE_AA);
@@ -71,11 +71,11 @@ cv::Mat Smeared(const cv::Mat& grey, Rng* random) {
 }
 
 // Adds the reflection of a lamp: an elliptic spot that saturates in its middle.
-cv::Mat WithGlare(const cv::Mat& grey, Rng* random) {
+cv::Mat WithGlare(const cv::Mat& grey, Rng& random) {
   cv::Mat light = cv::Mat::zeros(grey.size(), CV_32F);
-  const cv::Point at{static_cast<int>(grey.cols * random->Uniform(0.35, 0.65)),
-                     static_cast<int>(grey.rows * random->Uniform(0.35, 0.65))};
-  cv::ellipse(light, at, {grey.cols / 12, grey.cols / 24}, random->Uniform(0, 180), 0, 360, 200.0, cv::FILLED);
+  const cv::Point at{static_cast<int>(grey.cols * random.Uniform(0.35, 0.65)),
+                     static_cast<int>(grey.rows * random.Uniform(0.35, 0.65))};
+  cv::ellipse(light, at, {grey.cols / 12, grey.cols / 24}, random.Uniform(0, 180), 0, 360, 200.0, cv::FILLED);
   cv::GaussianBlur(light, light, {}, 0.015 * grey.cols);
   cv::Mat lit;
   grey.convertTo(lit, CV_32F);
@@ -85,8 +85,8 @@ cv::Mat WithGlare(const cv::Mat& grey, Rng* random) {
 }
 
 // Takes 70 % of the light from one side of a line through the middle.
-cv::Mat Shadowed(const cv::Mat& grey, Rng* random) {
-  const double angle = random->Uniform(0, 2 * kPi);
+cv::Mat Shadowed(const cv::Mat& grey, Rng& random) {
+  const double angle = random.Uniform(0, 2 * kPi);
   cv::Mat shadowed = grey.clone();
   for (int y = 0; y < grey.rows; ++y) {
     for (int x = 0; x < grey.cols; ++x) {
@@ -98,7 +98,7 @@ cv::Mat Shadowed(const cv::Mat& grey, Rng* random) {
   return shadowed;
 }
 
-cv::Mat Compressed(const cv::Mat& grey, Rng* /*random*/) {
+cv::Mat Compressed(const cv::Mat& grey, Rng& /*random*/) {
   std::vector<uchar> bytes;
   cv::imencode(".jpg", grey, bytes, {cv::IMWRITE_JPEG_QUALITY, 30});
   return cv::imdecode(bytes, cv::IMREAD_GRAYSCALE);
@@ -221,7 +221,7 @@ void Compare(const Kind& kind, const std::string& what, const Target& target, co
     options.light_gradient = 0.3;
     options.seed = static_cast<uint64_t>(FLAGS_seed * 1000 + i);
     cv::Mat grey = RenderView(drawing, camera, pose, options);
-    if (kind.spoil) grey = kind.spoil(grey, &random);
+    if (kind.spoil) grey = kind.spoil(grey, random);
     for (size_t m = 0; m < methods.size(); ++m) {
       Add(target, camera, pose, methods[m].find(target, camera, pose, grey), std::max(1.0, kind.width_px / 1280.0),
           &counts[m]);

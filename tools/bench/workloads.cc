@@ -27,15 +27,15 @@ BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_no
   }
   MotionOptions motion;
   motion.num_captures = num_captures;
-  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.problem.camera, points, false, motion, &rng);
+  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.problem.camera, points, false, motion, rng);
   CHECK(poses.ok()) << poses.reason();
   for (const Rigid3d& camera_from_target : *poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.truth, camera_from_target);
     scene.problem.views.push_back(
-        *SimulateView("view", scene.problem.camera, scene.truth, mount, points, kBenchNoisePx, &rng));
+        *SimulateView("view", scene.problem.camera, scene.truth, mount, points, kBenchNoisePx, rng));
     if (has_robot_noise) {
       scene.problem.views.back().camera_mount_from_target_mount =
-          WithRobotNoise(mount, kBenchRobot.rotation_rad, kBenchRobot.translation_m, &rng);
+          WithRobotNoise(mount, kBenchRobot.rotation_rad, kBenchRobot.translation_m, rng);
     }
   }
   const auto off = [](const Rigid3d& pose, double by) {
@@ -70,7 +70,7 @@ BenchCell MakeBenchCell(int num_cameras, int num_captures, int points_a_side) {
   std::vector<ArmPoses> arms;
   for (const View& view : scene.problem.views) arms.push_back({view.camera_mount_from_target_mount});
   Rng rng(4);
-  problem.captures = SimulateCaptures(problem, truth, {{points, false}}, arms, options, &rng);
+  problem.captures = SimulateCaptures(problem, truth, {{points, false}}, arms, options, rng);
   for (const ProblemCapture& capture : problem.captures) {
     for (const ProblemImage& image : capture.images) rig.num_observations += image.observations.size();
   }
@@ -102,7 +102,7 @@ std::vector<PosePair> NoisyPairsOf(const BenchScene& scene) {
     PosePair pair;
     pair.camera_mount_from_target_mount = view.camera_mount_from_target_mount;
     pair.camera_from_target =
-        WithRobotNoise(CameraFromTarget(scene.truth, view.camera_mount_from_target_mount), 3e-4, 2e-4, &rng);
+        WithRobotNoise(CameraFromTarget(scene.truth, view.camera_mount_from_target_mount), 3e-4, 2e-4, rng);
     pair.covariance_at_1px = Eigen::Matrix<double, 6, 6>::Identity();
     pairs.push_back(pair);
   }

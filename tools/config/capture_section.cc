@@ -34,17 +34,17 @@ struct Seen {
   std::optional<double> time_s = {};  // When it was taken, if its file says so.
 };
 
-std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
+std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader& reader) {
   const std::vector<fs::path> images = FindImages(value);
-  reader->Record("images", ImagesNode(value, images));
+  reader.Record("images", ImagesNode(value, images));
   std::vector<Seen> seen;
   for (const fs::path& image : images) seen.push_back({image.filename().string(), image, {}, {}});
   return seen;
 }
 
-std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenByOthers(MapReader& reader, RunConfig* config) {
   std::optional<MapReader> mapping;
-  const PoseSource source = ReadPoseSource(*reader, "target_poses", &mapping);
+  const PoseSource source = ReadPoseSource(reader, "target_poses", &mapping);
   PoseFormat format = *FindPoseFormat("ros");
   bool is_inverse = false;
   if (mapping) {
@@ -53,7 +53,7 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
     is_inverse = mapping->Choice("poses_are", {"camera_from_target", "target_from_camera"}, "camera_from_target") ==
                  "target_from_camera";
     mapping->Finish();
-    reader->Record("target_poses", mapping->used());
+    reader.Record("target_poses", mapping->used());
   }
   config->data_files.push_back(source.path);
   std::vector<Seen> seen;
@@ -68,13 +68,13 @@ std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
 }
 
 // Reads points that another detector found, in the order of the target's points, from records.
-std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, RunConfig* config) {
+std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader& reader, RunConfig* config) {
   MapReader mapping(value.DownTo({"file"}));
   const fs::path file = mapping.InputPath("file");
   const std::string pixels = mapping.Text("pixels");
   const std::string images = mapping.Text("image", "");
   mapping.Finish();
-  reader->Record("detections", mapping.used());
+  reader.Record("detections", mapping.used());
   config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (const PixelRecord& record : ReadPixelRecords(file, pixels, images)) {
@@ -87,10 +87,10 @@ std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader* reader, Run
   return seen;
 }
 
-std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
-  const ConfigValue value = reader->Get("detections");
+std::vector<Seen> SeenBefore(MapReader& reader, RunConfig* config) {
+  const ConfigValue value = reader.Get("detections");
   if (value.IsMap()) return SeenInRecords(value, reader, config);
-  const fs::path file = reader->InputPath("detections");
+  const fs::path file = reader.InputPath("detections");
   config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (auto& [name, detection] : ReadDetections(file)) seen.push_back({name, {}, {}, std::move(detection)});
@@ -98,13 +98,13 @@ std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
 }
 
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
-std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
-  const fs::path source = reader->InputPath("data");
+std::vector<Seen> SeenInDataSet(MapReader& reader, RunConfig* config) {
+  const fs::path source = reader.InputPath("data");
   std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
-  const std::string format = reader->Choice("format", formats, "auto");
+  const std::string format = reader.Choice("format", formats, "auto");
   config->imported = ImportDataSet(source, format == "auto" ? "" : format);
-  reader->Record("format", YAML::Node(config->imported->format));
+  reader.Record("format", YAML::Node(config->imported->format));
   config->data_files = config->imported->files;
   const std::vector<ImportedCapture>& captures = config->imported->captures;
   const auto all_have = [&](const auto& has) { return std::all_of(captures.begin(), captures.end(), has); };
@@ -129,14 +129,14 @@ std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
 
 struct Source {
   const char* key;
-  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, RunConfig* config);
+  std::vector<Seen> (*read)(const ConfigValue& value, MapReader& reader, RunConfig* config);
 };
 constexpr Source kSources[] = {
-    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInImages(value, reader); }},
+    {"images", [](const ConfigValue& value, MapReader& reader, RunConfig*) { return SeenInImages(value, reader); }},
     {"target_poses",
-     [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
-    {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
-    {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
+     [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenByOthers(reader, config); }},
+    {"detections", [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenBefore(reader, config); }},
+    {"data", [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
 
 // Returns the time that the name of an image states: its last number, which may have a fraction.
 std::optional<double> TimeInName(const std::string& name) {
@@ -152,10 +152,10 @@ std::optional<double> TimeInName(const std::string& name) {
 }
 
 // Reads the times of images: the column `time` of the table `poses`, which names the images, or their names.
-std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vector<Seen>& seen, RunConfig* config) {
+std::map<std::string, double> ReadImageTimes(MapReader& reader, const std::vector<Seen>& seen, RunConfig* config) {
   std::map<std::string, double> times_s;
-  if (reader->Has("poses")) {
-    const fs::path file = reader->InputPath("poses");
+  if (reader.Has("poses")) {
+    const fs::path file = reader.InputPath("poses");
     config->data_files.push_back(file);
     for (const PoseRow& row : ReadTimes(file, {})) times_s[row.image] = *row.time_s;
     return times_s;
@@ -163,9 +163,9 @@ std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vecto
   for (const Seen& entry : seen) {
     const std::optional<double> time_s = entry.time_s ? entry.time_s : TimeInName(entry.name);
     if (!time_s) {
-      reader->Get("stream").Fail("the image " + entry.name +
-                                 " has no time in its name; list the times of all images in a table with the columns "
-                                 "image and time (poses)");
+      reader.Get("stream").Fail("the image " + entry.name +
+                                " has no time in its name; list the times of all images in a table with the columns "
+                                "image and time (poses)");
     }
     times_s[entry.name] = *time_s;
   }
@@ -173,11 +173,11 @@ std::map<std::string, double> ReadImageTimes(MapReader* reader, const std::vecto
 }
 
 // Takes the poses of the captures from a stream: rows in the form `ros`, for the images that were taken within it.
-std::vector<PoseRow> RowsOfStream(MapReader* reader, const std::vector<Seen>& seen, RunConfig* config) {
+std::vector<PoseRow> RowsOfStream(MapReader& reader, const std::vector<Seen>& seen, RunConfig* config) {
   PosesFileOfArm& arm = config->arms.front();
-  arm.file = reader->InputPath("stream");
+  arm.file = reader.InputPath("stream");
   config->data_files.push_back(arm.file);
-  const PoseReading reading = ReadPoseReading(*reader);
+  const PoseReading reading = ReadPoseReading(reader);
   PoseStream stream = ReadStream(arm.file, reading);
   arm.reading.format = *FindPoseFormat("ros");
   std::vector<PoseRow> timed;
@@ -205,9 +205,9 @@ std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
 }
 
 // Reads the names of captures that are to be left out.
-std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows) {
+std::set<std::string> ReadExcluded(MapReader& reader, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows) {
   std::set<std::string> excluded;
-  const std::optional<ConfigValue> list = reader->Find("exclude");
+  const std::optional<ConfigValue> list = reader.Find("exclude");
   if (!list) return excluded;
   std::vector<std::string> names;
   for (const Seen& entry : seen) names.push_back(entry.name);
@@ -219,7 +219,7 @@ std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& s
     }
     excluded.insert(name);
   }
-  reader->Record("exclude", list->node());
+  reader.Record("exclude", list->node());
   return excluded;
 }
 
@@ -518,14 +518,14 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   MapReader reader(captures);
   const Source& source = FindSource(reader);
   const ConfigValue seen_value = reader.Get(source.key);
-  const std::vector<Seen> seen = source.read(seen_value, &reader, config);
+  const std::vector<Seen> seen = source.read(seen_value, reader, config);
   section.are_points_in_order = source.key == std::string("detections") && seen_value.IsMap();
   if (!config->data_files.empty()) config->data.detections_source = config->data_files.front().string();
   PosesFileOfArm& arm = config->arms.emplace_back();
   arm.section = "captures";
   std::vector<PoseRow> rows;
   if (reader.Has("stream")) {
-    rows = RowsOfStream(&reader, seen, config);
+    rows = RowsOfStream(reader, seen, config);
   } else if (config->imported && !reader.Has("poses")) {
     arm.reading.format = *FindPoseFormat("ros");
     rows = RowsOf(seen_value, *config->imported);
@@ -542,7 +542,7 @@ CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     arm.joints_are_deg = ReadJointsAreDeg(reader);
     config->data_files.push_back(section.joints_file);
   }
-  const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
+  const std::set<std::string> excluded = ReadExcluded(reader, seen, rows);
   reader.Finish();
   const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, arm.file);
   config->num_images = seen.size();

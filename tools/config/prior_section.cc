@@ -8,13 +8,13 @@ namespace heba {
 namespace {
 
 // Reads {translation, rotation}: one sigma of the motion of a camera on its mount.
-ChangeOfCell ReadChange(MapReader* reader) {
+ChangeOfCell ReadChange(MapReader& reader) {
   ChangeOfCell change;
-  change.translation_m = reader->Length("translation", 0);
-  if (change.translation_m < 0) reader->Get("translation").Fail("must not be negative");
-  change.rotation_rad = reader->Angle("rotation", 0);
-  if (change.rotation_rad < 0) reader->Get("rotation").Fail("must not be negative");
-  reader->Finish();
+  change.translation_m = reader.Length("translation", 0);
+  if (change.translation_m < 0) reader.Get("translation").Fail("must not be negative");
+  change.rotation_rad = reader.Angle("rotation", 0);
+  if (change.rotation_rad < 0) reader.Get("rotation").Fail("must not be negative");
+  reader.Finish();
   return change;
 }
 
@@ -30,7 +30,7 @@ std::optional<EarlierRun> ReadPrior(MapReader& root, std::vector<std::filesystem
     run = reader.InputPath("run");
     if (reader.Has("drift")) {
       MapReader drift(reader.Get("drift"));
-      earlier.change = ReadChange(&drift);
+      earlier.change = ReadChange(drift);
       reader.Record("drift", drift.used());
     }
     earlier.change.is_target_moved = reader.Choice("target", {"in-place", "moved"}, "in-place") == "moved";

@@ -28,7 +28,7 @@ Arm ReadArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
 }
 
 // Returns the arm with the mass on its flange, in whose frame `centre` is.
-Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader* robot) {
+Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader& robot) {
   if (arm.load == nullptr) {
     value.Fail("the masses of the links of the arm " + arm.name +
                " are not known, without which a payload has no effect");
@@ -40,7 +40,7 @@ Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader* robot) {
   payload.centre_m = reader.Get("centre").AsVector3(Quantity::kLength);
   reader.Record("centre", reader.Get("centre").node());
   reader.Finish();
-  robot->Record("payload", reader.used());
+  robot.Record("payload", reader.used());
   return WithPayload(arm, payload);
 }
 
@@ -119,7 +119,7 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
     robot.arm = ReadArmFile(file, robot.arm);
   }
   if (const std::optional<ConfigValue> payload = reader.Find("payload"))
-    robot.arm = ReadPayload(*payload, robot.arm, &reader);
+    robot.arm = ReadPayload(*payload, robot.arm, reader);
   if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
     robot.tip_from_gripper = ReadPose(*tool);
     reader.Record("tool", PoseNode(robot.tip_from_gripper));

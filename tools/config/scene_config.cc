@@ -294,7 +294,7 @@ std::vector<SimulatedTarget> SimulatedTargets(const SceneConfig& scene) {
   return targets;
 }
 
-Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng) {
+Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng& rng) {
   const Camera& camera = scene.problem.cameras.at(0).camera;
   const auto [points, z_out] = SimulatedTargets(scene).at(0);
   const MotionOptions& motion = scene.options.motion;

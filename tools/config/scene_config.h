@@ -82,6 +82,6 @@ std::vector<SimulatedTarget> SimulatedTargets(const SceneConfig& scene);
 
 // Simulates the captures of the short form: those of the two-step method, if the scene has them, then the free ones.
 // Returns a Failure if they do not fit into the image.
-Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng);
+Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng& rng);
 
 }  // namespace heba

@@ -180,15 +180,15 @@ struct StudyGrid {
 // Draws the captures of a scene, and of a hand-eye calibration with an arm its robot.
 std::optional<Failure> AddCaptures(const SceneConfig& scene, StudyCell* cell) {
   Rng rng(scene.seed);
-  if (scene.setup && scene.arms[0]) return SetUpStudyRobot(scene, &rng, cell);
+  if (scene.setup && scene.arms[0]) return SetUpStudyRobot(scene, rng, cell);
   if (scene.setup) {
-    const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+    const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, rng);
     if (!poses) return poses.failure();
     for (const SimulatedPose& pose : *poses) cell->captures.push_back({pose});
     return std::nullopt;
   }
   const Outcome<std::vector<ArmPoses>> arms =
-      SimulateArmPoses(scene.problem, scene.poses, SimulatedTargets(scene), scene.options, &rng);
+      SimulateArmPoses(scene.problem, scene.poses, SimulatedTargets(scene), scene.options, rng);
   if (!arms) return arms.failure();
   for (const ArmPoses& poses : *arms) cell->captures.push_back({{}, poses});
   return std::nullopt;

@@ -22,7 +22,7 @@ StudyPlace PlaceAt(const SceneConfig& scene, const Eigen::VectorXd& joints, bool
 
 // Returns postures in other configurations that reach the same pose, without those that are close to a singularity. For
 // an arm whose configurations have no names: one posture far from this one, if there is any.
-std::vector<Eigen::VectorXd> OtherPostures(const Arm& arm, const Eigen::VectorXd& joints, Rng* rng) {
+std::vector<Eigen::VectorXd> OtherPostures(const Arm& arm, const Eigen::VectorXd& joints, Rng& rng) {
   std::vector<Eigen::VectorXd> others;
   const Rigid3d base_from_tip = BaseFromTip(arm, joints);
   if (const std::optional<Configuration> configuration = ConfigurationOf(arm, joints)) {
@@ -39,7 +39,7 @@ std::vector<Eigen::VectorXd> OtherPostures(const Arm& arm, const Eigen::VectorXd
   constexpr double kFarRad = 1.0;
   for (int k = 0; k < kMostTries && others.empty(); ++k) {
     Eigen::VectorXd start = joints;
-    for (double& joint : start) joint += rng->Uniform(-2, 2);
+    for (double& joint : start) joint += rng.Uniform(-2, 2);
     const Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, start);
     if (found && (*found - joints).cwiseAbs().maxCoeff() > kFarRad && SingularityAt(arm, *found).empty()) {
       others.push_back(*found);
@@ -49,11 +49,11 @@ std::vector<Eigen::VectorXd> OtherPostures(const Arm& arm, const Eigen::VectorXd
 }
 
 // Returns a posture that reaches the pose, for an arm that reaches it in infinitely many ways.
-std::optional<Eigen::VectorXd> AnyPosture(const Arm& arm, const Rigid3d& base_from_tip, Rng* rng) {
+std::optional<Eigen::VectorXd> AnyPosture(const Arm& arm, const Rigid3d& base_from_tip, Rng& rng) {
   constexpr int kMostTries = 50;
   for (int k = 0; k < kMostTries; ++k) {
     Eigen::VectorXd start(arm.num_joints());
-    for (double& joint : start) joint = rng->Uniform(-2, 2);
+    for (double& joint : start) joint = rng.Uniform(-2, 2);
     const Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, start);
     if (found && SingularityAt(arm, *found).empty()) return *found;
   }
@@ -62,7 +62,7 @@ std::optional<Eigen::VectorXd> AnyPosture(const Arm& arm, const Rigid3d& base_fr
 
 // Returns the joints of at least `num_needed` poses that the arm reaches, from those that the camera of the scene can
 // see.
-Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, size_t num_needed, Rng* rng) {
+Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, size_t num_needed, Rng& rng) {
   constexpr int kPosesPerReached = 4;
   SceneConfig larger = scene;
   larger.options.motion.num_captures = kPosesPerReached * static_cast<int>(num_needed);
@@ -90,7 +90,7 @@ Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, siz
 
 }  // namespace
 
-std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, StudyCell* cell) {
+std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng& rng, StudyCell* cell) {
   const SceneArm& arm = *scene.arms[0];
   const auto num_captures = static_cast<size_t>(scene.options.motion.num_captures);
   const Outcome<std::vector<Eigen::VectorXd>> postures = DrawPostures(scene, num_captures + kNumPlaces, rng);

@@ -12,7 +12,7 @@ namespace heba {
 namespace {
 
 // Returns an arm with errors drawn at random.
-SimulatedArm DrawArm(const SceneArm& arm, Rng* rng) {
+SimulatedArm DrawArm(const SceneArm& arm, Rng& rng) {
   return {arm.nominal, DrawArmErrors(arm.nominal, arm.sigmas, rng), arm.tip_from_gripper,
           arm.has_several_configurations, arm.joint_noise_rad};
 }
@@ -20,7 +20,7 @@ SimulatedArm DrawArm(const SceneArm& arm, Rng* rng) {
 // Returns the first `num_captures` of these captures of the short form that its arm reaches, with the poses that it
 // reports and the views that it has there. Returns a Failure if it does not reach as many.
 Outcome<SceneCaptures> WithArm(const SceneConfig& scene, const std::vector<SceneCapture>& wanted_captures,
-                               size_t num_captures, Rng* rng) {
+                               size_t num_captures, Rng& rng) {
   const SimulatedArm arm = DrawArm(*scene.arms[0], rng);
   const Arm actual = WithChanges(arm.nominal, arm.errors);
   const HandEye hand_eye = HandEyeOf(scene);
@@ -48,7 +48,7 @@ Outcome<SceneCaptures> WithArm(const SceneConfig& scene, const std::vector<Scene
 }
 
 // Draws the captures of the short form: the views first, then the noise of the poses, then the arm.
-Outcome<SceneCaptures> DrawShortForm(const SceneConfig& scene, Rng* rng) {
+Outcome<SceneCaptures> DrawShortForm(const SceneConfig& scene, Rng& rng) {
   // The poses that are drawn for one that an arm must reach.
   constexpr int kPosesPerReached = 4;
   SceneConfig larger = scene;
@@ -70,7 +70,7 @@ Outcome<SceneCaptures> DrawShortForm(const SceneConfig& scene, Rng* rng) {
 }
 
 // Draws the captures of named cameras: the errors of the arms first, then their motion, then the noise of the poses.
-Outcome<SceneCaptures> DrawNamed(const SceneConfig& scene, Rng* rng) {
+Outcome<SceneCaptures> DrawNamed(const SceneConfig& scene, Rng& rng) {
   const Problem& problem = scene.problem;
   SceneCaptures drawn;
   std::vector<std::optional<SimulatedArm>> arms(scene.arms.size());
@@ -103,7 +103,7 @@ Outcome<SceneCaptures> DrawNamed(const SceneConfig& scene, Rng* rng) {
 
 Outcome<SceneCaptures> DrawSceneCaptures(const SceneConfig& scene) {
   Rng rng(scene.seed);
-  const Outcome<SceneCaptures> once = scene.setup ? DrawShortForm(scene, &rng) : DrawNamed(scene, &rng);
+  const Outcome<SceneCaptures> once = scene.setup ? DrawShortForm(scene, rng) : DrawNamed(scene, rng);
   if (!once) return once;
   SceneCaptures drawn{{}, once->arm_errors};
   for (const SceneCapture& capture : once->captures) {

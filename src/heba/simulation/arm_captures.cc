@@ -11,14 +11,14 @@ namespace heba {
 namespace {
 
 // Returns a posture in the middle of the arm's workspace, away from singularities.
-Eigen::VectorXd HomePosture(const Arm& arm, Rng* rng) {
+Eigen::VectorXd HomePosture(const Arm& arm, Rng& rng) {
   constexpr int kMostDraws = 1000;
   // The reach is that of the arm in many postures.
   double reach_m = 0;
   std::vector<Eigen::VectorXd> drawn;
   for (int draw = 0; draw < kMostDraws; ++draw) {
     Eigen::VectorXd joints(arm.num_joints());
-    for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+    for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
     reach_m = std::max(reach_m, BaseFromTip(arm, joints).translation.norm());
     drawn.push_back(std::move(joints));
   }
@@ -37,13 +37,13 @@ Eigen::VectorXd HomePosture(const Arm& arm, Rng* rng) {
 
 std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_from_tip,
                                            const std::optional<Eigen::VectorXd>& near, bool has_several_configurations,
-                                           Rng* rng) {
+                                           Rng& rng) {
   if (arm.num_joints() > 6 || (near && !ConfigurationOf(arm, *near))) {
     CHECK(near.has_value());
     // A redundant arm reaches the pose in many ways.
     constexpr double kSpreadRad = 0.3;
     Eigen::VectorXd start = *near;
-    for (double& joint : start) joint += rng->Uniform(-kSpreadRad, kSpreadRad);
+    for (double& joint : start) joint += rng.Uniform(-kSpreadRad, kSpreadRad);
     const Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, start);
     return found ? std::optional<Eigen::VectorXd>(*found) : std::nullopt;
   }
@@ -57,17 +57,17 @@ std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_f
     }
   }
   if (allowed.empty()) return std::nullopt;
-  return allowed[static_cast<size_t>(rng->Uniform() * static_cast<double>(allowed.size()))];
+  return allowed[static_cast<size_t>(rng.Uniform() * static_cast<double>(allowed.size()))];
 }
 
-Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng* rng) {
+Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng& rng) {
   const double sigma_of_group[] = {sigmas.offset_rad, sigmas.length_m, sigmas.angle_rad, sigmas.compliance_rad_per_nm};
   constexpr size_t kCompliances = 3;
   const bool yields = arm.load != nullptr && sigmas.compliance_rad_per_nm > 0;
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(arm.num_params());
   for (const SharedEffect& effect :
        ArmErrors(arm, yields ? ArmErrorModel::kGravity : ArmErrorModel::kGeometry).effects) {
-    const double error = sigma_of_group[effect.group] * rng->Normal();
+    const double error = sigma_of_group[effect.group] * rng.Normal();
     errors[effect.index] = effect.group == kCompliances ? std::abs(error) : error;
   }
   return errors;
@@ -78,7 +78,7 @@ Rigid3d BaseFromGripper(const Arm& arm, const Eigen::VectorXd& joints, const Rig
 }
 
 Outcome<ArmCaptures> SimulateArmCaptures(Setup setup, const Camera& camera, const Points3& points_in_target, bool z_out,
-                                         const Arm& arm, const ArmMotionOptions& options, Rng* rng) {
+                                         const Arm& arm, const ArmMotionOptions& options, Rng& rng) {
   constexpr int kMostCells = 20;
   constexpr int kSurplus = 3;  // Poses that are drawn for one that must be reached.
   const Rigid3d gripper_from_tip = Inverse(options.tip_from_gripper);
@@ -90,7 +90,7 @@ Outcome<ArmCaptures> SimulateArmCaptures(Setup setup, const Camera& camera, cons
     const Outcome<std::vector<Rigid3d>> seen = SimulatePoses(camera, points_in_target, z_out, motion, rng);
     if (!seen) return Failure{seen.reason()};
     constexpr double kNearM = 0.08;
-    const Rigid3d on_gripper{ExpRotation(rng->Uniform(0, 1.5) * rng->Direction3()), kNearM * rng->Direction3()};
+    const Rigid3d on_gripper{ExpRotation(rng.Uniform(0, 1.5) * rng.Direction3()), kNearM * rng.Direction3()};
     ArmCaptures captures;
     // At home, the camera sees the target as in the first of the poses.
     if (setup == Setup::kEyeToHand) {

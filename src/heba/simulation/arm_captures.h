@@ -31,14 +31,14 @@ struct ArmCaptures {
 // Draws a cell that the arm can reach, and captures in it, with all of `points_in_target` in the image. Returns a
 // Failure if no cell was found in which the arm reaches enough of the poses.
 Outcome<ArmCaptures> SimulateArmCaptures(Setup setup, const Camera& camera, const Points3& points_in_target, bool z_out,
-                                         const Arm& arm, const ArmMotionOptions& options, Rng* rng);
+                                         const Arm& arm, const ArmMotionOptions& options, Rng& rng);
 
 // Returns a posture that reaches the pose, away from singularities, or nothing: in the configuration of `near`, if it
 // is given and if the configurations of the arm have names, otherwise in a random one. For an arm without names of
 // configurations, `near` must be given, and the posture is near it.
 std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_from_tip,
                                            const std::optional<Eigen::VectorXd>& near, bool has_several_configurations,
-                                           Rng* rng);
+                                           Rng& rng);
 
 // Returns errors of all parameters of an arm that captures can determine, with these standard deviations of offsets,
 // lengths, angles and compliances; the others are zero. Compliances are not negative, and zero for joints that carry
@@ -49,7 +49,7 @@ struct ArmErrorSigmas {
   double angle_rad = 0;
   double compliance_rad_per_nm = 0;
 };
-Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng* rng);
+Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng& rng);
 
 // The pose of the gripper if the arm has these parameters.
 Rigid3d BaseFromGripper(const Arm& arm, const Eigen::VectorXd& joints, const Rigid3d& tip_from_gripper);

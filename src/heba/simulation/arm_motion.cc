@@ -8,19 +8,19 @@
 namespace heba {
 
 std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, const Rigid3d& base_from_gripper,
-                             const std::optional<Eigen::VectorXd>& near, Rng* rng) {
+                             const std::optional<Eigen::VectorXd>& near, Rng& rng) {
   const std::optional<Eigen::VectorXd> posture = DrawPosture(
       of_posture, base_from_gripper * Inverse(arm.tip_from_gripper), near, arm.has_several_configurations, rng);
   if (!posture) return std::nullopt;
   Eigen::VectorXd reached = *posture;
-  for (double& joint : reached) joint += arm.joint_noise_rad * rng->Normal();
+  for (double& joint : reached) joint += arm.joint_noise_rad * rng.Normal();
   return Reached{*posture, BaseFromGripper(WithChanges(arm.nominal, arm.errors), reached, arm.tip_from_gripper),
                  BaseFromGripper(arm.nominal, *posture, arm.tip_from_gripper)};
 }
 
 Outcome<ArmMotion> SimulateArmMotion(const Problem& rig, const CellPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const SceneOptions& options,
-                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng) {
+                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng& rng) {
   constexpr int kMostRounds = 20;
   const auto num_captures = static_cast<size_t>(options.motion.num_captures);
   std::vector<std::optional<Eigen::VectorXd>> home(rig.robots.size());
@@ -59,7 +59,7 @@ Outcome<ArmMotion> SimulateArmMotion(const Problem& rig, const CellPoses& poses,
 
 std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
                                              const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
-                                             const SceneOptions& options, Rng* rng) {
+                                             const SceneOptions& options, Rng& rng) {
   std::vector<ProblemCapture> captures = SimulateCaptures(rig, poses, targets, motion.exact, options, rng);
   for (size_t i = 0; i < captures.size(); ++i) {
     for (size_t r = 0; r < rig.robots.size(); ++r) {

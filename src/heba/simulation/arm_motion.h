@@ -34,7 +34,7 @@ struct Reached {
 // ones, so that the gripper stands near the pose, or the true ones. Returns nothing if there is no such posture
 // (DrawPosture, with `near`).
 std::optional<Reached> Reach(const SimulatedArm& arm, const Arm& of_posture, const Rigid3d& base_from_gripper,
-                             const std::optional<Eigen::VectorXd>& near, Rng* rng);
+                             const std::optional<Eigen::VectorXd>& near, Rng& rng);
 
 // The motion of the arms, with one entry per capture.
 struct ArmMotion {
@@ -47,12 +47,12 @@ struct ArmMotion {
 // near a pose of SimulateArmPoses that they reach. Returns a Failure if they reach too few of them.
 Outcome<ArmMotion> SimulateArmMotion(const Problem& rig, const CellPoses& poses,
                                      const std::vector<SimulatedTarget>& targets, const SceneOptions& options,
-                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng* rng);
+                                     const std::vector<std::optional<SimulatedArm>>& arms, Rng& rng);
 
 // Simulates the captures of a motion (SimulateCaptures of heba/simulation/scene.h): the poses that the arms
 // report are the stated ones with noise.
 std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
                                              const std::vector<SimulatedTarget>& targets, const ArmMotion& motion,
-                                             const SceneOptions& options, Rng* rng);
+                                             const SceneOptions& options, Rng& rng);
 
 }  // namespace heba

@@ -60,7 +60,7 @@ bool AreInImage(const Camera& camera, const Rigid3d& camera_from_target, const P
 }
 
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
-                                            const MotionOptions& options, Rng* rng) {
+                                            const MotionOptions& options, Rng& rng) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const Eigen::Vector3d middle = points_in_target.rowwise().mean();
@@ -74,12 +74,12 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
           "the target does not fit into the image from such poses; a larger distance or a smaller spread or "
           "tilt is needed"};
     }
-    const double depth_m = options.distance_m * (1 + options.depth_ratio * rng->Uniform(-1, 1));
-    const double u = 0.5 * (camera.width_px - 1) + 0.5 * options.spread * camera.width_px * rng->Uniform(-1, 1);
-    const double v = 0.5 * (camera.height_px - 1) + 0.5 * options.spread * camera.height_px * rng->Uniform(-1, 1);
-    const double azimuth = rng->Uniform(-kPi, kPi);
-    const double tilt = options.max_tilt_rad * rng->Uniform(0.3, 1);
-    const double spin = options.max_spin_rad * rng->Uniform(-1, 1);
+    const double depth_m = options.distance_m * (1 + options.depth_ratio * rng.Uniform(-1, 1));
+    const double u = 0.5 * (camera.width_px - 1) + 0.5 * options.spread * camera.width_px * rng.Uniform(-1, 1);
+    const double v = 0.5 * (camera.height_px - 1) + 0.5 * options.spread * camera.height_px * rng.Uniform(-1, 1);
+    const double azimuth = rng.Uniform(-kPi, kPi);
+    const double tilt = options.max_tilt_rad * rng.Uniform(0.3, 1);
+    const double spin = options.max_spin_rad * rng.Uniform(-1, 1);
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, {u, v});
     if (!ray || ray->z() < 0.05) continue;
     const Eigen::Vector3d middle_in_camera = *ray * (depth_m / ray->z());
@@ -105,7 +105,7 @@ std::string TwoStepMotionOptions::Check() const {
 Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,
                                                          const Points3& points_in_target, bool z_out,
                                                          const HandEye& hand_eye, const MotionOptions& home,
-                                                         const TwoStepMotionOptions& options, Rng* rng) {
+                                                         const TwoStepMotionOptions& options, Rng& rng) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   MotionOptions near_axis = home;
@@ -137,8 +137,8 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
     }
     if (poses.size() < 3) continue;
     for (int attempt = 0; attempt < kMaxTrials && static_cast<int>(poses.size()) < 3 + options.num_turns; ++attempt) {
-      const double angle = options.max_turn_rad * rng->Uniform(0.4, 1);
-      const std::optional<Rigid3d> pose = moved({ExpRotation(angle * rng->Direction3()), Eigen::Vector3d::Zero()});
+      const double angle = options.max_turn_rad * rng.Uniform(0.4, 1);
+      const std::optional<Rigid3d> pose = moved({ExpRotation(angle * rng.Direction3()), Eigen::Vector3d::Zero()});
       if (pose) poses.push_back({CaptureRole::kRotate, *pose});
     }
     if (static_cast<int>(poses.size()) == 3 + options.num_turns) return poses;
@@ -154,16 +154,16 @@ Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camer
 }
 
 Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m,
-                       Rng* rng) {
+                       Rng& rng) {
   Tangent6 tangent;
-  tangent.head<3>() = translation_sigma_m * rng->NormalVector3();
-  tangent.tail<3>() = rotation_sigma_rad * rng->NormalVector3();
+  tangent.head<3>() = translation_sigma_m * rng.NormalVector3();
+  tangent.tail<3>() = rotation_sigma_rad * rng.NormalVector3();
   return Retract(base_from_gripper, tangent);
 }
 
 std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
                                  const Rigid3d& camera_mount_from_target_mount, const Points3& points_in_target,
-                                 double noise_sigma_px, Rng* rng) {
+                                 double noise_sigma_px, Rng& rng) {
   const Rigid3d camera_from_target = CameraFromTarget(hand_eye, camera_mount_from_target_mount);
   View view;
   view.name = name;
@@ -174,15 +174,15 @@ std::optional<View> SimulateView(const std::string& name, const Camera& camera, 
   if (!camera.Model().Project(camera.params.data(), points, &view.observations.pixels, nullptr)) return std::nullopt;
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
     view.observations.ids.push_back(static_cast<int>(i));
-    view.observations.pixels(0, i) += noise_sigma_px * rng->Normal();
-    view.observations.pixels(1, i) += noise_sigma_px * rng->Normal();
+    view.observations.pixels(0, i) += noise_sigma_px * rng.Normal();
+    view.observations.pixels(1, i) += noise_sigma_px * rng.Normal();
   }
   return view;
 }
 
 Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPoses& poses,
                                                 const std::vector<SimulatedTarget>& targets,
-                                                const SceneOptions& options, Rng* rng) {
+                                                const SceneOptions& options, Rng& rng) {
   std::vector<std::vector<Meeting>> meetings;
   for (size_t r = 0; r < rig.robots.size(); ++r) meetings.push_back(MeetingsOf(rig, r));
   MotionOptions one = options.motion;
@@ -195,11 +195,11 @@ Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPo
       if (meetings[r].empty()) {
         constexpr double kHomeM = 0.1;
         Tangent6 step;
-        step << kHomeM * rng->NormalVector3(), options.motion.max_tilt_rad * rng->NormalVector3();
+        step << kHomeM * rng.NormalVector3(), options.motion.max_tilt_rad * rng.NormalVector3();
         arms[r] = Retract(arms[r], step);
         continue;
       }
-      const auto drawn = static_cast<size_t>(rng->Uniform(0, static_cast<double>(meetings[r].size())));
+      const auto drawn = static_cast<size_t>(rng.Uniform(0, static_cast<double>(meetings[r].size())));
       const Meeting& meeting = meetings[r][std::min(drawn, meetings[r].size() - 1)];
       const SimulatedTarget& target = targets[meeting.target];
       const Outcome<std::vector<Rigid3d>> seen =
@@ -211,7 +211,7 @@ Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPo
   return all;
 }
 
-Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng* rng) {
+Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng& rng) {
   return exact * Inverse(WithRobotNoise(Rigid3d(), noise.rotation_rad, noise.translation_m, rng));
 }
 
@@ -228,7 +228,7 @@ bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const Si
 std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
                                              const std::vector<SimulatedTarget>& targets,
                                              const std::vector<ArmPoses>& arm_poses, const SceneOptions& options,
-                                             Rng* rng) {
+                                             Rng& rng) {
   std::vector<ProblemCapture> captures;
   for (size_t i = 0; i < arm_poses.size(); ++i) {
     ProblemCapture& capture = captures.emplace_back();

@@ -55,13 +55,13 @@ struct SimulatedPose {
 Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,
                                                          const Points3& points_in_target, bool z_out,
                                                          const HandEye& hand_eye, const MotionOptions& home,
-                                                         const TwoStepMotionOptions& options, Rng* rng);
+                                                         const TwoStepMotionOptions& options, Rng& rng);
 
 // Returns camera_from_target of each capture, with all of `points_in_target` in the image. `z_out` is true if the
 // target's z axis points out of its front side, false if it points into it. Returns a Failure if the target does not
 // fit into the image from such poses.
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
-                                            const MotionOptions& options, Rng* rng);
+                                            const MotionOptions& options, Rng& rng);
 
 // Returns the robot pose from which the camera sees `camera_from_target`.
 Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camera_from_target);
@@ -69,12 +69,12 @@ Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camer
 // Returns the pose that a robot with random errors reports: gripper_from_gripper noise on the right of
 // base_from_gripper, with the given sigmas per axis.
 Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m,
-                       Rng* rng);
+                       Rng& rng);
 
 // Simulates a view of all points with Gaussian noise in each coordinate. Returns nothing if a point has no image.
 std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
                                  const Rigid3d& camera_mount_from_target_mount, const Points3& points_in_target,
-                                 double noise_sigma_px, Rng* rng);
+                                 double noise_sigma_px, Rng& rng);
 
 // A target as the simulation sees it.
 struct SimulatedTarget {
@@ -100,10 +100,10 @@ using ArmPoses = std::vector<Rigid3d>;
 // image. `rig` needs no captures.
 Outcome<std::vector<ArmPoses>> SimulateArmPoses(const Problem& rig, const CellPoses& poses,
                                                 const std::vector<SimulatedTarget>& targets,
-                                                const SceneOptions& options, Rng* rng);
+                                                const SceneOptions& options, Rng& rng);
 
 // Returns the pose that an arm with this noise reports: T, where the exact pose is T * Exp(error).
-Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng* rng);
+Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng& rng);
 
 // Returns whether a camera sees the front of a target with all its points at least `margin_px` from the border.
 bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const SimulatedTarget& target,
@@ -114,6 +114,6 @@ bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const Si
 std::vector<ProblemCapture> SimulateCaptures(const Problem& rig, const CellPoses& poses,
                                              const std::vector<SimulatedTarget>& targets,
                                              const std::vector<ArmPoses>& arm_poses, const SceneOptions& options,
-                                             Rng* rng);
+                                             Rng& rng);
 
 }  // namespace heba

@@ -56,7 +56,7 @@ Sight SightAt(const Eigen::VectorXd& joints, Cell* cell) {
   const Rigid3d camera_from_target =
       CameraFromTarget(scene.hand_eye, scene.views.front().camera_mount_from_target_mount);
   const std::optional<View> view = SimulateView("seen", scene.camera, HandEye(), camera_from_target,
-                                                TestSceneOptions().points, ArmSceneOptions().noise_px, &cell->rng);
+                                                TestSceneOptions().points, ArmSceneOptions().noise_px, cell->rng);
   CHECK(view.has_value());
   const bool is_carried = cell->setup == Setup::kEyeInHand;
   const Rigid3d base_from_mount = is_carried ? cell->TruePose(joints) : Rigid3d();
@@ -93,10 +93,10 @@ std::optional<Cell> Calibrated(Setup setup, Sigmas sigmas, uint64_t seed) {
 }
 
 // Returns a posture anywhere in the workspace.
-Eigen::VectorXd AnyPosture(const Arm& arm, Rng* rng) {
+Eigen::VectorXd AnyPosture(const Arm& arm, Rng& rng) {
   Eigen::VectorXd joints(arm.num_joints());
   do {
-    for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+    for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
   } while (!SingularityAt(arm, joints).empty());
   return joints;
 }
@@ -145,7 +145,7 @@ std::map<std::string, LocationAgreement> AgreementsOf(Setup setup, Sigmas sigmas
       CHECK(located.ok()) << located.reason();
       return *located;
     };
-    const Sight far = SightAt(AnyPosture(nominal, &cell->rng), &*cell);
+    const Sight far = SightAt(AnyPosture(nominal, cell->rng), &*cell);
     const Sight near = SightAt(captured[seed % captured.size()], &*cell);
     const Eigen::Vector3d middle = near.seen.points_in_target.rowwise().mean();
     const auto off_m = [&](const LocatedTarget& located, const Sight& sight) -> Eigen::Vector3d {

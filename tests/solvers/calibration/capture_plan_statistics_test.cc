@@ -41,10 +41,10 @@ PlanCell CellOf(Side setup) {
   return cell;
 }
 
-HandEye WrongBy30MmAnd5Deg(const HandEye& truth, Rng* rng) {
+HandEye WrongBy30MmAnd5Deg(const HandEye& truth, Rng& rng) {
   const auto wrong = [&](const Rigid3d& pose) {
     Tangent6 error;
-    error << 0.03 * rng->NormalVector3().normalized(), DegToRad(5) * rng->NormalVector3().normalized();
+    error << 0.03 * rng.NormalVector3().normalized(), DegToRad(5) * rng.NormalVector3().normalized();
     return Retract(pose, error);
   };
   return {wrong(truth.camera_mount_from_camera), wrong(truth.target_mount_from_target)};
@@ -59,7 +59,7 @@ struct PlannedSession {
 // Takes the captures at these poses in the true cell, calibrates, and locates targets at `places`, poses of the target
 // in the camera. A calibration that fails errs infinitely.
 PlannedSession TakeSession(const PlanCell& truth, const std::vector<Rigid3d>& poses, const std::vector<Rigid3d>& places,
-                           Rng* rng) {
+                           Rng& rng) {
   PairProblem problem{truth.camera, {}, truth.setup, DesignedShape(truth.points_in_target)};
   const SimulatedTarget target{truth.points_in_target, truth.z_out};
   PlannedSession session;
@@ -139,7 +139,7 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
     Rng rng(seed);
     PlanCell rough = truth;
-    rough.hand_eye = WrongBy30MmAnd5Deg(truth.hand_eye, &rng);
+    rough.hand_eye = WrongBy30MmAnd5Deg(truth.hand_eye, rng);
     PlanOptions options;
     options.count = 10;
     options.num_revisits = 0;
@@ -150,7 +150,7 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
     for (const PlannedCapture& capture : plan->captures) places.push_back(capture.camera_from_target);
     constexpr int kNumSessions = 12;
     for (int session = 0; session < kNumSessions; ++session) {
-      const PlannedSession planned = TakeSession(truth, PosesOf(*plan), places, &rng);
+      const PlannedSession planned = TakeSession(truth, PosesOf(*plan), places, rng);
       planned_m.push_back(planned.error_m);
       seen += planned.seen / (kNumSeeds * kNumSessions);
     }
@@ -163,8 +163,8 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
       by_chance.count = by_chance.num_candidates = 15;
       const Outcome<CapturePlan> fifteen = PlanCaptures(rough, by_chance);
       ASSERT_TRUE(ten.ok() && fifteen.ok());
-      random_m.push_back(TakeSession(truth, PosesOf(*ten), places, &rng).error_m);
-      fifteen_m.push_back(TakeSession(truth, PosesOf(*fifteen), places, &rng).error_m);
+      random_m.push_back(TakeSession(truth, PosesOf(*ten), places, rng).error_m);
+      fifteen_m.push_back(TakeSession(truth, PosesOf(*fifteen), places, rng).error_m);
     }
     // Around a pose in which the target is in the middle of the image.
     const PlannedCapture& middle = *std::min_element(
@@ -172,7 +172,7 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
           const auto off = [](const PlannedCapture& c) { return c.camera_from_target.translation.head<2>().norm(); };
           return off(a) < off(b);
         });
-    habitual_m.push_back(TakeSession(truth, HabitualPoses(middle.base_from_gripper), places, &rng).error_m);
+    habitual_m.push_back(TakeSession(truth, HabitualPoses(middle.base_from_gripper), places, rng).error_m);
   }
   const double planned_median_m = Median(planned_m);
   const double ratio_random = planned_median_m / Median(random_m);

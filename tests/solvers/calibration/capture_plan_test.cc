@@ -97,10 +97,10 @@ TEST(CapturePlanTest, ExpectsTheErrorsThatCalibrationsHave) {
     PairProblem problem{cell.camera, {}, cell.setup, DesignedShape(cell.points_in_target)};
     for (const PlannedCapture& capture : plan->captures) {
       std::optional<View> view = SimulateView("", cell.camera, cell.hand_eye, capture.base_from_gripper,
-                                              cell.points_in_target, cell.pixel_noise_px, &rng);
+                                              cell.points_in_target, cell.pixel_noise_px, rng);
       ASSERT_TRUE(view);
-      view->camera_mount_from_target_mount = WithRobotNoise(capture.base_from_gripper, cell.robot_noise.rotation_rad,
-                                                            cell.robot_noise.translation_m, &rng);
+      view->camera_mount_from_target_mount =
+          WithRobotNoise(capture.base_from_gripper, cell.robot_noise.rotation_rad, cell.robot_noise.translation_m, rng);
       problem.views.push_back(std::move(*view));
     }
     BundleOptions bundle;

@@ -45,7 +45,7 @@ void AddDrift(const Drift& drift, const TestSceneOptions& options, uint64_t seed
     Rigid3d& body = is_camera ? then.camera_mount_from_camera : then.target_mount_from_target;
     body = Retract(body, back);
     std::optional<View> view = SimulateView("", scene->camera, then, scene->pairs[i].camera_mount_from_target_mount,
-                                            options.points, options.noise_px, &rng);
+                                            options.points, options.noise_px, rng);
     ASSERT_TRUE(view);
     scene->views[i].observations = view->observations;
   }

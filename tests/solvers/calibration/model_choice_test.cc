@@ -196,8 +196,8 @@ TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {
   EXPECT_TRUE(is_said);
 }
 
-void AddNoise(double sigma_px, Rng* rng, Points2* pixels) {
-  for (Eigen::Index i = 0; i < pixels->size(); ++i) pixels->data()[i] += sigma_px * rng->Normal();
+void AddNoise(double sigma_px, Rng& rng, Points2* pixels) {
+  for (Eigen::Index i = 0; i < pixels->size(); ++i) pixels->data()[i] += sigma_px * rng.Normal();
 }
 
 // Eight images at each of twelve poses contain no more information about the robot than twelve images.
@@ -209,7 +209,7 @@ TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
     for (const View& view : scene.views) {
       repeated.push_back(view);
       repeated.back().name += "_" + std::to_string(repeat);
-      AddNoise(0.1, &rng, &repeated.back().observations.pixels);
+      AddNoise(0.1, rng, &repeated.back().observations.pixels);
     }
   }
   const PairCalibrationOptions options = WithHeldCamera(scene);

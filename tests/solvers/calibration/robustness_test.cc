@@ -63,12 +63,12 @@ struct Ratio {
 
 // Displaces each point with a probability of 0.25, by up to 40 px along each axis. Returns the view with only the other
 // points.
-View DisplaceAQuarterOfPoints(View* view, Rng* rng) {
+View DisplaceAQuarterOfPoints(View* view, Rng& rng) {
   std::vector<bool> keep;
   for (Eigen::Index i = 0; i < view->observations.size(); ++i) {
-    keep.push_back(rng->Uniform() >= 0.25);
+    keep.push_back(rng.Uniform() >= 0.25);
     if (keep.back()) continue;
-    view->observations.pixels.col(i) += Eigen::Vector2d{rng->Uniform(-40, 40), rng->Uniform(-40, 40)};
+    view->observations.pixels.col(i) += Eigen::Vector2d{rng.Uniform(-40, 40), rng.Uniform(-40, 40)};
   }
   View good = *view;
   good.observations = KeepPoints(view->observations, keep);
@@ -142,7 +142,7 @@ TEST_P(RobustnessTest, ToleratesAQuarterOfOutlierPoints) {
     TestScene scene = Scene(seed);
     Rng rng(static_cast<uint64_t>(seed), 7);
     std::vector<View> good;
-    for (View& view : scene.views) good.push_back(DisplaceAQuarterOfPoints(&view, &rng));
+    for (View& view : scene.views) good.push_back(DisplaceAQuarterOfPoints(&view, rng));
     const Outcome<PairCalibration> calibration = CalibratePair(scene.views, OptionsFor(scene, setup()));
     ASSERT_TRUE(calibration.ok()) << seed << calibration.reason();
     ASSERT_TRUE(calibration->refined.ok()) << seed << calibration->refined.reason();
@@ -169,7 +169,7 @@ TEST_P(RobustnessTest, ToleratesATenthOfWrongPoses) {
       }
       wrong.push_back(view.name);
       const Rigid3d stated =
-          WithRobotNoise(BaseFromGripper(setup(), view.camera_mount_from_target_mount), 0.02, 0.005, &rng);
+          WithRobotNoise(BaseFromGripper(setup(), view.camera_mount_from_target_mount), 0.02, 0.005, rng);
       view.camera_mount_from_target_mount = CameraMountFromTargetMount(setup(), stated);
     }
     const Outcome<PairCalibration> calibration = CalibratePair(scene.views, OptionsFor(scene, setup()));

@@ -101,7 +101,7 @@ TEST(Calibration, NamesTheImageThatDeviatesByLittle) {
   const Rigid3d camera_from_target = CameraFromTarget(scene.problem, knocked, 1, 0, scene.arms[wrong]);
   Rng rng(9);
   image.observations = SimulateView("", scene.problem.cameras[1].camera, {}, camera_from_target,
-                                    scene.targets[0].points_in_target, setting.noise_px, &rng)
+                                    scene.targets[0].points_in_target, setting.noise_px, rng)
                            ->observations;
   const Outcome<Calibration> calibration = Calibrate(scene.problem, GivenCameras(scene));
   ASSERT_TRUE(calibration && calibration->refined);
@@ -176,7 +176,7 @@ TEST(Calibration, JoinsACameraByATargetAtRest) {
     scene.problem.captures[i].images.push_back(
         {camera, 1,
          SimulateView("", scene.problem.cameras[camera].camera, {}, camera_from_target,
-                      scene.targets[1].points_in_target, 0.1, &rng)
+                      scene.targets[1].points_in_target, 0.1, rng)
              ->observations});
   }
   const Outcome<Calibration> calibration = Calibrate(scene.problem, GivenCameras(scene));
@@ -241,10 +241,9 @@ void Move(size_t camera, size_t first_capture, const Tangent6& motion, CellScene
     for (ProblemImage& image : scene->problem.captures[i].images) {
       if (image.camera != camera) continue;
       const Rigid3d camera_from_target = CameraFromTarget(scene->problem, moved, camera, image.target, scene->arms[i]);
-      image.observations =
-          SimulateView("", scene->problem.cameras[camera].camera, {}, camera_from_target,
-                       scene->targets[image.target].points_in_target, CellSceneSetting().noise_px, &rng)
-              ->observations;
+      image.observations = SimulateView("", scene->problem.cameras[camera].camera, {}, camera_from_target,
+                                        scene->targets[image.target].points_in_target, CellSceneSetting().noise_px, rng)
+                               ->observations;
     }
   }
 }

@@ -79,8 +79,7 @@ SeenObject SeeObject(CellArmScene scene, size_t camera, uint64_t seed) {
     const Rigid3d camera_from_object = Inverse(world_from_camera(c)) * object.world_from_object;
     if (!IsVisible(of_camera, camera_from_object, target, 5)) continue;
     object.seen.push_back(
-        {c,
-         SimulateView("", of_camera, {}, camera_from_object, target.points_in_target, kNoisePx, &rng)->observations});
+        {c, SimulateView("", of_camera, {}, camera_from_object, target.points_in_target, kNoisePx, rng)->observations});
   }
   object.scene = std::move(scene);
   return object;

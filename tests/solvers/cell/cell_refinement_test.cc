@@ -23,11 +23,11 @@ struct CellKind {
 void PrintTo(const CellKind& kind, std::ostream* stream) { *stream << kind.name; }
 
 // Returns poses that are some millimetres and tenths of a degree from the truth.
-CellPoses Perturbed(const CellPoses& truth, Rng* rng) {
+CellPoses Perturbed(const CellPoses& truth, Rng& rng) {
   CellPoses poses = truth;
   const auto move = [&](Rigid3d& pose) {
     Tangent6 step;
-    step << 5e-3 * rng->NormalVector3(), 5e-3 * rng->NormalVector3();
+    step << 5e-3 * rng.NormalVector3(), 5e-3 * rng.NormalVector3();
     pose = Retract(pose, step);
   };
   for (Rigid3d& pose : poses.mount_from_camera) move(pose);
@@ -47,7 +47,7 @@ TEST_P(CellAdjustmentTest, RecoversNoiseFreeCell) {
   Rng rng(2);
   AdjustmentOptions options;
   options.robot = BundleOptions::Robot::kExact;
-  const Outcome<Solution> solution = RefineProblem(scene.problem, Perturbed(scene.truth, &rng), options);
+  const Outcome<Solution> solution = RefineProblem(scene.problem, Perturbed(scene.truth, rng), options);
   ASSERT_TRUE(solution) << solution.reason();
   constexpr double kRoundOff = 1e-8;
   for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
@@ -112,7 +112,7 @@ CellScene CellWithStillCamera(uint64_t seed) {
   // In view of both cameras.
   const Rigid3d right_from_wall(ExpRotation({0.3, -0.2, 0.1}), {-0.07, -0.05, 0.6});
   AddTarget("wall", base, scene.truth.mount_from_camera[1] * right_from_wall, &scene);
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   for (ProblemCapture& capture : scene.problem.captures) {
     std::erase_if(capture.images, [](const ProblemImage& image) { return image.camera == 1 && image.target == 0; });
   }

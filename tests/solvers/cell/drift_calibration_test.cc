@@ -39,7 +39,7 @@ void AddDrift(const Drift& drift, CellScene* scene) {
       const std::optional<View> view =
           SimulateView("", scene->problem.cameras[image.camera].camera, {},
                        CameraFromTarget(scene->problem, then, image.camera, image.target, scene->arms[i]),
-                       scene->targets[image.target].points_in_target, CellSceneSetting().noise_px, &rng);
+                       scene->targets[image.target].points_in_target, CellSceneSetting().noise_px, rng);
       ASSERT_TRUE(view);
       image.observations = view->observations;
     }

@@ -56,13 +56,13 @@ std::optional<SeenObject> SeeObject(uint64_t seed, double noise_px, Where where 
     object.world_from_target =
         arms[0] * scene.truth.mount_from_camera[2] * Rigid3d(ExpRotation({0.3, -0.2, 0.5}), Eigen::Vector3d(0, 0, 0.6));
   }
-  object.reported = {ReportedPose(arms[0], setting.robot_noise, &rng)};
+  object.reported = {ReportedPose(arms[0], setting.robot_noise, rng)};
   const SimulatedTarget& target = scene.targets[0];
   for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
     const Rigid3d camera_from_target = TrueView(scene, arms, c, object.world_from_target);
     if (!IsVisible(scene.problem.cameras[c].camera, camera_from_target, target, 5)) continue;
     object.seen.push_back({c, SimulateView("", scene.problem.cameras[c].camera, {}, camera_from_target,
-                                           target.points_in_target, noise_px, &rng)
+                                           target.points_in_target, noise_px, rng)
                                   ->observations});
   }
   return object;
@@ -81,7 +81,7 @@ TEST(CellLocation, FindsTheExactPoseWithoutNoise) {
 
 // Adds the error of an image as a whole: it acts like another pose of the target, and has the sigma `sigma_px` in the
 // mean over all coordinates of the points.
-void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, double sigma_px, Rng* rng,
+void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, double sigma_px, Rng& rng,
                    Observations* observations) {
   Points2 pixels;
   ProjectionJacobian jacobian;
@@ -93,7 +93,7 @@ void AddImageError(const Camera& camera, const Rigid3d& camera_from_target, doub
     by_pose.row(2 * i + 1) = jacobian.v.col(i).head<6>().transpose();
   }
   Tangent6 error;
-  for (Eigen::Index k = 0; k < 6; ++k) error[k] = rng->Normal();
+  for (Eigen::Index k = 0; k < 6; ++k) error[k] = rng.Normal();
   error *= sigma_px * std::sqrt(2.0 * static_cast<double>(num_points) / 6);
   const Eigen::VectorXd moved = HouseholderFactor(by_pose).Basis() * error;
   for (Eigen::Index i = 0; i < num_points; ++i) observations->pixels.col(i) += moved.segment<2>(2 * i);
@@ -164,7 +164,7 @@ TEST(CellLocation, ErrorsOfImagesAsAWholeAgreeWithTheCovariance) {
     for (CameraObservations& view : seen) {
       AddImageError(object->scene.problem.cameras[view.camera].camera,
                     TrueView(object->scene, object->scene.arms.front(), view.camera, object->world_from_target),
-                    kImagePx, &rng, &view.observations);
+                    kImagePx, rng, &view.observations);
       for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
         view.observations.pixels.col(i) += kPixelPx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
       }
@@ -327,7 +327,7 @@ TEST(CellLocation, ErrorsOfACarriedCameraAgreeWithTheCovariance) {
     // The gripper is sent to where it was in another capture.
     Rng rng(seed + 1000);
     const Rigid3d there = object->scene.arms[1][0];
-    const StatedPose command(ReportedPose(there, CellSceneSetting().robot_noise, &rng));
+    const StatedPose command(ReportedPose(there, CellSceneSetting().robot_noise, rng));
     const Eigen::Vector3d off_m = command.base_from_mount.translation - there.translation -
                                   (located->world_from_target.translation - truth.translation);
     reach_sum +=

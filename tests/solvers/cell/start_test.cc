@@ -127,7 +127,7 @@ CellScene WallCell(double left_roll_rad) {
   CellScene scene;
   AddWristAndWall(left_roll_rad, &scene);
   Rng rng(21);
-  Simulate(HeldCameras(), &rng, &scene);
+  Simulate(HeldCameras(), rng, &scene);
   MakeSymmetric(0, &scene);
   ReadFromTop(&scene);
   return scene;
@@ -144,7 +144,7 @@ CellScene WallAndPlateCell(double left_roll_rad, bool has_right, bool has_symmet
   CellSceneSetting setting = HeldCameras();
   setting.num_captures = 40;
   Rng rng(22);
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   KeepImages(IndexOf(scene, "left"), 1, 2, &scene);
   EXPECT_EQ(NumImages(scene, IndexOf(scene, "left"), 1), 2);
   MakeSymmetric(0, &scene);
@@ -166,7 +166,7 @@ TEST(CellStart, JoinsACameraByATargetAtRestThatIsNotSymmetric) {
     CellScene scene;
     AddWristAndWall(roll_rad, &scene);
     Rng rng(23);
-    Simulate(HeldCameras(), &rng, &scene);
+    Simulate(HeldCameras(), rng, &scene);
     ExpectCalibrates(scene);
   }
 }
@@ -201,7 +201,7 @@ TEST(CellStart, RefusesAnArmThatASymmetricTargetAtRestAloneJoins) {
     }
     AddTarget("wall", kWorld, Rigid3d(ExpRotation({kPi, 0, 0}), {0.6, 0, 0.2}), &scene);
     Rng rng(24);
-    Simulate(HeldCameras(), &rng, &scene);
+    Simulate(HeldCameras(), rng, &scene);
     if (is_symmetric) MakeSymmetric(0, &scene);
     ReadFromTop(&scene);
     if (is_symmetric) {
@@ -279,7 +279,7 @@ TEST(CellStart, JoinsACameraOnOneArmByATargetOnTheOther) {
     scene.problem.captures[i].images.push_back(
         {hand, 0,
          SimulateView("", scene.problem.cameras[hand].camera, {}, camera_from_target, scene.targets[0].points_in_target,
-                      setting.noise_px, &rng)
+                      setting.noise_px, rng)
              ->observations});
   }
   ASSERT_GE(NumImages(scene, hand, 0), 1);
@@ -298,7 +298,7 @@ TEST(CellStart, PlacesATargetAtRestByTheImagesThatDetermineItBest) {
   CellScene scene;
   AddWristAndWall(0, &scene);
   Rng rng(30);
-  Simulate(HeldCameras(), &rng, &scene);
+  Simulate(HeldCameras(), rng, &scene);
   const size_t left = IndexOf(scene, "left");
   int num_seen = 0;
   for (ProblemCapture& capture : scene.problem.captures) {
@@ -313,7 +313,7 @@ TEST(CellStart, PlacesATargetAtRestByTheImagesThatDetermineItBest) {
         const Rigid3d camera_from_target =
             Retract(CameraFromTarget(scene.problem, scene.truth, left, 0, scene.arms[0]), knock);
         seen = SimulateView("", scene.problem.cameras[left].camera, {}, camera_from_target,
-                            scene.targets[0].points_in_target, 0, &rng)
+                            scene.targets[0].points_in_target, 0, rng)
                    ->observations;
       } else if (num_seen % 5 == 0) {
         const std::vector<int> corner = {0, 1, 8, 9};
@@ -353,7 +353,7 @@ TEST(CellStart, NamesTheImagesThatWouldJoinAnArm) {
   CellScene scene = TwoArmCell(33, setting);
   AddCamera("side", {1, Mount::Part::kBase}, LookingAt({0.5, 0.6, 0.7}, {0.5, 0, 0.4}, 0.2), setting, &scene);
   Rng rng(34);
-  Simulate(setting, &rng, &scene);
+  Simulate(setting, rng, &scene);
   KeepImages(0, 1, 0, &scene);
   KeepImages(1, 0, 0, &scene);
   EXPECT_EQ(ReasonOf(scene),

@@ -34,7 +34,7 @@ TestScene SceneOfTurns(heba::Setup setup, uint64_t seed, double max_turn_rad, do
   }
   Rng rng(seed + 1000);
   for (PosePair& pair : kept) {
-    pair.camera_from_target = WithRobotNoise(pair.camera_from_target, rotation_sigma_rad, translation_sigma_m, &rng);
+    pair.camera_from_target = WithRobotNoise(pair.camera_from_target, rotation_sigma_rad, translation_sigma_m, rng);
   }
   scene.pairs = kept;
   return scene;

@@ -205,7 +205,7 @@ TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
           Rigid3d{ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.02 * rng.NormalVector3()};
       problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                             CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
-                                            GridPoints(8, 6, 0.03), 0.1, &rng));
+                                            GridPoints(8, 6, 0.03), 0.1, rng));
     }
     return problem;
   };
@@ -221,7 +221,7 @@ PairProblem TurnedAtOneDistance(const TestScene& scene, const Points3& points, d
     const Rigid3d camera_from_target(ExpRotation(turn_rad * rng.Direction3()), Eigen::Vector3d(0, 0, 0.7));
     problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                           CameraMountFromTargetMount(scene.hand_eye, camera_from_target), points, 0.3,
-                                          &rng));
+                                          rng));
   }
   return problem;
 }
@@ -265,7 +265,7 @@ TEST(BundleAdjustmentTest, RefusesSingularMotionsWithNoisyRobots) {
               scene.pairs[0].camera_from_target * Rigid3d(ExpRotation(turn), 0.02 * rng.NormalVector3());
           problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                                 CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
-                                                GridPoints(8, 6, 0.03), 0.1, &rng));
+                                                GridPoints(8, 6, 0.03), 0.1, rng));
           // A robot that errs by 0.5 mm errs by 0.05 deg.
           Rigid3d& pose = problem.views.back().camera_mount_from_target_mount;
           pose = pose * Rigid3d{ExpRotation(robot_m / 5e-4 * DegToRad(0.05) * rng.NormalVector3()),

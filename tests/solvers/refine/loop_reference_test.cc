@@ -27,17 +27,17 @@ constexpr double kPixelPx = 0.3;
 constexpr RobotNoise kRobot = {5e-4, 1e-3};
 constexpr double kEffectSigma = 2e-3;
 
-Rigid3d RandomPose(Rng* rng, double most_m, double most_rad) {
+Rigid3d RandomPose(Rng& rng, double most_m, double most_rad) {
   Tangent6 tangent;
-  tangent << most_m * rng->NormalVector3(), most_rad * rng->NormalVector3();
+  tangent << most_m * rng.NormalVector3(), most_rad * rng.NormalVector3();
   return Retract(Rigid3d(), tangent);
 }
 
 // A pose of a target about 0.6 m in front of a camera, tilted and turned.
-Rigid3d RandomViewpoint(Rng* rng) {
-  const Eigen::Vector3d tilt = 0.35 * rng->NormalVector3();
+Rigid3d RandomViewpoint(Rng& rng) {
+  const Eigen::Vector3d tilt = 0.35 * rng.NormalVector3();
   const Eigen::Quaterniond facing(Eigen::AngleAxisd(EIGEN_PI, Eigen::Vector3d::UnitX()));
-  Eigen::Vector3d place = 0.05 * rng->NormalVector3();
+  Eigen::Vector3d place = 0.05 * rng.NormalVector3();
   place.z() += 0.6;
   return {ExpRotation(tilt) * facing, place};
 }
@@ -71,7 +71,7 @@ struct Kind {
   };
   std::function<std::vector<Image>(const std::vector<Rigid3d>& poses, const std::vector<Rigid3d>& errors,
                                    const std::vector<Eigen::VectorXd>& effects, const Rigid3d& camera_from_target,
-                                   Rng* rng)>
+                                   Rng& rng)>
       images;
 };
 
@@ -99,7 +99,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   LoopValues& shared = random.truth.shared;
   for (int k = 0; k < kind.num_poses; ++k) {
     loops.layout.AddPose("pose_" + std::to_string(k));
-    shared.poses.push_back(RandomPose(&rng, 0.3, 0.8));
+    shared.poses.push_back(RandomPose(rng, 0.3, 0.8));
   }
   if (kind.num_effects > 0) {
     std::vector<std::string> names;
@@ -139,7 +139,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   }
   constexpr int kNumCaptures = 22;
   for (int i = 0; i < kNumCaptures; ++i) {
-    const Rigid3d camera_from_target = RandomViewpoint(&rng);
+    const Rigid3d camera_from_target = RandomViewpoint(rng);
     std::vector<Rigid3d> errors;
     for (int j = 0; j < kind.num_own_poses; ++j) {
       Tangent6 error;
@@ -151,7 +151,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
       capture.nuisance_poses.push_back(
           {error, kind.own_poses_have_priors ? std::optional<size_t>(0) : std::optional<size_t>()});
     }
-    for (const Kind::Image& image : kind.images(shared.poses, errors, shared.effects, camera_from_target, &rng)) {
+    for (const Kind::Image& image : kind.images(shared.poses, errors, shared.effects, camera_from_target, rng)) {
       Observations observations = ObservationsOf(i % 3 == 0 ? 12 : 32);
       const KinematicLoop loop(image.factors);
       const Rigid3d actual = loop.Evaluate({shared.poses, shared.effects, errors}, nullptr);
@@ -175,7 +175,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
 // Returns shared values that differ from the truth by small errors.
 LoopValues Disturbed(const LoopProblem& loops, LoopValues values, uint64_t seed) {
   Rng rng(seed);
-  for (Rigid3d& pose : values.poses) pose = pose * RandomPose(&rng, 1e-3, 1e-3);
+  for (Rigid3d& pose : values.poses) pose = pose * RandomPose(rng, 1e-3, 1e-3);
   for (Eigen::VectorXd& effects : values.effects) {
     for (double& effect : effects) effect += 1e-3 * rng.Normal();
   }
@@ -198,7 +198,7 @@ std::vector<Kind> Kinds() {
   using Poses = const std::vector<Rigid3d>&;
   using Effects = const std::vector<Eigen::VectorXd>&;
   std::vector<Kind> kinds;
-  const auto exact = [](Poses p, Poses /*e*/, Effects /*t*/, const Rigid3d& seen, Rng* /*rng*/) {
+  const auto exact = [](Poses p, Poses /*e*/, Effects /*t*/, const Rigid3d& seen, Rng& /*rng*/) {
     const Rigid3d measured = Between(Inverse(p[0]), seen, p[1]);
     return std::vector<Kind::Image>{Image({Inverse(SharedFactor(0)), KnownFactor(measured), SharedFactor(1)})};
   };
@@ -208,7 +208,7 @@ std::vector<Kind> Kinds() {
   kinds.push_back({.name = "target_shape", .has_free_shape = true, .has_free_camera = false, .images = exact});
   kinds.push_back({.name = "camera_prior", .has_camera_prior = true, .images = exact});
   kinds.push_back(
-      {.name = "eye_to_hand", .num_own_poses = 1, .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng*) {
+      {.name = "eye_to_hand", .num_own_poses = 1, .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng&) {
          const Rigid3d measured = Between(Inverse(p[0]), seen, e[0] * p[1]);
          return std::vector<Kind::Image>{
              Image({Inverse(SharedFactor(0)), KnownFactor(measured), OwnFactor(0), SharedFactor(1)})};
@@ -217,7 +217,7 @@ std::vector<Kind> Kinds() {
                    .has_free_shape = true,
                    .has_free_camera = false,
                    .num_own_poses = 1,
-                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng*) {
+                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng&) {
                      const Rigid3d base_from_gripper = Inverse(Between(Inverse(p[0]) * Inverse(e[0]), seen, p[1]));
                      return std::vector<Kind::Image>{Image({Inverse(SharedFactor(0)), Inverse(OwnFactor(0)),
                                                             Inverse(KnownFactor(base_from_gripper)), SharedFactor(1)})};
@@ -226,13 +226,13 @@ std::vector<Kind> Kinds() {
                    .num_poses = 0,
                    .num_own_poses = 1,
                    .own_poses_have_priors = false,
-                   .images = [](Poses, Poses, Effects, const Rigid3d&, Rng*) {
+                   .images = [](Poses, Poses, Effects, const Rigid3d&, Rng&) {
                      return std::vector<Kind::Image>{Image({OwnFactor(0)})};
                    }});
   kinds.push_back(
       {.name = "repeated_pose",
        .num_own_poses = 1,
-       .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng* rng) {
+       .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng& rng) {
          // The robot reports slightly different poses for the three images.
          std::vector<Kind::Image> images;
          for (int v = 0; v < 3; ++v) {
@@ -245,14 +245,14 @@ std::vector<Kind> Kinds() {
                    .num_poses = 3,
                    .lenses = {"brown5", "kannala_brandt4"},
                    .num_own_poses = 1,
-                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng* rng) {
+                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng& rng) {
                      const Rigid3d measured = Between(Inverse(p[0]), seen, e[0] * p[1]);
                      std::vector<Kind::Image> images = {
                          Image({Inverse(SharedFactor(0)), KnownFactor(measured), OwnFactor(0), SharedFactor(1)})};
                      // The second camera is placed relative to the first one, and does not see every capture.
                      const std::vector<LoopFactor> factors = {Inverse(SharedFactor(2)), Inverse(SharedFactor(0)),
                                                               KnownFactor(measured), OwnFactor(0), SharedFactor(1)};
-                     if (rng->Uniform(0, 1) < 0.8) images.push_back(Image(factors, 1));
+                     if (rng.Uniform(0, 1) < 0.8) images.push_back(Image(factors, 1));
                      return images;
                    }});
   kinds.push_back(
@@ -262,8 +262,8 @@ std::vector<Kind> Kinds() {
        .has_free_shape = true,
        .has_free_camera = false,
        .num_own_poses = 1,
-       .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng* rng) {
-         const int target = rng->Uniform(0, 1) < 0.5 ? 0 : 1;
+       .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng& rng) {
+         const int target = rng.Uniform(0, 1) < 0.5 ? 0 : 1;
          const Rigid3d measured = Between(Inverse(p[0]), seen, e[0] * p[static_cast<size_t>(1 + target)]);
          return std::vector<Kind::Image>{Image(
              {Inverse(SharedFactor(0)), KnownFactor(measured), OwnFactor(0), SharedFactor(1 + target)}, 0, target)};
@@ -271,7 +271,7 @@ std::vector<Kind> Kinds() {
   kinds.push_back({.name = "two_arms",
                    .num_poses = 3,
                    .num_own_poses = 2,
-                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng* rng) {
+                   .images = [](Poses p, Poses e, Effects, const Rigid3d& seen, Rng& rng) {
                      // The camera is on the first arm, the target on the second: p[1] is the pose of its base.
                      const Rigid3d first = RandomPose(rng, 0.3, 0.8);
                      const Rigid3d left = Inverse(p[0]) * Inverse(e[0]) * Inverse(first) * p[1];
@@ -281,9 +281,9 @@ std::vector<Kind> Kinds() {
                                 SharedFactor(1), KnownFactor(second), OwnFactor(1), SharedFactor(2)})};
                    }});
   const auto with_effects = [](bool has_corrections) {
-    return [has_corrections](Poses p, Poses e, Effects t, const Rigid3d& seen, Rng* rng) {
+    return [has_corrections](Poses p, Poses e, Effects t, const Rigid3d& seen, Rng& rng) {
       Matrix6X g(6, t[0].size());
-      for (Eigen::Index k = 0; k < g.cols(); ++k) g.col(k) << 0.4 * rng->NormalVector3(), rng->NormalVector3();
+      for (Eigen::Index k = 0; k < g.cols(); ++k) g.col(k) << 0.4 * rng.NormalVector3(), rng.NormalVector3();
       const std::shared_ptr<const PoseEffect> effect = MakeLinearEffect(g);
       const Rigid3d shift = effect->Evaluate(t[0], nullptr);
       const Rigid3d right = has_corrections ? shift * e[0] * p[1] : shift * p[1];

@@ -9,9 +9,9 @@
 namespace heba {
 namespace {
 
-Rigid3d RandomPose(Rng* rng) {
+Rigid3d RandomPose(Rng& rng) {
   Tangent6 tangent;
-  tangent << rng->NormalVector3(), rng->NormalVector3();
+  tangent << rng.NormalVector3(), rng.NormalVector3();
   return Retract(Rigid3d(), tangent);
 }
 
@@ -27,8 +27,8 @@ struct Values {
 Values RandomValues(uint64_t seed) {
   Rng rng(seed);
   Values values;
-  for (int i = 0; i < 3; ++i) values.shared.push_back(RandomPose(&rng));
-  for (int i = 0; i < 2; ++i) values.own.push_back(RandomPose(&rng));
+  for (int i = 0; i < 3; ++i) values.shared.push_back(RandomPose(rng));
+  for (int i = 0; i < 2; ++i) values.own.push_back(RandomPose(rng));
   values.effects.push_back(0.1 * Eigen::Vector4d{rng.Normal(), rng.Normal(), rng.Normal(), rng.Normal()});
   return values;
 }
@@ -91,7 +91,7 @@ TEST(KinematicLoopTest, DerivativesAreThoseOfTheProduct) {
   Rng rng(3);
   const Values values = RandomValues(4);
   const LoopFactor effect = EffectFactor(0, MakeLinearEffect(RandomMatrix(5)));
-  const LoopFactor known = KnownFactor(RandomPose(&rng));
+  const LoopFactor known = KnownFactor(RandomPose(rng));
   const std::vector<std::vector<LoopFactor>> loops = {
       {OwnFactor(0)},
       {Inverse(SharedFactor(0)), known, SharedFactor(1)},
@@ -111,7 +111,7 @@ TEST(KinematicLoopTest, DerivativesAreThoseOfTheProduct) {
 TEST(KinematicLoopTest, IsTheProductOfItsFactors) {
   Rng rng(7);
   const Values values = RandomValues(8);
-  const Rigid3d known = RandomPose(&rng);
+  const Rigid3d known = RandomPose(rng);
   const KinematicLoop loop({Inverse(SharedFactor(2)), KnownFactor(known), Inverse(OwnFactor(0)), SharedFactor(0)});
   const Rigid3d expected = Inverse(values.shared[2]) * known * Inverse(values.own[0]) * values.shared[0];
   const Rigid3d found = loop.Evaluate(values.Poses(), nullptr);
@@ -125,9 +125,9 @@ TEST(KinematicLoopTest, IsTheProductOfItsFactors) {
 TEST(KinematicLoopTest, OtherKnownPosesReplaceThoseOfAPattern) {
   Rng rng(9);
   const Values values = RandomValues(10);
-  const std::vector<Rigid3d> known = {RandomPose(&rng), RandomPose(&rng)};
+  const std::vector<Rigid3d> known = {RandomPose(rng), RandomPose(rng)};
   const KinematicLoop pattern(
-      {Inverse(KnownFactor(RandomPose(&rng))), SharedFactor(0), KnownFactor(RandomPose(&rng)), OwnFactor(0)});
+      {Inverse(KnownFactor(RandomPose(rng))), SharedFactor(0), KnownFactor(RandomPose(rng)), OwnFactor(0)});
   const KinematicLoop loop = pattern.With(known);
   const Rigid3d expected = Inverse(known[0]) * values.shared[0] * known[1] * values.own[0];
   EXPECT_LT(DistanceM(loop.Evaluate(values.Poses(), nullptr), expected), 1e-12);
@@ -141,13 +141,13 @@ TEST(KinematicLoopTest, OtherKnownPosesReplaceThoseOfAPattern) {
 TEST(KinematicLoopTest, OtherEffectsReplaceThoseOfAPattern) {
   Rng rng(11);
   const Values values = RandomValues(12);
-  const Rigid3d known = RandomPose(&rng);
+  const Rigid3d known = RandomPose(rng);
   const std::shared_ptr<const PoseEffect> effect = MakeLinearEffect(RandomMatrix(13));
   const auto factors_with = [&](const Rigid3d& pose, const std::shared_ptr<const PoseEffect>& of_effects) {
     return std::vector<LoopFactor>{Inverse(SharedFactor(0)), Inverse(EffectFactor(0, of_effects)), KnownFactor(pose),
                                    SharedFactor(1)};
   };
-  const KinematicLoop pattern(factors_with(RandomPose(&rng), MakeLinearEffect(RandomMatrix(14))));
+  const KinematicLoop pattern(factors_with(RandomPose(rng), MakeLinearEffect(RandomMatrix(14))));
   const KinematicLoop expected(factors_with(known, effect));
   const KinematicLoop loop = pattern.With({known}, {effect});
   LoopDerivatives derivatives;

@@ -48,7 +48,7 @@ TEST(StudyPosesTest, RepeatedCapturesShareTheErrorsOfTheArms) {
   cell.num_repeats = 3;
   cell.wrong_captures = 0.5;
   Rng rng(1);
-  const Problem problem = SimulateProblem(cell, &rng);
+  const Problem problem = SimulateProblem(cell, rng);
   ASSERT_THAT(problem.captures, SizeIs(3 * cell.captures.size()));
   for (size_t i = 0; i < problem.captures.size(); ++i) {
     const ProblemCapture& first = problem.captures[i - i % 3];
@@ -69,7 +69,7 @@ TEST(StudyPosesTest, DisplacesTheShareOfPointsAndPosesThatTheCellStates) {
   cell.outlier_points = 0.1;
   cell.wrong_captures = 0.3;
   Rng rng(1);
-  const Problem problem = SimulateProblem(cell, &rng);
+  const Problem problem = SimulateProblem(cell, rng);
   double num_points = 0;
   double num_displaced = 0;
   double num_wrong = 0;
@@ -127,7 +127,7 @@ TEST(StudyPosesTest, APoseThatNeedsOtherCamerasHasNoEstimateByItself) {
   ASSERT_THAT(StudiedPoses(cell), ElementsAre("camera top in world", "camera side in world",
                                               "camera side in camera top", "arm right in arm left"));
   Rng rng(1);
-  const Problem all = SimulateProblem(cell, &rng);
+  const Problem all = SimulateProblem(cell, rng);
   // The captures in which the new camera sees the target of the second arm only.
   cell.captures.clear();
   for (size_t i = 0; i < all.captures.size(); ++i) {

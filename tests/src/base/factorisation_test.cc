@@ -11,13 +11,13 @@
 namespace heba {
 namespace {
 
-Eigen::MatrixXd RandomMatrix(Eigen::Index rows, Eigen::Index columns, Rng* rng) {
+Eigen::MatrixXd RandomMatrix(Eigen::Index rows, Eigen::Index columns, Rng& rng) {
   Eigen::MatrixXd matrix(rows, columns);
-  for (double& value : matrix.reshaped()) value = rng->Normal();
+  for (double& value : matrix.reshaped()) value = rng.Normal();
   return matrix;
 }
 
-Eigen::MatrixXd RandomPositive(Eigen::Index size, Rng* rng) {
+Eigen::MatrixXd RandomPositive(Eigen::Index size, Rng& rng) {
   const Eigen::MatrixXd root = RandomMatrix(size, size + 2, rng);
   return root * root.transpose();
 }
@@ -30,14 +30,14 @@ TEST_P(FactorisationTest, IdentityPlusSquareIsFactorisedHoweverLargeTheSquareIs)
   const Eigen::Index size = GetParam();
   constexpr double kLarge = 1e10;  // Its square leaves no digit of the identity.
   for (const double scale : {0.0, 1.0, kLarge}) {
-    const Eigen::MatrixXd b = scale * RandomMatrix(size, std::max<Eigen::Index>(1, size / 2), &rng);
+    const Eigen::MatrixXd b = scale * RandomMatrix(size, std::max<Eigen::Index>(1, size / 2), rng);
     const auto root = CholeskyFactor<Eigen::Dynamic>::OfIdentityPlusSquare(b);
     const Eigen::MatrixXd lower = root.lower().triangularView<Eigen::Lower>();
     const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(size, size) + b * b.transpose();
     EXPECT_LT((lower * lower.transpose() - square).norm(), 1e-12 * square.norm());
     EXPECT_GT(lower.diagonal().minCoeff(), 0.99);
     // The identity is what is left of the space that B does not reach.
-    const Eigen::VectorXd other = RandomMatrix(size, 1, &rng);
+    const Eigen::VectorXd other = RandomMatrix(size, 1, rng);
     const Eigen::VectorXd beside =
         other - b * (scale > 0 ? Eigen::VectorXd(SolveSymmetric(b.transpose() * b, b.transpose() * other))
                                : Eigen::VectorXd::Zero(b.cols()));
@@ -48,9 +48,9 @@ TEST_P(FactorisationTest, IdentityPlusSquareIsFactorisedHoweverLargeTheSquareIs)
 TEST_P(FactorisationTest, SolutionsSolveTheirEquations) {
   Rng rng(1);
   const Eigen::Index size = GetParam();
-  const Eigen::MatrixXd a = RandomPositive(size, &rng);
+  const Eigen::MatrixXd a = RandomPositive(size, rng);
   for (const Eigen::Index columns : {1, 3}) {
-    const Eigen::MatrixXd b = RandomMatrix(size, columns, &rng);
+    const Eigen::MatrixXd b = RandomMatrix(size, columns, rng);
     EXPECT_LT((a * SolveSymmetric(a, b) - b).norm(), 1e-9);
     const auto root = Cholesky(a);
     ASSERT_TRUE(root.has_value());
@@ -61,13 +61,13 @@ TEST_P(FactorisationTest, SolutionsSolveTheirEquations) {
     EXPECT_LT((lower.transpose() * root->SolveLowerTransposed(b) - b).norm(), 1e-10);
     EXPECT_NEAR(root->LogDeterminant(), 2 * lower.diagonal().array().log().sum(), 1e-12);
   }
-  const Eigen::VectorXd d = RandomMatrix(size, 1, &rng);
+  const Eigen::VectorXd d = RandomMatrix(size, 1, rng);
   EXPECT_NEAR(MahalanobisSquare(d, a), d.dot(InverseOfSymmetric(a) * d), 1e-9);
 }
 
 TEST_P(FactorisationTest, EigenvectorsDiagonalise) {
   Rng rng(2);
-  const Eigen::MatrixXd a = RandomPositive(GetParam(), &rng);
+  const Eigen::MatrixXd a = RandomPositive(GetParam(), rng);
   const SymmetricEigen<Eigen::Dynamic> eigen = EigenOfSymmetric(a);
   const Eigen::MatrixXd again = eigen.vectors * eigen.values.asDiagonal() * eigen.vectors.transpose();
   EXPECT_LT((again - a).norm(), 1e-12 * a.norm());
@@ -100,7 +100,7 @@ TEST(FactorisationOfExpressionsTest, SingularMatrices) {
 TEST(HouseholderFactorTest, QIsOrthogonalAndRIsUpper) {
   Rng rng(3);
   for (const auto& [rows, columns] : {std::pair(9, 4), std::pair(4, 4), std::pair(3, 6)}) {
-    const Eigen::MatrixXd a = RandomMatrix(rows, columns, &rng);
+    const Eigen::MatrixXd a = RandomMatrix(rows, columns, rng);
     const HouseholderFactor factor(a);
     const Eigen::MatrixXd r = factor.R();
     const Eigen::MatrixXd basis = factor.Basis();

@@ -70,59 +70,59 @@ template <class Read>
 std::string ErrorOf(const std::string& text, const Read& read) {
   return InputErrorOf([&] {
     MapReader reader(ParseYaml(text, "cell.yaml"));
-    read(&reader);
+    read(reader);
     reader.Finish();
   });
 }
 
 TEST(MapReaderTest, SuggestsTheNearestKeyForUnknownKeys) {
-  const std::string error = ErrorOf("rows: 2\ncolums: 3\n", [](MapReader* reader) {
-    reader->Int("rows", {1, 9});
-    reader->Int("columns", {1, 9}, 2);
+  const std::string error = ErrorOf("rows: 2\ncolums: 3\n", [](MapReader& reader) {
+    reader.Int("rows", {1, 9});
+    reader.Int("columns", {1, 9}, 2);
   });
   EXPECT_EQ(error, "cell.yaml:2: unknown key 'colums'; did you mean 'columns'?; known here: rows, columns");
 }
 
 TEST(MapReaderTest, MissingKeysAreErrors) {
   EXPECT_THAT(ErrorOf("rows: 2\n",
-                      [](MapReader* reader) {
-                        reader->Int("columns", {1, 9});
+                      [](MapReader& reader) {
+                        reader.Int("columns", {1, 9});
                       }),
               HasSubstr("cell.yaml:1: 'columns' is missing"));
   EXPECT_THAT(ErrorOf("a:\n  rows: 2\n",
-                      [](MapReader* reader) {
-                        MapReader(reader->Get("a")).Int("columns", {1, 9});
+                      [](MapReader& reader) {
+                        MapReader(reader.Get("a")).Int("columns", {1, 9});
                       }),
               HasSubstr("cell.yaml:2: a: 'columns' is missing"));
   EXPECT_THAT(ErrorOf("colums: 2\n",
-                      [](MapReader* reader) {
-                        reader->Int("columns", {1, 9});
+                      [](MapReader& reader) {
+                        reader.Int("columns", {1, 9});
                       }),
               HasSubstr("cell.yaml:1: 'columns' is missing; is 'colums' meant to be it?"));
 }
 
 TEST(MapReaderTest, RefusesDuplicateKeys) {
   EXPECT_THAT(ErrorOf("rows: 2\nother: 1\nrows: 3\n",
-                      [](MapReader* reader) {
-                        reader->Int("rows", {1, 9});
+                      [](MapReader& reader) {
+                        reader.Int("rows", {1, 9});
                       }),
               StartsWith("cell.yaml:3: 'rows' occurs twice"));
 }
 
 TEST(MapReaderTest, QuantitiesNeedUnits) {
-  EXPECT_EQ(ErrorOf("\nspacing: 40\n", [](MapReader* reader) { reader->Length("spacing"); }),
+  EXPECT_EQ(ErrorOf("\nspacing: 40\n", [](MapReader& reader) { reader.Length("spacing"); }),
             "cell.yaml:2: spacing: '40' has no unit; write a length such as '40 mm'");
-  EXPECT_THAT(ErrorOf("spacing: 40 deg", [](MapReader* reader) { reader->Length("spacing"); }),
+  EXPECT_THAT(ErrorOf("spacing: 40 deg", [](MapReader& reader) { reader.Length("spacing"); }),
               HasSubstr("cell.yaml:1: spacing: '40 deg' has the unit 'deg'"));
-  EXPECT_THAT(ErrorOf("spacing: [1 mm]", [](MapReader* reader) { reader->Length("spacing"); }),
+  EXPECT_THAT(ErrorOf("spacing: [1 mm]", [](MapReader& reader) { reader.Length("spacing"); }),
               HasSubstr("a length such as '40 mm' is needed, not a list"));
-  EXPECT_THAT(ErrorOf("spacing: 0 mm", [](MapReader* reader) { reader->PositiveLength("spacing"); }),
+  EXPECT_THAT(ErrorOf("spacing: 0 mm", [](MapReader& reader) { reader.PositiveLength("spacing"); }),
               HasSubstr("cell.yaml:1: spacing: must be greater than zero"));
 }
 
 TEST(MapReaderTest, WrongTypesAreErrors) {
   const auto int_error = [](const char* text) {
-    return ErrorOf(text, [](MapReader* reader) { reader->Int("n", {1, 100}); });
+    return ErrorOf(text, [](MapReader& reader) { reader.Int("n", {1, 100}); });
   };
   EXPECT_THAT(int_error("n: two"), HasSubstr("n: a whole number is needed, not 'two'"));
   EXPECT_THAT(int_error("n: 2.0"), HasSubstr("a whole number is needed, not '2.0'"));
@@ -131,35 +131,35 @@ TEST(MapReaderTest, WrongTypesAreErrors) {
   EXPECT_THAT(int_error("n: 101"), HasSubstr("101 is out of range; from 1 to 100 is possible"));
   EXPECT_THAT(int_error("n: {a: 1}"), HasSubstr("not a mapping"));
   EXPECT_THAT(int_error("n:"), HasSubstr("not nothing"));
-  EXPECT_THAT(ErrorOf("x: nan", [](MapReader* reader) { reader->Number("x"); }), HasSubstr("not finite"));
-  EXPECT_THAT(ErrorOf("x: yes", [](MapReader* reader) { reader->Bool("x"); }),
+  EXPECT_THAT(ErrorOf("x: nan", [](MapReader& reader) { reader.Number("x"); }), HasSubstr("not finite"));
+  EXPECT_THAT(ErrorOf("x: yes", [](MapReader& reader) { reader.Bool("x"); }),
               HasSubstr("true or false is needed, not 'yes'"));
-  EXPECT_THAT(ErrorOf("x: [a]", [](MapReader* reader) { reader->Text("x"); }), HasSubstr("a text is needed"));
-  EXPECT_THAT(ErrorOf("x: a", [](MapReader* reader) { reader->Get("x").AsList(); }), HasSubstr("a list is needed"));
-  EXPECT_THAT(ErrorOf("x: [1 m]", [](MapReader* reader) { reader->Get("x").AsVector3(Quantity::kLength); }),
+  EXPECT_THAT(ErrorOf("x: [a]", [](MapReader& reader) { reader.Text("x"); }), HasSubstr("a text is needed"));
+  EXPECT_THAT(ErrorOf("x: a", [](MapReader& reader) { reader.Get("x").AsList(); }), HasSubstr("a list is needed"));
+  EXPECT_THAT(ErrorOf("x: [1 m]", [](MapReader& reader) { reader.Get("x").AsVector3(Quantity::kLength); }),
               HasSubstr("three values are needed, not 1"));
   EXPECT_THAT(ErrorOf("loss: hubber",
-                      [](MapReader* reader) {
-                        reader->Choice("loss", {"none", "huber"});
+                      [](MapReader& reader) {
+                        reader.Choice("loss", {"none", "huber"});
                       }),
               HasSubstr("cell.yaml:1: loss: 'hubber' is unknown; did you mean 'huber'? One of: none, huber"));
 }
 
 TEST(YamlTest, TheRootMustBeAMapping) {
   for (const char* text : {"", "# only a comment", "[1, 2]", "word", "~"}) {
-    EXPECT_THAT(ErrorOf(text, [](MapReader*) {}), HasSubstr("a mapping is needed")) << text;
+    EXPECT_THAT(ErrorOf(text, [](MapReader&) {}), HasSubstr("a mapping is needed")) << text;
   }
 }
 
 TEST(YamlTest, SyntaxErrorsNameTheLine) {
-  EXPECT_THAT(ErrorOf("a: 1\nb: [1, 2\n", [](MapReader*) {}), StartsWith("cell.yaml:3: not valid YAML"));
-  EXPECT_THAT(ErrorOf("a: \"x", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
-  EXPECT_THAT(ErrorOf("a: 1\n---\nb: 2\n", [](MapReader*) {}),
+  EXPECT_THAT(ErrorOf("a: 1\nb: [1, 2\n", [](MapReader&) {}), StartsWith("cell.yaml:3: not valid YAML"));
+  EXPECT_THAT(ErrorOf("a: \"x", [](MapReader&) {}), StartsWith("cell.yaml:1: not valid YAML"));
+  EXPECT_THAT(ErrorOf("a: 1\n---\nb: 2\n", [](MapReader&) {}),
               StartsWith("cell.yaml:2: a second YAML document starts here"));
   // The function LoadAll of yaml-cpp itself does not terminate on these inputs.
-  EXPECT_THAT(ErrorOf(", a: 1\n", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
-  EXPECT_THAT(ErrorOf("}", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
-  EXPECT_THAT(ErrorOf("? [1, 2]\n: 3\n", [](MapReader*) {}), HasSubstr("keys must be plain names"));
+  EXPECT_THAT(ErrorOf(", a: 1\n", [](MapReader&) {}), StartsWith("cell.yaml:1: not valid YAML"));
+  EXPECT_THAT(ErrorOf("}", [](MapReader&) {}), StartsWith("cell.yaml:1: not valid YAML"));
+  EXPECT_THAT(ErrorOf("? [1, 2]\n: 3\n", [](MapReader&) {}), HasSubstr("keys must be plain names"));
 }
 
 TEST(YamlTest, AliasBombsAreRefused) {
@@ -170,17 +170,17 @@ TEST(YamlTest, AliasBombsAreRefused) {
     for (int k = 0; k < 9; ++k) bomb += ", " + alias;
     bomb += "]\n";
   }
-  EXPECT_THAT(ErrorOf(bomb, [](MapReader*) {}), HasSubstr("more than 100000 values"));
-  EXPECT_THAT(ErrorOf("a: &a [*a, *a]", [](MapReader*) {}), HasSubstr("nested deeper than 32 levels"));
-  EXPECT_THAT(ErrorOf("a: &a {b: *a}", [](MapReader*) {}), HasSubstr("nested deeper than 32 levels"));
+  EXPECT_THAT(ErrorOf(bomb, [](MapReader&) {}), HasSubstr("more than 100000 values"));
+  EXPECT_THAT(ErrorOf("a: &a [*a, *a]", [](MapReader&) {}), HasSubstr("nested deeper than 32 levels"));
+  EXPECT_THAT(ErrorOf("a: &a {b: *a}", [](MapReader&) {}), HasSubstr("nested deeper than 32 levels"));
 }
 
 TEST(YamlTest, DeepNestingIsRefused) {
-  EXPECT_THAT(ErrorOf("a: " + std::string(40, '[') + std::string(40, ']'), [](MapReader*) {}),
+  EXPECT_THAT(ErrorOf("a: " + std::string(40, '[') + std::string(40, ']'), [](MapReader&) {}),
               HasSubstr("nested deeper than 32 levels"));
-  EXPECT_THAT(ErrorOf("a: " + std::string(100000, '['), [](MapReader*) {}), StartsWith("cell.yaml:"));
-  EXPECT_THAT(ErrorOf("a: " + std::string(100000, '{'), [](MapReader*) {}), StartsWith("cell.yaml:"));
-  EXPECT_THAT(ErrorOf(std::string(1000, '-') + "x", [](MapReader*) {}), StartsWith("cell.yaml"));
+  EXPECT_THAT(ErrorOf("a: " + std::string(100000, '['), [](MapReader&) {}), StartsWith("cell.yaml:"));
+  EXPECT_THAT(ErrorOf("a: " + std::string(100000, '{'), [](MapReader&) {}), StartsWith("cell.yaml:"));
+  EXPECT_THAT(ErrorOf(std::string(1000, '-') + "x", [](MapReader&) {}), StartsWith("cell.yaml"));
 }
 
 TEST(YamlTest, FilesAreReadWithinALimit) {
@@ -209,8 +209,8 @@ TEST(YamlTest, AnyTextGivesAValueOrAnInputError) {
         text.insert(at, 1, c);
       }
     }
-    const std::string error = ErrorOf(text, [](MapReader* reader) {
-      for (const char* key : {"a", "key", "list", "z"}) reader->Has(key);
+    const std::string error = ErrorOf(text, [](MapReader& reader) {
+      for (const char* key : {"a", "key", "list", "z"}) reader.Has(key);
     });
     if (error == "no error") {
       ++num_valid;

@@ -19,7 +19,7 @@ TEST(StatedPoseTest, EffectOfACaptureIsThatOfAllEffects) {
   const Arm& arm = *FindArm("ur5e");
   const auto shared = std::make_shared<const SharedEffects>(ArmErrors(arm, ArmErrorModel::kGeometry));
   ASSERT_LT(shared->size(), arm.num_params());
-  const std::shared_ptr<const PoseEffect> of_all = MakeArmEffect(arm, RandomJoints(arm, &rng), Rigid3d());
+  const std::shared_ptr<const PoseEffect> of_all = MakeArmEffect(arm, RandomJoints(arm, rng), Rigid3d());
   std::vector<int> estimated;
   for (const SharedEffect& effect : shared->effects) estimated.push_back(effect.index);
   Problem rig;

@@ -16,23 +16,23 @@ namespace {
 // rad and m: about ten operations with a relative error of 1e-16 on poses within a few metres.
 constexpr double kRoundOff = 1e-13;
 
-Rigid3d RandomPose(Rng* rng) {
-  const double angle_rad = rng->Uniform(0, kPi);
-  const Eigen::Vector3d rotation_vector = angle_rad * rng->Direction3();
-  return {ExpRotation(rotation_vector), rng->NormalVector3()};
+Rigid3d RandomPose(Rng& rng) {
+  const double angle_rad = rng.Uniform(0, kPi);
+  const Eigen::Vector3d rotation_vector = angle_rad * rng.Direction3();
+  return {ExpRotation(rotation_vector), rng.NormalVector3()};
 }
 
-Tangent6 RandomTangent(Rng* rng, double scale) {
+Tangent6 RandomTangent(Rng& rng, double scale) {
   Tangent6 tangent;
-  for (double& value : tangent) value = scale * rng->Normal();
+  for (double& value : tangent) value = scale * rng.Normal();
   return tangent;
 }
 
 TEST(Rigid3, ProductChainsFramesAndInverseUndoes) {
   Rng rng(1);
   for (int i = 0; i < 100; ++i) {
-    const Rigid3d a_from_b = RandomPose(&rng);
-    const Rigid3d b_from_c = RandomPose(&rng);
+    const Rigid3d a_from_b = RandomPose(rng);
+    const Rigid3d b_from_c = RandomPose(rng);
     const Eigen::Vector3d point_in_c = rng.NormalVector3();
     EXPECT_LT(((a_from_b * b_from_c) * point_in_c - a_from_b * (b_from_c * point_in_c)).norm(), kRoundOff);
     EXPECT_LT((Inverse(a_from_b) * (a_from_b * point_in_c) - point_in_c).norm(), kRoundOff);
@@ -104,7 +104,7 @@ TEST(Rotation, RotationOntoTurnsByTheSmallestAngle) {
 TEST(Rotation, NearestRotationIsARotationAndNearest) {
   Rng rng(4);
   for (int i = 0; i < 50; ++i) {
-    Eigen::Matrix3d noisy = RandomPose(&rng).RotationMatrix();
+    Eigen::Matrix3d noisy = RandomPose(rng).RotationMatrix();
     for (int k = 0; k < 9; ++k) noisy.data()[k] += 0.3 * rng.Normal();
     const Eigen::Matrix3d nearest = NearestRotation(noisy);
     EXPECT_LT((nearest.transpose() * nearest - Eigen::Matrix3d::Identity()).norm(), kRoundOff);
@@ -122,8 +122,8 @@ TEST(Rotation, NearestRotationIsARotationAndNearest) {
 TEST(Tangent, LocalCoordinatesInvertRetract) {
   Rng rng(5);
   for (int i = 0; i < 100; ++i) {
-    const Rigid3d a_from_b = RandomPose(&rng);
-    const Tangent6 tangent = RandomTangent(&rng, 0.5);
+    const Rigid3d a_from_b = RandomPose(rng);
+    const Tangent6 tangent = RandomTangent(rng, 0.5);
     EXPECT_LT((LocalCoordinates(a_from_b, Retract(a_from_b, tangent)) - tangent).norm(), kRoundOff);
   }
 }
@@ -142,9 +142,9 @@ TEST(Tangent, TranslationPrecedesRotationInTheChildFrame) {
 TEST(Tangent, AdjointTransformsTangents) {
   Rng rng(6);
   for (int i = 0; i < 50; ++i) {
-    const Rigid3d a_from_b = RandomPose(&rng);
+    const Rigid3d a_from_b = RandomPose(rng);
     constexpr double kStep = 1e-6;
-    const Tangent6 right = RandomTangent(&rng, kStep);
+    const Tangent6 right = RandomTangent(rng, kStep);
     const Tangent6 left = Adjoint(a_from_b) * right;
     const Rigid3d moved_left = Retract(Rigid3d(), left) * a_from_b;
     // The two agree to first order; the difference is quadratic in the step, with lengths of a few metres.
@@ -154,7 +154,7 @@ TEST(Tangent, AdjointTransformsTangents) {
 
 TEST(MeanPoseTest, IsTheMiddle) {
   Rng rng(7);
-  const Rigid3d a_from_b = RandomPose(&rng);
+  const Rigid3d a_from_b = RandomPose(rng);
   std::vector<Rigid3d> poses;
   for (int i = 0; i < 6; ++i) {
     Tangent6 step = Tangent6::Zero();
@@ -176,7 +176,7 @@ TEST(Distance, IsBetweenTheOrigins) {
 
 TEST(PoseBlockTest, HoldsThePoseInTheStatedOrder) {
   Rng rng(8);
-  const Rigid3d pose = RandomPose(&rng);
+  const Rigid3d pose = RandomPose(rng);
   const PoseBlock block = ToBlock(pose);
   EXPECT_EQ(block[3], pose.rotation.w());
   EXPECT_EQ(block[4], pose.translation.x());
@@ -189,15 +189,15 @@ TEST(PoseManifoldTest, KeepsCeresInvariants) {
   using namespace ceres;  // NOLINT(google-build-using-namespace): the macro needs it.
   const PoseManifold manifold;
   for (int i = 0; i < 20; ++i) {
-    const PoseBlock from = ToBlock(RandomPose(&rng));
-    PoseBlock to = ToBlock(RandomPose(&rng));
+    const PoseBlock from = ToBlock(RandomPose(rng));
+    PoseBlock to = ToBlock(RandomPose(rng));
     // q and -q represent the same pose but are different blocks, and Ceres compares blocks. The sign is chosen such
     // that the step between the two blocks is less than 180 deg.
     const double cosine = Eigen::Map<Eigen::Vector4d>(to.data()).dot(Eigen::Map<const Eigen::Vector4d>(from.data()));
     if (cosine < 0) Eigen::Map<Eigen::Vector4d>(to.data()) *= -1.0;
     const ceres::Vector x = Eigen::Map<const ceres::Vector>(from.data(), 7);
     const ceres::Vector y = Eigen::Map<const ceres::Vector>(to.data(), 7);
-    const ceres::Vector delta = RandomTangent(&rng, 0.3);
+    const ceres::Vector delta = RandomTangent(rng, 0.3);
     // Accuracy of the numeric derivatives of Ceres.
     constexpr double kTolerance = 1e-9;
     EXPECT_THAT_MANIFOLD_INVARIANTS_HOLD(manifold, x, delta, y, kTolerance);
@@ -210,7 +210,7 @@ TEST(PoseManifoldTest, TangentFromBlockIsALeftInverseOfPlusJacobian) {
   Rng rng(10);
   const PoseManifold manifold;
   for (int i = 0; i < 20; ++i) {
-    const PoseBlock block = ToBlock(RandomPose(&rng));
+    const PoseBlock block = ToBlock(RandomPose(rng));
     Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
     ASSERT_TRUE(manifold.PlusJacobian(block.data(), plus.data()));
     const Eigen::Matrix<double, 6, 6> product = TangentFromBlock(block.data()) * plus;
@@ -221,8 +221,8 @@ TEST(PoseManifoldTest, TangentFromBlockIsALeftInverseOfPlusJacobian) {
 TEST(PoseManifoldTest, StepsAreRetractions) {
   Rng rng(11);
   const PoseManifold manifold;
-  const Rigid3d pose = RandomPose(&rng);
-  const Tangent6 tangent = RandomTangent(&rng, 0.4);
+  const Rigid3d pose = RandomPose(rng);
+  const Tangent6 tangent = RandomTangent(rng, 0.4);
   PoseBlock moved;
   ASSERT_TRUE(manifold.Plus(ToBlock(pose).data(), tangent.data(), moved.data()));
   const Rigid3d expected = Retract(pose, tangent);

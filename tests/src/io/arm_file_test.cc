@@ -35,7 +35,7 @@ TEST(ArmFileTest, ReadsTheFileOfRos) {
   const Arm read = ReadArmFile(folder.path() / "ur5e.yaml", nominal);
   Rng rng(2);
   for (int i = 0; i < 10; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(nominal, &rng);
+    const Eigen::VectorXd joints = RandomJoints(nominal, rng);
     EXPECT_LT(LocalCoordinates(BaseFromTip(nominal, joints), BaseFromTip(read, joints)).norm(), 1e-8);
   }
 }
@@ -44,13 +44,13 @@ TEST(ArmFileTest, ReadsWhatItWrites) {
   const TempFolder folder;
   Rng rng(3);
   const Arm& nominal = *FindArm("ur10e");
-  const Arm arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(0.1)}, &rng));
+  const Arm arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(0.1)}, rng));
   const Outcome<std::string> text = ArmFileText(arm);
   ASSERT_TRUE(text.ok()) << text.reason();
   WriteFileAtomically(folder.path() / "arm.yaml", *text);
   const Arm read = ReadArmFile(folder.path() / "arm.yaml", nominal);
   for (int i = 0; i < 10; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(nominal, &rng);
+    const Eigen::VectorXd joints = RandomJoints(nominal, rng);
     EXPECT_LT(LocalCoordinates(BaseFromTip(arm, joints), BaseFromTip(read, joints)).norm(), 1e-10);
   }
 }
@@ -67,7 +67,7 @@ TEST(ArmFileTest, ExportedUrdfIsTheSameArm) {
     const Arm& nominal = *FindArm(name);
     ExportRequest request;
     request.name = "cell";
-    request.arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(0.1)}, &rng));
+    request.arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(0.1)}, rng));
     for (const ExportFormat& format : ExportFormats()) {
       if (format.name != "robot_urdf") continue;
       const Outcome<std::string> text = ExportText(format, request);
@@ -77,7 +77,7 @@ TEST(ArmFileTest, ExportedUrdfIsTheSameArm) {
     const auto urdf = UrdfArm::Read(folder.path() / "robot.urdf");
     const Arm again = urdf->Kinematics();
     for (int i = 0; i < 5; ++i) {
-      const Eigen::VectorXd joints = RandomJoints(nominal, &rng);
+      const Eigen::VectorXd joints = RandomJoints(nominal, rng);
       const Rigid3d pose = BaseFromTip(*request.arm, joints);
       EXPECT_LT(LocalCoordinates(
                     pose, urdf->BaseFromTip(std::span<const double>(joints.data(), static_cast<size_t>(joints.size()))))

@@ -43,7 +43,7 @@ double LargestDifference(const Arm& a, const Arm& b) {
   Rng rng(2);
   double largest = 0;
   for (int i = 0; i < 50; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(a, &rng);
+    const Eigen::VectorXd joints = RandomJoints(a, rng);
     largest = std::max(largest, LocalCoordinates(BaseFromTip(a, joints), BaseFromTip(b, joints)).norm());
   }
   return largest;
@@ -59,7 +59,7 @@ TEST(UrCalibrationFileTest, DeviationsAddToTheMakersParameters) {
   const std::vector<double> alpha = NumbersOf("delta_alpha");
   Rng rng(3);
   for (int i = 0; i < 20; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(nominal, &rng);
+    const Eigen::VectorXd joints = RandomJoints(nominal, rng);
     Eigen::Isometry3d textbook = Eigen::Isometry3d::Identity();
     for (size_t j = 0; j < 6; ++j) {
       const ArmJoint& at = nominal.joints[j];
@@ -94,7 +94,7 @@ TEST_P(EveryUrTest, ReadsWhatItWrites) {
   Rng rng(5);
   const Arm& nominal = *FindArm(GetParam());
   for (const double angle_deg : {0.0, 0.005, 0.05, 0.3}) {
-    const Arm arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(angle_deg)}, &rng));
+    const Arm arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.2), 1e-3, DegToRad(angle_deg)}, rng));
     const Outcome<std::string> text = UrCalibrationText(arm);
     ASSERT_TRUE(text.ok()) << text.reason();
     const Arm read = ParseUrCalibration(*text, "calibration.conf", GetParam());

@@ -14,23 +14,23 @@
 namespace heba {
 namespace {
 
-Rigid3d RandomPose(Rng* rng) { return Rigid3d{ExpRotation(rng->NormalVector3()), 0.1 * rng->NormalVector3()}; }
+Rigid3d RandomPose(Rng& rng) { return Rigid3d{ExpRotation(rng.NormalVector3()), 0.1 * rng.NormalVector3()}; }
 
 bool IsCompliance(int place) { return place % kNumArmParams == static_cast<int>(ArmParam::kCompliance); }
 
 TEST(ArmErrorsTest, NoErrorsLeaveThePose) {
   Rng rng(1);
   const Arm& arm = *FindArm("ur5e");
-  const Eigen::VectorXd joints = RandomJoints(arm, &rng);
-  const auto effect = MakeArmEffect(arm, joints, RandomPose(&rng));
+  const Eigen::VectorXd joints = RandomJoints(arm, rng);
+  const auto effect = MakeArmEffect(arm, joints, RandomPose(rng));
   EXPECT_LT(LocalCoordinates({}, effect->Evaluate(Eigen::VectorXd::Zero(arm.num_params()), nullptr)).norm(), 1e-12);
 }
 
 TEST(ArmErrorsTest, EffectIsTheMotionOfTheGripper) {
   Rng rng(2);
   const Arm& arm = *FindArm("ur5e");
-  const Eigen::VectorXd joints = RandomJoints(arm, &rng);
-  const Rigid3d tip_from_gripper = RandomPose(&rng);
+  const Eigen::VectorXd joints = RandomJoints(arm, rng);
+  const Rigid3d tip_from_gripper = RandomPose(rng);
   Eigen::VectorXd errors(arm.num_params());
   for (int p = 0; p < arm.num_params(); ++p) errors[p] = (IsCompliance(p) ? 1e-5 : 1e-3) * rng.Normal();
   const Rigid3d nominal = BaseFromTip(arm, joints) * tip_from_gripper;
@@ -57,7 +57,7 @@ Eigen::MatrixXd Sensitivity(const Arm& arm, const std::vector<int>& places) {
   constexpr int kCaptures = 60;
   Eigen::MatrixXd all(6 * kCaptures, 12 + static_cast<Eigen::Index>(places.size()));
   for (int i = 0; i < kCaptures; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Eigen::VectorXd joints = RandomJoints(arm, rng);
     Matrix6X by_errors;
     MakeArmEffect(arm, joints, {})->Evaluate(Eigen::VectorXd::Zero(arm.num_params()), &by_errors);
     auto rows = all.middleRows<6>(6 * i);

@@ -39,7 +39,7 @@ TEST_P(SixJointArmTest, ReachThePoseInDifferentConfigurations) {
   constexpr int kPoses = 20;
   int num_without_original = 0;
   for (int i = 0; i < kPoses; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Eigen::VectorXd joints = RandomJoints(arm, rng);
     const Rigid3d pose = BaseFromTip(arm, joints);
     const auto postures = PosturesOf(arm, pose);
     ASSERT_TRUE(postures.ok()) << postures.reason();
@@ -69,7 +69,7 @@ TEST_P(UrPosturesTest, AreThoseOfTheClosedForm) {
   arm.joints[1].d_m = 1e-12;
   int num_missed = 0;
   for (int i = 0; i < 30; ++i) {
-    const Rigid3d pose = BaseFromTip(arm, RandomJoints(arm, &rng));
+    const Rigid3d pose = BaseFromTip(arm, RandomJoints(arm, rng));
     const auto numeric = PosturesOf(arm, pose);
     const auto closed = PosturesOf(GetParam(), pose);
     ASSERT_TRUE(numeric.ok());

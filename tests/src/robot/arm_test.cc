@@ -53,7 +53,7 @@ TEST_P(EveryArmTest, DerivativesAreThoseOfThePose) {
   arm.joints[1].beta_rad = 0.1;
   arm.joints[2].is_turning = false;
   arm.joints[1].compliance = 3e-5;
-  const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+  const Eigen::VectorXd joints = RandomJoints(arm, rng);
   Matrix6X by_joints;
   Matrix6X by_params;
   const Rigid3d pose = BaseFromTip(arm, joints, &by_joints, &by_params);
@@ -82,7 +82,7 @@ TEST_P(EveryArmTest, AxesDescribeTheArm) {
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(arm.num_joints());
   const Arm again = ArmFromAxes("again", AxesOf(arm, zero), BaseFromTip(arm, zero));
   for (int i = 0; i < 20; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Eigen::VectorXd joints = RandomJoints(arm, rng);
     EXPECT_LT(LocalCoordinates(BaseFromTip(arm, joints), BaseFromTip(again, joints)).norm(), 1e-12);
   }
 }
@@ -136,7 +136,7 @@ TEST(ArmTest, TorquesAreThoseOfThePotentialEnergy) {
   for (const char* name : {"ur3", "ur5e", "ur10e", "ur16e", "ur20"}) {
     const Arm arm = WithPayload(*FindArm(name), {2.5, {0.05, -0.02, 0.1}});
     for (int i = 0; i < 5; ++i) {
-      const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+      const Eigen::VectorXd joints = RandomJoints(arm, rng);
       const Eigen::VectorXd torques = GravityTorques(arm, joints);
       constexpr double kStep = 1e-5;
       for (int j = 0; j < arm.num_joints(); ++j) {
@@ -166,7 +166,7 @@ TEST(ArmTest, JointsYieldInTheDirectionOfTheWeight) {
   Rng rng(9);
   Arm arm = *FindArm("ur10e");
   for (int i = 0; i < 5; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Eigen::VectorXd joints = RandomJoints(arm, rng);
     for (ArmJoint& joint : arm.joints) joint.compliance = 2e-5;
     const Eigen::VectorXd reached = joints + 2e-5 * GravityTorques(arm, joints);
     const Arm rigid = RigidPart(arm);
@@ -181,7 +181,7 @@ TEST(ArmTest, LoadFollowsTheAxes) {
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(6);
   const Arm again = WithLoadOf(ArmFromAxes("again", AxesOf(arm, zero), BaseFromTip(arm, zero)), arm);
   for (int i = 0; i < 5; ++i) {
-    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Eigen::VectorXd joints = RandomJoints(arm, rng);
     EXPECT_LT((GravityTorques(arm, joints) - GravityTorques(again, joints)).norm(), 1e-10);
   }
 }

@@ -17,7 +17,7 @@ RobotSummary CalibratedArm(const Eigen::VectorXd& joints) {
   robot.nominal = *FindArm("ur5e");
   robot.tip_from_gripper = Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0, 0.02, 0.15});
   robot.is_estimated = true;
-  robot.errors = DrawArmErrors(robot.nominal, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, &rng);
+  robot.errors = DrawArmErrors(robot.nominal, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, rng);
   robot.configuration = NameOf(*ConfigurationOf(robot.nominal, joints));
   return robot;
 }
@@ -61,7 +61,7 @@ TEST(PoseCorrectionTest, GivenJointsReplaceTheConfiguration) {
     Rng rng(6);
     RobotSummary robot = CalibratedArm(Joints());
     robot.nominal = *FindArm(name);
-    robot.errors = DrawArmErrors(robot.nominal, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, &rng);
+    robot.errors = DrawArmErrors(robot.nominal, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, rng);
     robot.configuration = "";
     Eigen::VectorXd joints = Eigen::VectorXd::Constant(robot.nominal.num_joints(), 0.4);
     joints.head<6>() = Joints();

@@ -14,12 +14,12 @@ namespace heba {
 namespace {
 
 // Joints around one posture, as those of the captures of a target.
-std::vector<Eigen::VectorXd> CloseJoints(const Arm& arm, int num, Rng* rng) {
+std::vector<Eigen::VectorXd> CloseJoints(const Arm& arm, int num, Rng& rng) {
   const Eigen::VectorXd middle = RandomJoints(arm, rng);
   std::vector<Eigen::VectorXd> joints;
   for (int i = 0; i < num; ++i) {
     Eigen::VectorXd positions = middle;
-    for (double& position : positions) position += rng->Uniform(-0.5, 0.5);
+    for (double& position : positions) position += rng.Uniform(-0.5, 0.5);
     joints.push_back(positions);
   }
   return joints;
@@ -49,7 +49,7 @@ TEST(RigidEquivalentTest, GeometryStandsForComplianceAtTheCaptures) {
   const Arm yielding = WithChanges(arm, errors);
   std::vector<double> shares;  // Each is the share of the effect of the compliances that is left.
   for (int trial = 0; trial < 21; ++trial) {
-    const std::vector<Eigen::VectorXd> joints = CloseJoints(arm, 25, &rng);
+    const std::vector<Eigen::VectorXd> joints = CloseJoints(arm, 25, rng);
     const RigidEquivalent rigid = FitRigidEquivalent(arm, errors, joints);
     const Arm rigid_arm = WithChanges(arm, rigid.errors);
     for (int j = 0; j < arm.num_joints(); ++j) EXPECT_EQ(rigid.errors[ArmParamPlace(j, ArmParam::kCompliance)], 0);
@@ -68,7 +68,7 @@ TEST(RigidEquivalentTest, ErrorsOfAGeometryStayAsTheyAre) {
   const Arm& arm = *FindArm("ur5e");
   Eigen::VectorXd errors = ErrorsWithCompliance(arm);
   for (int j = 0; j < arm.num_joints(); ++j) errors[ArmParamPlace(j, ArmParam::kCompliance)] = 0;
-  const RigidEquivalent rigid = FitRigidEquivalent(arm, errors, CloseJoints(arm, 1, &rng));
+  const RigidEquivalent rigid = FitRigidEquivalent(arm, errors, CloseJoints(arm, 1, rng));
   EXPECT_LT((rigid.errors - errors).norm(), 1e-12);
   EXPECT_LT(rigid.left_m, 1e-12);
 }

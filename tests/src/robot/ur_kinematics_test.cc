@@ -11,9 +11,9 @@
 namespace heba {
 namespace {
 
-JointAngles RandomJoints(Rng* rng) {
+JointAngles RandomJoints(Rng& rng) {
   JointAngles joints;
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+  for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
   return joints;
 }
 
@@ -44,7 +44,7 @@ TEST_P(UrRobotTest, PosturesReachThePoseAndIncludeTheOriginal) {
   int num_postures = 0;
   constexpr int kPoses = 10'000;
   for (int i = 0; i < kPoses; ++i) {
-    const JointAngles joints = RandomJoints(&rng);
+    const JointAngles joints = RandomJoints(rng);
     const Rigid3d pose = BaseFromFlange(GetParam(), joints);
     const Outcome<std::vector<UrPosture>> postures = PosturesOf(GetParam(), pose);
     ASSERT_TRUE(postures.ok()) << postures.reason();

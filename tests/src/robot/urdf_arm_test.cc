@@ -102,7 +102,7 @@ TEST_F(UrdfArmTest, MassesAreThoseOfItsLinks) {
   ASSERT_NE(found.load, nullptr);
   Rng rng(7);
   for (int trial = 0; trial < 10; ++trial) {
-    const Eigen::VectorXd joints = RandomJoints(table, &rng);
+    const Eigen::VectorXd joints = RandomJoints(table, rng);
     EXPECT_LT((GravityTorques(found, joints) - GravityTorques(loaded, joints)).norm(), 1e-9);
   }
   EXPECT_EQ(UrdfArm::Read(Write(UrdfOf(*FindUrRobot("ur5e"))))->Kinematics().load, nullptr);

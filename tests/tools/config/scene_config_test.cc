@@ -335,7 +335,7 @@ std::vector<std::string> RolesOf(const std::vector<SimulatedPose>& poses) {
 
 TEST(SimulateScenePosesTest, FreeCapturesHaveNoRole) {
   Rng rng(1);
-  const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(Read("motion: {captures: 3}\n"), &rng);
+  const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(Read("motion: {captures: 3}\n"), rng);
   ASSERT_TRUE(poses) << poses.reason();
   EXPECT_THAT(RolesOf(*poses), ElementsAre("", "", ""));
 }
@@ -345,7 +345,7 @@ TEST(SimulateScenePosesTest, TwoStepCapturesPrecedeFreeOnes) {
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(
       Read(
           "motion: {captures: 1, tilt: 10 deg, spread: 0.1, two_step: {translation: 20 mm, turns: 2, angle: 8 deg}}\n"),
-      &rng);
+      rng);
   ASSERT_TRUE(poses) << poses.reason();
   EXPECT_THAT(RolesOf(*poses), ElementsAre("home", "translate_x", "translate_y", "rotate", "rotate", "free"));
 }
@@ -353,7 +353,7 @@ TEST(SimulateScenePosesTest, TwoStepCapturesPrecedeFreeOnes) {
 TEST(SimulateScenePosesTest, SaysThatTheTargetDoesNotFit) {
   Rng rng(1);
   const Outcome<std::vector<SimulatedPose>> poses =
-      SimulateScenePoses(Read("motion: {captures: 1, distance: 100 mm}\n"), &rng);
+      SimulateScenePoses(Read("motion: {captures: 1, distance: 100 mm}\n"), rng);
   EXPECT_THAT(poses.reason(), HasSubstr("the target does not fit into the image"));
 }
 

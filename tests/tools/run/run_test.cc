@@ -66,7 +66,7 @@ class RunTest : public testing::Test {
       scene.problem.targets[t].shape = DesignedShape(scene.targets[t].points_in_target);
     }
     setting.num_captures = 16;
-    Simulate(setting, &rng, &scene);
+    Simulate(setting, rng, &scene);
     return scene;
   }
 

@@ -47,32 +47,32 @@ const std::vector<std::string>& DistortionNames() {
 }
 
 // Returns the value of the one key of `names` that exists. Throws InputError if there is none, or more than one.
-ConfigValue FindOnly(MapReader* reader, const std::vector<std::string>& names, const std::string& what) {
+ConfigValue FindOnly(MapReader& reader, const std::vector<std::string>& names, const std::string& what) {
   std::optional<ConfigValue> only;
   for (const std::string& name : names) {
-    const std::optional<ConfigValue> found = reader->Find(name);
+    const std::optional<ConfigValue> found = reader.Find(name);
     if (!found) continue;
     if (only) {
       found->Fail("a second " + what + ", besides '" + only->key() + "'; write the intended one to a separate file");
     }
     only = found;
   }
-  if (!only) reader->value().Fail("has no " + what + "; it may be called: " + Join(names, ", "));
+  if (!only) reader.value().Fail("has no " + what + "; it may be called: " + Join(names, ", "));
   return *only;
 }
 
 // Leaves the size unchanged if the file does not contain it.
-void ReadImageSize(MapReader* reader, Camera* camera) {
+void ReadImageSize(MapReader& reader, Camera* camera) {
   constexpr IntRange kSizes = {1, 100000};
   for (const auto& [width, height] : {std::array{"image_width", "image_height"},
                                       std::array{"image_Width", "image_Height"}, std::array{"width", "height"}}) {
-    if (!reader->Has(width)) continue;
-    camera->width_px = reader->Int(width, kSizes);
-    camera->height_px = reader->Int(height, kSizes);
+    if (!reader.Has(width)) continue;
+    camera->width_px = reader.Int(width, kSizes);
+    camera->height_px = reader.Int(height, kSizes);
     return;
   }
   for (const char* key : {"image_size", "imageSize", "ImageSize", "img_size", "resolution"}) {
-    const std::optional<ConfigValue> size = reader->Find(key);
+    const std::optional<ConfigValue> size = reader.Find(key);
     if (!size) continue;
     const std::vector<double> numbers = ReadMatrix(*size);
     const bool valid = numbers.size() == 2 && numbers[0] >= kSizes.min && numbers[0] <= kSizes.max &&
@@ -85,25 +85,25 @@ void ReadImageSize(MapReader* reader, Camera* camera) {
   }
 }
 
-Lens ReadLens(MapReader* reader) {
-  if (const std::optional<ConfigValue> model = reader->Find("distortion_model")) {
+Lens ReadLens(MapReader& reader) {
+  if (const std::optional<ConfigValue> model = reader.Find("distortion_model")) {
     const Outcome<Lens> lens = LensOfRosModel(model->AsText());
     if (!lens) model->Fail(lens.reason());
     return *lens;
   }
-  return reader->Int("fisheye_model", {0, 1}, 0) == 1 ? Lens::kFisheye : Lens::kPolynomial;
+  return reader.Int("fisheye_model", {0, 1}, 0) == 1 ? Lens::kFisheye : Lens::kPolynomial;
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {
   const ConfigValue root = ParseFileStorage(text, name);
   MapReader reader(root);
-  const ConfigValue matrix = FindOnly(&reader, MatrixNames(), "camera matrix");
-  const ConfigValue distortion = FindOnly(&reader, DistortionNames(), "list of distortion coefficients");
+  const ConfigValue matrix = FindOnly(reader, MatrixNames(), "camera matrix");
+  const ConfigValue distortion = FindOnly(reader, DistortionNames(), "list of distortion coefficients");
   const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
   if (!pinhole) matrix.Fail(pinhole.reason());
-  Outcome<Camera> camera = CameraFromCoefficients(*pinhole, ReadMatrix(distortion), ReadLens(&reader));
+  Outcome<Camera> camera = CameraFromCoefficients(*pinhole, ReadMatrix(distortion), ReadLens(reader));
   if (!camera) distortion.Fail(camera.reason());
-  ReadImageSize(&reader, &*camera);
+  ReadImageSize(reader, &*camera);
   return *camera;
 }
 

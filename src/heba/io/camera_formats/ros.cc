@@ -13,11 +13,11 @@ bool Matches(const std::string& text) {
 }
 
 // Returns the value of the first of `keys` that exists. Throws InputError for the first key if none exists.
-ConfigValue GetOneOf(MapReader* reader, std::initializer_list<const char*> keys) {
+ConfigValue GetOneOf(MapReader& reader, std::initializer_list<const char*> keys) {
   for (const char* key : keys) {
-    if (const std::optional<ConfigValue> found = reader->Find(key)) return *found;
+    if (const std::optional<ConfigValue> found = reader.Find(key)) return *found;
   }
-  return reader->Get(*keys.begin());
+  return reader.Get(*keys.begin());
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {
@@ -29,10 +29,10 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   MapReader reader(root);
   const bool is_message = !reader.Has("camera_matrix");
   constexpr IntRange kSizes = {1, 100000};
-  const int width_px = GetOneOf(&reader, {is_message ? "width" : "image_width"}).AsInt(kSizes);
-  const int height_px = GetOneOf(&reader, {is_message ? "height" : "image_height"}).AsInt(kSizes);
-  const ConfigValue matrix = is_message ? GetOneOf(&reader, {"K", "k"}) : reader.Get("camera_matrix");
-  const ConfigValue distortion = is_message ? GetOneOf(&reader, {"D", "d"}) : reader.Get("distortion_coefficients");
+  const int width_px = GetOneOf(reader, {is_message ? "width" : "image_width"}).AsInt(kSizes);
+  const int height_px = GetOneOf(reader, {is_message ? "height" : "image_height"}).AsInt(kSizes);
+  const ConfigValue matrix = is_message ? GetOneOf(reader, {"K", "k"}) : reader.Get("camera_matrix");
+  const ConfigValue distortion = is_message ? GetOneOf(reader, {"D", "d"}) : reader.Get("distortion_coefficients");
 
   const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
   if (!pinhole) matrix.Fail(pinhole.reason());

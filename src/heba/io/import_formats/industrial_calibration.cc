@@ -21,7 +21,7 @@ bool Matches(const fs::path& source) {
          text.find("image:") != std::string::npos;
 }
 
-std::string Metres(MapReader* reader, const std::string& key) { return RoundTrip(reader->Number(key)) + " m"; }
+std::string Metres(MapReader& reader, const std::string& key) { return RoundTrip(reader.Number(key)) + " m"; }
 
 // Returns the name of a dictionary from its number in OpenCV's enumeration.
 std::string DictionaryName(const ConfigValue& value) {
@@ -42,12 +42,12 @@ std::string TargetOf(const ConfigValue& value, std::vector<std::string>* remarks
     remarks->push_back(
         "its ChArUco boards are those of OpenCV before 4.6.0 unless they have an odd number of rows: "
         "set legacy_pattern to suit yours");
-    return "type: charuco\n" + grid + "square: " + Metres(&reader, "chessboard_dim") +
-           "\nmarker: " + Metres(&reader, "aruco_marker_dim") +
+    return "type: charuco\n" + grid + "square: " + Metres(reader, "chessboard_dim") +
+           "\nmarker: " + Metres(reader, "aruco_marker_dim") +
            "\ndictionary: " + DictionaryName(reader.Get("dictionary")) + "\nlegacy_pattern: true\n";
   }
   if (type == "ModifiedCircleGridTargetFinder") {
-    return "type: circle_grid\n" + grid + "spacing: " + Metres(&reader, "spacing") + "\nmarker_dot: true\n";
+    return "type: circle_grid\n" + grid + "spacing: " + Metres(reader, "spacing") + "\nmarker_dot: true\n";
   }
   remarks->push_back("the target, " + Quoted(type) + ", is not supported; name a target in the config");
   return "";
