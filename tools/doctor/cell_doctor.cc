@@ -188,7 +188,7 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
       std::all_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(),
                   [](const Symptom& symptom) { return symptom.severity != Severity::kWrong || MayBeMotion(symptom); });
   if (may_be_motion && examine == Examine::kInputsAndResult) AddResult(config, detect, num_threads, &diagnosis);
-  SortBySeverity(&diagnosis);
+  diagnosis.symptoms = BySeverity(std::move(diagnosis.symptoms));
   return diagnosis;
 }
 

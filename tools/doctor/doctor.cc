@@ -10,7 +10,7 @@
 
 namespace heba {
 
-#define HEBA_CHECK(name, needs_images, what) std::vector<Symptom> Check_##name(Examination* examination);
+#define HEBA_CHECK(name, needs_images, what) Checked Check_##name(const Examination& examination);
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 
@@ -18,7 +18,7 @@ namespace {
 
 struct Check {
   bool needs_images;
-  std::vector<Symptom> (*run)(Examination* examination);
+  Checked (*run)(const Examination& examination);
 };
 constexpr Check kChecks[] = {
 #define HEBA_CHECK(name, needs_images, what) {needs_images, &Check_##name},
@@ -26,27 +26,29 @@ constexpr Check kChecks[] = {
 #undef HEBA_CHECK
 };
 
-// Sets the views of the data set.
-void ExamineAll(Examination* examination) {
-  const Dataset& data = examination->config.data;
-  examination->views = data.target_poses.empty() ? ExamineViews(data, examination->detections, *examination->camera)
-                                                 : ViewsOfPoses(data);
+// Returns the views of the data set.
+std::vector<ExaminedView> ViewsOf(const Examination& examination) {
+  const Dataset& data = examination.config.data;
+  return data.target_poses.empty() ? ExamineViews(data, examination.detections, *examination.camera)
+                                   : ViewsOfPoses(data);
 }
 
-// Sets the views with the poses of a robot's stream, if there is one, at the offset that they show.
-void ExamineAtOffset(Examination* examination) {
-  ExamineAll(examination);
-  RunConfig& config = examination->config;
-  if (!config.data.stream || !config.options.estimates_time_offset) return;
+// Returns the examination with its views, and with the poses of a robot's stream, if there is one, at the offset that
+// they show.
+Examination WithViews(Examination examination) {
+  examination.views = ViewsOf(examination);
+  RunConfig& config = examination.config;
+  if (!config.data.stream || !config.options.estimates_time_offset) return examination;
   std::vector<SeenPose> seen;
-  for (const ExaminedView& view : examination->views) seen.push_back({view.capture, view.camera_from_target.front()});
+  for (const ExaminedView& view : examination.views) seen.push_back({view.capture, view.camera_from_target.front()});
   const double offset_s = FindTimeOffset(config.data, {seen});
   config.data = WithPosesAt(std::move(config.data), offset_s);
   PosesFileOfArm& arm = config.arms.front();
   for (size_t i = 0; i < arm.numbers.size(); ++i) {
     arm.numbers[i] = NumbersFromPose(arm.reading.format, config.data.captures[i].base_from_gripper.front());
   }
-  ExamineAll(examination);
+  examination.views = ViewsOf(examination);
+  return examination;
 }
 
 bool IsWrong(const Symptom& symptom) { return symptom.severity == Severity::kWrong; }
@@ -70,7 +72,7 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
   Diagnosis diagnosis;
   diagnosis.num_captures = static_cast<int>(config.data.captures.size());
   if (!config.data.target_poses.empty()) {
-    ExamineAtOffset(&examination);
+    examination = WithViews(std::move(examination));
     diagnosis.num_seen = diagnosis.num_captures;
   }
   for (const Check& check : kChecks) {
@@ -78,14 +80,16 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
     if (examine == Examine::kInputs && check.run == &Check_result) continue;
     // The views are examined as soon as there is a camera.
     if (examination.camera && examination.views.empty()) {
-      ExamineAtOffset(&examination);
+      examination = WithViews(std::move(examination));
       diagnosis.num_seen = static_cast<int>(examination.views.size());
     }
-    for (Symptom& symptom : check.run(&examination)) {
+    Checked checked = check.run(examination);
+    for (Symptom& symptom : checked.symptoms) {
       // The run finds some of what the other checks have reported, such as few captures.
       if (check.run == &Check_result && Has(diagnosis, symptom.code)) continue;
       diagnosis.symptoms.push_back(std::move(symptom));
     }
+    examination = Corrected(std::move(examination), std::move(checked));
     examination.found_wrong = diagnosis.NumWrong() > 0;
   }
   // A jump explains the poses.
@@ -94,7 +98,7 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
                   [](const Symptom& symptom) { return symptom.code.name() == "poses_unexplained"; });
   }
   diagnosis.pose_fit = examination.pose_fit;
-  SortBySeverity(&diagnosis);
+  diagnosis.symptoms = BySeverity(std::move(diagnosis.symptoms));
   return diagnosis;
 }
 
@@ -105,8 +109,9 @@ Symptom SymptomOf(const Finding& finding) {
           std::move(described.text), std::move(described.action), FindingWords(finding).settings};
 }
 
-void SortBySeverity(Diagnosis* diagnosis) {
-  std::stable_partition(diagnosis->symptoms.begin(), diagnosis->symptoms.end(), IsWrong);
+std::vector<Symptom> BySeverity(std::vector<Symptom> symptoms) {
+  std::stable_partition(symptoms.begin(), symptoms.end(), IsWrong);
+  return symptoms;
 }
 
 std::string FirstWrong(const Diagnosis& diagnosis) {
@@ -125,8 +130,8 @@ std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis)
   return "heba doctor: " + FirstWrong(diagnosis);
 }
 
-void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
-  if (diagnosis.NumWrong() == 0) return;
+std::vector<Finding> WithCause(const Diagnosis& diagnosis, std::vector<Finding> findings) {
+  if (diagnosis.NumWrong() == 0) return findings;
   const Symptom& first = diagnosis.symptoms.front();
   // A fault of single captures does not make the whole bad.
   const bool is_of_all = !IsOfSingleCaptures(first);
@@ -134,13 +139,14 @@ void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings) {
   cause.is_cause = true;
   cause.text = first.Text();
   cause.action = first.cure;
-  std::erase_if(*findings, [&](const Finding& finding) { return finding.code == cause.code; });
+  std::erase_if(findings, [&](const Finding& finding) { return finding.code == cause.code; });
   // A fault of all captures has as a consequence whatever the run took for a cause.
-  for (Finding& finding : *findings) {
+  for (const Finding& finding : findings) {
     if (finding.is_cause && is_of_all) cause.parts.push_back(finding);
   }
-  std::erase_if(*findings, [&](const Finding& finding) { return finding.is_cause && is_of_all; });
-  findings->insert(findings->begin(), std::move(cause));
+  std::erase_if(findings, [&](const Finding& finding) { return finding.is_cause && is_of_all; });
+  findings.insert(findings.begin(), std::move(cause));
+  return findings;
 }
 
 }  // namespace heba

@@ -30,8 +30,8 @@ enum class Examine { kInputs, kInputsAndResult };
 Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbosity,
                        Examine examine = Examine::kInputsAndResult, const CellContext& rig = {});
 
-// Puts faults before remarks; the order is otherwise kept.
-void SortBySeverity(Diagnosis* diagnosis);
+// Returns faults before remarks; the order is otherwise kept.
+std::vector<Symptom> BySeverity(std::vector<Symptom> symptoms);
 
 // Returns a finding of a run as a symptom.
 Symptom SymptomOf(const Finding& finding);
@@ -44,8 +44,8 @@ std::string FirstWrong(const Diagnosis& diagnosis);
 // leaves out, and poses that the doctor cannot explain follow the reason. A text that both contain is given once.
 std::string WithDiagnosis(const std::string& reason, const Diagnosis& diagnosis);
 
-// Inserts the first fault, if there is one, before the findings of a run, as their cause. A finding with the same code
+// Returns the findings of a run behind the first fault, if there is one, as their cause. A finding with the same code
 // is replaced.
-void InsertCause(const Diagnosis& diagnosis, std::vector<Finding>* findings);
+std::vector<Finding> WithCause(const Diagnosis& diagnosis, std::vector<Finding> findings);
 
 }  // namespace heba

@@ -13,6 +13,15 @@
 
 namespace heba {
 
+Examination Corrected(Examination examination, Checked checked) {
+  if (checked.config) examination.config = std::move(*checked.config);
+  if (checked.detections) examination.detections = std::move(*checked.detections);
+  if (checked.camera) examination.camera = std::move(checked.camera);
+  if (checked.views) examination.views = std::move(*checked.views);
+  if (checked.pose_fit) examination.pose_fit = std::move(checked.pose_fit);
+  return examination;
+}
+
 std::vector<TargetDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
   ProgressObserver observer(verbosity);
   return DetectDataset(config.data, CachedDetections(config.data, config.targets_used), num_threads, &observer);

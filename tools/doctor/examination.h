@@ -9,6 +9,7 @@
 #include "solvers/initial/pose_consistency.h"
 #include "solvers/initial/usable_views.h"
 #include "tools/config/run_config.h"
+#include "tools/doctor/symptom.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -63,6 +64,20 @@ struct Examination {
   int num_threads = 1;
   Verbosity verbosity = Verbosity::kNormal;
 };
+
+// What a check found, and what the checks that follow use in place of a part of the examination: nothing where it
+// stays.
+struct Checked {
+  std::vector<Symptom> symptoms;
+  std::optional<RunConfig> config = std::nullopt;
+  std::optional<std::vector<TargetDetection>> detections = std::nullopt;
+  std::optional<Camera> camera = std::nullopt;
+  std::optional<std::vector<ExaminedView>> views = std::nullopt;
+  std::optional<PoseFit> pose_fit = std::nullopt;
+};
+
+// Returns the examination with the parts that a check corrected.
+Examination Corrected(Examination examination, Checked checked);
 
 // Returns the detections in the captures of the config, from the cache if they are there.
 std::vector<TargetDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity);

@@ -56,7 +56,7 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunOutput* run) {
   if (!is_bad && !explains) return;
   // The cause of captures that were left out does not make the rest doubtful.
   if (is_good && !IsOfSingleCaptures(diagnosis.symptoms.front())) return;
-  InsertCause(diagnosis, &result.observations);
+  result.observations = WithCause(diagnosis, std::move(result.observations));
   if (is_good) result.observations.front().grade = Grade::kGood;
   result.verdict = JudgeRun(result);
 }

@@ -17,9 +17,17 @@
 
 namespace heba {
 
-#define HEBA_CHECK(name, needs_images, what) std::vector<Symptom> Check_##name(Examination* examination);
+#define HEBA_CHECK(name, needs_images, what) Checked Check_##name(const Examination& examination);
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
+
+// Runs a check as the doctor does: the examination is corrected by it.
+inline std::vector<Symptom> RunCheck(Checked (*check)(const Examination&), Examination* examination) {
+  Checked checked = check(*examination);
+  std::vector<Symptom> symptoms = checked.symptoms;
+  *examination = Corrected(std::move(*examination), std::move(checked));
+  return symptoms;
+}
 
 // A chessboard without symmetry.
 inline constexpr const char* kChessboardYaml = "{type: chessboard, rows: 5, columns: 8, square: 25 mm}";

@@ -61,31 +61,32 @@ Outcome<Camera> EstimateCamera(const Dataset& data, const std::vector<View>& vie
 // Reports that the camera model that the config names does not fit the lens, if another model fits single views
 // decidedly better. Scales and poses that such a camera shows are wrong, so that the checks that follow see the other
 // one.
-std::vector<Symptom> OtherModel(Examination* examination, const std::vector<View>& views) {
-  const CaptureDetection& image = examination->detections.front().detection;
-  const std::string named = examination->camera->model;
+Checked OtherModel(const Examination& examination, const Camera& camera, const std::vector<View>& views) {
+  const CaptureDetection& image = examination.detections.front().detection;
+  const std::string& named = camera.model;
   constexpr double kMattersPx = 0.1;
   constexpr double kDecidedly = 2.5;
-  const double fit_px = FitPx(*examination, *examination->camera);
-  if (fit_px < kMattersPx) return {};
+  const double fit_px = FitPx(examination, camera);
+  if (fit_px < kMattersPx) return {.camera = camera};
   const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
-  if (!choice || choice->camera.model == named) return {};
-  const double chosen_fit_px = FitPx(*examination, choice->camera);
-  if (!(kDecidedly * chosen_fit_px < fit_px)) return {};
-  examination->camera = choice->camera;
-  return {{Severity::kWrong, "lens",
-           "the camera model " + named + " does not fit the lens: single views fit to " + Significant(fit_px, 2) +
-               " px with it, to " + Significant(chosen_fit_px, 2) + " px with " + choice->camera.model,
-           "set camera.model: " + choice->camera.model + ", or leave it out to have it chosen"}};
+  if (!choice || choice->camera.model == named) return {.camera = camera};
+  const double chosen_fit_px = FitPx(examination, choice->camera);
+  if (!(kDecidedly * chosen_fit_px < fit_px)) return {.camera = camera};
+  return {.symptoms = {{Severity::kWrong, "lens",
+                        "the camera model " + named + " does not fit the lens: single views fit to " +
+                            Significant(fit_px, 2) + " px with it, to " + Significant(chosen_fit_px, 2) + " px with " +
+                            choice->camera.model,
+                        "set camera.model: " + choice->camera.model + ", or leave it out to have it chosen"}},
+          .camera = choice->camera};
 }
 
 // Reports that the camera in the file is for images of another size.
-Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
-  const CaptureDetection& image = examination->detections.front().detection;
+Checked OtherSize(const Examination& examination, const Camera& given, const std::optional<Camera>& estimated) {
+  const CaptureDetection& image = examination.detections.front().detection;
   const double wider = static_cast<double>(image.width_px) / given.width_px;
   const double higher = static_cast<double>(image.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
-                  examination->config.data.camera_sources.front() + " is for images of " +
+                  examination.config.data.camera_sources.front() + " is for images of " +
                       ImageSizeText(given.width_px, given.height_px) + ", but these are " +
                       ImageSizeText(image.width_px, image.height_px),
                   ""};
@@ -96,7 +97,7 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   cropped.params[2] -= 0.5 * (given.width_px - image.width_px);
   cropped.params[3] -= 0.5 * (given.height_px - image.height_px);
   const bool can_be_scaled = std::abs(wider / higher - 1) < kSame;
-  const bool is_scaled = can_be_scaled && FitPx(*examination, scaled) <= FitPx(*examination, cropped);
+  const bool is_scaled = can_be_scaled && FitPx(examination, scaled) <= FitPx(examination, cropped);
   if (is_scaled) {
     symptom.what += ": scaled by " + Significant(wider, 4) + " (binned, or another resolution)";
     symptom.cure =
@@ -107,8 +108,7 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   }
   symptom.cure += "; or leave camera.intrinsics out to estimate them from these images";
   if (estimated) symptom.what += "; estimated from the images, the focal length is " + FocalText(*estimated);
-  examination->camera = estimated ? *estimated : is_scaled ? scaled : cropped;
-  return symptom;
+  return {.symptoms = {std::move(symptom)}, .camera = estimated ? *estimated : is_scaled ? scaled : cropped};
 }
 
 // A fault of the given intrinsics, with the camera that the checks that follow use instead.
@@ -179,36 +179,34 @@ std::optional<CameraFault> FindFault(const Examination& examination, const Camer
 
 }  // namespace
 
-std::vector<Symptom> Check_camera(Examination* examination) {
-  const Dataset& data = examination->config.data;
-  const CaptureDetection& image = examination->detections.front().detection;
-  const std::vector<View> views = ViewsOf(data, examination->detections);
+Checked Check_camera(const Examination& examination) {
+  const Dataset& data = examination.config.data;
+  const CaptureDetection& image = examination.detections.front().detection;
+  const std::vector<View> views = ViewsOf(data, examination.detections);
   std::optional<Camera> estimated;
   if (!views.empty()) {
     const Outcome<Camera> found = EstimateCamera(data, views, image);
     if (found) {
       estimated = *found;
     } else if (!data.has_camera.front()) {
-      return {{Severity::kWrong, "no_camera",
-               "the intrinsics cannot be estimated from these images: " + FailureText(found.failure()),
-               "provide them (camera.intrinsics), or take more captures with the target tilted"}};
+      return {{{Severity::kWrong, "no_camera",
+                "the intrinsics cannot be estimated from these images: " + FailureText(found.failure()),
+                "provide them (camera.intrinsics), or take more captures with the target tilted"}}};
     }
   }
   const Camera& given = data.rig.cameras.front().camera;
   if (!data.has_camera.front()) {
-    examination->camera = estimated;
-    return estimated && !given.model.empty() ? OtherModel(examination, views) : std::vector<Symptom>{};
+    if (estimated && !given.model.empty()) return OtherModel(examination, *estimated, views);
+    return {.camera = estimated};
   }
   if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
-    return {OtherSize(examination, given, estimated)};
+    return OtherSize(examination, given, estimated);
   }
   const Camera camera = OfSize(given, image);
-  examination->camera = camera;
-  if (views.empty()) return {};
-  const std::optional<CameraFault> fault = FindFault(*examination, camera, estimated);
-  if (!fault) return {};
-  examination->camera = fault->camera;
-  return {fault->symptom};
+  if (views.empty()) return {.camera = camera};
+  const std::optional<CameraFault> fault = FindFault(examination, camera, estimated);
+  if (!fault) return {.camera = camera};
+  return {.symptoms = {fault->symptom}, .camera = fault->camera};
 }
 
 }  // namespace heba

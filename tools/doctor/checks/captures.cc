@@ -22,14 +22,14 @@ std::string ApartText(const PosedImage& a, const PosedImage& b) {
          " deg";
 }
 
-// Reports images that occur with several poses (wrong) and copies of a capture (a remark). Copies are hidden from the
-// checks that follow.
-std::vector<Symptom> SharedImages(Examination* examination) {
+// Reports images that occur with several poses (wrong) and copies of a capture (a remark), and returns the views
+// without the copies.
+Checked SharedImages(const Examination& examination) {
   std::vector<Symptom> symptoms;
   std::set<size_t> copies;
   std::string example;
-  const Dataset& data = examination->config.data;
-  const auto [images, captures] = PosedImagesOf(data, examination->detections, 0);
+  const Dataset& data = examination.config.data;
+  const auto [images, captures] = PosedImagesOf(data, examination.detections, 0);
   for (const SharedImage& shared : FindSharedImages(images)) {
     if (shared.has_one_pose) {
       if (example.empty()) example = images[shared.images[1]].name + " repeats " + images[shared.images[0]].name;
@@ -53,8 +53,9 @@ std::vector<Symptom> SharedImages(Examination* examination) {
                             example,
                         "copies are not used: take more captures instead"});
   }
-  std::erase_if(examination->views, [&](const ExaminedView& view) { return copies.count(view.capture) > 0; });
-  return symptoms;
+  std::vector<ExaminedView> views = examination.views;
+  std::erase_if(views, [&](const ExaminedView& view) { return copies.count(view.capture) > 0; });
+  return {.symptoms = std::move(symptoms), .views = std::move(views)};
 }
 
 // Reports images without a pose and poses without an image.
@@ -400,31 +401,36 @@ std::vector<Symptom> WrongPoses(const PoseConsistency& consistency, const std::v
   return symptoms;
 }
 
-}  // namespace
-
-std::vector<Symptom> Check_captures(Examination* examination) {
-  std::vector<Symptom> symptoms = Unpaired(examination->config);
-  for (Symptom& symptom : SharedImages(examination)) symptoms.push_back(std::move(symptom));
-  const std::vector<ExaminedView>& views = examination->views;
+// Reports views that contradict the others, singly or from one on.
+std::vector<Symptom> SymptomsOfViews(const std::vector<ExaminedView>& views, Setup setup) {
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
-  if (!consistency) return symptoms;
+  if (!consistency) return {};
   const double distance_m = WorkingDistanceM(views);
   if (HasSeveralOutside(*consistency, distance_m)) {
     if (const std::optional<Jump> jump = FindJump(views, distance_m)) {
-      symptoms.push_back(JumpSymptom(*jump, views, SetupOf(examination->config.data)));
-      return symptoms;
+      return {JumpSymptom(*jump, views, setup)};
     }
   }
   // If nothing fits, there are no outliers.
-  if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
+  if (consistency->typical_misfit_m > kPoorShare * distance_m) return {};
   const MisfitLimits limits = LimitsOf(consistency->typical_misfit_m, distance_m);
   if (std::optional<Symptom> shifted = ShiftFromOn(*consistency, views, limits)) {
-    symptoms.push_back(std::move(*shifted));
-    return symptoms;
+    return {std::move(*shifted)};
   }
-  for (Symptom& symptom : SamePoses(views, limits.outside_m)) symptoms.push_back(std::move(symptom));
+  std::vector<Symptom> symptoms = SamePoses(views, limits.outside_m);
   for (Symptom& symptom : WrongPoses(*consistency, views, limits)) symptoms.push_back(std::move(symptom));
   return symptoms;
 }
 
+}  // namespace
+
+Checked Check_captures(const Examination& examination) {
+  Checked checked = SharedImages(examination);
+  for (Symptom& symptom : SymptomsOfViews(*checked.views, SetupOf(examination.config.data))) {
+    checked.symptoms.push_back(std::move(symptom));
+  }
+  std::vector<Symptom> unpaired = Unpaired(examination.config);
+  checked.symptoms.insert(checked.symptoms.begin(), unpaired.begin(), unpaired.end());
+  return checked;
+}
 }  // namespace heba

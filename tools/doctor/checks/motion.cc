@@ -8,16 +8,16 @@
 
 namespace heba {
 
-std::vector<Symptom> Check_motion(Examination* examination) {
+Checked Check_motion(const Examination& examination) {
   std::vector<Rigid3d> poses;
-  for (const ExaminedView& view : examination->views) poses.push_back(view.view.camera_mount_from_target_mount);
+  for (const ExaminedView& view : examination.views) poses.push_back(view.view.camera_mount_from_target_mount);
   const MotionAnalysis motion = AnalyseMotion(poses);
   const std::optional<Failure> why = WhyNotObservable(motion);
   // A previous check has already reported why too few captures show the target.
-  if (poses.size() < 3 && examination->found_wrong) return {};
+  if (poses.size() < 3 && examination.found_wrong) return {};
   if (why) {
-    return {{Severity::kWrong, poses.size() < 3 ? SymptomCode("few_captures") : SymptomCode("motion"),
-             FailureText(*why), "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}};
+    return {{{Severity::kWrong, poses.size() < 3 ? SymptomCode("few_captures") : SymptomCode("motion"),
+              FailureText(*why), "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}}};
   }
   std::vector<Symptom> symptoms;
   constexpr size_t kFew = 8;
@@ -34,7 +34,7 @@ std::vector<Symptom> Check_motion(Examination* examination) {
                             " deg about a second one: small rotations determine parts of the result poorly",
                         "rotate it by at least 20 deg about two or three axes"});
   }
-  return symptoms;
+  return {std::move(symptoms)};
 }
 
 }  // namespace heba

@@ -552,11 +552,12 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   return DescribeNumbers(examination, best, alike, evidence);
 }
 
-void Apply(const JudgedReading& best, Examination* examination) {
+// Returns the views with the poses by another reading.
+std::vector<ExaminedView> ViewsByReading(const JudgedReading& best, const Examination& examination) {
   std::vector<ExaminedView> views;
-  for (size_t i = 0; i < examination->views.size(); ++i) {
+  for (size_t i = 0; i < examination.views.size(); ++i) {
     if (!best.reading.mounts[i]) continue;
-    ExaminedView view = examination->views[i];
+    ExaminedView view = examination.views[i];
     for (Rigid3d& seen : view.camera_from_target) seen.translation *= MetresOf(best.target_unit);
     view.view.camera_mount_from_target_mount = *best.reading.mounts[i];
     view.view.camera_mount_from_target_mount.translation *=
@@ -565,7 +566,7 @@ void Apply(const JudgedReading& best, Examination* examination) {
     view.view.role = CaptureRole::kNone;
     views.push_back(std::move(view));
   }
-  examination->views = std::move(views);
+  return views;
 }
 
 // Checks captures that are too few for a robust fit by what no hand-eye pose changes: between two captures, the gripper
@@ -736,10 +737,10 @@ Symptom Unexplained(const PoseConsistency& now, const MotionAnalysis& seen_motio
 
 }  // namespace
 
-std::vector<Symptom> Check_poses(Examination* examination) {
-  const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
+Checked Check_poses(const Examination& examination) {
+  const std::vector<PoseCandidates> captures = CandidatesOf(examination.views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
-  if (!now) return CheckFewPoses(captures);
+  if (!now) return {CheckFewPoses(captures)};
   std::vector<Rigid3d> seen;
   std::vector<Rigid3d> robot;
   for (const PoseCandidates& capture : captures) {
@@ -755,33 +756,37 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
   // thus every scale and small rotation that the images show, is arbitrary.
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
-  if (!examination->config.data.has_camera.front() && !has_clear_turns && WhyNotObservable(robot_motion)) return {};
-  examination->pose_fit = FitAsRead(*examination, *now);
+  if (!examination.config.data.has_camera.front() && !has_clear_turns && WhyNotObservable(robot_motion)) return {};
+  Checked checked;
+  checked.pose_fit = FitAsRead(examination, *now);
 
-  const double distance_m = WorkingDistanceM(examination->views);
+  const double distance_m = WorkingDistanceM(examination.views);
   const std::optional<BestReading> better =
-      FindBetterReading(JudgeReadings(*examination, is_scale_only), now->typical_misfit_m, distance_m);
+      FindBetterReading(JudgeReadings(examination, is_scale_only), now->typical_misfit_m, distance_m);
   if (better) {
-    if (const std::optional<Symptom> symptom = Describe(*examination, better->best, *now, better->alike)) {
+    if (const std::optional<Symptom> symptom = Describe(examination, better->best, *now, better->alike)) {
       const Reading& reading = better->best.reading;
       if (reading.direction == Direction::kAsRead && IsOfNumbers(reading)) {
-        examination->pose_fit = FitByReading(better->best, distance_m);
+        checked.pose_fit = FitByReading(better->best, distance_m);
       }
-      Apply(better->best, examination);
-      return {*symptom};
+      checked.views = ViewsByReading(better->best, examination);
+      checked.symptoms = {*symptom};
+      return checked;
     }
   }
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
-  examination->pose_fit->tells_scale = scaled && kLimits.scale_sigmas * scaled->robot_scale_stddev < kLimits.scale;
+  checked.pose_fit->tells_scale = scaled && kLimits.scale_sigmas * scaled->robot_scale_stddev < kLimits.scale;
   if (scaled && ShowsOtherSize(*scaled, *now, distance_m)) {
-    for (ExaminedView& view : examination->views) {
+    checked.views = examination.views;
+    for (ExaminedView& view : *checked.views) {
       view.view.camera_mount_from_target_mount.translation *= scaled->robot_scale;
     }
-    return {OtherSize(examination->config, *scaled, *now)};
+    checked.symptoms = {OtherSize(examination.config, *scaled, *now)};
+  } else if (now->typical_misfit_m > kPoorShare * distance_m) {
+    checked.symptoms = {Unexplained(*now, seen_motion, robot_motion)};
   }
-  if (now->typical_misfit_m > kPoorShare * distance_m) return {Unexplained(*now, seen_motion, robot_motion)};
-  return {};
+  return checked;
 }
 
 }  // namespace heba

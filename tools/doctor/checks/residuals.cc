@@ -80,14 +80,14 @@ std::vector<Symptom> LensStructure(const Camera& camera, const std::vector<ViewR
 
 }  // namespace
 
-std::vector<Symptom> Check_residuals(Examination* examination) {
-  if (examination->found_wrong || !examination->camera) return {};
-  const Camera& camera = *examination->camera;
-  const std::vector<ViewResiduals> views = ResidualsOf(camera, examination->views);
+Checked Check_residuals(const Examination& examination) {
+  if (examination.found_wrong || !examination.camera) return {};
+  const Camera& camera = *examination.camera;
+  const std::vector<ViewResiduals> views = ResidualsOf(camera, examination.views);
   if (views.empty()) return {};
   const double sigma_px = SigmaPx(views);
   if (!(sigma_px > 0)) return {};
-  return LensStructure(camera, views, sigma_px);
+  return {LensStructure(camera, views, sigma_px)};
 }
 
 }  // namespace heba

@@ -11,15 +11,15 @@
 
 namespace heba {
 
-std::vector<Symptom> Check_result(Examination* examination) {
-  if (examination->found_wrong) return {};
-  Dataset data = examination->config.data;
-  if (data.has_camera.front() && examination->camera) data.rig.cameras.front().camera = *examination->camera;
+Checked Check_result(const Examination& examination) {
+  if (examination.found_wrong) return {};
+  Dataset data = examination.config.data;
+  if (data.has_camera.front() && examination.camera) data.rig.cameras.front().camera = *examination.camera;
   // The images have been searched.
-  const std::vector<TargetDetection>& detections = examination->detections;
+  const std::vector<TargetDetection>& detections = examination.detections;
   if (!data.given_detections.empty()) data.given_detections = detections;
-  RunOptions options = examination->config.options;
-  options.num_threads = examination->num_threads;
+  RunOptions options = examination.config.options;
+  options.num_threads = examination.num_threads;
   options.detect = {[&](const std::filesystem::path& image, const std::optional<ImageSize>& /*expected*/) {
     const auto found = std::find_if(detections.begin(), detections.end(), [&](const TargetDetection& seen) {
       return data.captures[seen.capture].images.front() == image;
@@ -28,13 +28,13 @@ std::vector<Symptom> Check_result(Examination* examination) {
     return found->detection;
   }};
   const Outcome<RunOutput> run = Run(data, options);
-  if (!run) return {{Severity::kWrong, "no_result", FailureText(run.failure()), ""}};
+  if (!run) return {{{Severity::kWrong, "no_result", FailureText(run.failure()), ""}}};
   std::vector<Symptom> symptoms;
   for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood) continue;
     symptoms.push_back(SymptomOf(finding));
   }
-  return symptoms;
+  return {std::move(symptoms)};
 }
 
 }  // namespace heba

@@ -244,8 +244,8 @@ std::optional<Symptom> ContradictingJointsSymptom(const Dataset& data) {
   return symptom;
 }
 
-std::vector<Symptom> ExamineRecorded(Examination* examination) {
-  Dataset& data = examination->config.data;
+std::vector<Symptom> ExamineRecorded(const Examination& examination) {
+  const Dataset& data = examination.config.data;
   const RobotArm& robot = *data.arms.front();
   constexpr size_t kFewest = 4;
   if (data.captures.size() < kFewest) return {};
@@ -259,13 +259,13 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
   if (now.misfit_m > kJointLimits.misfit_m) {
     const std::vector<JointReading> readings = OtherReadings(robot.arm, Arms(), joints, poses);
     const JointReading* best = BestReading(readings, now);
-    if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination->config.arms.front().joints_are_deg)};
+    if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination.config.arms.front().joints_are_deg)};
     if (now.scatter_m > kMostToolScatterM || now.scatter_rad > DegToRad(kMostToolScatterDeg)) {
       return {UnexplainedJoints(robot.arm, now)};
     }
   }
   std::vector<Symptom> symptoms =
-      JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination->config.arms.front().joints_are_deg));
+      JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination.config.arms.front().joints_are_deg));
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
   if (std::optional<Symptom> wrong = ContradictingJointsSymptom(data)) {
     symptoms.insert(symptoms.begin(), std::move(*wrong));
@@ -690,11 +690,11 @@ std::vector<Symptom> ExamineRecovered(const Examination& examination) {
 
 }  // namespace
 
-std::vector<Symptom> Check_robot(Examination* examination) {
-  const Dataset& data = examination->config.data;
+Checked Check_robot(const Examination& examination) {
+  const Dataset& data = examination.config.data;
   // Poses that are read wrongly are those of no arm.
-  if (data.arms.empty() || !data.arms.front() || data.captures.empty() || examination->found_wrong) return {};
-  return AreJointsRecorded(data, 0) ? ExamineRecorded(examination) : ExamineRecovered(*examination);
+  if (data.arms.empty() || !data.arms.front() || data.captures.empty() || examination.found_wrong) return {};
+  return {AreJointsRecorded(data, 0) ? ExamineRecorded(examination) : ExamineRecovered(examination)};
 }
 
 }  // namespace heba

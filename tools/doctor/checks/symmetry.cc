@@ -6,10 +6,10 @@
 
 namespace heba {
 
-std::vector<Symptom> Check_symmetry(Examination* examination) {
-  const Target& target = *examination->config.data.targets.front();
+Checked Check_symmetry(const Examination& examination) {
+  const Target& target = *examination.config.data.targets.front();
   if (target.Symmetries().size() == 1) return {};
-  return {{Severity::kRemark, "symmetric_target", SymmetryRemark(target), SymmetryCure(target)}};
+  return {{{Severity::kRemark, "symmetric_target", SymmetryRemark(target), SymmetryCure(target)}}};
 }
 
 }  // namespace heba

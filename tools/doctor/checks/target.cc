@@ -289,35 +289,34 @@ std::vector<Symptom> SeldomSeen(const RunConfig& config, const std::vector<Targe
 
 }  // namespace
 
-std::vector<Symptom> Check_target(Examination* examination) {
-  const RunConfig& config = examination->config;
-  const auto detect_all = [&] { return Detections(config, examination->num_threads, examination->verbosity); };
+Checked Check_target(const Examination& examination) {
+  const RunConfig& config = examination.config;
+  const auto detect_all = [&] { return Detections(config, examination.num_threads, examination.verbosity); };
   if (!config.data.given_detections.empty()) {
-    examination->detections = detect_all();
-    return {};
+    return {.detections = detect_all()};
   }
   // A few images come first, because searching all of them for the wrong target may take long.
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
   constexpr size_t kMore = 12;  // One of several targets may be in few of the images.
-  const RunConfig sample = Sample(config, examination->rig.other_codes.empty() ? kSome : kMore);
-  const std::vector<TargetDetection> few =
-      Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
+  const RunConfig sample = Sample(config, examination.rig.other_codes.empty() ? kSome : kMore);
+  const std::vector<TargetDetection> few = Detections(Sample(config, kFew), examination.num_threads, Verbosity::kQuiet);
   const bool is_in_none = NumSeen(few) == 0;
   std::string seen = SeenText(config, few) + " that were searched";
-  const bool may_be_another = !examination->rig.is_target_known;
+  const bool may_be_another = !examination.rig.is_target_known;
   std::optional<TargetInImages> shown;
-  if (is_in_none && may_be_another) shown = FindShownTarget(*examination, sample);
+  std::vector<TargetDetection> detections;
+  if (is_in_none && may_be_another) shown = FindShownTarget(examination, sample);
   if (!shown) {
-    examination->detections = detect_all();
-    if (IsSeenWell(config, examination->detections)) return {};
-    seen = SeenText(config, examination->detections);
-    if (!is_in_none && may_be_another) shown = FindShownTarget(*examination, sample);
+    detections = detect_all();
+    if (IsSeenWell(config, detections)) return {.detections = std::move(detections)};
+    seen = SeenText(config, detections);
+    if (!is_in_none && may_be_another) shown = FindShownTarget(examination, sample);
   }
-  if (!shown) return SeldomSeen(config, examination->detections, seen);
-  examination->config = WithTarget(std::move(examination->config), shown->target);
-  examination->detections = std::move(shown->detections);
-  return {OtherTargetSymptom(config, examination->detections, shown->target, seen)};
+  if (!shown) return {.symptoms = SeldomSeen(config, detections, seen), .detections = detections};
+  RunConfig other = WithTarget(config, shown->target);
+  const Symptom symptom = OtherTargetSymptom(other, shown->detections, shown->target, seen);
+  return {.symptoms = {symptom}, .config = std::move(other), .detections = std::move(shown->detections)};
 }
 
 }  // namespace heba

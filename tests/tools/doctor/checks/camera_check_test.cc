@@ -31,7 +31,7 @@ Camera ScaledCamera(Camera camera, double factor) {
 
 TEST(CameraCheckTest, TheRightCameraIsUsedWithoutASymptom) {
   Examination examination = ExaminationWith(TestCamera());
-  EXPECT_THAT(CodesOf(Check_camera(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &examination)), IsEmpty());
   ASSERT_TRUE(examination.camera.has_value());
   EXPECT_EQ(examination.camera->params, TestCamera().params);
 }
@@ -40,14 +40,14 @@ TEST(CameraCheckTest, ACameraWithoutASizeTakesThatOfTheImages) {
   Camera given = TestCamera();
   given.width_px = given.height_px = 0;
   Examination examination = ExaminationWith(given);
-  EXPECT_THAT(CodesOf(Check_camera(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &examination)), IsEmpty());
   EXPECT_EQ(examination.camera->width_px, 1600);
   EXPECT_EQ(examination.camera->height_px, 1200);
 }
 
 TEST(CameraCheckTest, EstimatesACameraThatIsNotGiven) {
   Examination examination = ExaminationWith(std::nullopt);
-  EXPECT_THAT(CodesOf(Check_camera(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &examination)), IsEmpty());
   ASSERT_TRUE(examination.camera.has_value());
   EXPECT_NEAR(examination.camera->params[0], TestCamera().params[0], 15);
 }
@@ -57,7 +57,7 @@ TEST(CameraCheckTest, SaysThatOneCaptureDoesNotDetermineTheIntrinsics) {
   options.num_captures = 1;
   options.max_tilt_rad = 0;
   Examination examination = ExaminationWith(std::nullopt, options);
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong no_camera"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("camera.intrinsics"));
   EXPECT_FALSE(examination.camera.has_value());
@@ -68,7 +68,7 @@ TEST(CameraCheckTest, FindsTheIntrinsicsOfHalfTheImageSize) {
   half.width_px = 800;
   half.height_px = 600;
   Examination examination = ExaminationWith(half);
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera_size"));
   EXPECT_THAT(symptoms[0].what,
               HasSubstr("camera.yaml is for images of 800 x 600 px, but these are 1600 x 1200 px: scaled by 2.000"));
@@ -86,7 +86,7 @@ TEST(CameraCheckTest, ScalesIntrinsicsThatCannotBeEstimated) {
   half.width_px = 800;
   half.height_px = 600;
   Examination examination = ExaminationWith(half, options);
-  EXPECT_THAT(CodesOf(Check_camera(&examination)), ElementsAre("wrong camera_size"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &examination)), ElementsAre("wrong camera_size"));
   ASSERT_TRUE(examination.camera.has_value());
   EXPECT_THAT(examination.camera->params, testing::Pointwise(testing::DoubleNear(1e-9), TestCamera().params));
   EXPECT_EQ(examination.camera->width_px, 1600);
@@ -100,7 +100,7 @@ TEST(CameraCheckTest, FindsCroppedImages) {
   whole.params[2] += 200;
   whole.params[3] += 50;
   Examination examination = ExaminationWith(whole);
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera_size"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("2000 x 1300 px, but these are 1600 x 1200 px: cropped"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("subtract the window's left and top from cx and cy"));
@@ -109,7 +109,7 @@ TEST(CameraCheckTest, FindsCroppedImages) {
 // The file states the size of these images, but its numbers are of another resolution.
 TEST(CameraCheckTest, FindsTheFocalLengthOfAnotherResolution) {
   Examination examination = ExaminationWith(ScaledCamera(TestCamera(), 0.5));
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera_scale"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the intrinsics of camera.yaml are for images half as large"));
   ASSERT_TRUE(examination.camera.has_value());
@@ -120,7 +120,7 @@ TEST(CameraCheckTest, FindsTheIntrinsicsOfAnotherLens) {
   Camera other = TestCamera();
   for (const size_t i : {0, 1}) other.params[i] *= 1.3;
   Examination examination = ExaminationWith(other);
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("focal length 1950 px given, 1"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("leave camera.intrinsics out"));
@@ -134,7 +134,7 @@ TEST(CameraCheckTest, RemarksOnDistortionThatTheFileLacks) {
   Camera straight = options.camera;
   for (size_t i = 4; i < straight.params.size(); ++i) straight.params[i] = 0;
   Examination examination = ExaminationWith(straight, options);
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_EQ(symptoms.size(), 1u);
   EXPECT_EQ(symptoms[0].code.name(), "distortion");
   EXPECT_THAT(symptoms[0].what, HasSubstr("the distortion of the lens differs from that of the intrinsics"));
@@ -154,7 +154,7 @@ Examination ExaminationWithoutFile(double k1, const std::string& model) {
 
 TEST(CameraCheckTest, FindsAModelThatDoesNotFitTheLens) {
   Examination examination = ExaminationWithoutFile(-0.2, "pinhole");
-  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_camera, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong lens"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the camera model pinhole does not fit the lens: single views fit to "));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set camera.model: " + examination.camera->model));
@@ -163,10 +163,10 @@ TEST(CameraCheckTest, FindsAModelThatDoesNotFitTheLens) {
 
 TEST(CameraCheckTest, ModelsThatFitTheLensHaveNoSymptom) {
   Examination examination = ExaminationWithoutFile(-0.2, "brown5");
-  EXPECT_THAT(CodesOf(Check_camera(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &examination)), IsEmpty());
   Examination straight = ExaminationWithoutFile(0, "pinhole");
   for (size_t i = 4; i < straight.camera->params.size(); ++i) straight.camera->params[i] = 0;
-  EXPECT_THAT(CodesOf(Check_camera(&straight)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_camera, &straight)), IsEmpty());
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ void GiveDigests(Examination* examination) {
 TEST(CapturesCheckTest, CleanCapturesHaveNoSymptom) {
   Examination examination = CleanExamination();
   GiveDigests(&examination);
-  EXPECT_THAT(CodesOf(Check_captures(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_captures, &examination)), IsEmpty());
   EXPECT_THAT(examination.views, SizeIs(12));
 }
 
@@ -36,7 +36,7 @@ TEST(CapturesCheckTest, CopiesAreARemarkAndHiddenFromLaterChecks) {
   poses[7].translation.x() += 2e-5;
   examination.detections[7].detection = examination.detections[3].detection;
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark repeated_image"));
   EXPECT_EQ(symptoms[0].what,
             "1 of 12 captures repeat the image of another one, byte by byte, and its pose; for example, view_7 "
@@ -50,7 +50,7 @@ TEST(CapturesCheckTest, OneImageWithTwoPosesIsWrong) {
   GiveDigests(&examination);
   examination.detections[7].detection = examination.detections[3].detection;
   ExamineAgain(&examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_FALSE(symptoms.empty());
   EXPECT_EQ(CodesOf(symptoms)[0], "wrong same_picture");
   EXPECT_THAT(symptoms[0].what, HasSubstr("view_7 is the same image as view_3, byte by byte, but has another pose"));
@@ -61,7 +61,7 @@ TEST(CapturesCheckTest, OnePoseWithTwoImagesIsWrong) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   poses[7] = poses[3];
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_FALSE(symptoms.empty());
   EXPECT_EQ(CodesOf(symptoms)[0], "wrong same_pose");
   EXPECT_THAT(symptoms[0].what, HasSubstr("view_3 and view_7 have the same robot pose, to the last digit"));
@@ -77,7 +77,7 @@ TEST(CapturesCheckTest, OnePoseWithAgreeingImagesIsNoFault) {
   examination.detections[7].detection = examination.detections[3].detection;
   examination.detections[7].detection.image_digest = digest;
   SetPoses(poses, &examination);
-  EXPECT_THAT(CodesOf(Check_captures(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_captures, &examination)), IsEmpty());
 }
 
 TEST(CapturesCheckTest, FindsTwoCapturesWithSwappedPoses) {
@@ -85,7 +85,7 @@ TEST(CapturesCheckTest, FindsTwoCapturesWithSwappedPoses) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   std::swap(poses[2], poses[9]);
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong swapped"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("view_2 and view_9 are swapped: each fits the other's pose"));
   EXPECT_EQ(symptoms[0].cure, "swap their names in the poses file");
@@ -101,7 +101,7 @@ TEST(CapturesCheckTest, FindsACaptureWithThePoseOfAnother) {
   poses[7].translation.x() += 1e-6;
   std::swap(poses[3], poses[5]);
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_FALSE(symptoms.empty());
   EXPECT_EQ(CodesOf(symptoms)[0], "wrong wrong_pose");
   EXPECT_THAT(symptoms[0].what, HasSubstr("fits the pose of "));
@@ -125,7 +125,7 @@ TEST(CapturesCheckTest, FindsPosesThatAreShiftedFromALateCaptureOn) {
                                           : right[0] * Rigid3d(Eigen::Quaterniond::Identity(), {0.2, 0, 0});
     }
     SetPoses(poses, &examination);
-    const std::vector<Symptom> symptoms = Check_captures(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
     EXPECT_THAT(symptoms[0].what,
                 HasSubstr(step > 0 ? "from view_15 on, each image belongs to the pose 1 row further down"
@@ -141,7 +141,7 @@ TEST(CapturesCheckTest, DoesNotTakeRowsThatChangePlacesForAShift) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   std::rotate(poses.begin() + 16, poses.begin() + 17, poses.end());
   SetPoses(poses, &examination);
-  for (const Symptom& symptom : Check_captures(&examination)) EXPECT_NE(symptom.code.name(), "pairing");
+  for (const Symptom& symptom : RunCheck(Check_captures, &examination)) EXPECT_NE(symptom.code.name(), "pairing");
 }
 
 // The shift is that of more rows than the doctor lists.
@@ -153,7 +153,7 @@ TEST(CapturesCheckTest, FindsPosesThatAreShiftedInManyRows) {
   poses.erase(poses.begin() + 440);
   poses.push_back(poses[0] * Rigid3d(Eigen::Quaterniond::Identity(), {0.2, 0, 0}));
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_FALSE(symptoms.empty());
   EXPECT_EQ(CodesOf(symptoms)[0], "wrong pairing");
   EXPECT_THAT(symptoms[0].what, HasSubstr("from view_441 on, each image belongs to the pose 1 row further up"));
@@ -164,7 +164,7 @@ TEST(CapturesCheckTest, RemarksOnACaptureThatContradictsTheOthers) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   poses[4] = poses[4] * Rigid3d(ExpRotation({0, 0.5, 0}), {0, 0.2, 0});
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_captures(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_captures, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark contradicts"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("1 capture contradicts the others"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("view_4 ("));
@@ -180,7 +180,7 @@ TEST(CapturesCheckTest, IsSilentIfNothingFits) {
   }
   poses[4] = poses[4] * Rigid3d(ExpRotation({0, 2, 0}), {0, 0.2, 0});
   SetPoses(poses, &examination);
-  EXPECT_THAT(CodesOf(Check_captures(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_captures, &examination)), IsEmpty());
 }
 
 }  // namespace

@@ -34,50 +34,50 @@ std::vector<Eigen::Vector3d> Rotations(size_t num, const Eigen::Vector3d& sigma_
 
 TEST(MotionCheckTest, SufficientMotionHasNoSymptom) {
   Examination examination = ExaminationOf(Rotations(15, {0.4, 0.4, 0.4}));
-  EXPECT_THAT(CodesOf(Check_motion(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_motion, &examination)), IsEmpty());
 }
 
 TEST(MotionCheckTest, FindsTranslationsWithoutRotation) {
   Examination examination = ExaminationOf(Rotations(15, {0, 0, 0}));
-  const std::vector<Symptom> symptoms = Check_motion(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_motion, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong motion"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("rotations of at least 20 deg about two or three axes"));
 }
 
 TEST(MotionCheckTest, FindsRotationsAboutOneAxis) {
   Examination examination = ExaminationOf(Rotations(15, {0, 0, 0.5}));
-  const std::vector<Symptom> symptoms = Check_motion(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_motion, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong motion"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("about one axis only"));
 }
 
 TEST(MotionCheckTest, TwoCapturesAreTooFew) {
   Examination examination = ExaminationOf(Rotations(2, {0.4, 0.4, 0.4}));
-  EXPECT_THAT(CodesOf(Check_motion(&examination)), ElementsAre("wrong few_captures"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_motion, &examination)), ElementsAre("wrong few_captures"));
 }
 
 // The check that found out why the captures are few has already said so.
 TEST(MotionCheckTest, TooFewCapturesAreNotReportedAfterAnotherFault) {
   Examination examination = ExaminationOf(Rotations(2, {0.4, 0.4, 0.4}));
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_motion(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_motion, &examination)), IsEmpty());
   examination = ExaminationOf(Rotations(15, {0, 0, 0.5}));
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_motion(&examination)), ElementsAre("wrong motion"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_motion, &examination)), ElementsAre("wrong motion"));
 }
 
 TEST(MotionCheckTest, RemarksOnFewerThanEightCaptures) {
   Examination seven = ExaminationOf(Rotations(7, {0.5, 0.5, 0.5}));
-  const std::vector<Symptom> symptoms = Check_motion(&seven);
+  const std::vector<Symptom> symptoms = RunCheck(Check_motion, &seven);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark few_captures"));
   EXPECT_EQ(symptoms[0].what, "only 7 captures can be used");
   Examination eight = ExaminationOf(Rotations(8, {0.5, 0.5, 0.5}));
-  EXPECT_THAT(CodesOf(Check_motion(&eight)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_motion, &eight)), IsEmpty());
 }
 
 TEST(MotionCheckTest, RemarksOnSmallRotationsAboutTheSecondAxis) {
   Examination examination = ExaminationOf(Rotations(15, {0.02, 0.06, 0.5}));
-  const std::vector<Symptom> symptoms = Check_motion(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_motion, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark little_rotation"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("deg about a second one"));
 }

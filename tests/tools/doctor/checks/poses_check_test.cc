@@ -39,7 +39,7 @@ TEST_P(CleanPosesTest, HaveNoSymptom) {
   SimulatedSetOptions options;
   options.setup = GetParam();
   Examination examination = CleanExamination(options);
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), IsEmpty());
   ASSERT_TRUE(examination.pose_fit.has_value());
   EXPECT_EQ(examination.pose_fit->format.name, "ros");
   EXPECT_TRUE(examination.pose_fit->fits);
@@ -66,7 +66,7 @@ TEST_P(MisreadPosesTest, AreNamedAndCorrected) {
   const Misread& misread = GetParam();
   Examination examination = CleanExamination();
   MisreadPoses(misread.written, misread.read, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong " + misread.code));
   EXPECT_THAT(symptoms[0].what, HasSubstr(misread.fault));
   EXPECT_THAT(symptoms[0].evidence, HasSubstr("with this reading, robot and images differ by "));
@@ -102,7 +102,7 @@ TEST(PosesCheckTest, FindsInvertedPosesAndOffersBothExplanations) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   for (Rigid3d& pose : poses) pose = Inverse(pose);
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_direction"));
   EXPECT_THAT(symptoms[0].cure,
               HasSubstr("if the camera is fixed beside the robot, set captures.poses_are: gripper_from_base; "));
@@ -119,7 +119,7 @@ TEST(PosesCheckTest, SettingsThatAreOnlyAPartOfTheCureAreLeftOut) {
   for (Rigid3d& pose : poses) pose = Inverse(pose);
   SetPoses(poses, &examination);
   MisreadPoses(FormatOf("euler_zyx", "deg", "mm"), FormatOf("euler_zyx", "deg", "m"), &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_units"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set captures.pose_format: "));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("captures.poses_are: gripper_from_base"));
@@ -131,7 +131,7 @@ TEST(PosesCheckTest, FindsTransposedRotations) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   for (Rigid3d& pose : poses) pose.rotation = pose.rotation.conjugate();
   SetPoses(poses, &examination);
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong rotation_inverse"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), ElementsAre("wrong rotation_inverse"));
   ExpectCorrected(examination, CleanExamination());
 }
 
@@ -149,7 +149,7 @@ TEST_P(PairingTest, IsNamed) {
   std::vector<Rigid3d> paired(poses.size());
   for (size_t i = 0; i < poses.size(); ++i) paired[GetParam().row_of(i, poses.size())] = poses[i];
   SetPoses(paired, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("images and poses are paired wrongly: " + GetParam().fault));
 }
@@ -172,7 +172,7 @@ TEST(PosesCheckTest, FindsNamesThatWereSortedByLetters) {
   std::vector<Rigid3d> paired;
   for (const size_t i : by_letters) paired.push_back(poses[i]);
   SetPoses(paired, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("images and poses were sorted differently"));
 }
@@ -207,7 +207,7 @@ TEST(PosesCheckTest, CountsTheRowsOfACameraThatSeesSeveralTargets) {
   for (const size_t row : place) poses_of_captures.push_back(rows[row]);
   SetPoses(poses_of_captures, &examination);
   examination.rig = ContextOf(rows, place);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing"));
   EXPECT_EQ(symptoms[0].reading, "each image belongs to the pose 1 row further down");
 }
@@ -234,7 +234,7 @@ TEST(PosesCheckTest, NamesTheArmWhosePosesFit) {
     other.push_back({ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3()});
   }
   examination.rig.other_arms = {{"third", other}, {"right", right}};
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong other_arm"));
   EXPECT_EQ(symptoms[0].reading, "right");
   EXPECT_THAT(symptoms[0].evidence, HasSubstr("with the poses of arm right, robot and images differ by "));
@@ -244,11 +244,11 @@ TEST(PosesCheckTest, NamesTheArmWhosePosesFit) {
   examination = WithUnrelatedPoses(&right);
   examination.rig = ContextOf(PosesOf(examination), place);
   examination.rig.other_arms = {{"third", other}};
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), ElementsAre("wrong poses_unexplained"));
   Examination clean = CleanExamination();
   clean.rig = ContextOf(PosesOf(clean), place);
   clean.rig.other_arms = {{"right", PosesOf(clean)}, {"third", other}};
-  EXPECT_THAT(CodesOf(Check_poses(&clean)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &clean)), IsEmpty());
 }
 
 // A target that is larger than the config says makes the robot seem to move farther than the images show.
@@ -257,7 +257,7 @@ TEST(PosesCheckTest, FindsTheScaleOfTheTarget) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   for (Rigid3d& pose : poses) pose.translation *= 1.1;
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_scale"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target is 1.100 times as large as the config says"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("measure the target and multiply its lengths in the config by about 1.100"));
@@ -272,7 +272,7 @@ TEST(PosesCheckTest, FindsTheScaleOfTheTargetWithANoisyRobot) {
   std::vector<Rigid3d> poses = PosesOf(examination);
   for (Rigid3d& pose : poses) pose.translation = 1.08 * pose.translation + 4e-3 * rng.NormalVector3();
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_scale"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target is 1.0"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("one sigma)"));
@@ -290,7 +290,7 @@ TEST(PosesCheckTest, ReadingThatIsOnlyBetterIsNone) {
     poses[i].rotation = ExpRotation(vector);
   }
   SetPoses(poses, &examination);
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), ElementsAre("wrong poses_unexplained"));
 }
 
 TEST(PosesCheckTest, SaysThatNothingExplainsUnrelatedPoses) {
@@ -301,7 +301,7 @@ TEST(PosesCheckTest, SaysThatNothingExplainsUnrelatedPoses) {
     poses.push_back({ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3()});
   }
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong poses_unexplained"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("no other reading of the poses file explains it"));
   ASSERT_TRUE(examination.pose_fit.has_value());
@@ -314,7 +314,7 @@ TEST(PosesCheckTest, FewCapturesAreOnlyUnexplained) {
   options.num_captures = 4;
   Examination examination = CleanExamination(options);
   MisreadPoses(FormatOf("euler_zyx", "deg", "mm"), FormatOf("euler_zyx", "rad", "mm"), &examination);
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), ElementsAre("wrong poses_unexplained"));
   EXPECT_FALSE(examination.pose_fit.has_value());
 }
 
@@ -326,7 +326,7 @@ TEST(PosesCheckTest, IsSilentIfTheImagesShowNoRotation) {
     view.camera_from_target = {Rigid3d(rotation, view.camera_from_target[0].translation)};
     view.view.camera_mount_from_target_mount.rotation = ExpRotation({0.3 * static_cast<double>(view.capture), 0, 0});
   }
-  EXPECT_THAT(CodesOf(Check_poses(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), IsEmpty());
   EXPECT_FALSE(examination.pose_fit.has_value());
 }
 
@@ -338,7 +338,7 @@ TEST(PosesCheckTest, SendsUsersOfImportedPosesToTheImport) {
   SetPoses(poses, &examination);
   examination.config.imported.emplace();
   examination.config.arms[0].file.clear();
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(symptoms, SizeIs(1));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("convert it to heba's files first (heba import)"));
 }
@@ -361,7 +361,7 @@ TEST(PosesCheckTest, FindsPosesThatAreShiftedFromACaptureOn) {
     // A row too many before this capture.
     for (size_t i = from; i < poses.size(); ++i) poses[i] = right[i - 1];
     SetPoses(poses, &examination);
-    const std::vector<Symptom> symptoms = Check_poses(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
     if (from > 10) continue;  // Most captures fit: those that do not are wrong by themselves.
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pairing")) << from;
     EXPECT_THAT(symptoms[0].what, HasSubstr("from " + examination.config.data.captures[from].name + " on, "));
@@ -375,7 +375,7 @@ TEST(PosesCheckTest, NamesTheUnitOfGivenTargetPoses) {
   for (ExaminedView& view : examination.views) {
     for (Rigid3d& seen : view.camera_from_target) seen.translation *= 1000;
   }
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_units"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the positions of the target are in mm, not in m"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("captures.target_poses: {file: target.csv, "));
@@ -387,7 +387,7 @@ TEST(PosesCheckTest, NamesBothReadingsOfInvertedTargetPoses) {
   for (ExaminedView& view : examination.views) {
     for (Rigid3d& seen : view.camera_from_target) seen = Inverse(seen);
   }
-  const std::vector<Symptom> symptoms = Check_poses(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_poses, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_direction"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the poses of the robot, or those of the target, are the inverse"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("poses_are: target_from_camera}, which gives "));
@@ -399,13 +399,13 @@ TEST(PosesCheckTest, SeesThatThreeOrFourCapturesBelongNotTogether) {
   for (const size_t num_captures : {3, 4}) {
     Examination examination = CleanExamination();
     examination.views.resize(num_captures);
-    EXPECT_THAT(CodesOf(Check_poses(&examination)), IsEmpty());
+    EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), IsEmpty());
     // The poses of other captures.
     const Examination others = CleanExamination();
     for (size_t i = 0; i < num_captures; ++i) {
       examination.views[i].camera_from_target = others.views[11 - 2 * i].camera_from_target;
     }
-    EXPECT_THAT(CodesOf(Check_poses(&examination)), ElementsAre("wrong poses_unexplained"));
+    EXPECT_THAT(CodesOf(RunCheck(Check_poses, &examination)), ElementsAre("wrong poses_unexplained"));
   }
 }
 

@@ -20,12 +20,12 @@ Examination ExaminationOfAnotherLens(const SimulatedSetOptions& options = {}) {
 
 TEST(ResidualsCheckTest, NoiseHasNoSymptom) {
   Examination examination = CleanExamination();
-  EXPECT_THAT(CodesOf(Check_residuals(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_residuals, &examination)), IsEmpty());
 }
 
 TEST(ResidualsCheckTest, RemarksOnAPatternOverTheImage) {
   Examination examination = ExaminationOfAnotherLens();
-  const std::vector<Symptom> symptoms = Check_residuals(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_residuals, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark lens"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the residuals of single views have a pattern over the image"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the camera model, brown5, or its distortion does not fit the lens"));
@@ -36,13 +36,13 @@ TEST(ResidualsCheckTest, IsSilentIfTheNoiseHidesThePattern) {
   SimulatedSetOptions options;
   options.noise_px = 10;
   Examination examination = ExaminationOfAnotherLens(options);
-  EXPECT_THAT(CodesOf(Check_residuals(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_residuals, &examination)), IsEmpty());
 }
 
 TEST(ResidualsCheckTest, IsSilentAfterAnotherFault) {
   Examination examination = ExaminationOfAnotherLens();
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_residuals(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_residuals, &examination)), IsEmpty());
 }
 
 // Nearly all residuals of seven points are explained by the pose alone, so such views are left out.
@@ -66,7 +66,7 @@ TEST(ResidualsCheckTest, EightPointsOfAViewAreNeeded) {
       }
       view.view.observations = some;
     }
-    return CodesOf(Check_residuals(&examination));
+    return CodesOf(RunCheck(Check_residuals, &examination));
   };
   EXPECT_THAT(codes_with_points(8), ElementsAre("remark lens"));
   EXPECT_THAT(codes_with_points(7), IsEmpty());

@@ -25,14 +25,14 @@ TEST(ResultCheckTest, CleanDataHaveNoFault) {
   SimulatedSetOptions options;
   options.num_captures = 15;
   Examination examination = CalibratedExamination(options);
-  EXPECT_THAT(CodesOf(Check_result(&examination)), Not(Contains(StartsWith("wrong "))));
+  EXPECT_THAT(CodesOf(RunCheck(Check_result, &examination)), Not(Contains(StartsWith("wrong "))));
 }
 
 TEST(ResultCheckTest, SaysWhyThereIsNoResult) {
   Examination examination = CalibratedExamination();
   const std::vector<Rigid3d> poses(examination.config.data.captures.size(), Rigid3d());
   SetPoses(poses, &examination);
-  const std::vector<Symptom> symptoms = Check_result(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_result, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong no_result"));
   EXPECT_FALSE(symptoms[0].what.empty());
 }
@@ -41,7 +41,7 @@ TEST(ResultCheckTest, IsSilentAfterAnotherFault) {
   Examination examination = CalibratedExamination();
   SetPoses(std::vector<Rigid3d>(examination.config.data.captures.size()), &examination);
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_result(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_result, &examination)), IsEmpty());
 }
 
 // The doctor's copy of the data set stays whole: captures are left out as in a run, for this check only.
@@ -50,7 +50,7 @@ TEST(ResultCheckTest, DoesNotChangeTheExamination) {
   CaptureDetection& seen = examination.detections[3].detection;
   seen.image_digest = "digest";
   examination.detections[7].detection = seen;
-  Check_result(&examination);
+  RunCheck(Check_result, &examination);
   EXPECT_EQ(examination.config.data.captures.size(), 12u);
   EXPECT_EQ(examination.detections.size(), 12u);
 }

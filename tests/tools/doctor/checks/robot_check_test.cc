@@ -55,12 +55,12 @@ Examination ExaminationWith(const ArmScene& scene, const std::string& arm, bool 
 
 TEST(RobotCheckTest, ConfigsWithoutArmHaveNoSymptom) {
   Examination examination = CleanExamination();
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), IsEmpty());
 }
 
 TEST(RobotCheckTest, RightArmWithoutJointsHasNoSymptom) {
   Examination examination = ExaminationWith(UrScene(), "ur5e", false);
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), IsEmpty());
 }
 
 // A ur10e reaches all poses of this ur5e, a ur5 does not.
@@ -68,7 +68,7 @@ TEST(RobotCheckTest, SimilarArmIsNamedByTheCaptures) {
   for (const auto& [wrong, code] :
        {std::pair("ur10e", "wrong robot_model"), std::pair("ur5", "wrong robot_unreachable")}) {
     Examination examination = ExaminationWith(UrScene(), wrong, false);
-    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre(code)) << wrong;
     EXPECT_THAT(symptoms[0].cure, StartsWith("set robot.model: ur5e"));
     if (std::string_view(wrong) == "ur10e") {
@@ -80,7 +80,7 @@ TEST(RobotCheckTest, SimilarArmIsNamedByTheCaptures) {
 TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   const Rigid3d tool = ToolOf(0.1);
   Examination examination = ExaminationWith(UrScene(tool), "ur5e", false);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_tool"));
   // The length is found in steps of 6 mm; the captures determine it to about 10 mm.
   const size_t at = symptoms[0].what.find("a tool of about ");
@@ -89,7 +89,7 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm along the flange's z axis"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set robot.tool"));
   examination.config.data.arms[0]->tip_from_gripper = tool;
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), IsEmpty());
 }
 
 // The config names a longer tool than that of the poses, with which the arm does not reach them. The tool is beside the
@@ -98,14 +98,14 @@ TEST(RobotCheckTest, AToolThatIsTooLongShouldBeShorter) {
   const Rigid3d beside(Eigen::Quaterniond::Identity(), {0.08, 0, 0});
   Examination examination = ExaminationWith(UrScene(beside * ToolOf(0.1)), "ur5e", false);
   examination.config.data.arms[0]->tip_from_gripper = beside * ToolOf(0.45);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("mm shorter along the flange's z axis than robot.tool says"));
 }
 
 TEST(RobotCheckTest, ArmThatDoesNotReachThePosesIsWrong) {
   Examination examination = ExaminationWith(UrScene(), "ur3e", false);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the arm ur5e"));
   EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
@@ -114,12 +114,12 @@ TEST(RobotCheckTest, ArmThatDoesNotReachThePosesIsWrong) {
 TEST(RobotCheckTest, OtherFaultsComeFirst) {
   Examination examination = ExaminationWith(UrScene(), "ur3e", false);
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), IsEmpty());
 }
 
 TEST(RobotCheckTest, RecordedJointsTellTheNominalKinematics) {
   Examination examination = ExaminationWith(UrScene(), "ur5e", true);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark nominal_kinematics"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("refine.kinematics"));
 }
@@ -127,7 +127,7 @@ TEST(RobotCheckTest, RecordedJointsTellTheNominalKinematics) {
 TEST(RobotCheckTest, RecordedJointsTellTheTool) {
   Examination examination =
       ExaminationWith(UrScene(Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.1})), "ur5e", true);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark robot_tool", "remark nominal_kinematics"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("[0.000, 0.000, 100.000] mm"));
 }
@@ -139,8 +139,8 @@ TEST(RobotCheckTest, RecordedJointsTellACalibratedController) {
   for (size_t i = 0; i < scene.joints.size(); ++i) {
     examination.config.data.captures[i].base_from_gripper[0] = BaseFromTip(calibrated, scene.joints[i]);
   }
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), Contains("remark calibrated_kinematics"));
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), Not(Contains(StartsWith("wrong "))));
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), Contains("remark calibrated_kinematics"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), Not(Contains(StartsWith("wrong "))));
 }
 
 TEST(RobotCheckTest, RoundedJointsAreNoCalibration) {
@@ -150,13 +150,13 @@ TEST(RobotCheckTest, RoundedJointsAreNoCalibration) {
     for (double& joint : capture.joints[0]) joint = DegToRad(0.01 * std::round(100 * RadToDeg(joint)));
   }
   examination.config.arms[0].joints_are_deg = true;
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark nominal_kinematics"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), ElementsAre("remark nominal_kinematics"));
 }
 
 TEST(RobotCheckTest, RecordedJointsTellTheArm) {
   for (const std::string wrong : {"ur10e", "ur5"}) {
     Examination examination = ExaminationWith(UrScene(), wrong, true);
-    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model")) << wrong;
     EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
   }
@@ -175,14 +175,14 @@ TEST(RobotCheckTest, UnitOfTheJointsIsFound) {
   std::vector<Eigen::VectorXd> joints = scene.joints;
   for (Eigen::VectorXd& of_capture : joints) of_capture *= RadToDeg(1);
   SetJoints(joints, &examination);
-  std::vector<Symptom> symptoms = Check_robot(&examination);
+  std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
   EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: deg");
   EXPECT_EQ(symptoms[0].settings, (std::vector<ConfigSetting>{{"captures.joint_angle", "deg"}}));
   for (Eigen::VectorXd& of_capture : joints) of_capture *= DegToRad(1) * DegToRad(1);
   SetJoints(joints, &examination);
   examination.config.arms[0].joints_are_deg = true;
-  symptoms = Check_robot(&examination);
+  symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
   EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: rad");
 }
@@ -193,13 +193,13 @@ TEST(RobotCheckTest, OrderOfTheJointsIsFound) {
   std::vector<Eigen::VectorXd> joints = scene.joints;
   std::rotate(joints.begin(), joints.begin() + 2, joints.end());
   SetJoints(joints, &examination);
-  std::vector<Symptom> symptoms = Check_robot(&examination);
+  std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_pairing"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("2 rows further up"));
   joints = scene.joints;
   std::reverse(joints.begin(), joints.end());
   SetJoints(joints, &examination);
-  symptoms = Check_robot(&examination);
+  symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_pairing"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("reverse order"));
 }
@@ -213,7 +213,7 @@ TEST(RobotCheckTest, OtherBaseIsFound) {
     for (Recording& capture : examination.config.data.captures) {
       capture.base_from_gripper[0] = base * capture.base_from_gripper[0];
     }
-    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_base"));
     const bool is_rotated = base.translation.isZero();
     EXPECT_THAT(symptoms[0].what, HasSubstr(is_rotated ? "rotated by 180 deg about z" : "another base"));
@@ -229,7 +229,7 @@ TEST(RobotCheckTest, SettingsThatAreOnlyAPartOfTheCureAreLeftOut) {
   std::rotate(joints.begin(), joints.begin() + 2, joints.end());
   for (Eigen::VectorXd& of_capture : joints) of_capture *= RadToDeg(1);
   SetJoints(joints, &examination);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(symptoms, SizeIs(1));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("set captures.joint_angle: deg"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("correct the order of the file of joints"));
@@ -245,7 +245,7 @@ TEST(RobotCheckTest, JointsOfOtherPosesAreWrong) {
     for (double& joint : of_capture) joint = rng.Uniform(-kPi, kPi);
   }
   SetJoints(joints, &examination);
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("wrong joints_unexplained"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)), ElementsAre("wrong joints_unexplained"));
 }
 
 // The controller of this arm reports nominal kinematics, of a tool that is not the flange.
@@ -264,9 +264,10 @@ TEST(RobotCheckTest, RecordedFrankaReportsNominalKinematics) {
     data.captures.push_back({"", {pose}, {""}, {joints[i]}});
   }
   data.arms = {RobotArm{*FindArm("franka_fr3"), {}, {}}};
-  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark robot_tool", "remark nominal_kinematics"));
+  EXPECT_THAT(CodesOf(RunCheck(Check_robot, &examination)),
+              ElementsAre("remark robot_tool", "remark nominal_kinematics"));
   data.arms[0]->arm = *FindArm("kuka_iiwa7");
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model"));
   // Both of Franka's arms have these dimensions.
   EXPECT_THAT(symptoms[0].cure, StartsWith("set robot.model: franka_"));
@@ -279,7 +280,7 @@ TEST(RobotCheckTest, SingularCapturesAreNamed) {
   joints[4][4] = 0;
   SetJoints(joints, &examination);
   examination.config.data.captures[4].base_from_gripper[0] = BaseFromTip(scene.nominal, joints[4]);
-  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_robot, &examination);
   ASSERT_THAT(CodesOf(symptoms), Contains("remark singular_captures"));
   EXPECT_THAT(symptoms.back().what, HasSubstr("view_4: a common motion of joints"));
 }

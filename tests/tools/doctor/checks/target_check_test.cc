@@ -57,7 +57,7 @@ class TargetCheckTest : public testing::Test {
 
 TEST_F(TargetCheckTest, TheRightTargetHasNoSymptom) {
   Examination examination = ExaminationOfImages(ImageOf(kCharuco), 3, kCharuco);
-  EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_target, &examination)), IsEmpty());
   ASSERT_THAT(examination.detections, SizeIs(3));
   EXPECT_THAT(examination.detections[0].detection.detection.ids, SizeIs(12));
 }
@@ -66,7 +66,7 @@ TEST_F(TargetCheckTest, FindsTheDictionaryOfTheImagesAndContinuesWithIt) {
   std::string other = kCharuco;
   other.replace(other.find("DICT_4X4_50"), 11, "DICT_5X5_50");
   Examination examination = ExaminationOfImages(ImageOf(kCharuco), 2, other);
-  const std::vector<Symptom> symptoms = Check_target(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_target, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the images show another target than the config names: that one is detected "
                                           "in 0 of 2 images that were searched"));
@@ -90,19 +90,19 @@ TEST_F(TargetCheckTest, SettingsCureATargetInItsOwnFile) {
     Examination examination;
     examination.config = ReadShortRunConfig(folder_ / name);
     examination.verbosity = Verbosity::kQuiet;
-    const std::vector<Symptom> symptoms = Check_target(&examination);
+    const std::vector<Symptom> symptoms = RunCheck(Check_target, &examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target")) << name;
     EXPECT_EQ(symptoms[0].settings.size(), name == "file.yaml" ? 1U : 2U);
     std::vector<std::string> settings;
     for (const auto& [key, value] : symptoms[0].settings) settings.push_back(key + "=" + value);
     examination.config = ReadShortRunConfig(folder_ / name, settings);
-    EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty()) << name;
+    EXPECT_THAT(CodesOf(RunCheck(Check_target, &examination)), IsEmpty()) << name;
   }
 }
 
 TEST_F(TargetCheckTest, SaysThatTheTargetIsNotSeen) {
   Examination examination = ExaminationOfImages(cv::Mat(200, 240, CV_8UC1, cv::Scalar(128)), 3, kCharuco);
-  const std::vector<Symptom> symptoms = Check_target(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_target, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_not_seen"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target is detected in 0 of 3 images"));
   // 'heba detect' writes nothing if no image shows the target.
@@ -113,7 +113,7 @@ TEST_F(TargetCheckTest, RemarksOnATargetThatIsOftenMissed) {
   const cv::Mat seen = ImageOf(kCharuco);
   Examination examination = ExaminationOfImages(seen, 3, kCharuco);
   for (int i = 0; i < 2; ++i) AddImage(cv::Mat(seen.size(), CV_8UC1, cv::Scalar(128)), &examination);
-  const std::vector<Symptom> symptoms = Check_target(&examination);
+  const std::vector<Symptom> symptoms = RunCheck(Check_target, &examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark target_often_missed"));
   EXPECT_THAT(symptoms[0].what,
               HasSubstr("the target is detected only in 3 of 5 images (100 % of its points in the median image)"));
@@ -123,7 +123,7 @@ TEST_F(TargetCheckTest, RemarksOnATargetThatIsOftenMissed) {
 TEST_F(TargetCheckTest, GivenDetectionsAreTakenAsTheyAre) {
   Examination examination = CleanExamination();
   examination.detections.clear();
-  EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(RunCheck(Check_target, &examination)), IsEmpty());
   EXPECT_THAT(examination.detections, SizeIs(12));
 }
 
