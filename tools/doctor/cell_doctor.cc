@@ -108,26 +108,27 @@ bool MayBeMotion(const Symptom& symptom) {
                                       symptom.code.name() == "poses_jump" || IsOfSingleCaptures(symptom));
 }
 
-// Adds what the adjustment of the whole rig finds. If something is wrong with the inputs, only cameras that were moved
-// are added, and the symptoms that they explain are removed.
-void AddResult(const RunConfig& config, const std::vector<DetectFunction>& detect, int num_threads,
-               Diagnosis* diagnosis) {
+// Returns the diagnosis with what the adjustment of the whole rig finds. If something is wrong with the inputs, only
+// cameras that were moved are added, and the symptoms that they explain are removed.
+Diagnosis WithResult(Diagnosis diagnosis, const RunConfig& config, const std::vector<DetectFunction>& detect,
+                     int num_threads) {
   RunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = detect;
   const Outcome<RunOutput> run = Run(config.data, options);
   if (!run) {
-    if (diagnosis->NumWrong() > 0) return;
-    diagnosis->symptoms.push_back({Severity::kWrong, "no_result", FailureText(run.failure()), ""});
-    return;
+    if (diagnosis.NumWrong() > 0) return diagnosis;
+    diagnosis.symptoms.push_back({Severity::kWrong, "no_result", FailureText(run.failure()), ""});
+    return diagnosis;
   }
-  std::erase_if(diagnosis->symptoms,
+  std::erase_if(diagnosis.symptoms,
                 [&](const Symptom& symptom) { return IsExplainedByMotion(symptom, run->calibration); });
-  const bool is_wrong = diagnosis->NumWrong() > 0;
+  const bool is_wrong = diagnosis.NumWrong() > 0;
   for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood || (is_wrong && finding.code != "camera_moved")) continue;
-    diagnosis->symptoms.push_back(SymptomOf(finding));
+    diagnosis.symptoms.push_back(SymptomOf(finding));
   }
+  return diagnosis;
 }
 
 }  // namespace
@@ -167,27 +168,27 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   diagnosis.num_seen = static_cast<int>(seen.size());
   diagnosis.symptoms = UnseenTargets(config, detections, num_threads);
   std::vector<DiagnosedPair> pairs = DiagnosePairs(config, PairsOf(config, detections), num_threads, verbosity);
-  Misplaced misplaced;
-  for (Symptom& symptom : SymptomsOfOtherArms(config, pairs, &misplaced)) {
-    diagnosis.symptoms.push_back(std::move(symptom));
-  }
-  for (Symptom& symptom : WrongMounts(config, detections, &misplaced)) {
-    diagnosis.symptoms.push_back(std::move(symptom));
-  }
-  std::erase_if(pairs,
-                [&](const DiagnosedPair& entry) { return misplaced.Contains(entry.pair.camera, entry.pair.target); });
-  for (Symptom& symptom : SymptomsOfPairs(config, pairs)) diagnosis.symptoms.push_back(std::move(symptom));
+  const auto add = [&](const std::vector<Symptom>& symptoms) {
+    diagnosis.symptoms.insert(diagnosis.symptoms.end(), symptoms.begin(), symptoms.end());
+  };
+  const MountSymptoms of_arms = SymptomsOfOtherArms(config, pairs);
+  add(of_arms.symptoms);
+  const MountSymptoms of_mounts = WrongMounts(config, detections, of_arms.misplaced);
+  add(of_mounts.symptoms);
+  std::erase_if(pairs, [&](const DiagnosedPair& entry) {
+    const auto [camera, target] = std::pair(entry.pair.camera, entry.pair.target);
+    return of_arms.misplaced.Contains(camera, target) || of_mounts.misplaced.Contains(camera, target);
+  });
+  add(SymptomsOfPairs(config, pairs));
   // Poses that are read wrongly are those of no arm.
-  if (diagnosis.NumWrong() == 0) {
-    for (Symptom& symptom : SymptomsOfArms(config, pairs, num_threads)) {
-      diagnosis.symptoms.push_back(std::move(symptom));
-    }
-  }
-  for (Symptom& symptom : Unpaired(config.data.left_out)) diagnosis.symptoms.push_back(std::move(symptom));
+  if (diagnosis.NumWrong() == 0) add(SymptomsOfArms(config, pairs, num_threads));
+  add(Unpaired(config.data.left_out));
   const bool may_be_motion =
       std::all_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(),
                   [](const Symptom& symptom) { return symptom.severity != Severity::kWrong || MayBeMotion(symptom); });
-  if (may_be_motion && examine == Examine::kInputsAndResult) AddResult(config, detect, num_threads, &diagnosis);
+  if (may_be_motion && examine == Examine::kInputsAndResult) {
+    diagnosis = WithResult(std::move(diagnosis), config, detect, num_threads);
+  }
   diagnosis.symptoms = BySeverity(std::move(diagnosis.symptoms));
   return diagnosis;
 }

@@ -161,15 +161,16 @@ std::vector<ConfigSetting> OtherMounts(const RunConfig& config, const std::vecto
   return settings;
 }
 
-// Adds what to change if the poses of an arm are the inverse of what the config says: `poses_are` or, if other images
-// fit the poses, the mounts. If all images of the arm are those of carried cameras, or all those of carried targets,
-// both are possible.
-void AddCureOfDirection(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed, SharedSymptom* shared) {
+// Returns the symptom with what to change if the poses of an arm are the inverse of what the config says: `poses_are`
+// or, if other images fit the poses, the mounts. If all images of the arm are those of carried cameras, or all those of
+// carried targets, both are possible.
+Symptom WithCureOfDirection(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed,
+                            const SharedSymptom& shared) {
   const Problem& rig = config.data.rig;
-  const size_t robot = shared->pairs.front().robot;
+  const size_t robot = shared.pairs.front().robot;
   const Mount gripper{robot, Mount::Part::kGripper};
   std::set<bool> carries_camera;
-  for (const DoctorPair& pair : shared->pairs) carries_camera.insert(rig.cameras[pair.camera].mount == gripper);
+  for (const DoctorPair& pair : shared.pairs) carries_camera.insert(rig.cameras[pair.camera].mount == gripper);
   std::set<std::string> others;
   for (const DiagnosedPair& other : diagnosed) {
     if (other.pair.robot == robot && FitsPoses(other)) others.insert(rig.cameras[other.pair.camera].name);
@@ -177,8 +178,8 @@ void AddCureOfDirection(const RunConfig& config, const std::vector<DiagnosedPair
   const PosesFileOfArm& arm = config.arms[robot];
   const ConfigSetting direction{arm.section + ".poses_are",
                                 arm.reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper"};
-  const std::vector<ConfigSetting> mounts = OtherMounts(config, shared->pairs);
-  Symptom& symptom = shared->symptom;
+  const std::vector<ConfigSetting> mounts = OtherMounts(config, shared.pairs);
+  Symptom symptom = shared.symptom;
   std::string cure;
   if (!others.empty()) {
     cure = "the images of " + NamesText("camera", "cameras", others) + " fit the poses, so set " + SettingsText(mounts);
@@ -192,6 +193,7 @@ void AddCureOfDirection(const RunConfig& config, const std::vector<DiagnosedPair
     symptom.settings.clear();
   }
   symptom.cure += (symptom.cure.empty() ? "" : "; ") + cure;
+  return symptom;
 }
 
 }  // namespace
@@ -227,7 +229,7 @@ std::vector<Symptom> SymptomsOfPairs(const RunConfig& config, const std::vector<
           "other cameras are paired otherwise, so name the images of each capture in the poses file "
           "(columns image.CAMERA)";
     }
-    if (entry.symptom.reading == kInversePoses) AddCureOfDirection(config, diagnosed, &entry);
+    if (entry.symptom.reading == kInversePoses) entry.symptom = WithCureOfDirection(config, diagnosed, entry);
     std::set<std::string> cameras;
     for (const DoctorPair& pair : entry.pairs) cameras.insert(config.data.rig.cameras[pair.camera].name);
     entry.symptom.cameras.assign(cameras.begin(), cameras.end());

@@ -28,24 +28,23 @@ class PairsOfOtherArms {
     }
   }
 
-  // Returns what they show: files of poses that are exchanged, or mounts that name the wrong arm, which are added to
-  // `misplaced`.
-  std::vector<Symptom> Symptoms(Misplaced* misplaced) const {
-    std::vector<Symptom> symptoms;
+  // Returns what they show: files of poses that are exchanged, or mounts that name the wrong arm.
+  MountSymptoms Symptoms() const {
+    MountSymptoms found;
     std::set<std::vector<size_t>> known_cycles;
     for (const PairOfOtherArm& pair : pairs_) {
       const size_t robot = pair.diagnosed->pair.robot;
       if (const std::vector<size_t> cycle = CycleOf(robot); !cycle.empty()) {
-        if (known_cycles.insert(cycle).second) symptoms.push_back(ExchangedFiles(cycle, pair));
+        if (known_cycles.insert(cycle).second) found.symptoms.push_back(ExchangedFiles(cycle, pair));
         continue;
       }
       const size_t c = pair.diagnosed->pair.camera;
       const bool is_camera = rig_.cameras[c].mount == Mount{robot, Mount::Part::kGripper};
-      const bool is_new = is_camera ? misplaced->cameras.insert(c).second
-                                    : misplaced->targets.insert(pair.diagnosed->pair.target).second;
-      if (is_new) symptoms.push_back(WrongArm(is_camera, pair));
+      const bool is_new = is_camera ? found.misplaced.cameras.insert(c).second
+                                    : found.misplaced.targets.insert(pair.diagnosed->pair.target).second;
+      if (is_new) found.symptoms.push_back(WrongArm(is_camera, pair));
     }
-    return symptoms;
+    return found;
   }
 
  private:
@@ -222,16 +221,14 @@ bool KeepsMoving(const PointMotion& motion) {
 
 }  // namespace
 
-std::vector<Symptom> SymptomsOfOtherArms(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed,
-                                         Misplaced* misplaced) {
-  return PairsOfOtherArms(config, diagnosed).Symptoms(misplaced);
+MountSymptoms SymptomsOfOtherArms(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed) {
+  return PairsOfOtherArms(config, diagnosed).Symptoms();
 }
 
-std::vector<Symptom> WrongMounts(const RunConfig& config, const std::vector<TargetDetection>& detections,
-                                 Misplaced* misplaced) {
+MountSymptoms WrongMounts(const RunConfig& config, const std::vector<TargetDetection>& detections,
+                          const Misplaced& known) {
   const Problem& rig = config.data.rig;
-  std::vector<Symptom> symptoms;
-  const Misplaced known = *misplaced;
+  MountSymptoms found;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     for (size_t t = 0; t < rig.targets.size(); ++t) {
       if (known.Contains(c, t)) continue;
@@ -240,28 +237,30 @@ std::vector<Symptom> WrongMounts(const RunConfig& config, const std::vector<Targ
       const std::string& camera = rig.cameras[c].name;
       const std::string& target = rig.targets[t].name;
       if (const std::optional<PointMotion::Step> step = StepBetweenPlaces(motion)) {
-        symptoms.push_back({Severity::kWrong, "camera_moved",
-                            "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") or target " + target +
-                                " (" + MountText(rig, rig.targets[t]) + ") was moved between the captures " +
-                                config.data.captures[step->from].name + " and " + config.data.captures[step->to].name +
-                                ": the points of the target stay at their pixels before and after, but move by " +
-                                Significant(step->distance_px, 2) + " px between these two",
-                            "fix the mount of the camera or of the target and record all captures again, or calibrate "
-                            "from the captures after the motion only (captures.exclude)"});
+        found.symptoms.push_back(
+            {Severity::kWrong, "camera_moved",
+             "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") or target " + target + " (" +
+                 MountText(rig, rig.targets[t]) + ") was moved between the captures " +
+                 config.data.captures[step->from].name + " and " + config.data.captures[step->to].name +
+                 ": the points of the target stay at their pixels before and after, but move by " +
+                 Significant(step->distance_px, 2) + " px between these two",
+             "fix the mount of the camera or of the target and record all captures again, or calibrate "
+             "from the captures after the motion only (captures.exclude)"});
       } else if (KeepsMoving(motion)) {
-        misplaced->cameras.insert(c);
-        symptoms.push_back({Severity::kWrong, "mount",
-                            "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") and target " + target +
-                                " (" + MountText(rig, rig.targets[t]) +
-                                ") cannot move against each other with these mounts, but the points of the target "
-                                "move by " +
-                                Significant(motion.median_px, 2) + " px between the images",
-                            "correct cameras." + camera + ".mount or targets." + target +
-                                ".mount: one of them is on the gripper of an arm"});
+        found.misplaced.cameras.insert(c);
+        found.symptoms.push_back(
+            {Severity::kWrong, "mount",
+             "camera " + camera + " (" + MountText(rig, rig.cameras[c]) + ") and target " + target + " (" +
+                 MountText(rig, rig.targets[t]) +
+                 ") cannot move against each other with these mounts, but the points of the target "
+                 "move by " +
+                 Significant(motion.median_px, 2) + " px between the images",
+             "correct cameras." + camera + ".mount or targets." + target +
+                 ".mount: one of them is on the gripper of an arm"});
       }
     }
   }
-  return symptoms;
+  return found;
 }
 
 }  // namespace heba

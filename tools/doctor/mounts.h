@@ -18,15 +18,20 @@ struct Misplaced {
   bool Contains(size_t camera, size_t target) const { return cameras.contains(camera) || targets.contains(target); }
 };
 
-// Reports pairs that fit the poses of another arm than that of their mounts: files of poses that are exchanged, or
-// mounts that name the wrong arm, which are added to `misplaced`.
-std::vector<Symptom> SymptomsOfOtherArms(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed,
-                                         Misplaced* misplaced);
+// What is wrong with mounts, and the cameras and targets that it concerns.
+struct MountSymptoms {
+  std::vector<Symptom> symptoms;
+  Misplaced misplaced;
+};
 
-// Reports cameras and targets that stand on one mount by the config, but move against each other in the images: all the
-// time, because a mount is wrong, which adds the camera to `misplaced`; or once, because one of them was moved. What is
-// in `misplaced` already is not reported.
-std::vector<Symptom> WrongMounts(const RunConfig& config, const std::vector<TargetDetection>& detections,
-                                 Misplaced* misplaced);
+// Returns pairs that fit the poses of another arm than that of their mounts: files of poses that are exchanged, or
+// mounts that name the wrong arm, which are misplaced.
+MountSymptoms SymptomsOfOtherArms(const RunConfig& config, const std::vector<DiagnosedPair>& diagnosed);
+
+// Returns cameras and targets that stand on one mount by the config, but move against each other in the images: all the
+// time, because a mount is wrong and the camera misplaced; or once, because one of them was moved. What is in `known`
+// is not reported.
+MountSymptoms WrongMounts(const RunConfig& config, const std::vector<TargetDetection>& detections,
+                          const Misplaced& known);
 
 }  // namespace heba

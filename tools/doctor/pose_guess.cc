@@ -269,8 +269,10 @@ bool NamesJoints(const RawTable& table) {
   });
 }
 
-// Guesses units and rotation. `order`: the table's columns of the pose, x, y, z first.
-void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFormat* format) {
+// Returns a format with guessed units and rotation, without columns. `order`: the table's columns of the pose, x, y, z
+// first.
+PoseFormat GuessedUnits(const RawTable& table, const std::vector<size_t>& order) {
+  PoseFormat format;
   // No arm reaches 20 m, and hardly any position is within 20 mm of the base.
   constexpr double kLongestInMetres = 20;
   constexpr size_t kEuler = 6;
@@ -279,18 +281,19 @@ void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFor
   if (is_whole_matrix) {
     longest = std::max({LargestOf(table, order, 3, 4), LargestOf(table, order, 7, 8), LargestOf(table, order, 11, 12)});
   }
-  format->translation_unit = longest > kLongestInMetres ? "mm" : "m";
+  format.translation_unit = longest > kLongestInMetres ? "mm" : "m";
   if (order.size() == kEuler) {
     const bool is_deg = LargestOf(table, order, 3, kEuler) > 2 * M_PI + 0.01;
-    format->rotation = is_deg ? "euler_zyx" : "rotation_vector";
-    format->angle_unit = is_deg ? "deg" : "rad";
+    format.rotation = is_deg ? "euler_zyx" : "rotation_vector";
+    format.angle_unit = is_deg ? "deg" : "rad";
   } else {
-    format->rotation = order.size() == 7 ? "quaternion_xyzw" : "matrix";
+    format.rotation = order.size() == 7 ? "quaternion_xyzw" : "matrix";
   }
+  return format;
 }
 
 PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, const std::optional<size_t>& image) {
-  PoseFormat format;
+  PoseFormat format = GuessedUnits(table, order);
   const size_t width = table.rows.front().size();
   const auto name_of = [&](size_t number) -> std::string {
     if (!table.names.empty()) return table.names[order[number]];
@@ -303,7 +306,6 @@ PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, con
     format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
                                                        : std::string(image == column ? kImageColumn : kNoColumn));
   }
-  GuessUnits(table, order, &format);
   return format;
 }
 

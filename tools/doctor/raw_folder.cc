@@ -179,55 +179,65 @@ bool IsOfTarget(const Symptom& symptom) {
   return symptom.code == SymptomCode("target") || symptom.code == SymptomCode("target_scale");
 }
 
-// Adds the faults and the counts that the best of the trials shows.
-void AddSymptoms(const Diagnosis& diagnosis, RawConfig* made) {
-  if (const std::string fault = FirstWrong(diagnosis); !fault.empty()) made->warnings.push_back(fault);
+// What is said of a config: RawConfig::warnings and remarks.
+struct Words {
+  std::vector<std::string> warnings;
+  std::vector<std::string> remarks;
+};
+
+// Returns the faults and the counts that the best of the trials shows.
+Words WordsOf(const Diagnosis& diagnosis) {
+  Words words;
+  if (const std::string fault = FirstWrong(diagnosis); !fault.empty()) words.warnings.push_back(fault);
   for (const Symptom& symptom : diagnosis.symptoms) {
     if (symptom.code == SymptomCode("unpaired") && symptom.severity == Severity::kRemark)
-      made->remarks.push_back(symptom.Text());
+      words.remarks.push_back(symptom.Text());
   }
+  return words;
 }
 
 // Describes trials of which none fits. `fault`: why none could be made.
-void DescribeMisfit(const RawFolder& raw, const std::vector<Trial>& trials, const std::string& fault, RawConfig* made) {
+Words WordsOfMisfit(const RawFolder& raw, const std::vector<Trial>& trials, const std::string& fault) {
   const RawPoses& poses = trials.empty() ? raw.found.front() : trials.front().poses;
   const std::string guessed = "the poses (" + PlaceText(poses) + ") contain " + ReadingInWords(poses.format) +
                               ", guessed from the size of the numbers";
   if (!raw.target) {
-    made->remarks.push_back(guessed +
-                            ": name the target and the setup in the config, and 'heba doctor' compares every reading "
-                            "with the images; or import with --target FILE");
-    return;
+    return {{},
+            {guessed +
+             ": name the target and the setup in the config, and 'heba doctor' compares every reading with the images; "
+             "or import with --target FILE"}};
   }
-  if (!fault.empty() && trials.empty()) {
-    made->warnings.push_back(fault);
-  } else if (!trials.empty()) {
-    AddSymptoms(trials.front().reading.diagnosis, made);
+  Words words;
+  if (!trials.empty()) {
+    words = WordsOf(trials.front().reading.diagnosis);
+  } else if (!fault.empty()) {
+    words.warnings.push_back(fault);
   }
-  if (made->warnings.empty()) {
-    made->warnings.push_back("no format of the poses that was tried fits the images" +
+  if (words.warnings.empty()) {
+    words.warnings.push_back("no format of the poses that was tried fits the images" +
                              std::string(raw.setup ? " with setup: " + std::string(SetupName(*raw.setup)) : ""));
   }
   const bool is_compared = !trials.empty() && trials.front().reading.diagnosis.pose_fit;
-  made->remarks.push_back(guessed + (is_compared ? ": no format that was tried fits the images" : "") +
+  words.remarks.push_back(guessed + (is_compared ? ": no format that was tried fits the images" : "") +
                           (raw.setup ? "" : "; the setup is left open"));
+  return words;
 }
 
 // Describes trials that fit, the best one first, and the poses that were not taken.
-void DescribeFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is_decided, RawConfig* made) {
+Words WordsOfFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is_decided) {
   const Trial& best = trials.front();
   const Diagnosis& diagnosis = best.reading.diagnosis;
-  AddSymptoms(diagnosis, made);
+  Words words = WordsOf(diagnosis);
   const bool is_other_target = std::any_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsOfTarget);
   const auto other = std::find_if(trials.begin(), trials.end(), [&](const Trial& one) {
     return one.setup != best.setup && PlaceText(one.poses) == PlaceText(best.poses);
   });
-  made->remarks.push_back("the poses (" + PlaceText(best.poses) + ") contain " + ReadingInWords(best.reading.format) +
+  words.remarks.push_back("the poses (" + PlaceText(best.poses) + ") contain " + ReadingInWords(best.reading.format) +
                           ", which fits the images" + (is_other_target ? " if the target is corrected" : "") + "; " +
                           best.InWords() + (other == trials.end() ? "" : ", and " + other->InWords()));
-  if (!is_decided) made->warnings.emplace_back("both setups fit equally well: set setup in the config");
+  if (!is_decided) words.warnings.emplace_back("both setups fit equally well: set setup in the config");
   if (!raw.setup) {
-    made->remarks.emplace_back(
+    words.remarks.emplace_back(
         "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
         "one");
   }
@@ -235,7 +245,8 @@ void DescribeFit(const RawFolder& raw, const std::vector<Trial>& trials, bool is
   for (const RawPoses& poses : raw.found) {
     if (PlaceText(poses) != PlaceText(best.poses)) others.push_back(PlaceText(poses));
   }
-  if (!others.empty()) made->remarks.push_back("other poses were found and not taken: " + Join(others, "; "));
+  if (!others.empty()) words.remarks.push_back("other poses were found and not taken: " + Join(others, "; "));
+  return words;
 }
 
 // Reads the text of a config again, with the reader of `heba run`, and examines it. Throws InputError unless robot and
@@ -345,8 +356,9 @@ RawConfig ConfigOf(const RawFolder& raw, const fs::path& config, int num_threads
   made.setup = raw.setup;
   RawPoses poses = raw.found.front();
   std::optional<Trial> best;
+  Words words;
   if (trials.empty() || !trials.front().Fits()) {
-    DescribeMisfit(raw, trials, fault, &made);
+    words = WordsOfMisfit(raw, trials, fault);
   } else {
     std::erase_if(trials, [](const Trial& one) { return !one.Fits(); });
     best = trials.front();
@@ -360,8 +372,10 @@ RawConfig ConfigOf(const RawFolder& raw, const fs::path& config, int num_threads
     poses = best->poses;
     poses.format = best->reading.format;
     made.fits = is_decided;
-    DescribeFit(raw, trials, is_decided, &made);
+    words = WordsOfFit(raw, trials, is_decided);
   }
+  made.warnings = std::move(words.warnings);
+  made.remarks = std::move(words.remarks);
   made.poses = poses.source;
   poses = WithNamedFormat(poses);
   if (best) CheckWritten(made, ConfigText(raw, poses, made.setup, {}, {}), trial, *best, num_threads);

@@ -102,14 +102,14 @@ std::string ShiftText(std::ptrdiff_t shift) {
          " in the file of joints";
 }
 
-void Complete(const std::vector<Rigid3d>& base_from_gripper, JointReading* reading) {
+ImpliedTool ToolOf(const JointReading& reading, const std::vector<Rigid3d>& base_from_gripper) {
   std::vector<Rigid3d> tools;
   for (size_t i = 0; i < base_from_gripper.size(); ++i) {
-    if (reading->joints[i].size() == 0) continue;
-    tools.push_back(Inverse(BaseFromTip(reading->arm, reading->joints[i])) * reading->arm_base_from_base *
+    if (reading.joints[i].size() == 0) continue;
+    tools.push_back(Inverse(BaseFromTip(reading.arm, reading.joints[i])) * reading.arm_base_from_base *
                     base_from_gripper[i]);
   }
-  reading->tool = SharedTool(tools);
+  return SharedTool(tools);
 }
 
 }  // namespace
@@ -121,7 +121,7 @@ ImpliedTool ImpliedToolOf(const Arm& arm, const AllJoints& joints, const std::ve
 JointReading ReadingAsStated(const Arm& arm, const AllJoints& joints, const std::vector<Rigid3d>& base_from_gripper) {
   CHECK_EQ(joints.size(), base_from_gripper.size());
   JointReading reading{arm, joints, {}, {}, {}, {}};
-  Complete(base_from_gripper, &reading);
+  reading.tool = ToolOf(reading, base_from_gripper);
   return reading;
 }
 
@@ -157,7 +157,7 @@ std::vector<JointReading> OtherReadings(const Arm& arm, const std::vector<Arm>& 
       add(arm, scaled, *base, Mistake::kBase, "");
     }
   }
-  for (JointReading& reading : readings) Complete(base_from_gripper, &reading);
+  for (JointReading& reading : readings) reading.tool = ToolOf(reading, base_from_gripper);
   std::stable_sort(readings.begin(), readings.end(),
                    [](const auto& a, const auto& b) { return a.mistakes.size() < b.mistakes.size(); });
   return readings;
