@@ -22,10 +22,8 @@ Outcome<HandEye> BestHandEye(Setup setup, const std::vector<PosePair>& pairs) {
   options.setup = setup;
   Outcome<HandEye> best;
   for (const bool has_robot_noise : {true, false}) {
-    PairCalibration calibration;
-    calibration.pairs = pairs;
     options.has_robot_noise = has_robot_noise;
-    CalibratePoses(options, &calibration);
+    const PairCalibration calibration = CalibratePoses(pairs, options);
     if (calibration.chain) return calibration.chain->hand_eye;
     best = calibration.chain.failure();
     for (const MethodResult& method : calibration.methods) {

@@ -119,52 +119,53 @@ ModelSpace SpaceOf(const PairCalibrationOptions& options, const CalibrationProbl
   return space;
 }
 
-void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
-               PairCalibration* calibration) {
+PairCalibration WithModelOf(PairCalibration calibration, const CalibrationProblem& problem,
+                            const std::shared_ptr<const SharedEffects>& effects) {
   const SearchedModel& model = problem.model;
   const ProblemCamera& camera = model.problem.cameras[0];
   const ProblemTarget& target = model.problem.targets[0];
-  calibration->camera = camera.camera;
-  BundleOptions& bundle = calibration->bundle;
+  calibration.camera = camera.camera;
+  BundleOptions& bundle = calibration.bundle;
   bundle.robot = model.options.robot;
   bundle.robot_noise_prior = model.options.robot_noise_prior;
   bundle.robot_noise_start = model.options.robot_noise_start;
   bundle.free_shape = target.free_shape;
   bundle.target_scale_sigma = target.scale_sigma;
   bundle.effects = model.problem.effects.empty() ? nullptr : model.problem.effects[0];
-  calibration->alternatives.clear();
+  calibration.alternatives.clear();
   for (const ProblemAlternative& one : model.alternatives) {
-    calibration->alternatives.push_back(AlternativeOf(one, 0, effects));
+    calibration.alternatives.push_back(AlternativeOf(one, 0, effects));
   }
-  if (!model.lenses.empty() && !model.lenses[0].empty()) calibration->camera_alternatives = model.lenses[0];
-  calibration->num_kept_against_test = model.judged.num_kept_against_test;
+  if (!model.lenses.empty() && !model.lenses[0].empty()) calibration.camera_alternatives = model.lenses[0];
+  calibration.num_kept_against_test = model.judged.num_kept_against_test;
 
   PairSolution solution = HandEyeSolution(model.judged.solution, bundle);
   const std::vector<ViewOutcome> outcomes = std::move(solution.views);
   solution.views.clear();
-  const std::vector<PosePair> pairs_before = std::move(calibration->pairs);
-  calibration->pairs.clear();
-  calibration->views.clear();
-  calibration->left_out.clear();
+  const std::vector<PosePair> pairs_before = std::move(calibration.pairs);
+  calibration.pairs.clear();
+  calibration.views.clear();
+  calibration.left_out.clear();
   // Views with too few points for a pose come last.
   for (const bool has_pose : {true, false}) {
     for (size_t i = 0; i < problem.views.size(); ++i) {
       const View& view = problem.views[i];
       if ((view.observations.size() >= kMinPosePoints) != has_pose) continue;
       if (IsLeftOut(model.judged.left_out, i)) {
-        calibration->left_out.push_back(view);
+        calibration.left_out.push_back(view);
         continue;
       }
-      calibration->views.push_back(view);
+      calibration.views.push_back(view);
       solution.views.push_back(outcomes[i]);
-      if (i < pairs_before.size()) calibration->pairs.push_back(pairs_before[i]);
+      if (i < pairs_before.size()) calibration.pairs.push_back(pairs_before[i]);
     }
   }
-  std::vector<View> posed = calibration->views;
+  std::vector<View> posed = calibration.views;
   std::erase_if(posed, [](const View& view) { return view.observations.size() < kMinPosePoints; });
-  std::vector<PosePair> pairs = PosePairsOf(calibration->camera, solution.hand_eye, posed);
-  if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
-  calibration->refined = std::move(solution);
+  std::vector<PosePair> pairs = PosePairsOf(calibration.camera, solution.hand_eye, posed);
+  if (pairs.size() == posed.size()) calibration.pairs = std::move(pairs);
+  calibration.refined = std::move(solution);
+  return calibration;
 }
 
 std::vector<size_t> CapturesOf(const ImageSet& images) {

@@ -23,10 +23,10 @@ CalibrationProblem InOrder(CalibrationProblem problem);
 // Returns what is chosen of a calibration.
 ModelSpace SpaceOf(const PairCalibrationOptions& options, const CalibrationProblem& problem);
 
-// Sets the parts of a calibration that follow from a model of its problem: the lens, the error model, the captures that
-// are left out, and the refined solution. `effects` are those that the model has without a choice.
-void TakeModel(const CalibrationProblem& problem, const std::shared_ptr<const SharedEffects>& effects,
-               PairCalibration* calibration);
+// Returns a calibration with the parts that follow from a model of its problem: the lens, the error model, the captures
+// that are left out, and the refined solution. `effects` are those that the model has without a choice.
+PairCalibration WithModelOf(PairCalibration calibration, const CalibrationProblem& problem,
+                            const std::shared_ptr<const SharedEffects>& effects);
 
 // Returns the captures of images that are left out.
 std::vector<size_t> CapturesOf(const ImageSet& images);

@@ -60,9 +60,13 @@ Tangent6 RoughCorrection(const LinearisedView& view) {
   return SolveSymmetric(normal, view.by_effects.transpose() * view.offset);
 }
 
-// Returns flags for the half of the captures with the smallest corrections, and the variances of the robot from the
-// median corrections.
-std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, Variances* start) {
+// The half of the captures with the smallest corrections, and the variances of the robot from the median corrections.
+struct BestHalf {
+  std::vector<bool> is_member;  // One flag for each capture.
+  Variances variances;
+};
+BestHalf FindBestHalf(const std::vector<LinearisedView>& views) {
+  Variances start;
   const double median_of_3_dof = ChiSquareQuantile(0.5, 3);
   std::vector<double> translations;
   std::vector<double> rotations;
@@ -71,17 +75,17 @@ std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, Variances* 
     translations.push_back(correction.head<3>().squaredNorm());
     rotations.push_back(correction.tail<3>().squaredNorm());
   }
-  start->translation_m2 = std::max(kExact2, Median(translations) / median_of_3_dof);
-  start->rotation_rad2 = std::max(kExact2, Median(rotations) / median_of_3_dof);
+  start.translation_m2 = std::max(kExact2, Median(translations) / median_of_3_dof);
+  start.rotation_rad2 = std::max(kExact2, Median(rotations) / median_of_3_dof);
   std::vector<size_t> order(views.size());
   std::iota(order.begin(), order.end(), size_t{0});
   const auto size_of = [&](size_t i) {
-    return translations[i] / start->translation_m2 + rotations[i] / start->rotation_rad2;
+    return translations[i] / start.translation_m2 + rotations[i] / start.rotation_rad2;
   };
   std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return size_of(a) < size_of(b); });
   std::vector<bool> is_member(views.size(), false);
   for (size_t k = 0; k < (views.size() + 1) / 2; ++k) is_member[order[k]] = true;
-  return is_member;
+  return {std::move(is_member), start};
 }
 
 // Returns the mean of a chi-square variable with 6 degrees of freedom that is truncated at its median, divided by 6.
@@ -265,8 +269,9 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
   const bool can_tell = judged.views.size() + judged.hidden.size() >= kMinCaptures;
   for (const size_t i : judged.hidden) verdicts[i] = {can_tell, 0};
   if (judged.views.size() < kMinCaptures) return verdicts;
-  Variances variances;
-  std::vector<bool> is_member = BestHalf(judged.views, &variances);
+  const BestHalf best_half = FindBestHalf(judged.views);
+  std::vector<bool> is_member = best_half.is_member;
+  Variances variances = best_half.variances;
   const double limit = kCaptureFalseAlarm / static_cast<double>(judged.views.size());
   std::vector<double> p_values;
   constexpr int kMaxRounds = 20;

@@ -150,12 +150,12 @@ bool IsReached(const PlanCell& cell, const Rigid3d& base_from_gripper) {
   return !cell.postures || !cell.postures(base_from_gripper).empty();
 }
 
-// Sets the joints of the captures: for each the posture nearest to one of the first capture, that which leaves the arm
+// Returns the captures with joints: for each the posture nearest to one of the first capture, that which leaves the arm
 // the least to turn.
-void SetJoints(const PlanCell& cell, std::vector<PlannedCapture>* captures) {
-  if (!cell.postures || captures->empty()) return;
+std::vector<PlannedCapture> WithJoints(std::vector<PlannedCapture> captures, const PlanCell& cell) {
+  if (!cell.postures || captures.empty()) return captures;
   std::vector<std::vector<Eigen::VectorXd>> postures;
-  for (const PlannedCapture& capture : *captures) postures.push_back(cell.postures(capture.base_from_gripper));
+  for (const PlannedCapture& capture : captures) postures.push_back(cell.postures(capture.base_from_gripper));
   double least = std::numeric_limits<double>::infinity();
   for (const Eigen::VectorXd& first : postures.front()) {
     std::vector<Eigen::VectorXd> chosen;
@@ -169,45 +169,67 @@ void SetJoints(const PlanCell& cell, std::vector<PlannedCapture>* captures) {
     }
     if (sum >= least) continue;
     least = sum;
-    for (size_t i = 0; i < chosen.size(); ++i) (*captures)[i].joints = chosen[i];
+    for (size_t i = 0; i < chosen.size(); ++i) captures[i].joints = chosen[i];
   }
+  return captures;
 }
 
-// Sets the pose and the visible share of a capture from `camera_from_target`. Returns whether the cell permits it, and
-// counts it otherwise.
-bool Complete(const PlanCell& cell, const std::vector<HandEye>& setups, const SimulatedTarget& outline,
-              PlannedCapture* capture, Drawn* drawn) {
-  const Rigid3d mount = MountOf(cell, capture->camera_from_target);
-  capture->base_from_gripper = BaseFromGripper(cell.setup, mount);
-  if (!IsAllowed(cell, outline, capture->base_from_gripper, capture->camera_from_target)) {
-    ++drawn->num_outside;
-    return false;
-  }
-  capture->visible_share = VisibleShare(cell, setups, outline, mount);
-  if (capture->visible_share < kVisible) {
-    ++drawn->num_unseen;
-    return false;
-  }
-  if (!IsReached(cell, capture->base_from_gripper)) {
-    ++drawn->num_unreached;
-    return false;
-  }
-  return true;
-}
+// What the cell permits, by rough set-ups, and how many of the captures that were drawn it does not permit.
+class CaptureFilter {
+ public:
+  CaptureFilter(const PlanCell& cell, Rng& rng)
+      : cell_(cell), setups_(RoughSetups(cell, rng)), outline_(OutlineOf(cell)) {}
 
-std::vector<PlannedCapture> DrawCandidates(const PlanCell& cell, const PlanOptions& options, Drawn* drawn, Rng& rng) {
-  const std::vector<HandEye> setups = RoughSetups(cell, rng);
-  const SimulatedTarget outline = OutlineOf(cell);
+  // Returns a capture with its pose and visible share; nothing if the cell does not permit it.
+  std::optional<PlannedCapture> Completed(PlannedCapture capture) {
+    const Rigid3d mount = MountOf(cell_, capture.camera_from_target);
+    capture.base_from_gripper = BaseFromGripper(cell_.setup, mount);
+    if (!IsAllowed(cell_, outline_, capture.base_from_gripper, capture.camera_from_target)) {
+      ++drawn_.num_outside;
+      return std::nullopt;
+    }
+    capture.visible_share = VisibleShare(cell_, setups_, outline_, mount);
+    if (capture.visible_share < kVisible) {
+      ++drawn_.num_unseen;
+      return std::nullopt;
+    }
+    if (!IsReached(cell_, capture.base_from_gripper)) {
+      ++drawn_.num_unreached;
+      return std::nullopt;
+    }
+    return capture;
+  }
+  void CountDraw() { ++drawn_.num_all; }
+  void CountUnseen() { ++drawn_.num_unseen; }
+  const Drawn& drawn() const { return drawn_; }
+
+ private:
+  const PlanCell& cell_;
+  const std::vector<HandEye> setups_;
+  const SimulatedTarget outline_;
+  Drawn drawn_;
+};
+
+// Captures that were drawn.
+struct DrawnCaptures {
+  std::vector<PlannedCapture> captures;
+  Drawn drawn;
+};
+
+DrawnCaptures DrawCandidates(const PlanCell& cell, const PlanOptions& options, Rng& rng) {
+  CaptureFilter filter(cell, rng);
   const std::array<double, 2> depths_m = DepthsOf(cell);
   std::vector<PlannedCapture> candidates;
   constexpr size_t kMostDraws = 60000;
-  while (candidates.size() < static_cast<size_t>(options.num_candidates) && drawn->num_all < kMostDraws) {
-    ++drawn->num_all;
+  while (candidates.size() < static_cast<size_t>(options.num_candidates) && filter.drawn().num_all < kMostDraws) {
+    filter.CountDraw();
     PlannedCapture capture;
     capture.camera_from_target = DrawPose(cell, depths_m, rng);
-    if (Complete(cell, setups, outline, &capture, drawn)) candidates.push_back(std::move(capture));
+    if (std::optional<PlannedCapture> completed = filter.Completed(std::move(capture))) {
+      candidates.push_back(*std::move(completed));
+    }
   }
-  return candidates;
+  return {std::move(candidates), filter.drawn()};
 }
 
 // The cell as a problem, whose unknowns are the two poses and the free intrinsics.
@@ -367,15 +389,17 @@ class Criterion {
     const double mean = sum / static_cast<double>(places_.size());
     return is_of_variances_ ? std::log(mean) : mean;
   }
-  void Describe(const Eigen::MatrixXd& information, PlannedCapture* capture) const {
+  // Returns a capture with the sigmas after it.
+  PlannedCapture WithSigmas(PlannedCapture capture, const Eigen::MatrixXd& information) const {
     const auto factor = Cholesky(information);
-    if (!factor) return;
+    if (!factor) return capture;
     const Eigen::MatrixXd covariance = factor->Inverse();
     double sum_m2 = 0;
     for (const PlaceByUnknowns& place : places_) sum_m2 += (place * covariance * place.transpose()).trace();
-    capture->target_m = std::sqrt(sum_m2 / static_cast<double>(places_.size()));
-    capture->position_m = std::sqrt(covariance.diagonal().segment<3>(camera_pose_).sum());
-    capture->orientation_rad = std::sqrt(covariance.diagonal().segment<3>(camera_pose_ + 3).sum());
+    capture.target_m = std::sqrt(sum_m2 / static_cast<double>(places_.size()));
+    capture.position_m = std::sqrt(covariance.diagonal().segment<3>(camera_pose_).sum());
+    capture.orientation_rad = std::sqrt(covariance.diagonal().segment<3>(camera_pose_ + 3).sum());
+    return capture;
   }
 
  private:
@@ -446,10 +470,9 @@ std::vector<size_t> Choose(const std::vector<Candidate>& candidates, size_t coun
 }
 
 // Returns the captures of the two-step method that the cell allows.
-std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOptions& options,
-                                            const std::vector<Candidate>& candidates, Drawn* drawn, Rng& rng) {
-  const std::vector<HandEye> setups = RoughSetups(cell, rng);
-  const SimulatedTarget outline = OutlineOf(cell);
+DrawnCaptures TwoStepCaptures(const PlanCell& cell, const PlanOptions& options,
+                              const std::vector<Candidate>& candidates, Rng& rng) {
+  CaptureFilter filter(cell, rng);
   MotionOptions home;
   home.depth_ratio = 0.1;
   home.spread = 0.1;
@@ -468,9 +491,9 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
     motion.max_turn_rad = share * TwoStepMotionOptions().max_turn_rad;
     const Outcome<std::vector<SimulatedPose>> poses = SimulateTwoStepPoses(
         cell.setup, cell.camera, cell.points_in_target, cell.z_out, cell.hand_eye, home, motion, rng);
-    ++drawn->num_all;
+    filter.CountDraw();
     if (!poses) {
-      ++drawn->num_unseen;
+      filter.CountUnseen();
       continue;
     }
     std::vector<PlannedCapture> captures;
@@ -478,12 +501,13 @@ std::vector<PlannedCapture> TwoStepCaptures(const PlanCell& cell, const PlanOpti
       PlannedCapture capture;
       capture.role = pose.role;
       capture.camera_from_target = pose.camera_from_target;
-      if (!Complete(cell, setups, outline, &capture, drawn)) break;
-      captures.push_back(std::move(capture));
+      std::optional<PlannedCapture> completed = filter.Completed(std::move(capture));
+      if (!completed) break;
+      captures.push_back(*std::move(completed));
     }
-    if (captures.size() == poses->size()) return captures;
+    if (captures.size() == poses->size()) return {std::move(captures), filter.drawn()};
   }
-  return {};
+  return {{}, filter.drawn()};
 }
 
 Failure WhyTooFew(const Drawn& drawn, size_t num_found, int wanted) {
@@ -496,12 +520,12 @@ Failure WhyTooFew(const Drawn& drawn, size_t num_found, int wanted) {
            {"unreached", static_cast<double>(drawn.num_unreached)}}};
 }
 
-// Adds the first captures, or those of the earlier session, once more.
-void AddRevisits(const PlanCell& cell, int num_revisits, std::vector<PlannedCapture>* captures) {
-  const size_t num_planned = captures->size();
+// Returns the captures with the first of them, or those of the earlier session, once more.
+std::vector<PlannedCapture> WithRevisits(std::vector<PlannedCapture> captures, const PlanCell& cell, int num_revisits) {
+  const size_t num_planned = captures.size();
   const size_t num_first = cell.former_poses.empty() ? num_planned : cell.former_poses.size();
   for (size_t k = 0; k < std::min(num_first, static_cast<size_t>(std::max(0, num_revisits))); ++k) {
-    PlannedCapture again = (*captures)[cell.former_poses.empty() ? k : num_planned - 1];
+    PlannedCapture again = captures[cell.former_poses.empty() ? k : num_planned - 1];
     if (!cell.former_poses.empty()) {
       again.base_from_gripper = cell.former_poses[k];
       again.camera_from_target =
@@ -509,13 +533,14 @@ void AddRevisits(const PlanCell& cell, int num_revisits, std::vector<PlannedCapt
       again.visible_share = 1;
       again.joints.resize(0);
     }
-    const PlannedCapture& last = captures->back();
+    const PlannedCapture& last = captures.back();
     again.repeats = k;
     again.target_m = last.target_m;
     again.position_m = last.position_m;
     again.orientation_rad = last.orientation_rad;
-    captures->push_back(std::move(again));
+    captures.push_back(std::move(again));
   }
+  return captures;
 }
 
 }  // namespace
@@ -530,12 +555,12 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     return Failure{FailureCode("no_planned_depth"), {{"from_mm", 1000 * needed_m[0]}, {"to_mm", 1000 * needed_m[1]}}};
   }
   Rng rng(options.seed);
-  Drawn drawn;
   CapturePlan plan;
-  const std::vector<Candidate> candidates = WithInformation(cell, DrawCandidates(cell, options, &drawn, rng));
+  const DrawnCaptures drawn = DrawCandidates(cell, options, rng);
+  const std::vector<Candidate> candidates = WithInformation(cell, drawn.captures);
   plan.num_candidates = candidates.size();
   if (candidates.size() < static_cast<size_t>(options.is_two_step ? 1 : options.count)) {
-    return WhyTooFew(drawn, candidates.size(), options.count);
+    return WhyTooFew(drawn.drawn, candidates.size(), options.count);
   }
   const PlanProblem exact = ProblemOf(cell, true);
   const UnknownLayout layout = UnknownsOf(exact.problem);
@@ -547,29 +572,25 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   if (places.empty()) return Failure{FailureCode("no_planned_place")};
   const Criterion criterion(layout, exact.problem, std::move(places));
   Eigen::MatrixXd information = KnownInformation(cell, layout);
-  PlannedCapture before;
-  criterion.Describe(information, &before);
-  plan.target_before_m = before.target_m;
+  plan.target_before_m = criterion.WithSigmas({}, information).target_m;
 
   std::vector<Candidate> chosen;
   if (options.is_two_step) {
-    Drawn of_motion;
-    const std::vector<PlannedCapture> captures = TwoStepCaptures(cell, options, candidates, &of_motion, rng);
-    chosen = WithInformation(cell, captures);
-    if (chosen.empty()) return WhyTooFew(of_motion, 0, options.count);
+    const DrawnCaptures of_motion = TwoStepCaptures(cell, options, candidates, rng);
+    chosen = WithInformation(cell, of_motion.captures);
+    if (chosen.empty()) return WhyTooFew(of_motion.drawn, 0, options.count);
   } else {
     for (const size_t i : Choose(candidates, static_cast<size_t>(options.count), information, criterion)) {
       chosen.push_back(candidates[i]);
     }
-    if (chosen.size() < static_cast<size_t>(options.count)) return WhyTooFew(drawn, chosen.size(), options.count);
+    if (chosen.size() < static_cast<size_t>(options.count)) return WhyTooFew(drawn.drawn, chosen.size(), options.count);
   }
   for (Candidate& one : chosen) {
     information += one.information;
-    criterion.Describe(information, &one.capture);
-    plan.captures.push_back(std::move(one.capture));
+    plan.captures.push_back(criterion.WithSigmas(std::move(one.capture), information));
   }
-  if (!options.is_two_step) AddRevisits(cell, options.num_revisits, &plan.captures);
-  SetJoints(cell, &plan.captures);
+  if (!options.is_two_step) plan.captures = WithRevisits(std::move(plan.captures), cell, options.num_revisits);
+  plan.captures = WithJoints(std::move(plan.captures), cell);
   std::vector<Rigid3d> poses;
   std::vector<size_t> order;
   for (size_t i = 0; i < plan.captures.size(); ++i) {

@@ -55,10 +55,10 @@ std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<Targ
   return parts;
 }
 
-// Adds the largest change in sigmas among focal lengths and principal point: the name `intrinsic`, such as fx, and the
-// numbers fx_px and fx_sigmas. Adds nothing if no sigma of these is known.
-void AddLargestMove(const Camera& given, const Camera& camera, const Covariance& covariance, std::string_view block,
-                    Finding* finding) {
+// Returns a finding with the largest change in sigmas among focal lengths and principal point: the name `intrinsic`,
+// such as fx, and the numbers fx_px and fx_sigmas; without them if no sigma of these is known.
+Finding WithLargestMove(Finding finding, const Camera& given, const Camera& camera, const Covariance& covariance,
+                        std::string_view block) {
   std::string largest;
   double by_px = 0;
   double sigmas = 0;
@@ -71,10 +71,11 @@ void AddLargestMove(const Camera& given, const Camera& camera, const Covariance&
     by_px = move_px;
     sigmas = move_px / *sigma;
   }
-  if (largest.empty()) return;
-  finding->names.emplace_back("intrinsic", largest);
-  finding->numbers.emplace_back(largest + "_px", by_px);
-  finding->numbers.emplace_back(largest + "_sigmas", sigmas);
+  if (largest.empty()) return finding;
+  finding.names.emplace_back("intrinsic", largest);
+  finding.numbers.emplace_back(largest + "_px", by_px);
+  finding.numbers.emplace_back(largest + "_sigmas", sigmas);
+  return finding;
 }
 
 // Returns the change from one solution to another, in the layout of the first one's covariance.
@@ -245,7 +246,7 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   if (std::max(move_m / poses.distance_m, move_rad) <= kLeastShare) return std::nullopt;
   const bool is_bad = poses.target_move_m / poses.distance_m > kBadShare;
   Finding finding{is_bad ? Grade::kBad : Grade::kDoubtful, FindingCode("held_intrinsics")};
-  AddLargestMove(held, freed, all, block, &finding);
+  finding = WithLargestMove(std::move(finding), held, freed, all, block);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
   finding.numbers.emplace_back("target_move_mm", 1000 * poses.target_move_m);
@@ -263,8 +264,7 @@ Finding DescribeCameraUse(const Camera& given, const PairSolution& solution, con
   const bool is_known_earlier =
       options.prior != nullptr && options.prior->covariance.layout.Block(kCameraBlock).size > 0;
   finding.names = {{"use", options.camera_prior || is_known_earlier ? "prior" : "initial_guess"}};
-  AddLargestMove(given, solution.camera, solution.covariance, kCameraBlock, &finding);
-  return finding;
+  return WithLargestMove(std::move(finding), given, solution.camera, solution.covariance, kCameraBlock);
 }
 
 }  // namespace heba

@@ -255,10 +255,12 @@ std::optional<DriftSolution> Solve(const DriftEquations& equations, const Eigen:
   return solution;
 }
 
-void SetChange(const DriftSolution& solution, size_t index, Drift* drift) {
+// Returns the drift that has this place in a solution, as it was estimated.
+Drift Estimated(Drift drift, const DriftSolution& solution, size_t index) {
   const auto first = 6 * static_cast<Eigen::Index>(index);
-  drift->change = solution.changes.segment<6>(first);
-  drift->covariance = solution.covariance.block<6, 6>(first, first);
+  drift.change = solution.changes.segment<6>(first);
+  drift.covariance = solution.covariance.block<6, 6>(first, first);
+  return drift;
 }
 
 // The squares of all whitened residuals, and the number of their degrees of freedom beside the unknowns; nothing if the
@@ -345,7 +347,7 @@ std::optional<Drift> Clearest(const LinearisedDrift& linearised, const Solution&
       const std::optional<DriftSolution> solved =
           Solve(EquationsOf(linearised, {drift}), solution.covariance.matrix, are_held);
       if (!solved) continue;
-      SetChange(*solved, 0, &drift);
+      drift = Estimated(std::move(drift), *solved, 0);
       const double num_tests =
           (drift.form == DriftForm::kStep ? num_steps : 1) * 2 * static_cast<double>(linearised.bodies.size());
       drift.p_value = std::min(1.0, num_tests * TailOf(solved->statistic, residuals));
@@ -423,8 +425,7 @@ std::optional<Drift> FindAtRevisits(const LinearisedDrift& revisits, const Solut
   const std::optional<DriftSolution> as_others = Solve(EquationsOf(revisits, {*in_order}), {}, true);
   if (!as_others || rest_by_chance(*as_others) < kNoise) return found;
   const double p_value = found->p_value;
-  found = in_order;
-  SetChange(*as_others, 0, &*found);
+  found = Estimated(*in_order, *as_others, 0);
   found->p_value = p_value;
   found->evidence = DriftEvidence::kRevisits;
   return found;
@@ -587,7 +588,7 @@ std::optional<Drift> FindCreepOfCamera(const Problem& problem, const Solution& s
     drift.evidence = DriftEvidence::kCameras;
     const std::optional<DriftSolution> solved = Solve(EquationsOf(*all, {drift}), solution.covariance.matrix, false);
     if (!solved) continue;
-    SetChange(*solved, 0, &drift);
+    drift = Estimated(std::move(drift), *solved, 0);
     drift.p_value = std::min(1.0, static_cast<double>(cameras.size()) * TailOf(solved->statistic, residuals));
     if (!clearest || drift.p_value < clearest->p_value) clearest = drift;
   }
@@ -602,7 +603,7 @@ std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const S
   const std::optional<DriftSolution> solved =
       Solve(EquationsOf(*linearised, drifts), solution.covariance.matrix, false);
   if (!solved) return std::nullopt;
-  for (size_t d = 0; d < drifts.size(); ++d) SetChange(*solved, d, &drifts[d]);
+  for (size_t d = 0; d < drifts.size(); ++d) drifts[d] = Estimated(std::move(drifts[d]), *solved, d);
   return drifts;
 }
 

@@ -75,7 +75,7 @@ std::optional<std::vector<Drift>> EstimateDrifts(const Problem& problem, const S
                                                  const CaptureTimes& times, std::vector<Drift> drifts);
 
 // Returns the changes of an estimate by the uncertainty of drifts that it was corrected for, as the columns that
-// AddChanges takes: C A_x^T D S^(1/2).
+// WithChanges takes: C A_x^T D S^(1/2).
 std::vector<Eigen::VectorXd> ChangesByDrifts(const Problem& problem, const Solution& solution,
                                              const CaptureTimes& times, const std::vector<Drift>& drifts);
 

@@ -31,23 +31,22 @@ std::optional<double> HeldOutErrors::RmsAngleRad() const {
   return std::sqrt(sum_rad2 / num_poses);
 }
 
-void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
-              const std::vector<TargetPose>& poses, size_t capture, HeldOutErrors* errors) {
-  const std::optional<SquaredErrors> pixels = ViewErrors(camera, predicted, points);
-  if (pixels) {
-    errors->pixels.Add(*pixels);
+void HeldOutErrors::AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
+                             const std::vector<TargetPose>& poses, size_t capture) {
+  if (const std::optional<SquaredErrors> of_image = ViewErrors(camera, predicted, points)) {
+    pixels.Add(*of_image);
   } else {
-    errors->has_hidden = true;
+    has_hidden = true;
   }
   const TargetPose* const seen = NearestPose(poses, predicted);
   if (seen == nullptr) return;
   // The distance is measured at the centre of the points.
   const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
   const double distance_m = (predicted * middle - seen->camera_from_target * middle).norm();
-  errors->sum_m2 += distance_m * distance_m;
-  errors->sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
-  ++errors->num_poses;
-  errors->distance_m_of_capture.emplace_back(capture, distance_m);
+  sum_m2 += distance_m * distance_m;
+  sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
+  ++num_poses;
+  distance_m_of_capture.emplace_back(capture, distance_m);
 }
 
 HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, const ImageSet& images, size_t camera) {
@@ -57,9 +56,10 @@ HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, c
     const ProblemImage& image = capture.images[k];
     if (image.camera != camera || image.observations.size() == 0) continue;
     const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
-    AddImage(solution.cameras[camera],
-             CameraFromTarget(problem, solution.poses, camera, image.target, WithErrors(capture, solution.effects)),
-             points, EstimateTargetPose(solution.cameras[camera], points), i, &errors);
+    errors.AddImage(
+        solution.cameras[camera],
+        CameraFromTarget(problem, solution.poses, camera, image.target, WithErrors(capture, solution.effects)), points,
+        EstimateTargetPose(solution.cameras[camera], points), i);
   }
   return errors;
 }

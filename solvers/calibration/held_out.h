@@ -25,15 +25,14 @@ struct HeldOutErrors {
   std::vector<std::pair<size_t, double>> distance_m_of_capture;
 
   void Add(const HeldOutErrors& other);
+  // Adds the image of a capture. `predicted` is camera_from_target; the points are as manufactured, and `poses` are
+  // those that they show by themselves (EstimateTargetPose).
+  void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
+                const std::vector<TargetPose>& poses, size_t capture);
   // Returns the RMS of the distances (m) and of the angles (rad); nothing without poses.
   std::optional<double> RmsDistanceM() const;
   std::optional<double> RmsAngleRad() const;
 };
-
-// Adds the image of a capture. `predicted` is camera_from_target; the points are as manufactured, and `poses` are those
-// that they show by themselves (EstimateTargetPose).
-void AddImage(const Camera& camera, const Rigid3d& predicted, const Observations& points,
-              const std::vector<TargetPose>& poses, size_t capture, HeldOutErrors* errors);
 
 // Returns the errors of the images of one camera that a solution of the problem did not use.
 HeldOutErrors ErrorsOfUnused(const Problem& problem, const Solution& solution, const ImageSet& images, size_t camera);

@@ -17,8 +17,8 @@ namespace {
 
 using Robot = BundleOptions::Robot;
 
-// Returns the options with all noise held at that of a solution, and the problem with that of the arms' effects.
-AdjustmentOptions WithNoiseOf(const Solution& solution, AdjustmentOptions options, Problem* problem) {
+// Returns the options with all noise held at that of a solution.
+AdjustmentOptions WithNoiseOf(const Solution& solution, AdjustmentOptions options) {
   // Every camera has the noise of the first one, which differs from the others' by a constant factor.
   options.pixel_noise_px = solution.pixel_sigmas_px.front();
   for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
@@ -27,13 +27,18 @@ AdjustmentOptions WithNoiseOf(const Solution& solution, AdjustmentOptions option
     options.robot_noise = *noise;
     break;
   }
-  for (size_t r = 0; r < problem->effects.size(); ++r) {
-    if (problem->effects[r] == nullptr) continue;
-    auto effects = std::make_shared<SharedEffects>(*problem->effects[r]);
-    for (size_t g = 0; g < effects->groups.size(); ++g) effects->groups[g].sigma = solution.effect_sigmas[r][g];
-    problem->effects[r] = std::move(effects);
-  }
   return options;
+}
+
+// Returns the problem with the sigmas of the arms' effects held at those of a solution.
+Problem WithSigmasOf(const Solution& solution, Problem problem) {
+  for (size_t r = 0; r < problem.effects.size(); ++r) {
+    if (problem.effects[r] == nullptr) continue;
+    auto effects = std::make_shared<SharedEffects>(*problem.effects[r]);
+    for (size_t g = 0; g < effects->groups.size(); ++g) effects->groups[g].sigma = solution.effect_sigmas[r][g];
+    problem.effects[r] = std::move(effects);
+  }
+  return problem;
 }
 
 // A lens that was fitted with the noise of the largest one.
@@ -69,7 +74,8 @@ Outcome<LensChoice> ChooseLens(const ModelComparison& comparison, size_t camera,
         continue;
       }
       dof = own->covariance_dof;
-      options = WithNoiseOf(*own, options, &problem);
+      options = WithNoiseOf(*own, std::move(options));
+      problem = WithSigmasOf(*own, std::move(problem));
       from = own->poses;
       with_lens = StartingFrom(problem, *own);
     }

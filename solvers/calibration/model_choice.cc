@@ -50,7 +50,8 @@ std::optional<FittedModel> FitModel(const ModelComparison& comparison, const Pro
     if (nearest == nullptr || has_same_shape) nearest = &other;
   }
   // Models of other shapes have nearly the same noise.
-  if (nearest != nullptr && nearest->model.effects == model.effects) StartFromNoise(nearest->solution, &options);
+  if (nearest != nullptr && nearest->model.effects == model.effects)
+    options = StartingFromNoise(std::move(options), nearest->solution);
   const Problem with_model = WithModel(comparison.problem, model, comparison.space);
   const auto fit_from = [&](const FittedModel& from, const AdjustmentOptions& of_fit) {
     return FittedAs(StartingFrom(with_model, from.solution), from.solution.poses, model, of_fit);
@@ -201,24 +202,31 @@ std::optional<ErrorModelChoice> ChooseGroups(const ModelComparison& comparison,
   return choice;
 }
 
-// Chooses the lens of each camera under an error model, and sets those that are others than before. Returns whether
-// there are any, or the Failure if no lens of a camera can be fitted.
-Outcome<bool> ChooseLenses(const ProblemModel& model, ModelComparison* comparison,
-                           std::vector<std::vector<CameraAlternative>>* alternatives) {
-  bool has_others = false;
-  for (size_t c = 0; c < comparison->space.lenses.size(); ++c) {
-    if (comparison->space.lenses[c].size() < 2) continue;
-    Outcome<LensChoice> choice = ChooseLens(*comparison, c, model);
+// A comparison with the chosen lenses.
+struct ChosenLenses {
+  ModelComparison comparison;
+  std::vector<std::vector<CameraAlternative>> alternatives;  // One list per camera.
+  bool has_others = false;                                   // Whether any lens is another one than before.
+};
+
+// Chooses the lens of each camera under an error model. Returns the Failure if no lens of a camera can be fitted.
+Outcome<ChosenLenses> ChooseLenses(const ProblemModel& model, const ModelComparison& before,
+                                   const std::vector<std::vector<CameraAlternative>>& alternatives) {
+  ChosenLenses chosen{before, alternatives, false};
+  ModelComparison& comparison = chosen.comparison;
+  for (size_t c = 0; c < comparison.space.lenses.size(); ++c) {
+    if (comparison.space.lenses[c].size() < 2) continue;
+    Outcome<LensChoice> choice = ChooseLens(comparison, c, model);
     if (!choice) return choice.failure();
-    const Camera& chosen = choice->solution.cameras[c];
-    const bool is_first = (*alternatives)[c].empty();
-    if (!is_first && chosen.model == comparison->problem.cameras[c].camera.model) continue;
-    has_others = true;
-    comparison->problem.cameras[c].camera = chosen;
-    comparison->start = choice->solution.poses;
-    (*alternatives)[c] = std::move(choice->alternatives);
+    const Camera& camera = choice->solution.cameras[c];
+    const bool is_first = alternatives[c].empty();
+    if (!is_first && camera.model == comparison.problem.cameras[c].camera.model) continue;
+    chosen.has_others = true;
+    comparison.problem.cameras[c].camera = camera;
+    comparison.start = choice->solution.poses;
+    chosen.alternatives[c] = std::move(choice->alternatives);
   }
-  return has_others;
+  return chosen;
 }
 
 // A model, and its solution.
@@ -361,9 +369,11 @@ Outcome<ProblemChoice> ChooseModel(const Problem& problem, const CellPoses& star
   std::optional<ErrorModelChoice> errors;
   constexpr int kMostRounds = 3;
   for (int round = 0; round < kMostRounds; ++round) {
-    const Outcome<bool> has_other_lens = ChooseLenses(model, &comparison, &choice.lenses);
-    if (!has_other_lens && !errors) return has_other_lens.failure();
-    if (round > 0 && !(has_other_lens && *has_other_lens)) break;
+    Outcome<ChosenLenses> chosen = ChooseLenses(model, comparison, choice.lenses);
+    if (!chosen && !errors) return chosen.failure();
+    if (round > 0 && !(chosen && chosen->has_others)) break;
+    comparison = std::move(chosen->comparison);
+    choice.lenses = std::move(chosen->alternatives);
     std::optional<ErrorModelChoice> next = ChooseGroups(comparison, groups, largest->model);
     if (!next && !errors) return Failure{FailureCode("no_error_model")};
     if (!next) break;

@@ -21,14 +21,15 @@
 namespace heba {
 namespace {
 
-// Adds errors of an arm to a problem; `effects` are functions of all its effects, one per capture.
-void SetErrors(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-               const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem) {
-  SetEffects(robot, model, effects, problem);
+// Returns a problem with errors of an arm; `effects` are functions of all its effects, one per capture.
+Problem WithErrorsOfRobot(Problem problem, size_t robot, const std::shared_ptr<const SharedEffects>& model,
+                          const std::vector<std::shared_ptr<const PoseEffect>>& effects) {
+  problem = WithEffects(std::move(problem), robot, model, effects);
   // The lengths of an arm are told from the size of a target by what is known about either.
-  for (ProblemTarget& target : problem->targets) {
+  for (ProblemTarget& target : problem.targets) {
     if (!target.scale_sigma) target.scale_sigma = AsMeasured(target.known_scale_sigma);
   }
+  return problem;
 }
 
 // Returns by how much the scales of a target that a solution has found contradict what is known about them; 0 if they
@@ -49,28 +50,29 @@ double Contradiction(const ProblemTarget& target, const Solution& solution, size
   return largest;
 }
 
-// Gives targets whose scales contradict what is known about them a prior that does not hide it. Returns whether there
-// are any.
-bool WidenScales(const Solution& solution, double robot_scale_sigma, Problem* problem) {
+// Returns a problem in which targets whose scales contradict what is known about them have a prior that does not hide
+// it; nothing if there are none.
+std::optional<Problem> WithWiderScales(Problem problem, const Solution& solution, double robot_scale_sigma) {
   bool has_any = false;
-  for (size_t t = 0; t < problem->targets.size(); ++t) {
-    ProblemTarget& target = problem->targets[t];
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    ProblemTarget& target = problem.targets[t];
     const double contradiction = Contradiction(target, solution, t, robot_scale_sigma);
     if (!target.scale_sigma || contradiction <= *target.scale_sigma) continue;
     target.scale_sigma = contradiction;
     has_any = true;
   }
-  return has_any;
+  return has_any ? std::optional(std::move(problem)) : std::nullopt;
 }
 
-// Adds what makes the noise of an arm's joints part of that of its poses, if it is known.
-void SetJoints(const ArmErrorModels& arm, size_t robot, const std::vector<size_t>& branches, Problem* problem) {
-  if (arm.joints_of_captures.empty()) return;
-  for (size_t i = 0; i < problem->captures.size(); ++i) {
-    std::vector<ArmPosture>& postures = problem->captures[i].postures;
-    postures.resize(problem->robots.size());
+// Returns a problem with what makes the noise of an arm's joints part of that of its poses, if it is known.
+Problem WithJoints(Problem problem, const ArmErrorModels& arm, size_t robot, const std::vector<size_t>& branches) {
+  if (arm.joints_of_captures.empty()) return problem;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    std::vector<ArmPosture>& postures = problem.captures[i].postures;
+    postures.resize(problem.robots.size());
     postures[robot].gripper_by_joints = arm.joints_of_captures[branches[i]][i];
   }
+  return problem;
 }
 
 // Returns the effects of the captures in these configurations.
@@ -114,14 +116,12 @@ std::optional<std::vector<size_t>> MostLikelyBranches(const ArmErrorModels& arm,
   const Solution& solution = model.judged.solution;
   Problem fixed = StartingFrom(WithFixedWeights(UsedPoints(model.problem, model.judged), solution), solution);
   for (size_t t = 0; t < parts.shapes.size(); ++t) {
-    if (parts.shapes[t]) SetShape(TargetShapeCombinations().back(), &fixed.targets[t]);
+    if (parts.shapes[t]) fixed.targets[t] = WithShape(std::move(fixed.targets[t]), TargetShapeCombinations().back());
   }
   const auto fit = [&](const std::vector<size_t>& branches) -> std::optional<FittedPostures<Solution>> {
-    Problem with_errors = fixed;
-    SetErrors(robot, ErrorsOfBranches(arm), EffectsIn(arm, branches), &with_errors);
     // The noise of the poses contains that of the joints where the captures do not determine it.
-    const Problem without_joints = with_errors;
-    SetJoints(arm, robot, branches, &with_errors);
+    const Problem without_joints = WithErrorsOfRobot(fixed, robot, ErrorsOfBranches(arm), EffectsIn(arm, branches));
+    Problem with_errors = WithJoints(without_joints, arm, robot, branches);
     Outcome<Solution> refined = RefineProblem(with_errors, solution.poses, options);
     if (!refined && !arm.joints_of_captures.empty()) {
       with_errors = without_joints;
@@ -185,17 +185,16 @@ Failure WhyNotEstimable(const SearchedModel& model, const ModelSpace& parts, siz
   return {};
 }
 
-// Adjusts a model as it is, from its adjustment, and judges the images. Returns the Failure if that fails, which
-// changes nothing.
-std::optional<Failure> Readjust(const Judge& judge, SearchedModel* model) {
-  JudgedProblem& judged = model->judged;
-  Outcome<Solution> solution = RefineProblem(StartingFrom(Without(model->problem, judged.left_out), judged.solution),
-                                             judged.solution.poses, model->options);
+// Adjusts a model as it is, from its adjustment, and judges the images. Returns the Failure if that fails.
+Outcome<SearchedModel> Readjusted(SearchedModel model, const Judge& judge) {
+  JudgedProblem& judged = model.judged;
+  Outcome<Solution> solution = RefineProblem(StartingFrom(Without(model.problem, judged.left_out), judged.solution),
+                                             judged.solution.poses, model.options);
   if (!solution) return solution.failure();
   judged.solution = std::move(*solution);
-  judged = judge(model->problem, std::move(judged), model->options);
-  model->is_fitted = true;
-  return std::nullopt;
+  judged = judge(model.problem, std::move(judged), model.options);
+  model.is_fitted = true;
+  return model;
 }
 
 // Returns the initial guess of a camera that has the model of a lens that was chosen.
@@ -205,38 +204,40 @@ const Camera& GuessOf(const Camera& chosen, const Camera& now, const std::vector
   return guess == lenses.end() || chosen.model == now.model ? now : *guess;
 }
 
-std::optional<Failure> ChooseOnce(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
-  const Solution& solution = model->judged.solution;
-  Problem used = Without(model->problem, model->judged.left_out);
+// As WithChosenParts, once.
+Outcome<SearchedModel> ChosenOnce(SearchedModel model, const ModelSpace& space, const Judge& judge) {
+  const Solution& solution = model.judged.solution;
+  Problem used = Without(model.problem, model.judged.left_out);
   for (size_t c = 0; c < used.cameras.size(); ++c) used.cameras[c].camera = solution.cameras[c];
   const Outcome<ProblemChoice> choice =
-      ChooseModel(used, solution.poses, model->options, space, model->is_fitted ? &solution : nullptr);
+      ChooseModel(used, solution.poses, model.options, space, model.is_fitted ? &solution : nullptr);
   if (!choice) return choice.failure();
-  bool is_same = model->is_fitted && HasModel(model->problem, model->options, choice->model);
+  bool is_same = model.is_fitted && HasModel(model.problem, model.options, choice->model);
   for (size_t c = 0; c < space.lenses.size(); ++c) {
-    Camera& camera = model->problem.cameras[c].camera;
+    Camera& camera = model.problem.cameras[c].camera;
     is_same = is_same && camera.model == choice->solution.cameras[c].model;
     camera = GuessOf(choice->solution.cameras[c], camera, space.lenses[c]);
   }
-  model->problem = WithModel(std::move(model->problem), choice->model, space);
-  model->options.robot = choice->model.robot;
-  model->options.robot_noise_prior = choice->options.robot_noise_prior;
-  model->model = choice->model;
-  model->alternatives = choice->alternatives;
-  if (!choice->lenses.empty()) model->lenses = choice->lenses;
+  model.problem = WithModel(std::move(model.problem), choice->model, space);
+  model.options.robot = choice->model.robot;
+  model.options.robot_noise_prior = choice->options.robot_noise_prior;
+  model.model = choice->model;
+  model.alternatives = choice->alternatives;
+  if (!choice->lenses.empty()) model.lenses = choice->lenses;
   // The images have been judged under this model.
-  if (is_same) return std::nullopt;
+  if (is_same) return model;
   for (const std::optional<RobotNoise>& noise : choice->solution.robot_noise) {
-    if (noise && !choice->alternatives.empty()) model->options.robot_noise_start = *noise;
+    if (noise && !choice->alternatives.empty()) model.options.robot_noise_start = *noise;
   }
-  model->judged.solution = choice->solution;
-  model->is_fitted = true;
+  model.judged.solution = choice->solution;
+  model.is_fitted = true;
   // A single model has been fitted to its own inliers already; otherwise all points are judged again. The points of the
   // choice are a sound selection, too.
-  if (choice->alternatives.empty() || Readjust(judge, model)) {
-    model->judged = judge(model->problem, std::move(model->judged), model->options);
+  if (!choice->alternatives.empty()) {
+    if (Outcome<SearchedModel> readjusted = Readjusted(model, judge)) return readjusted;
   }
-  return std::nullopt;
+  model.judged = judge(model.problem, std::move(model.judged), model.options);
+  return model;
 }
 
 // Returns the choice that keeps the judgement of the images.
@@ -259,9 +260,14 @@ Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::
            {"after_deg", RadToDeg(after->rotation_rad)}}};
 }
 
-// Adds the errors of the arms, as AddErrors.
-std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
-  SearchedModel with_errors = *model;
+// A model with errors of arms, as FindErrors.
+struct FoundArmErrors {
+  SearchedModel model;
+  std::vector<ArmErrorChoice> choices;
+};
+
+FoundArmErrors FindArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+  SearchedModel with_errors = model;
   ModelSpace parts = space.parts;
   parts.arms.resize(space.arms.size());
   std::vector<ArmErrorChoice> choices;
@@ -273,31 +279,31 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
     if (!has_models && arm.joints_of_captures.empty()) continue;
     ArmErrorChoice& choice = choices.emplace_back();
     choice.robot = r;
-    choice.noise_before = model->judged.solution.robot_noise[r];
-    if (has_models) choice.reason = WhyNotEstimable(*model, space.parts, r);
+    choice.noise_before = model.judged.solution.robot_noise[r];
+    if (has_models) choice.reason = WhyNotEstimable(model, space.parts, r);
     if (!choice.reason.empty()) continue;
-    std::optional<std::vector<size_t>> branches = MostLikelyBranches(arm, r, space.parts, *model);
+    std::optional<std::vector<size_t>> branches = MostLikelyBranches(arm, r, space.parts, model);
     if (!branches) {
       choice.reason = FailureCode("no_configuration_fits");
       continue;
     }
     choice.branches = std::move(*branches);
-    SetJoints(arm, r, choice.branches, &with_errors.problem);
+    with_errors.problem = WithJoints(std::move(with_errors.problem), arm, r, choice.branches);
     has_any = true;
     if (!has_models) continue;
     choice.model = arm.models.back();
     const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsIn(arm, choice.branches);
     if (arm.is_chosen) parts.arms[r] = {arm.models, true, {effects}};
     is_any_chosen = is_any_chosen || arm.is_chosen;
-    SetErrors(r, choice.model, effects, &with_errors.problem);
+    with_errors.problem = WithErrorsOfRobot(std::move(with_errors.problem), r, choice.model, effects);
   }
-  if (!has_any) return choices;
-  const auto decline_all = [&](const Failure& failure) {
+  if (!has_any) return {model, choices};
+  const auto decline_all = [&](const Failure& failure) -> FoundArmErrors {
     for (ArmErrorChoice& choice : choices) {
       choice.model = nullptr;
       if (choice.reason.empty()) choice.reason = {FailureCode("arm_refinement_failed"), {}, {}, {failure}};
     }
-    return choices;
+    return {model, choices};
   };
   // Captures in a region where the errors of an arm are large are no outliers of a model that has these errors. Such
   // captures come in clusters, which the model has to see before it can be asked.
@@ -309,16 +315,18 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
   parts.twists.clear();
   for (size_t t = 0; t < space.parts.shapes.size(); ++t) {
     if (!space.parts.shapes[t]) continue;
-    std::vector<TargetShapeGroup> shape = with_errors.problem.targets[t].free_shape;
-    SetGroup(TargetShapeGroup::kTwist, false, &shape);
-    SetShape(shape, &with_errors.problem.targets[t]);
+    ProblemTarget& target = with_errors.problem.targets[t];
+    target = WithShape(target, WithGroup(target.free_shape, TargetShapeGroup::kTwist, false));
   }
-  if (Readjust(judge, &with_errors)) {
+  Outcome<SearchedModel> adjusted = Readjusted(with_errors, judge);
+  if (!adjusted) {
     with_errors.problem = WithoutNoisyJoints(std::move(with_errors.problem));
-    if (const std::optional<Failure> failure = Readjust(judge, &with_errors)) return decline_all(*failure);
+    adjusted = Readjusted(with_errors, judge);
   }
-  if (const std::optional<Failure> failure = ChooseParts(parts, judge, &with_errors)) return decline_all(*failure);
-  ChooseTwists(space.parts.twists, &with_errors);
+  if (!adjusted) return decline_all(adjusted.failure());
+  const Outcome<SearchedModel> chosen = WithChosenParts(*adjusted, parts, judge);
+  if (!chosen) return decline_all(chosen.failure());
+  with_errors = WithChosenTwists(*chosen, space.parts.twists);
   for (ArmErrorChoice& choice : choices) {
     if (parts.arms[choice.robot].models.empty()) continue;
     choice.model = with_errors.model.effects[choice.robot];
@@ -333,18 +341,17 @@ std::vector<ArmErrorChoice> AddArmErrors(const ErrorSpace& space, const Judge& j
     // The others are judged without this arm.
     ErrorSpace without = space;
     without.arms[choice.robot] = {};
-    std::vector<ArmErrorChoice> of_others = AddArmErrors(without, judge, model);
+    FoundArmErrors of_others = FindArmErrors(model, without, judge);
     ArmErrorChoice declined = choice;
     declined.model = nullptr;
     declined.reason = reason;
-    of_others.push_back(std::move(declined));
+    of_others.choices.push_back(std::move(declined));
     return of_others;
   }
   const bool is_declined =
       is_any_chosen &&
       std::all_of(choices.begin(), choices.end(), [](const ArmErrorChoice& choice) { return choice.model == nullptr; });
-  if (!is_declined) *model = std::move(with_errors);
-  return choices;
+  return {is_declined ? model : std::move(with_errors), std::move(choices)};
 }
 
 // Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
@@ -364,14 +371,19 @@ bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, do
   return false;
 }
 
-// Adds the smooth errors, as AddErrors.
-std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
-  const bool is_free = model->options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
+// A model with smooth errors, as FindErrors.
+struct FoundSmoothErrors {
+  SearchedModel model;
   std::vector<AddedSmoothErrors> added;
-  if (space.smooth == SmoothPoseErrors::kNone || !is_free || model->options.robot_noise_prior) return added;
-  const Solution& solution = model->judged.solution;
-  SearchedModel with_errors = *model;
-  for (SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(UsedPoints(model->problem, model->judged), solution)) {
+};
+
+FoundSmoothErrors FindSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+  const bool is_free = model.options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
+  if (space.smooth == SmoothPoseErrors::kNone || !is_free || model.options.robot_noise_prior) return {model, {}};
+  const Solution& solution = model.judged.solution;
+  std::vector<AddedSmoothErrors> added;
+  SearchedModel with_errors = model;
+  for (SmoothErrorsOfArm& arm : FindSmoothErrorsOfArms(UsedPoints(model.problem, model.judged), solution)) {
     const double p_value = PValueWithout(arm.found);
     const bool are_likely = space.must_be_shown ? p_value < kRandomErrorsRejected : AreLikely(arm.found);
     if (space.smooth == SmoothPoseErrors::kAuto && !are_likely) continue;
@@ -379,26 +391,27 @@ std::vector<AddedSmoothErrors> AddSmoothErrors(const ErrorSpace& space, const Ju
     added.push_back({arm.robot, errors, solution.robot_noise[arm.robot].value_or(RobotNoise{}), p_value,
                      arm.found.log_likelihood_gain, arm.found.odds_without});
     std::vector<std::shared_ptr<const PoseEffect>> effects;
-    for (const ProblemCapture& capture : model->problem.captures) {
+    for (const ProblemCapture& capture : model.problem.captures) {
       effects.push_back(errors->EffectAt(capture.base_from_gripper[arm.robot]));
     }
-    SetErrors(arm.robot, std::make_shared<const SharedEffects>(errors->effects()), effects, &with_errors.problem);
+    with_errors.problem = WithErrorsOfRobot(std::move(with_errors.problem), arm.robot,
+                                            std::make_shared<const SharedEffects>(errors->effects()), effects);
   }
-  if (added.empty()) return added;
+  if (added.empty()) return {model, {}};
   ModelSpace parts = space.parts;
   parts.robot_noise = false;
   with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
   with_errors.is_fitted = false;
-  SearchedModel widened = with_errors;
-  if (ChooseParts(parts, judge, &with_errors)) return {};
+  Outcome<SearchedModel> chosen = WithChosenParts(with_errors, parts, judge);
+  if (!chosen) return {model, {}};
   // A prior on the size of a target must not make its contradiction one of the robot. With white noise alone, the size
   // may seem to be wrong because the robot is.
-  if (WidenScales(solution, space.robot_scale_sigma, &widened.problem) && !ChooseParts(parts, judge, &widened) &&
-      IsSizeWrong(with_errors, widened, space.robot_scale_sigma)) {
-    with_errors = std::move(widened);
+  if (std::optional<Problem> wider = WithWiderScales(with_errors.problem, solution, space.robot_scale_sigma)) {
+    with_errors.problem = *std::move(wider);
+    Outcome<SearchedModel> widened = WithChosenParts(with_errors, parts, judge);
+    if (widened && IsSizeWrong(*chosen, *widened, space.robot_scale_sigma)) chosen = std::move(widened);
   }
-  *model = std::move(with_errors);
-  return added;
+  return {*std::move(chosen), std::move(added)};
 }
 
 }  // namespace
@@ -426,14 +439,11 @@ std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& s
   return WithJointNoise(*noise, by_joints);
 }
 
-std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model) {
-  SearchedModel chosen = *model;
-  if (const std::optional<Failure> failure = ChooseOnce(space, judge, &chosen)) return failure;
-  SearchedModel again = chosen;
-  const bool has_other_images = chosen.judged.left_out != model->judged.left_out;
-  if (has_other_images && !ChooseOnce(space, KeepImages, &again)) chosen = std::move(again);
-  *model = std::move(chosen);
-  return std::nullopt;
+Outcome<SearchedModel> WithChosenParts(const SearchedModel& model, const ModelSpace& space, const Judge& judge) {
+  Outcome<SearchedModel> chosen = ChosenOnce(model, space, judge);
+  if (!chosen || chosen->judged.left_out == model.judged.left_out) return chosen;
+  Outcome<SearchedModel> again = ChosenOnce(*chosen, space, KeepImages);
+  return again ? again : chosen;
 }
 
 namespace {
@@ -450,28 +460,28 @@ double NoiseVolume(const SearchedModel& model) {
 
 }  // namespace
 
-void ChooseTwists(const std::vector<bool>& twists, SearchedModel* model) {
-  if (std::find(twists.begin(), twists.end(), true) == twists.end()) return;
+SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<bool>& twists) {
+  if (std::find(twists.begin(), twists.end(), true) == twists.end()) return model;
   ModelSpace space;
   space.twists = twists;
-  SearchedModel chosen = *model;
-  if (ChooseOnce(space, KeepImages, &chosen)) return;
-  if (NoiseVolume(chosen) > NoiseVolume(*model)) return;
+  Outcome<SearchedModel> chosen = ChosenOnce(model, space, KeepImages);
+  if (!chosen || NoiseVolume(*chosen) > NoiseVolume(model)) return model;
   // The choice is one among models with the same errors of arms.
-  chosen.model.effects = model->model.effects;
-  for (ProblemAlternative& one : chosen.alternatives) one.model.effects = model->model.effects;
-  chosen.alternatives.insert(chosen.alternatives.begin(), model->alternatives.begin(), model->alternatives.end());
-  chosen.lenses = model->lenses;
-  *model = std::move(chosen);
+  chosen->model.effects = model.model.effects;
+  for (ProblemAlternative& one : chosen->alternatives) one.model.effects = model.model.effects;
+  chosen->alternatives.insert(chosen->alternatives.begin(), model.alternatives.begin(), model.alternatives.end());
+  chosen->lenses = model.lenses;
+  return *std::move(chosen);
 }
 
-FoundErrors AddErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model) {
-  FoundErrors found;
-  found.arms = AddArmErrors(space, judge, model);
-  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(model->problem, MovingRobots(model->problem));
+FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+  FoundArmErrors of_arms = FindArmErrors(model, space, judge);
+  const Problem& problem = of_arms.model.problem;
+  const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
   const bool has_noisy_joints = std::any_of(num_joints.begin(), num_joints.end(), [](Eigen::Index n) { return n > 0; });
-  if (!has_noisy_joints) found.smooth = AddSmoothErrors(space, judge, model);
-  return found;
+  if (has_noisy_joints) return {std::move(of_arms.model), std::move(of_arms.choices), {}};
+  FoundSmoothErrors smooth = FindSmoothErrors(of_arms.model, space, judge);
+  return {std::move(smooth.model), std::move(of_arms.choices), std::move(smooth.added)};
 }
 
 }  // namespace heba

@@ -24,15 +24,15 @@ struct SearchedModel {
 };
 
 // Chooses the parts of `space`, adjusts with them and judges the images, and chooses again if that leaves out others.
-// Returns the Failure if no model can be fitted, which changes nothing.
-std::optional<Failure> ChooseParts(const ModelSpace& space, const Judge& judge, SearchedModel* model);
+// Returns the Failure if no model can be fitted.
+Outcome<SearchedModel> WithChosenParts(const SearchedModel& model, const ModelSpace& space, const Judge& judge);
 
 // Chooses the twists of these targets (ModelSpace::twists) with all else as it is: the images are not judged again. A
 // twist resembles errors of an arm, and images that show either must not be left out for the other. It also resembles
 // what a lens leaves over, which the likelihood takes for a shape because many points of each image share it; the true
 // shape brings images and arms together, so that a twist by which the noise of the arms' poses grows is not taken.
-// Changes nothing if no such model can be fitted.
-void ChooseTwists(const std::vector<bool>& twists, SearchedModel* model);
+// Returns the model as it is if no such model can be fitted.
+SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<bool>& twists);
 
 // The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
@@ -46,6 +46,7 @@ struct ErrorSpace {
 };
 
 struct FoundErrors {
+  SearchedModel model;               // With the errors that are part of it.
   std::vector<ArmErrorChoice> arms;  // One entry for each arm that has models to choose from.
   std::vector<AddedSmoothErrors> smooth;
 };
@@ -53,12 +54,12 @@ struct FoundErrors {
 // Returns the noise of an arm's poses, that of its joints included (WithJointNoise); nothing if the arm has none.
 std::optional<RobotNoise> NoiseOfPoses(const Problem& problem, const Solution& solution, size_t robot);
 
-// Makes the errors of the arms part of a model if the captures require them or if they are wanted without a choice
-// (ArmErrorModels), and errors that vary smoothly with the pose of the arms of which no others are estimated. The model
-// stays as it is if there are none.
+// Returns a model with the errors of the arms if the captures require them or if they are wanted without a choice
+// (ArmErrorModels), and with errors that vary smoothly with the pose of the arms of which no others are estimated; the
+// model as it is if there are none.
 //
 // The configuration of an arm is that of the largest restricted likelihood with the largest model. The models of all
 // arms are then chosen together, and with them the other parts.
-FoundErrors AddErrors(const ErrorSpace& space, const Judge& judge, SearchedModel* model);
+FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge);
 
 }  // namespace heba

@@ -245,8 +245,7 @@ std::vector<WeakDirection> DirectionsOfCamera(const Problem& problem, const Solu
                         target.name.empty() ? "target" : "target " + target.name, distance_m));
   }
   add(IntrinsicDirections(solution.covariance, layout.Block(CameraBlock(of_rig)), solution.cameras[camera]));
-  SortByNeed(&directions);
-  return directions;
+  return ByNeed(std::move(directions));
 }
 
 std::vector<CandidateCaptures> FindCandidates(const Problem& used, const Solution& solution) {

@@ -37,10 +37,10 @@ namespace heba {
 namespace {
 
 // Adds the views with too few points for a pose of their own that agree with the refined solution, because they still
-// contribute to the bundle adjustment, and lists the others as unused. The solution is kept as it was if the refinement
-// with them fails.
-void AddFewPointViews(const std::vector<View>& few, const PairCalibrationOptions& options,
-                      PairCalibration* calibration) {
+// contribute to the bundle adjustment, and lists the others as unused. The solution is as it was if the refinement with
+// them fails.
+PairCalibration WithFewPointViews(PairCalibration calibration, const std::vector<View>& few,
+                                  const PairCalibrationOptions& options) {
   const auto unused_view = [](const View& view, const std::string& reason) -> UnusedView {
     return {view.name, view.capture, std::to_string(view.observations.size()) + " points" + reason};
   };
@@ -48,13 +48,13 @@ void AddFewPointViews(const std::vector<View>& few, const PairCalibrationOptions
   std::vector<UnusedView> unused;
   std::optional<double> used_rms_px;
   // The reading order of a target with symmetries can only be determined from a pose.
-  if (calibration->refined && options.symmetries.size() == 1) {
-    const PairSolution& solution = *calibration->refined;
+  if (calibration.refined && options.symmetries.size() == 1) {
+    const PairSolution& solution = *calibration.refined;
     const std::optional<SquaredErrors> used =
         ReprojectionErrors(solution.hand_eye, solution.camera,
-                           ApplyShape(CorrectedViews(options.setup, calibration->views, solution), solution.shape));
+                           ApplyShape(CorrectedViews(options.setup, calibration.views, solution), solution.shape));
     if (used) used_rms_px = used->RmsPx();
-    joined = calibration->views;
+    joined = calibration.views;
   }
   for (const View& view : few) {
     if (!used_rms_px || view.observations.size() == 0) {
@@ -62,7 +62,7 @@ void AddFewPointViews(const std::vector<View>& few, const PairCalibrationOptions
       continue;
     }
     constexpr double kMaxRatio = 3;
-    const PairSolution& solution = *calibration->refined;
+    const PairSolution& solution = *calibration.refined;
     const std::optional<SquaredErrors> errors =
         ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(options.setup, view, solution)),
                    ApplyShape(view.observations, solution.shape));
@@ -72,19 +72,20 @@ void AddFewPointViews(const std::vector<View>& few, const PairCalibrationOptions
       unused.push_back(unused_view(view, ", too few for a pose, and not where the other captures predict them"));
     }
   }
-  if (used_rms_px && joined.size() > calibration->views.size()) {
-    const PairSolution& solution = *calibration->refined;
+  if (used_rms_px && joined.size() > calibration.views.size()) {
+    const PairSolution& solution = *calibration.refined;
     Outcome<PairSolution> refined =
-        RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration->bundle);
+        RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration.bundle);
     if (refined) {
-      calibration->refined = std::move(refined);
-      calibration->views = std::move(joined);
+      calibration.refined = std::move(refined);
+      calibration.views = std::move(joined);
     } else {
       unused.clear();
       for (const View& view : few) unused.push_back(unused_view(view, "; a pose requires 4"));
     }
   }
-  calibration->unused.insert(calibration->unused.begin(), unused.begin(), unused.end());
+  calibration.unused.insert(calibration.unused.begin(), unused.begin(), unused.end());
+  return calibration;
 }
 
 // Returns the initial guesses of the refinement, the preferred one first. Empty if there is none.
@@ -156,7 +157,7 @@ JudgedProblem JudgeFirst(const SearchedModel& model, bool may_have_shape) {
   options.loss = LossKind::kTruncated;
   std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
   shapes.push_back(shapes.back());
-  SetGroup(TargetShapeGroup::kTwist, true, &shapes.back());
+  shapes.back() = WithGroup(std::move(shapes.back()), TargetShapeGroup::kTwist, true);
   std::reverse(shapes.begin(), shapes.end());  // The largest combination that is determined.
   for (const std::vector<TargetShapeGroup>& shape : shapes) {
     if (!may_have_shape || shape.empty()) break;
@@ -181,45 +182,46 @@ JudgedProblem SettleDoubts(const Problem& problem, JudgedProblem at, const Adjus
   return can_judge && has_doubt ? SettleCaptures(problem, std::move(at), options) : at;
 }
 
-// Lists the captures that stay rejected, each with the reason under the final estimate.
-void NameLeftOut(const PairCalibrationOptions& options, PairCalibration* calibration) {
-  const std::vector<View>& left_out = calibration->left_out;
-  if (left_out.empty()) return;
-  const SearchedModel of_all = AsProblem(*calibration, options).model;
+// Returns the captures that stay rejected, each with the reason under the final estimate.
+std::vector<UnusedView> NamedLeftOut(const PairCalibration& calibration, const PairCalibrationOptions& options) {
+  const std::vector<View>& left_out = calibration.left_out;
+  if (left_out.empty()) return {};
+  std::vector<UnusedView> unused;
+  const SearchedModel of_all = AsProblem(calibration, options).model;
   const std::vector<CaptureVerdict> verdicts =
       TestLeftOutCaptures(of_all.problem, of_all.judged.solution, CapturesOf(of_all.judged.left_out));
-  const std::vector<std::string> shared = SharedCauses(options.setup, left_out, calibration->views);
+  const std::vector<std::string> shared = SharedCauses(options.setup, left_out, calibration.views);
   for (size_t k = 0; k < left_out.size(); ++k) {
     const std::string causes =
         shared[k].empty() ? "wrong pose for the image, robot not settled, or target misread" : shared[k];
-    calibration->unused.push_back(
-        {left_out[k].name, left_out[k].capture,
-         WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup, causes)});
+    unused.push_back({left_out[k].name, left_out[k].capture,
+                      WhyWrong(left_out[k], verdicts[k].p_value, *calibration.refined, options.setup, causes)});
   }
+  return unused;
 }
 
-// Removes the points that the refinement rejected, so that all methods and figures use the same points. Returns
-// whether there were any.
-bool LeaveOutRejected(PairCalibration* calibration) {
-  const PairSolution& solution = *calibration->refined;
+// Returns a calibration without the points that the refinement rejected, so that all methods and figures use the same
+// points; nothing if there are none.
+std::optional<PairCalibration> WithoutRejectedPoints(const PairCalibration& calibration) {
+  const PairSolution& solution = *calibration.refined;
   const bool has_rejected = std::any_of(solution.views.begin(), solution.views.end(),
                                         [](const ViewOutcome& view) { return !view.rejected_ids.empty(); });
-  if (!has_rejected) return false;
+  if (!has_rejected) return std::nullopt;
   // Views that keep enough points for a pose come first; the order within both groups is kept.
   std::vector<size_t> order;
   std::vector<Observations> kept;
-  for (size_t i = 0; i < calibration->views.size(); ++i) {
-    kept.push_back(WithoutPoints(calibration->views[i].observations, solution.views[i].rejected_ids));
+  for (size_t i = 0; i < calibration.views.size(); ++i) {
+    kept.push_back(WithoutPoints(calibration.views[i].observations, solution.views[i].rejected_ids));
     order.push_back(i);
   }
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
     const auto rank = [&](size_t i) { return kept[i].size() >= kMinPosePoints ? 0 : kept[i].size() > 0 ? 1 : 2; };
     return rank(a) < rank(b);
   });
-  PairCalibration cleaned = *calibration;
+  PairCalibration cleaned = calibration;
   for (size_t k = 0; k < order.size(); ++k) {
     const size_t i = order[k];
-    cleaned.views[k] = calibration->views[i];
+    cleaned.views[k] = calibration.views[i];
     cleaned.views[k].observations = kept[i];
     cleaned.refined->views[k] = solution.views[i];
   }
@@ -235,11 +237,10 @@ bool LeaveOutRejected(PairCalibration* calibration) {
     cleaned.refined->views.pop_back();
   }
   for (size_t i = 0; i < solution.views.size(); ++i) {
-    if (!solution.views[i].rejected_ids.empty()) cleaned.with_rejected.push_back(calibration->views[i]);
+    if (!solution.views[i].rejected_ids.empty()) cleaned.with_rejected.push_back(calibration.views[i]);
   }
   cleaned.pairs = PosePairsOf(cleaned.camera, solution.hand_eye, cleaned.views);
-  *calibration = std::move(cleaned);
-  return true;
+  return cleaned;
 }
 
 // A camera to start with, and the groups of its intrinsics that are free.
@@ -257,27 +258,30 @@ struct CameraStarts {
   Failure refused;                              // Why the wanted camera could not be estimated; empty if it could.
 };
 
-// Adds starts that hold one more group of the intrinsics each.
-void AddHeldStarts(const Camera& camera, std::vector<ParameterGroup> free, std::vector<CameraStart>* starts) {
+// Returns starts that hold one more group of the intrinsics each.
+std::vector<CameraStart> HeldStarts(const Camera& camera, std::vector<ParameterGroup> free) {
+  std::vector<CameraStart> starts;
   for (const ParameterGroup group :
        {ParameterGroup::kDistortion, ParameterGroup::kPrincipalPoint, ParameterGroup::kFocal}) {
     const size_t num_freed = std::erase(free, group);
-    if (num_freed > 0) starts->push_back({camera, free});
+    if (num_freed > 0) starts.push_back({camera, free});
   }
+  return starts;
 }
 
-// Adds the starts with the smaller models, and those that hold the intrinsics that the captures by themselves
-// determine.
-void AddSmallerStarts(const std::vector<View>& views, const PairCalibrationOptions& options, CameraStarts* cameras) {
+// Returns the starts together with those of the smaller models, and those that hold the intrinsics that the captures by
+// themselves determine.
+CameraStarts WithSmallerStarts(CameraStarts cameras, const std::vector<View>& views,
+                               const PairCalibrationOptions& options) {
   const std::vector<ParameterGroup>& free = options.bundle.free_intrinsics;
-  for (const std::string& model : cameras->smaller_models) {
+  for (const std::string& model : cameras.smaller_models) {
     Outcome<Camera> camera = EstimateIntrinsics(views, model, options.width_px, options.height_px);
-    if (camera) cameras->starts.push_back({std::move(*camera), free});
+    if (camera) cameras.starts.push_back({std::move(*camera), free});
   }
-  cameras->smaller_models.clear();
-  if (cameras->starts.empty()) return;
-  const Camera last = cameras->starts.back().camera;
-  if (!options.camera) AddHeldStarts(last, free, &cameras->starts);
+  cameras.smaller_models.clear();
+  if (cameras.starts.empty() || options.camera) return cameras;
+  for (CameraStart& held : HeldStarts(cameras.starts.back().camera, free)) cameras.starts.push_back(std::move(held));
+  return cameras;
 }
 
 // Returns the cameras to start with. Returns a Failure if none can be estimated.
@@ -286,7 +290,7 @@ Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const Pai
   CameraStarts cameras;
   if (options.camera) {
     cameras.starts.push_back({*options.camera, free});
-    AddHeldStarts(*options.camera, free, &cameras.starts);
+    for (CameraStart& held : HeldStarts(*options.camera, free)) cameras.starts.push_back(std::move(held));
     return cameras;
   }
   if (options.choose_camera_model) {
@@ -316,7 +320,7 @@ Outcome<CameraStarts> FindCameraStarts(const std::vector<View>& views, const Pai
       cameras.refused = wanted.failure();
     }
     cameras.smaller_models = SmallerCameraModels(options.camera_model);
-    if (!wanted) AddSmallerStarts(views, options, &cameras);
+    if (!wanted) cameras = WithSmallerStarts(std::move(cameras), views, options);
     if (cameras.starts.empty()) return cameras.refused;
   }
   return cameras;
@@ -438,16 +442,16 @@ Started StartFrom(const std::vector<View>& views, const PairCalibrationOptions& 
   return started;
 }
 
-// Recomputes the poses of the target, for the camera of the calibration and captures that were taken back. A capture
-// without a pose keeps those after it from having one.
-void UpdatePairs(PairCalibration* calibration) {
-  std::vector<View> posed = calibration->views;
-  std::vector<PosePair> pairs = PosePairsOf(calibration->camera, calibration->refined->hand_eye, posed);
+// Returns the pairs with the poses of the target for the camera of the calibration and captures that were taken back. A
+// capture without a pose keeps those after it from having one.
+std::vector<PosePair> UpdatedPairs(const PairCalibration& calibration) {
+  std::vector<View> posed = calibration.views;
+  std::vector<PosePair> pairs = PosePairsOf(calibration.camera, calibration.refined->hand_eye, posed);
   if (pairs.size() != posed.size()) {
-    posed.resize(calibration->pairs.size());
-    pairs = PosePairsOf(calibration->camera, calibration->refined->hand_eye, posed);
+    posed.resize(calibration.pairs.size());
+    pairs = PosePairsOf(calibration.camera, calibration.refined->hand_eye, posed);
   }
-  if (pairs.size() == posed.size()) calibration->pairs = std::move(pairs);
+  return pairs.size() == posed.size() ? pairs : calibration.pairs;
 }
 
 // Returns the groups of the target's shape that a finding `target_shape_ignored` names; none without one.
@@ -490,66 +494,79 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   return Join(names, ", ");
 }
 
-// Lists the models without smooth errors that were compared before, the chosen one of which was then compared with the
-// one with smooth errors.
-void AddModelsBefore(const AddedSmoothErrors& found, const PairCalibration& before, PairCalibration* calibration) {
+// Returns the models that were compared, behind those without smooth errors that were compared before, the chosen one
+// of which was then compared with the one with smooth errors.
+std::vector<ModelAlternative> WithModelsBefore(const PairCalibration& calibration, const AddedSmoothErrors& found,
+                                               const PairCalibration& before) {
   const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
-  const ErrorModel with{calibration->bundle.robot, before.bundle.free_shape, calibration->bundle.effects};
-  const auto entry_of = [](std::vector<ModelAlternative>* alternatives, const ErrorModel& model,
-                           const std::optional<RobotNoise>& robot_noise) {
-    const auto entry = std::find_if(alternatives->begin(), alternatives->end(), [&](const ModelAlternative& other) {
+  const ErrorModel with{calibration.bundle.robot, before.bundle.free_shape, calibration.bundle.effects};
+  const auto place_of = [](const std::vector<ModelAlternative>& alternatives, const ErrorModel& model) {
+    const auto entry = std::find_if(alternatives.begin(), alternatives.end(), [&](const ModelAlternative& other) {
       return other.model.robot == model.robot && other.model.shape == model.shape &&
              other.model.effects == model.effects;
     });
-    if (entry != alternatives->end()) return entry;
-    return alternatives->insert(alternatives->end(), {model, 0, robot_noise, DofOf(model), std::nullopt});
+    return static_cast<size_t>(entry - alternatives.begin());
   };
-  std::vector<ModelAlternative> alternatives = before.alternatives;
-  const double log_likelihood_with =
-      entry_of(&calibration->alternatives, with, calibration->refined->robot_noise)->log_likelihood;
-  const auto chosen = entry_of(&alternatives, without, before.refined->robot_noise);
-  const double shift = log_likelihood_with - found.log_likelihood_gain - chosen->log_likelihood;
-  chosen->p = found.p_value_without;
-  chosen->odds = found.odds_without;
-  for (ModelAlternative& alternative : alternatives) alternative.log_likelihood += shift;
-  alternatives.insert(alternatives.end(), calibration->alternatives.begin(), calibration->alternatives.end());
-  calibration->alternatives = std::move(alternatives);
+  std::vector<ModelAlternative> after = calibration.alternatives;
+  const size_t place_with = place_of(after, with);
+  if (place_with == after.size()) {
+    after.push_back({with, 0, calibration.refined->robot_noise, DofOf(with), std::nullopt});
+  }
+  std::vector<ModelAlternative> all = before.alternatives;
+  const size_t place_without = place_of(all, without);
+  if (place_without == all.size()) {
+    all.push_back({without, 0, before.refined->robot_noise, DofOf(without), std::nullopt});
+  }
+  ModelAlternative& chosen = all[place_without];
+  const double shift = after[place_with].log_likelihood - found.log_likelihood_gain - chosen.log_likelihood;
+  chosen.p = found.p_value_without;
+  chosen.odds = found.odds_without;
+  for (ModelAlternative& alternative : all) alternative.log_likelihood += shift;
+  all.insert(all.end(), after.begin(), after.end());
+  return all;
 }
 
-// Gives the points back that the refinement rejected.
-void TakeBackRejected(PairCalibration* calibration) {
-  for (View& before : calibration->with_rejected) {
-    const auto used = std::find_if(calibration->views.begin(), calibration->views.end(),
+// Returns a calibration with the points that the refinement rejected.
+PairCalibration WithRejectedPoints(PairCalibration calibration) {
+  for (View& before : calibration.with_rejected) {
+    const auto used = std::find_if(calibration.views.begin(), calibration.views.end(),
                                    [&](const View& view) { return view.capture == before.capture; });
-    if (used != calibration->views.end()) {
+    if (used != calibration.views.end()) {
       used->observations = std::move(before.observations);
       continue;
     }
-    std::erase_if(calibration->unused, [&](const UnusedView& unused) { return unused.capture == before.capture; });
-    calibration->views.push_back(std::move(before));
-    ViewOutcome& outcome = calibration->refined->views.emplace_back();
-    if (calibration->refined->robot_noise) outcome.correction = Rigid3d();
+    std::erase_if(calibration.unused, [&](const UnusedView& unused) { return unused.capture == before.capture; });
+    calibration.views.push_back(std::move(before));
+    ViewOutcome& outcome = calibration.refined->views.emplace_back();
+    if (calibration.refined->robot_noise) outcome.correction = Rigid3d();
   }
-  calibration->with_rejected.clear();
+  calibration.with_rejected.clear();
+  return calibration;
 }
 
-// Ends a calibration: names the captures that are left out, removes rejected points, and runs the methods on what is
-// used. `has_methods`: whether their results are there already, for these captures with this camera.
-void Finish(const PairCalibrationOptions& options, bool has_methods, PairCalibration* calibration) {
-  if (calibration->refined) NameLeftOut(options, calibration);
-  if (calibration->refined && !has_methods) UpdatePairs(calibration);
-  const bool has_fewer_points = calibration->refined && LeaveOutRejected(calibration);
-  if (!has_methods || has_fewer_points) calibration->methods = RunMethods(*calibration);
-  calibration->methods = Reported(calibration->methods, options.methods);
-  if (calibration->refined) calibration->chain = RefineChain(calibration->pairs, calibration->refined->hand_eye);
+// Returns a calibration at its end: with the captures that are left out named, without rejected points, and with the
+// methods on what is used. `has_methods`: whether their results are there already, for these captures with this camera.
+PairCalibration Finished(PairCalibration calibration, const PairCalibrationOptions& options, bool has_methods) {
+  if (calibration.refined) {
+    const std::vector<UnusedView> left_out = NamedLeftOut(calibration, options);
+    calibration.unused.insert(calibration.unused.end(), left_out.begin(), left_out.end());
+    if (!has_methods) calibration.pairs = UpdatedPairs(calibration);
+    if (std::optional<PairCalibration> cleaned = WithoutRejectedPoints(calibration)) {
+      calibration = *std::move(cleaned);
+      has_methods = false;
+    }
+  }
+  if (!has_methods) calibration.methods = RunMethods(calibration);
+  calibration.methods = Reported(calibration.methods, options.methods);
+  if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
+  return calibration;
 }
 
-// Notes that the captures did not determine the camera that the options ask for.
-void NoteReduction(const Failure& reason, const PairCalibrationOptions& wanted, PairCalibration* calibration) {
+// Returns whether a calibration has another camera, or holds more of it, than the options ask for.
+bool IsReduced(const PairCalibration& calibration, const PairCalibrationOptions& wanted) {
   const bool has_other_model =
-      !wanted.camera && !wanted.choose_camera_model && calibration->camera.model != wanted.camera_model;
-  const bool holds_more = calibration->bundle.free_intrinsics != wanted.bundle.free_intrinsics;
-  if (has_other_model || holds_more) calibration->reduced_camera = reason;
+      !wanted.camera && !wanted.choose_camera_model && calibration.camera.model != wanted.camera_model;
+  return has_other_model || calibration.bundle.free_intrinsics != wanted.bundle.free_intrinsics;
 }
 
 }  // namespace
@@ -563,7 +580,9 @@ Outcome<PairCalibration> CalibratePair(const std::vector<View>& views, const Pai
   // A camera that the captures do not determine steps down to one that they do.
   Started started = StartFrom(views, options, cameras->starts.front());
   Failure refused = cameras->refused;
-  if (!started.calibration.refined && refused.empty()) AddSmallerStarts(views, options, &*cameras);
+  if (!started.calibration.refined && refused.empty()) {
+    cameras = WithSmallerStarts(*std::move(cameras), views, options);
+  }
   for (size_t k = 1; k < cameras->starts.size() && !started.calibration.refined; ++k) {
     Started other = StartFrom(views, options, cameras->starts[k]);
     if (!other.calibration.refined) continue;
@@ -582,8 +601,7 @@ Outcome<PairCalibration> CalibratePair(const std::vector<View>& views, const Pai
   std::vector<MethodResult> results = std::move(started.results);
   if (!calibration.refined) {
     calibration.methods = Reported(results, options.methods);
-    AddFewPointViews(started.too_few, options, &calibration);
-    return calibration;
+    return WithFewPointViews(std::move(calibration), started.too_few, options);
   }
   calibration.methods = std::move(results);
   const std::string start_model = calibration.camera.model;
@@ -592,17 +610,19 @@ Outcome<PairCalibration> CalibratePair(const std::vector<View>& views, const Pai
     problem.model.judged = JudgeFirst(problem.model, options.choose.target_shape);
   }
   problem.model.is_fitted = false;  // With an exact robot, and maybe another shape.
-  if (const std::optional<Failure> failure = ChooseParts(SpaceOf(options, problem), SettleDoubts, &problem.model)) {
-    calibration.refined = *failure;
+  Outcome<SearchedModel> chosen = WithChosenParts(problem.model, SpaceOf(options, problem), SettleDoubts);
+  if (chosen) {
+    problem.model = *std::move(chosen);
+    calibration =
+        WithModelOf(std::move(calibration), problem, options.choose.effects.empty() ? options.bundle.effects : nullptr);
+    // The captures did not determine the camera.
+    if (IsReduced(calibration, options_in)) calibration.reduced_camera = refused;
   } else {
-    TakeModel(problem, options.choose.effects.empty() ? options.bundle.effects : nullptr, &calibration);
+    calibration.refined = chosen.failure();
   }
-  if (calibration.refined) NoteReduction(refused, options_in, &calibration);
   const bool has_methods = calibration.pairs.size() == started.num_posed && calibration.left_out.empty() &&
                            calibration.camera.model == start_model;
-  Finish(options, has_methods, &calibration);
-  AddFewPointViews(started.too_few, options, &calibration);
-  return calibration;
+  return WithFewPointViews(Finished(std::move(calibration), options, has_methods), started.too_few, options);
 }
 
 Outcome<PairCalibration> CalibratePart(const PairCalibration& full, const std::vector<View>& part,
@@ -630,7 +650,8 @@ Outcome<PairCalibration> CalibratePart(const PairCalibration& full, const std::v
   }
   calibration.seed = full.seed;
   BundleOptions near_full = calibration.bundle;
-  StartFromNoise({full.refined->pixel_sigma_px}, full.refined->robot_noise, &near_full);
+  AdjustmentOptions& near_noise = near_full;
+  near_noise = StartingFromNoise(near_noise, {full.refined->pixel_sigma_px}, full.refined->robot_noise);
   if (near_full.effects != nullptr) near_full.effects = StartingFrom(*near_full.effects, full.refined->effect_sigmas);
   calibration.refined = RefineHandEye(ProblemOf(calibration, options), full.refined->hand_eye, near_full);
   if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
@@ -641,8 +662,7 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
                                       const RobotErrors& errors) {
   CHECK(before.refined.ok());
   RobotErrorsFound found{before, options, std::nullopt, std::nullopt};
-  PairCalibration calibration = before;
-  TakeBackRejected(&calibration);
+  PairCalibration calibration = WithRejectedPoints(before);
   CalibrationProblem problem = InOrder(AsProblem(calibration, options));
   ErrorSpace space;
   space.parts = SpaceOf(options, problem);
@@ -658,7 +678,8 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
   for (auto& effects : arm.effects_of_captures) effects = of_views(effects);
   for (auto& joints : arm.joints_of_captures) joints = of_views(joints);
   for (auto& positions : arm.positions_of_captures) positions = of_views(positions);
-  FoundErrors of_model = AddErrors(space, SettleCaptures, &problem.model);
+  FoundErrors of_model = FindErrors(problem.model, space, SettleCaptures);
+  problem.model = std::move(of_model.model);
   if (!of_model.arms.empty()) found.arm = std::move(of_model.arms.front());
   if (!of_model.smooth.empty()) found.smooth = std::move(of_model.smooth.front());
   const bool has_arm = found.arm && found.arm->reason.empty();
@@ -694,18 +715,20 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
     for (const View& view : problem.views) captures.push_back(view.capture);
     found.arm->branches = BranchesOfAll(errors.arm, captures, found.arm->branches);
   }
-  TakeModel(problem, fixed, &calibration);
-  Finish(with_errors, false, &calibration);
-  if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) AddModelsBefore(*found.smooth, before, &calibration);
+  calibration = Finished(WithModelOf(std::move(calibration), problem, fixed), with_errors, false);
+  if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) {
+    calibration.alternatives = WithModelsBefore(calibration, *found.smooth, before);
+  }
   found.calibration = std::move(calibration);
   return found;
 }
 
-void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance) {
+Covariance WithChanges(Covariance covariance, const std::vector<Eigen::VectorXd>& changes) {
   for (const Eigen::VectorXd& change : changes) {
-    CHECK_EQ(change.size(), covariance->matrix.rows());
-    covariance->matrix += change * change.transpose();
+    CHECK_EQ(change.size(), covariance.matrix.rows());
+    covariance.matrix += change * change.transpose();
   }
+  return covariance;
 }
 
 Advice Advise(const PairCalibration& calibration, const PairCalibrationOptions& options) {

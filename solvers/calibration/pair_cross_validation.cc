@@ -39,8 +39,8 @@ Outcome<FoldErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& hel
   FoldErrors fold;
   for (size_t i = 0; i < held_out.views.size(); ++i) {
     const View& view = held_out.views[i];
-    AddImage(held_out.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations,
-             held_out.poses[i], view.capture, &fold.errors);
+    fold.errors.AddImage(held_out.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount),
+                         view.observations, held_out.poses[i], view.capture);
   }
   if (fold.errors.has_hidden) return Failure{FailureCode("hidden_held_out")};
   return fold;

@@ -20,7 +20,7 @@ struct EstimatedPoints {
   std::vector<PointOffsets> offsets;  // One per target of the problem.
   double sigma_m = 0;                 // One sigma of each coordinate of the points, about their design.
   double p_value = 1;                 // The probability of so large a likelihood ratio if the points are as designed.
-  // The changes of the estimate by what the offsets leave open, as the columns that AddChanges takes.
+  // The changes of the estimate by what the offsets leave open, as the columns that WithChanges takes.
   std::vector<Eigen::VectorXd> changes;
 };
 

@@ -51,27 +51,34 @@ Failure WhyNoStart(const std::vector<MethodResult>& results, const std::string& 
   return last;
 }
 
+// The refinement with the chosen errors, and the models among which was chosen.
+struct ChosenChain {
+  FittedChain fitted;
+  std::vector<ModelAlternative> alternatives;
+};
+
 // Refines with the noise of the robot and the simplest systematic errors that the pairs do not reject.
-Outcome<PairSolution> RefineWithChosenErrors(const PoseCalibrationOptions& options, const HandEye& start,
-                                             PairCalibration* calibration) {
+Outcome<ChosenChain> RefineWithChosenErrors(const PoseCalibrationOptions& options, const std::vector<PosePair>& pairs,
+                                            const HandEye& start) {
   std::vector<std::shared_ptr<const SharedEffects>> candidates = {nullptr};
   candidates.insert(candidates.end(), options.effects.begin(), options.effects.end());
   if (options.must_have_effects) candidates = {options.effects.back()};
   std::vector<FittedChain> fitted;
   Failure last;
   for (const std::shared_ptr<const SharedEffects>& effects : candidates) {
-    const Outcome<PairSolution> solution = RefineChainWithNoise(options.setup, calibration->pairs, start, effects);
+    const Outcome<PairSolution> solution = RefineChainWithNoise(options.setup, pairs, start, effects);
     if (!solution) {
       last = solution.failure();
       continue;
     }
     fitted.push_back({{BundleOptions::Robot::kEstimatedNoise, {}, effects},
                       *solution,
-                      ChainLogLikelihoodOf(options.setup, calibration->pairs, *solution)});
+                      ChainLogLikelihoodOf(options.setup, pairs, *solution)});
   }
   if (fitted.empty()) return last;
   const FittedChain& largest = fitted.back();
   const FittedChain* chosen = nullptr;
+  std::vector<ModelAlternative> alternatives;
   for (const FittedChain& smaller : fitted) {
     ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
                                  NumVariances(smaller.model), std::nullopt};
@@ -80,34 +87,45 @@ Outcome<PairSolution> RefineWithChosenErrors(const PoseCalibrationOptions& optio
                                     {0, NumVariances(largest.model) - NumVariances(smaller.model)},
                                     largest.solution.covariance_dof);
       alternative.odds = OddsAgainst(largest.model, alternative, [&](const SharedEffects& effects) {
-        return ChainLogLikelihoodAtLeast(options.setup, calibration->pairs, largest.solution, effects);
+        return ChainLogLikelihoodAtLeast(options.setup, pairs, largest.solution, effects);
       });
     }
     if (chosen == nullptr && IsAcceptable(alternative, largest.model)) chosen = &smaller;
-    if (candidates.size() > 1) calibration->alternatives.push_back(std::move(alternative));
+    if (candidates.size() > 1) alternatives.push_back(std::move(alternative));
   }
   CHECK(chosen != nullptr) << "the largest model cannot be rejected";
-  calibration->bundle.robot = chosen->model.robot;
-  calibration->bundle.effects = chosen->model.effects;
-  return chosen->solution;
+  return ChosenChain{*chosen, std::move(alternatives)};
 }
 
 }  // namespace
 
-void CalibratePoses(const PoseCalibrationOptions& options, PairCalibration* calibration) {
+PairCalibration CalibratePoses(std::vector<PosePair> pairs, const PoseCalibrationOptions& options) {
   CHECK(options.has_robot_noise || options.effects.empty());
-  const std::vector<MethodResult> results = RunMethods(*calibration);
-  calibration->methods = Reported(results, options.methods);
-  calibration->refined = Failure{FailureCode("no_pixels")};
-  const MethodResult* const start = FindStart(results, options.seed, calibration->pairs);
+  PairCalibration calibration;
+  calibration.pairs = std::move(pairs);
+  const std::vector<MethodResult> results = RunMethods(calibration);
+  calibration.methods = Reported(results, options.methods);
+  calibration.refined = Failure{FailureCode("no_pixels")};
+  const MethodResult* const start = FindStart(results, options.seed, calibration.pairs);
   if (start == nullptr) {
-    calibration->chain = WhyNoStart(results, options.seed);
-    return;
+    calibration.chain = WhyNoStart(results, options.seed);
+    return calibration;
   }
-  calibration->seed = start->method;
-  calibration->alternatives.clear();
-  calibration->chain = options.has_robot_noise ? RefineWithChosenErrors(options, *start->hand_eye, calibration)
-                                               : RefineChain(calibration->pairs, *start->hand_eye);
+  calibration.seed = start->method;
+  if (!options.has_robot_noise) {
+    calibration.chain = RefineChain(calibration.pairs, *start->hand_eye);
+    return calibration;
+  }
+  Outcome<ChosenChain> chosen = RefineWithChosenErrors(options, calibration.pairs, *start->hand_eye);
+  if (!chosen) {
+    calibration.chain = chosen.failure();
+    return calibration;
+  }
+  calibration.bundle.robot = chosen->fitted.model.robot;
+  calibration.bundle.effects = chosen->fitted.model.effects;
+  calibration.chain = std::move(chosen->fitted.solution);
+  calibration.alternatives = std::move(chosen->alternatives);
+  return calibration;
 }
 
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,

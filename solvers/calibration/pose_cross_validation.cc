@@ -57,16 +57,16 @@ std::vector<HoldOut> CrossValidatePoses(const PairCalibration& full, const PoseC
   }
   std::map<std::string, HeldOutPoses> errors;
   for (int fold = 0; fold < num_folds; ++fold) {
-    PairCalibration part;
+    std::vector<PosePair> rest;
     std::vector<size_t> held_out;
     for (size_t i = 0; i < full.pairs.size(); ++i) {
       if (fold_of[i] == fold) {
         held_out.push_back(i);
       } else {
-        part.pairs.push_back(full.pairs[i]);
+        rest.push_back(full.pairs[i]);
       }
     }
-    CalibratePoses(fold_options, &part);
+    const PairCalibration part = CalibratePoses(std::move(rest), fold_options);
     // Predicts the poses that were held out, with the errors of the robot that `solution` has found.
     const auto predict = [&](const std::string& method, const Outcome<HandEye>& hand_eye,
                              const PairSolution& solution) {

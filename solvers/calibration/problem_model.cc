@@ -55,19 +55,21 @@ std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
   return combinations;
 }
 
-void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup>* shape) {
-  const auto place = std::lower_bound(shape->begin(), shape->end(), group);
-  const bool was_free = place != shape->end() && *place == group;
-  if (is_free && !was_free) shape->insert(place, group);
-  if (!is_free && was_free) shape->erase(place);
+std::vector<TargetShapeGroup> WithGroup(std::vector<TargetShapeGroup> shape, TargetShapeGroup group, bool is_free) {
+  const auto place = std::lower_bound(shape.begin(), shape.end(), group);
+  const bool was_free = place != shape.end() && *place == group;
+  if (is_free && !was_free) shape.insert(place, group);
+  if (!is_free && was_free) shape.erase(place);
+  return shape;
 }
 
-void SetShape(const std::vector<TargetShapeGroup>& free_shape, ProblemTarget* target) {
-  target->free_shape = free_shape;
+ProblemTarget WithShape(ProblemTarget target, const std::vector<TargetShapeGroup>& free_shape) {
+  target.free_shape = free_shape;
   const auto free = FreeShapeOf(free_shape);
   for (size_t i = 0; i < free.size(); ++i) {
-    if (!free[i]) target->shape.params[i] = TargetShape().params[i];
+    if (!free[i]) target.shape.params[i] = TargetShape().params[i];
   }
+  return target;
 }
 
 std::string NameOf(const ErrorModel& model) {
@@ -119,9 +121,10 @@ std::vector<PartOptions> PartsOf(const Problem& problem, const ModelSpace& space
     if (space.arms[r].models.empty()) continue;
     PartOptions part;
     if (may_be_exact && !has_noise_part) {
-      part.emplace_back([r](ProblemModel* model) {
-        model->robot = Robot::kExact;
-        model->effects[r] = nullptr;
+      part.emplace_back([r](ProblemModel model) {
+        model.robot = Robot::kExact;
+        model.effects[r] = nullptr;
+        return model;
       });
     }
     has_noise_part = true;
@@ -130,30 +133,41 @@ std::vector<PartOptions> PartsOf(const Problem& problem, const ModelSpace& space
     for (const Effects& effects : models) {
       const Robot robot = space.robot_noise ? Robot::kEstimatedNoise : options.robot;
       if (effects != nullptr && robot == Robot::kExact) continue;
-      part.emplace_back([r, robot, effects](ProblemModel* model) {
-        model->robot = robot;
-        model->effects[r] = effects;
+      part.emplace_back([r, robot, effects](ProblemModel model) {
+        model.robot = robot;
+        model.effects[r] = effects;
+        return model;
       });
     }
     parts.push_back(std::move(part));
   }
   if (may_be_exact && !has_noise_part) {
-    parts.push_back({[](ProblemModel* model) { model->robot = Robot::kExact; },
-                     [](ProblemModel* model) { model->robot = Robot::kEstimatedNoise; }});
+    PartOptions& part = parts.emplace_back();
+    for (const Robot robot : {Robot::kExact, Robot::kEstimatedNoise}) {
+      part.emplace_back([robot](ProblemModel model) {
+        model.robot = robot;
+        return model;
+      });
+    }
   }
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     if (t >= space.shapes.size() || !space.shapes[t]) continue;
     PartOptions& part = parts.emplace_back();
     for (const Shape& shape : TargetShapeCombinations()) {
-      part.emplace_back([t, shape](ProblemModel* model) { model->shapes[t] = shape; });
+      part.emplace_back([t, shape](ProblemModel model) {
+        model.shapes[t] = shape;
+        return model;
+      });
     }
   }
   for (size_t t = 0; t < space.twists.size(); ++t) {
     if (!space.twists[t]) continue;
     PartOptions& twist = parts.emplace_back();
     for (const bool is_free : {false, true}) {
-      twist.emplace_back(
-          [t, is_free](ProblemModel* model) { SetGroup(TargetShapeGroup::kTwist, is_free, &model->shapes[t]); });
+      twist.emplace_back([t, is_free](ProblemModel model) {
+        model.shapes[t] = WithGroup(std::move(model.shapes[t]), TargetShapeGroup::kTwist, is_free);
+        return model;
+      });
     }
   }
   return parts;
@@ -165,7 +179,7 @@ std::vector<ProblemModel> CombinationsOf(const std::vector<PartOptions>& parts, 
   for (const PartOptions& part : parts) {
     std::vector<ProblemModel> more;
     for (const ProblemModel& one : models) {
-      for (const auto& set : part) set(&more.emplace_back(one));
+      for (const auto& with : part) more.push_back(with(one));
     }
     models = std::move(more);
   }
@@ -195,7 +209,7 @@ ProblemModel LargestModel(const Problem& problem, const std::vector<PartOptions>
   model.robot = robot;
   for (const ProblemTarget& target : problem.targets) model.shapes.push_back(target.free_shape);
   model.effects.resize(problem.robots.size());
-  for (const PartOptions& part : parts) part.back()(&model);
+  for (const PartOptions& part : parts) model = part.back()(std::move(model));
   return model;
 }
 
@@ -239,17 +253,18 @@ Effects StartingFrom(const SharedEffects& effects, const std::vector<double>& si
   return starting;
 }
 
-void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optional<RobotNoise>& robot_noise,
-                    AdjustmentOptions* options) {
-  options->pixel_noise_start_px = pixel_sigmas_px;
-  if (!robot_noise) return;
+AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const std::vector<double>& pixel_sigmas_px,
+                                    const std::optional<RobotNoise>& robot_noise) {
+  options.pixel_noise_start_px = pixel_sigmas_px;
+  if (!robot_noise) return options;
   constexpr double kLeast = 1e-5;  // m, rad
   const auto above_zero = [&](double sigma) { return std::max(kLeast, sigma); };
-  options->robot_noise_start = {above_zero(robot_noise->translation_m), above_zero(robot_noise->rotation_rad),
-                                above_zero(robot_noise->joint_rad)};
+  options.robot_noise_start = {above_zero(robot_noise->translation_m), above_zero(robot_noise->rotation_rad),
+                               above_zero(robot_noise->joint_rad)};
+  return options;
 }
 
-void StartFromNoise(const Solution& solution, AdjustmentOptions* options) {
+AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const Solution& solution) {
   std::optional<RobotNoise> largest;
   for (const std::optional<RobotNoise>& noise : solution.robot_noise) {
     if (!noise) continue;
@@ -258,36 +273,37 @@ void StartFromNoise(const Solution& solution, AdjustmentOptions* options) {
     largest->rotation_rad = std::max(largest->rotation_rad, noise->rotation_rad);
     largest->joint_rad = std::max(largest->joint_rad, noise->joint_rad);
   }
-  StartFromNoise(solution.pixel_sigmas_px, largest, options);
+  return StartingFromNoise(std::move(options), solution.pixel_sigmas_px, largest);
 }
 
 ErrorModel ModelOf(const ProblemModel& model, size_t robot, size_t target) {
   return {model.robot, model.shapes[target], model.effects[robot]};
 }
 
-void SetEffects(size_t robot, const Effects& model, const std::vector<std::shared_ptr<const PoseEffect>>& effects,
-                Problem* problem) {
+Problem WithEffects(Problem problem, size_t robot, const Effects& model,
+                    const std::vector<std::shared_ptr<const PoseEffect>>& effects) {
   std::vector<int> estimated;
   for (size_t k = 0; model != nullptr && k < model->effects.size(); ++k) {
     estimated.push_back(model->effects[k].index);
   }
-  problem->effects.resize(problem->robots.size());
-  problem->effects[robot] = model;
-  for (size_t i = 0; i < problem->captures.size(); ++i) {
-    std::vector<std::shared_ptr<const PoseEffect>>& of_capture = problem->captures[i].effects;
-    of_capture.resize(problem->robots.size());
+  problem.effects.resize(problem.robots.size());
+  problem.effects[robot] = model;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    std::vector<std::shared_ptr<const PoseEffect>>& of_capture = problem.captures[i].effects;
+    of_capture.resize(problem.robots.size());
     const bool has_effect = model != nullptr && effects[i] != nullptr;
     of_capture[robot] = has_effect ? SelectEffects(effects[i], model->num_all, estimated) : nullptr;
   }
+  return problem;
 }
 
 Problem WithModel(Problem problem, const ProblemModel& model, const ModelSpace& space) {
   for (size_t t = 0; t < problem.targets.size(); ++t) {
-    SetShape(model.shapes[t], &problem.targets[t]);
+    problem.targets[t] = WithShape(std::move(problem.targets[t]), model.shapes[t]);
   }
   for (size_t r = 0; r < space.arms.size(); ++r) {
     if (space.arms[r].models.empty()) continue;
-    SetEffects(r, model.effects[r], space.arms[r].effects_of_captures.front(), &problem);
+    problem = WithEffects(std::move(problem), r, model.effects[r], space.arms[r].effects_of_captures.front());
   }
   return problem;
 }

@@ -26,11 +26,11 @@ int NumVariances(const ErrorModel& model);
 // Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order. The
 // twist is chosen apart from them (ModelSpace::twists).
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
-// Sets whether a group is among the unknown ones of a shape, which are ordered as TargetShapeGroup.
-void SetGroup(TargetShapeGroup group, bool is_free, std::vector<TargetShapeGroup>* shape);
+// Returns the unknown groups of a shape, ordered as TargetShapeGroup, with one group among them or not.
+std::vector<TargetShapeGroup> WithGroup(std::vector<TargetShapeGroup> shape, TargetShapeGroup group, bool is_free);
 
-// Sets the unknown parts of a target's shape; the others become as designed.
-void SetShape(const std::vector<TargetShapeGroup>& free_shape, ProblemTarget* target);
+// Returns a target with these unknown parts of its shape; the others are as designed.
+ProblemTarget WithShape(ProblemTarget target, const std::vector<TargetShapeGroup>& free_shape);
 
 // The parts of a problem that are to be chosen; the others are as the problem has them.
 struct ModelSpace {
@@ -61,15 +61,15 @@ bool HasModel(const Problem& problem, const AdjustmentOptions& options, const Pr
 Problem StartingFrom(Problem problem, const Solution& solution);
 // Returns effects with sigmas that were found, one per group, as initial guesses, but none at zero.
 std::shared_ptr<const SharedEffects> StartingFrom(const SharedEffects& effects, const std::vector<double>& sigmas);
-// Sets the initial guesses of the noise to the noise that was found, none of it at zero, where a variance may stay.
-void StartFromNoise(const std::vector<double>& pixel_sigmas_px, const std::optional<RobotNoise>& robot_noise,
-                    AdjustmentOptions* options);
-// Likewise, to the noise of a solution; that of the arms is the largest of all, by its parts.
-void StartFromNoise(const Solution& solution, AdjustmentOptions* options);
-// Sets the errors of an arm; `model` is null for none. `effects` has one entry per capture, a function of all effects
-// of the arm, null if the capture has none.
-void SetEffects(size_t robot, const std::shared_ptr<const SharedEffects>& model,
-                const std::vector<std::shared_ptr<const PoseEffect>>& effects, Problem* problem);
+// Returns options with the noise that was found as the initial guess, none of it at zero, where a variance may stay.
+AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const std::vector<double>& pixel_sigmas_px,
+                                    const std::optional<RobotNoise>& robot_noise);
+// Likewise, with the noise of a solution; that of the arms is the largest of all, by its parts.
+AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const Solution& solution);
+// Returns a problem with the errors of an arm; `model` is null for none. `effects` has one entry per capture, a
+// function of all effects of the arm, null if the capture has none.
+Problem WithEffects(Problem problem, size_t robot, const std::shared_ptr<const SharedEffects>& model,
+                    const std::vector<std::shared_ptr<const PoseEffect>>& effects);
 // Returns the problem with a model, whose chosen parts are those of `space`.
 Problem WithModel(Problem problem, const ProblemModel& model, const ModelSpace& space);
 
@@ -80,8 +80,9 @@ int DofOf(const ProblemModel& model);
 // Returns whether all parts of `smaller` are among those of `larger`.
 bool Contains(const ProblemModel& larger, const ProblemModel& smaller);
 
-// One part of a model that is chosen: what it may be, as functions that set it. The simplest comes first.
-using PartOptions = std::vector<std::function<void(ProblemModel*)>>;
+// One part of a model that is chosen: what it may be, as functions that return a model with it. The simplest comes
+// first.
+using PartOptions = std::vector<std::function<ProblemModel(ProblemModel)>>;
 // Returns the parts that are chosen. With few poses of the arms (kMinPosesForVariances) these are noisy and have no
 // systematic errors.
 std::vector<PartOptions> PartsOf(const Problem& problem, const ModelSpace& space, const AdjustmentOptions& options,

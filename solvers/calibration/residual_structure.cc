@@ -52,8 +52,15 @@ Eigen::Matrix2d WhiteningOf(const Observations& observations, Eigen::Index point
 using PointsOfTargets = std::map<std::pair<size_t, int>, PointSums>;
 using RegionsOfCameras = std::map<std::pair<size_t, int>, RegionSums>;
 
-void AddImage(const Problem& problem, const Solution& solution, const FitState& state, const ImageIndex& index,
-              PointsOfTargets* points, RegionsOfCameras* regions) {
+struct SumsOfResiduals {
+  PointsOfTargets points;
+  RegionsOfCameras regions;
+
+  void AddImage(const Problem& problem, const Solution& solution, const FitState& state, const ImageIndex& index);
+};
+
+void SumsOfResiduals::AddImage(const Problem& problem, const Solution& solution, const FitState& state,
+                               const ImageIndex& index) {
   const ProblemImage& image = problem.captures[index.capture].images[index.image];
   const Camera& camera = solution.cameras[image.camera];
   const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
@@ -71,7 +78,7 @@ void AddImage(const Problem& problem, const Solution& solution, const FitState& 
     by_point = (by_point * rotation).eval();
     const Eigen::Matrix2d weight = WhiteningOf(image.observations, i) / sigma_px;
     const Eigen::Matrix<double, 2, 3> weighted = weight * by_point;
-    PointSums& of_point = (*points)[{image.target, shaped.ids[at]}];
+    PointSums& of_point = points[{image.target, shaped.ids[at]}];
     of_point.designed_m = image.observations.points_in_target.col(i);
     of_point.normal += weighted.transpose() * weighted;
     of_point.right += weighted.transpose() * (weight * residual);
@@ -82,7 +89,7 @@ void AddImage(const Problem& problem, const Solution& solution, const FitState& 
     const Eigen::Vector2d pixel = image.observations.pixels.col(i);
     const int column = cell(pixel.x(), camera.width_px, kColumns);
     const int row = cell(pixel.y(), camera.height_px, kRows);
-    RegionSums& of_region = (*regions)[{image.camera, row * kColumns + column}];
+    RegionSums& of_region = regions[{image.camera, row * kColumns + column}];
     of_region.normal += weight.transpose() * weight;
     of_region.right += weight.transpose() * (weight * residual);
     ++of_region.num;
@@ -183,14 +190,13 @@ Finding DescribeRegions(const Problem& problem, size_t camera, const std::vector
 ResidualStructure FindResidualStructure(const Problem& problem, const Solution& solution) {
   const Problem weighted = WeightedAs(solution, problem);
   const FitState state = StateOf(solution);
-  PointsOfTargets points;
-  RegionsOfCameras regions;
+  SumsOfResiduals sums;
   for (size_t i = 0; i < weighted.captures.size(); ++i) {
     for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
-      AddImage(weighted, solution, state, {i, k}, &points, &regions);
+      sums.AddImage(weighted, solution, state, {i, k});
     }
   }
-  ResidualStructure structure{DeviationsOf(points), DeviationsOf(regions, solution), {}};
+  ResidualStructure structure{DeviationsOf(sums.points), DeviationsOf(sums.regions, solution), {}};
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     Finding finding = DescribePoints(problem, t, structure.points);
     if (!finding.code.empty()) structure.findings.push_back(std::move(finding));

@@ -51,27 +51,36 @@ class StretchedEffect final : public PoseEffect {
   std::shared_ptr<const PoseEffect> others_;
 };
 
-// Adds the scale of an arm's translations to its effects, with one sigma of it.
-void AddScaleOfRobot(size_t robot, double sigma, Problem* problem, FitState* state, FitNoise* noise) {
-  const size_t num_robots = problem->robots.size();
-  problem->effects.resize(num_robots);
-  state->effects.resize(num_robots);
-  noise->effect_sigmas.resize(num_robots);
+// A problem with scales among its unknowns, the state at which it is linearised, and its noise.
+struct ScaledProblem {
+  Problem problem;
+  FitState state;
+  FitNoise noise;
+};
+
+// Returns it with the scale of an arm's translations among its effects, with one sigma of it.
+ScaledProblem WithScaleOfRobot(ScaledProblem scaled, size_t robot, double sigma) {
+  Problem& problem = scaled.problem;
+  const size_t num_robots = problem.robots.size();
+  problem.effects.resize(num_robots);
+  scaled.state.effects.resize(num_robots);
+  scaled.noise.effect_sigmas.resize(num_robots);
   auto with_scale = std::make_shared<SharedEffects>();
-  if (problem->effects[robot] != nullptr) *with_scale = *problem->effects[robot];
+  if (problem.effects[robot] != nullptr) *with_scale = *problem.effects[robot];
   // The effects of a problem are those that are estimated.
   const Eigen::Index num_others = with_scale->size();
   with_scale->groups.push_back({kScaleEffect, "", sigma});
   with_scale->effects.push_back({kScaleEffect, static_cast<int>(num_others), with_scale->groups.size() - 1});
-  problem->effects[robot] = std::move(with_scale);
-  state->effects[robot].conservativeResize(num_others + 1);
-  state->effects[robot][num_others] = 0;
-  noise->effect_sigmas[robot].push_back(sigma);
-  for (ProblemCapture& capture : problem->captures) {
+  problem.effects[robot] = std::move(with_scale);
+  scaled.state.effects[robot].conservativeResize(num_others + 1);
+  scaled.state.effects[robot][num_others] = 0;
+  scaled.noise.effect_sigmas[robot].push_back(sigma);
+  for (ProblemCapture& capture : problem.captures) {
     capture.effects.resize(num_robots);
     capture.effects[robot] =
         std::make_shared<StretchedEffect>(capture.base_from_gripper[robot], std::move(capture.effects[robot]));
   }
+  return scaled;
 }
 
 // The normal equations of all unknowns, those of the solution and the scales that it held.
@@ -194,24 +203,22 @@ ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const
     share.changes = ChangesOfCell(*problem.prior, solution.covariance.layout);
     return share;
   }
-  Problem all = WeightedAs(solution, problem);
-  FitState state = StateOf(solution);
-  FitNoise noise = NoiseOf(solution);
+  ScaledProblem scaled{WeightedAs(solution, problem), StateOf(solution), NoiseOf(solution)};
   std::set<std::string> held;
-  for (size_t t = 0; t < all.targets.size(); ++t) {
-    ProblemTarget& target = all.targets[t];
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    ProblemTarget& target = scaled.problem.targets[t];
     if (IsScaleFree(target) || sigmas.targets[t] <= 0) continue;
     target.free_shape.push_back(TargetShapeGroup::kScale);
     target.scale_sigma = sigmas.targets[t];
     for (const char* param : {"scale_x", "scale_y"}) held.insert(TargetShapeBlock(target) + "." + param);
   }
-  for (const size_t r : MovingRobots(all)) {
+  for (const size_t r : MovingRobots(problem)) {
     if (sigmas.robots[r] <= 0) continue;
-    AddScaleOfRobot(r, sigmas.robots[r], &all, &state, &noise);
-    held.insert(ErrorsBlock(all.robots[r]) + "." + kScaleEffect);
+    scaled = WithScaleOfRobot(std::move(scaled), r, sigmas.robots[r]);
+    held.insert(ErrorsBlock(problem.robots[r]) + "." + kScaleEffect);
   }
   if (held.empty()) return share;
-  const std::optional<NormalEquationsOfAll> equations = NormalEquationsOf(all, state, noise);
+  const std::optional<NormalEquationsOfAll> equations = NormalEquationsOf(scaled.problem, scaled.state, scaled.noise);
   if (!equations) return share;
   std::vector<Eigen::Index> of_solution;
   std::vector<Eigen::Index> of_scales;

@@ -16,7 +16,7 @@ namespace heba {
 
 struct ScaleShare {
   // The changes are those that the scales make and that the covariance of the estimate does not hold yet, in its layout
-  // (AddChanges).
+  // (WithChanges).
   std::vector<Eigen::VectorXd> changes;
   // The covariance of the solution without what the scales of targets contribute to it: all sessions of a cell have the
   // same scales.
@@ -36,17 +36,17 @@ struct ScaleShare {
 // problem has a prior of an earlier session, the changes are those of its means by what all sessions have in common.
 ScaleShare ShareOfScales(const Problem& problem, const Solution& solution, const ScaleSigmas& sigmas);
 
-// Makes the covariance of a solution (PairSolution, Solution) the total one, and keeps the repeatable one. Other causes
-// (Advice) make `changes`, which are part of both. The causes that all sessions of a cell have in common besides its
-// scales make `of_cell`, which is part of the total one alone.
+// Returns a solution (PairSolution, Solution) with the total covariance and the repeatable one. Other causes (Advice)
+// make `changes`, which are part of both. The causes that all sessions of a cell have in common besides its scales make
+// `of_cell`, which is part of the total one alone.
 template <class AnySolution>
-void AddShare(const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes,
-              const std::vector<Eigen::VectorXd>& of_cell, AnySolution* solution) {
-  solution->covariance_repeatable = share.repeatable;
-  AddChanges(changes, &solution->covariance_repeatable);
-  AddChanges(changes, &solution->covariance);
-  AddChanges(of_cell, &solution->covariance);
-  AddChanges(share.changes, &solution->covariance);
+AnySolution WithShare(AnySolution solution, const ScaleShare& share, const std::vector<Eigen::VectorXd>& changes,
+                      const std::vector<Eigen::VectorXd>& of_cell) {
+  solution.covariance_repeatable = WithChanges(share.repeatable, changes);
+  for (const std::vector<Eigen::VectorXd>* part : {&changes, &of_cell, &share.changes}) {
+    solution.covariance = WithChanges(std::move(solution.covariance), *part);
+  }
+  return solution;
 }
 
 }  // namespace heba

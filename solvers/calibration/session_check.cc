@@ -52,22 +52,24 @@ Eigen::MatrixXd CovarianceIn(const UnknownLayout& layout, const Covariance& know
   return covariance;
 }
 
-// Adds the wobble of what grippers carry.
-void AddWobble(const Problem& problem, const UnknownLayout& layout, const RobotNoise& wobble,
-               Eigen::MatrixXd* covariance) {
+// Returns a covariance with the wobble of what grippers carry.
+Eigen::MatrixXd WithWobble(Eigen::MatrixXd covariance, const Problem& problem, const UnknownLayout& layout,
+                           const RobotNoise& wobble) {
   const Tangent6 variances = CorrectionVariances(wobble);
   const auto add = [&](const Mount& mount, const std::string& block) {
     const Eigen::Index first = layout.Block(block).first;
-    if (mount.part == Mount::Part::kGripper) covariance->diagonal().segment<6>(first) += variances;
+    if (mount.part == Mount::Part::kGripper) covariance.diagonal().segment<6>(first) += variances;
   };
   for (const ProblemCamera& camera : problem.cameras) add(camera.mount, CameraPoseBlock(camera));
   for (const ProblemTarget& target : problem.targets) add(target.mount, TargetPoseBlock(target));
+  return covariance;
 }
 
-// Adds the covariance of the rows of all views that the smooth errors of the arms cause. `first_rows` are the places of
-// the views.
-void AddSmoothErrors(const Problem& problem, const SessionOptions& options, const std::vector<LinearisedView>& views,
-                     const std::vector<Eigen::Index>& first_rows, Eigen::MatrixXd* covariance) {
+// Returns the covariance of the rows of all views with that which the smooth errors of the arms cause. `first_rows` are
+// the places of the views.
+Eigen::MatrixXd WithSmoothErrors(Eigen::MatrixXd covariance, const Problem& problem, const SessionOptions& options,
+                                 const std::vector<LinearisedView>& views,
+                                 const std::vector<Eigen::Index>& first_rows) {
   const std::vector<size_t> captures = CapturesWithPoints(problem);
   const std::vector<size_t> moving = MovingRobots(problem);
   for (size_t k = 0; k < moving.size(); ++k) {
@@ -82,14 +84,15 @@ void AddSmoothErrors(const Problem& problem, const SessionOptions& options, cons
     for (Eigen::Index j = 0; j < sigmas.size(); ++j) {
       sigmas[j] = effects.groups[effects.effects[static_cast<size_t>(j)].group].sigma;
     }
-    Eigen::MatrixXd by_effects(covariance->rows(), sigmas.size());
+    Eigen::MatrixXd by_effects(covariance.rows(), sigmas.size());
     for (size_t v = 0; v < views.size(); ++v) {
       by_effects.middleRows(first_rows[v], views[v].offset.size()) =
           views[v].by_effects.middleCols<6>(6 * static_cast<Eigen::Index>(k)) * errors.GripperByEffects(poses[v]) *
           sigmas.asDiagonal();
     }
-    *covariance += by_effects * by_effects.transpose();
+    covariance += by_effects * by_effects.transpose();
   }
+  return covariance;
 }
 
 WhitenedSession Whiten(const Problem& problem, const Solution& solution, const SessionOptions& options,
@@ -112,11 +115,11 @@ WhitenedSession Whiten(const Problem& problem, const Solution& solution, const S
     session.residuals.segment(first_rows[v], size) = views[v].offset;
     covariance.block(first_rows[v], first_rows[v], size, size) = MarginalCovariance(views[v], 1, variances);
   }
-  AddSmoothErrors(problem, options, views, first_rows, &covariance);
+  covariance = WithSmoothErrors(std::move(covariance), problem, options, views, first_rows);
   const Covariance& known =
       solution.covariance_repeatable.matrix.size() > 0 ? solution.covariance_repeatable : solution.covariance;
-  Eigen::MatrixXd of_unknowns = CovarianceIn(session.layout, known);
-  AddWobble(problem, session.layout, options.wobble, &of_unknowns);
+  const Eigen::MatrixXd of_unknowns =
+      WithWobble(CovarianceIn(session.layout, known), problem, session.layout, options.wobble);
   covariance += session.by_unknowns * of_unknowns * session.by_unknowns.transpose();
   const auto factor = Cholesky(covariance);
   CHECK(factor.has_value()) << "the noise of the pixels makes the covariance positive";
@@ -209,19 +212,24 @@ double SizeSeen(const std::vector<TestedPart>& parts, const TestedPart& moved, b
   return high;
 }
 
-// Returns the parts that the images may tell, poses before lenses, with their columns in `by_unknowns`.
-std::vector<TestedPart> PartsOf(const Problem& problem, const UnknownLayout& layout, bool has_targets,
-                                std::vector<Eigen::Index>* columns) {
+// Parts, with their columns in WhitenedSession::by_unknowns.
+struct TestedParts {
   std::vector<TestedPart> parts;
+  std::vector<Eigen::Index> columns;
+};
+
+// Returns the parts that the images may tell, poses before lenses.
+TestedParts PartsOf(const Problem& problem, const UnknownLayout& layout, bool has_targets) {
+  TestedParts tested;
   const auto add = [&](ChangedPart kind, size_t index, const std::string& block_name) {
     const UnknownBlock block = layout.Block(block_name);
     if (block.size == 0) return;
-    TestedPart& part = parts.emplace_back();
+    TestedPart& part = tested.parts.emplace_back();
     part.change.part = kind;
     part.change.index = index;
-    part.first = static_cast<Eigen::Index>(columns->size());
+    part.first = static_cast<Eigen::Index>(tested.columns.size());
     part.size = block.size;
-    for (Eigen::Index i = block.first; i < block.end(); ++i) columns->push_back(i);
+    for (Eigen::Index i = block.first; i < block.end(); ++i) tested.columns.push_back(i);
   };
   for (size_t c = 0; c < problem.cameras.size(); ++c) add(ChangedPart::kCamera, c, CameraPoseBlock(problem.cameras[c]));
   for (size_t t = 0; t < problem.targets.size() && has_targets; ++t) {
@@ -229,7 +237,7 @@ std::vector<TestedPart> PartsOf(const Problem& problem, const UnknownLayout& lay
   }
   for (size_t r = 1; r < problem.robots.size(); ++r) add(ChangedPart::kBase, r, BaseBlock(problem.robots[r]));
   for (size_t c = 0; c < problem.cameras.size(); ++c) add(ChangedPart::kLens, c, CameraBlock(problem.cameras[c]));
-  return parts;
+  return tested;
 }
 
 // Returns the poses of the parts of a kind, which is not that of lenses.
@@ -246,18 +254,18 @@ std::vector<Rigid3d>& PosesOf(ChangedPart kind, CellPoses* poses) {
   return poses->mount_from_camera;
 }
 
-// Sets the inverse information of a part. Returns false if the images do not determine its change. `squares` are those
-// of the columns, with what another pose of moved targets explains.
-bool SetInformation(const Eigen::MatrixXd& information, const Eigen::VectorXd& squares, TestedPart* part) {
-  const Eigen::MatrixXd own = information.block(part->first, part->first, part->size, part->size);
-  const Eigen::VectorXd scale = squares.segment(part->first, part->size).cwiseSqrt();
-  if (!(scale.minCoeff() > 0)) return false;
+// Returns the inverse information of a part; nothing if the images do not determine its change. `squares` are those of
+// the columns, with what another pose of moved targets explains.
+std::optional<Eigen::MatrixXd> InverseInformation(const TestedPart& part, const Eigen::MatrixXd& information,
+                                                  const Eigen::VectorXd& squares) {
+  const Eigen::MatrixXd own = information.block(part.first, part.first, part.size, part.size);
+  const Eigen::VectorXd scale = squares.segment(part.first, part.size).cwiseSqrt();
+  if (!(scale.minCoeff() > 0)) return std::nullopt;
   const Eigen::VectorXd inverse = scale.cwiseInverse();
   const Eigen::MatrixXd scaled = inverse.asDiagonal() * own * inverse.asDiagonal();
   constexpr double kNothing = 1e-9;
-  if (!(EigenOfSymmetric(scaled).values.minCoeff() > kNothing)) return false;
-  part->inverse_information = inverse.asDiagonal() * InverseOfSymmetric(scaled) * inverse.asDiagonal();
-  return true;
+  if (!(EigenOfSymmetric(scaled).values.minCoeff() > kNothing)) return std::nullopt;
+  return inverse.asDiagonal() * InverseOfSymmetric(scaled) * inverse.asDiagonal();
 }
 
 // The images at an estimate. `moved` are the columns of targets that were moved: `tested` and `residuals` are without
@@ -302,15 +310,18 @@ std::optional<Evaluated> EvaluateAt(const Problem& problem, const Solution& at, 
   return evaluated;
 }
 
-// Steps the poses of moved targets to where they explain these residuals best. Returns the length of the step.
-double StepTargets(const Evaluated& at, const Eigen::VectorXd& residuals, Solution* solution) {
-  if (at.moved.cols() == 0) return 0;
-  const Eigen::VectorXd step = SolveSymmetric(at.moved.transpose() * at.moved, at.moved.transpose() * residuals);
-  for (size_t t = 0; t < solution->poses.mount_from_target.size(); ++t) {
-    Rigid3d& pose = solution->poses.mount_from_target[t];
+// Returns the step of the poses of moved targets to where they explain these residuals best; empty if none was moved.
+Eigen::VectorXd StepOfTargets(const Evaluated& at, const Eigen::VectorXd& residuals) {
+  if (at.moved.cols() == 0) return {};
+  return SolveSymmetric(at.moved.transpose() * at.moved, at.moved.transpose() * residuals);
+}
+
+Solution Stepped(Solution solution, const Eigen::VectorXd& step) {
+  for (size_t t = 0; step.size() > 0 && t < solution.poses.mount_from_target.size(); ++t) {
+    Rigid3d& pose = solution.poses.mount_from_target[t];
     pose = Retract(pose, step.segment<6>(6 * static_cast<Eigen::Index>(t)));
   }
-  return step.norm();
+  return solution;
 }
 
 // Returns the solution with the poses of its targets as the images show them: from the pose that most images agree with
@@ -352,7 +363,10 @@ Solution WithTargetsPlaced(const Problem& problem, Solution solution, const Sess
   constexpr double kSmall = 1e-7;
   for (int step = 0; step < kMostSteps; ++step) {
     const std::optional<Evaluated> at = EvaluateAt(problem, solution, options, {});
-    if (!at || StepTargets(*at, at->all_residuals, &solution) < kSmall) break;
+    if (!at) break;
+    const Eigen::VectorXd to_best = StepOfTargets(*at, at->all_residuals);
+    solution = Stepped(std::move(solution), to_best);
+    if (to_best.norm() < kSmall) break;
   }
   return solution;
 }
@@ -387,8 +401,9 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
       Rigid3d& pose = PosesOf(part.change.part, &at.poses)[part.change.index];
       pose = Retract(pose, Tangent6(change));
     }
-    StepTargets(*evaluated, evaluated->all_residuals - evaluated->all_tested.middleCols(part.first, part.size) * change,
-                &at);
+    const Eigen::VectorXd left =
+        evaluated->all_residuals - evaluated->all_tested.middleCols(part.first, part.size) * change;
+    at = Stepped(std::move(at), StepOfTargets(*evaluated, left));
     fitted = FittedChange{at, InverseOfSymmetric(information), squares};
     const Eigen::VectorXd scaled = change.cwiseProduct(information.diagonal().cwiseSqrt());
     if (scaled.norm() < kSmall + 1e-3) break;
@@ -427,8 +442,14 @@ double LensShift(const Problem& problem, const Evaluated& at, const SessionChang
   return num_points > 0 ? std::sqrt(squares / (2 * num_points)) : 0;
 }
 
-// Sets the scatter of the points about the best pose of the target in each image.
-void SetScatter(const Problem& problem, const Solution& solution, SessionCheck* check) {
+// The mean square of the points' residuals about the best pose of the target in each image, in units of their noise,
+// and its degrees of freedom.
+struct Scatter {
+  double mean_square = 0;
+  double dof = 0;  // 0 if no image has more points than a pose needs.
+};
+
+Scatter ScatterOf(const Problem& problem, const Solution& solution) {
   double squares = 0;
   double number = 0;
   for (const ProblemCapture& capture : problem.captures) {
@@ -446,16 +467,15 @@ void SetScatter(const Problem& problem, const Solution& solution, SessionCheck* 
       number += 2 * points.size() - kPoseParams;
     }
   }
-  if (number <= 0) return;
-  check->scatter_ratio = std::sqrt(squares / number);
-  check->scatter_p_value = FisherTail(squares / number, number, solution.covariance_dof);
+  return number > 0 ? Scatter{squares / number, number} : Scatter();
 }
 
-// Replaces the linear changes of the poses by those that fit best, adds the lenses that have changed beyond doubt, and
-// sets what is left unexplained.
-void FitChanges(const Problem& problem, const Solution& calibration, const Solution& start,
-                const SessionOptions& options, const std::vector<Eigen::Index>& columns, const Evaluated& at_start,
-                const std::vector<TestedPart>& parts, const std::vector<TestedPart>& lenses, SessionCheck* check) {
+// Returns a check with the changes of the poses that fit best in place of the linear ones, the lenses that have changed
+// beyond doubt, and what is left unexplained.
+SessionCheck WithFittedChanges(SessionCheck check, const Problem& problem, const Solution& calibration,
+                               const Solution& start, const SessionOptions& options,
+                               const std::vector<Eigen::Index>& columns, const Evaluated& at_start,
+                               const std::vector<TestedPart>& parts, const std::vector<TestedPart>& lenses) {
   const double dof = calibration.covariance_dof;
   std::vector<std::pair<double, SessionChange>> ranked;  // By Akaike's criterion, the least first.
   const auto add = [&](const TestedPart& part, SessionChange change) {
@@ -465,7 +485,7 @@ void FitChanges(const Problem& problem, const Solution& calibration, const Solut
     change.covariance = fitted->covariance;
     ranked.emplace_back(fitted->squares + 2 * static_cast<double>(part.size), std::move(change));
   };
-  for (size_t i = 0; i < parts.size(); ++i) add(parts[i], check->changes[i]);
+  for (size_t i = 0; i < parts.size(); ++i) add(parts[i], check.changes[i]);
   const auto by_rank = [](const auto& a, const auto& b) { return a.first < b.first; };
   std::stable_sort(ranked.begin(), ranked.end(), by_rank);
   const double best = ranked.empty() ? at_start.residuals.squaredNorm() : ranked.front().first;
@@ -481,23 +501,24 @@ void FitChanges(const Problem& problem, const Solution& calibration, const Solut
     constexpr double kDecisive = 20;
     if (lens.p_value >= kLensP || LensShift(problem, at_start, lens) < kLeastLensShift) continue;
     if (fitted->squares + 2 * size > best - kDecisive) continue;
-    check->has_changed = true;
-    check->p_value = std::min(check->p_value, lens.p_value);
+    check.has_changed = true;
+    check.p_value = std::min(check.p_value, lens.p_value);
     ranked.emplace_back(fitted->squares + 2 * size, std::move(lens));
   }
-  if (ranked.empty()) return;
+  if (ranked.empty()) return check;
   std::stable_sort(ranked.begin(), ranked.end(), by_rank);
-  check->changes.clear();
+  check.changes.clear();
   for (auto& [rank, change] : ranked) {
     change.rank = rank;
-    check->changes.push_back(std::move(change));
+    check.changes.push_back(std::move(change));
   }
   const auto left = static_cast<double>(at_start.residuals.size() - at_start.moved.cols()) -
-                    static_cast<double>(check->changes.front().change.size());
-  if (left <= 0) return;
-  const double squares = check->changes.front().rank - 2 * static_cast<double>(check->changes.front().change.size());
-  check->unexplained_ratio = std::sqrt(std::max(0.0, squares) / left);
-  check->unexplained_p_value = FisherTail(std::max(0.0, squares) / left, left, dof);
+                    static_cast<double>(check.changes.front().change.size());
+  if (left <= 0) return check;
+  const double squares = check.changes.front().rank - 2 * static_cast<double>(check.changes.front().change.size());
+  check.unexplained_ratio = std::sqrt(std::max(0.0, squares) / left);
+  check.unexplained_p_value = FisherTail(std::max(0.0, squares) / left, left, dof);
+  return check;
 }
 
 }  // namespace
@@ -516,16 +537,22 @@ Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& so
   }
   if (CapturesWithPoints(problem).empty()) return Failure{FailureCode("no_target")};
   const double dof = calibration.covariance_dof;
-  SetScatter(problem, calibration, &check);
-  std::vector<Eigen::Index> columns;
-  std::vector<TestedPart> parts = PartsOf(problem, UnknownsOf(problem), options.is_target_in_place, &columns);
+  if (const Scatter scatter = ScatterOf(problem, calibration); scatter.dof > 0) {
+    check.scatter_ratio = std::sqrt(scatter.mean_square);
+    check.scatter_p_value = FisherTail(scatter.mean_square, scatter.dof, dof);
+  }
+  const auto [all_parts, columns] = PartsOf(problem, UnknownsOf(problem), options.is_target_in_place);
   const Solution start = options.is_target_in_place ? calibration : WithTargetsPlaced(problem, calibration, options);
   const std::optional<Evaluated> at = EvaluateAt(problem, start, options, columns);
   if (!at) return HiddenPoint();
   const Eigen::VectorXd squares = at->all_tested.colwise().squaredNorm();
   const Eigen::MatrixXd information = at->tested.transpose() * at->tested;
   const Eigen::VectorXd products = at->tested.transpose() * at->residuals;
-  std::erase_if(parts, [&](TestedPart& part) { return !SetInformation(information, squares, &part); });
+  std::vector<TestedPart> parts;
+  for (const TestedPart& part : all_parts) {
+    std::optional<Eigen::MatrixXd> inverse = InverseInformation(part, information, squares);
+    if (inverse) parts.emplace_back(part).inverse_information = *std::move(inverse);
+  }
   const auto first_lens = std::find_if(parts.begin(), parts.end(),
                                        [](const TestedPart& part) { return part.change.part == ChangedPart::kLens; });
   const std::vector<TestedPart> lenses(first_lens, parts.end());
@@ -561,7 +588,7 @@ Outcome<SessionCheck> CheckSession(const Problem& problem_in, const Solution& so
   }
   const bool is_doubtful = check.has_changed || check.scatter_p_value < kFalseAlarms;
   if (is_doubtful) {
-    FitChanges(problem, calibration, start, options, columns, *at, parts, lenses, &check);
+    check = WithFittedChanges(std::move(check), problem, calibration, start, options, columns, *at, parts, lenses);
   } else {
     std::stable_sort(check.changes.begin(), check.changes.end(),
                      [](const SessionChange& a, const SessionChange& b) { return a.rank < b.rank; });

@@ -12,7 +12,7 @@ namespace heba {
 // takes them for noise of single captures, which averages out, while errors of neighbouring captures do not. With the
 // estimate x = C sum_i J_i^T S_i^-1 y_i of captures whose poses (derivative A_i) err by B_i s, where the s have the
 // variances D, the covariance of x grows by H D H^T, H = C sum_i J_i^T S_i^-1 A_i B_i. Each change is one column of H
-// D^(1/2), in the layout of the solution's covariance (AddChanges). `problem` holds the points that the solution used.
+// D^(1/2), in the layout of the solution's covariance (WithChanges). `problem` holds the points that the solution used.
 // The advice is empty if a point cannot be projected.
 Advice DiagnoseSmoothRemainder(const Problem& problem, const Solution& solution);
 

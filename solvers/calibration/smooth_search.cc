@@ -64,34 +64,34 @@ FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, 
   return fitted;
 }
 
-// Sets the standard deviations of smooth errors to those that were found.
-void SetSigmas(const SmoothSearch& search, const std::vector<double>& variances, SmoothErrors* errors) {
+// Returns the standard deviations of smooth errors that were found.
+std::vector<double> SigmasOf(const SmoothSearch& search, const std::vector<double>& variances) {
   std::vector<double> sigmas;
   for (size_t g = search.groups.size(); g < variances.size(); ++g) {
     constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
     sigmas.push_back(std::max(kLeast, std::sqrt(variances[g])));
   }
-  errors->SetSigmas(sigmas);
+  return sigmas;
 }
 
-// Returns the group of the noise that each capture draws anew in a column of LinearisedView::by_effects.
-VarianceGroup& GroupOfColumn(Eigen::Index column, std::vector<VarianceGroup>* groups) {
+// Returns the place of the group of the noise that each capture draws anew in a column of LinearisedView::by_effects.
+size_t GroupOfColumn(Eigen::Index column, const std::vector<VarianceGroup>& groups) {
   const auto has_column = [&](const VarianceGroup& group) {
     return group.kind == VarianceGroup::Kind::kEffects &&
            std::find(group.columns.begin(), group.columns.end(), column) != group.columns.end();
   };
-  const auto found = std::find_if(groups->begin(), groups->end(), has_column);
-  CHECK(found != groups->end());
-  return *found;
+  const auto found = std::find_if(groups.begin(), groups.end(), has_column);
+  CHECK(found != groups.end());
+  return static_cast<size_t>(found - groups.begin());
 }
 
 // The least variances that smooth errors of a robot's positions (m^2) and rotations (rad^2) are taken to have.
 using LeastVariances = std::array<double, 2>;
 
 // Returns half of the variances that the robot's noise has in the groups `white`.
-LeastVariances HalfOfWhite(const SmoothSearch& search, std::vector<VarianceGroup> white) {
-  return {0.5 * GroupOfColumn(search.first_column, &white).variance,
-          0.5 * GroupOfColumn(search.first_column + 3, &white).variance};
+LeastVariances HalfOfWhite(const SmoothSearch& search, const std::vector<VarianceGroup>& white) {
+  return {0.5 * white[GroupOfColumn(search.first_column, white)].variance,
+          0.5 * white[GroupOfColumn(search.first_column + 3, white)].variance};
 }
 
 // Returns the variances of the smooth errors of the most accurate robots.
@@ -153,6 +153,19 @@ SmoothLengths LengthsAt(const Octaves& octaves) {
   return lengths;
 }
 
+Octaves Shifted(Octaves octaves, size_t which, double step) {
+  octaves[which] += step;
+  return octaves;
+}
+
+// Returns the offset of the largest value of a parabola through those at -step, 0 and step, at most half a step; zero
+// if one is not finite.
+double VertexOffset(double step, double before, double middle, double after) {
+  const double curvature = before - 2 * middle + after;
+  if (!std::isfinite(curvature) || curvature >= 0) return 0;
+  return std::clamp(0.5 * step * (before - after) / curvature, -0.5 * step, 0.5 * step);
+}
+
 // The probabilities of lengths, each computed once.
 class LengthProbabilities {
  public:
@@ -172,6 +185,19 @@ class LengthProbabilities {
     }
     return place->second;
   }
+  // Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow
+  // them: lengths that were rounded would jump when a capture is added.
+  SmoothLengths MostProbable() {
+    Octaves best{};
+    constexpr double kFinestStep = 0.25;
+    for (double step = 1; step >= kFinestStep; step /= 2) best = Climbed(best, step);
+    Octaves vertex = best;
+    for (const size_t which : {kRotation, kTranslation}) {
+      vertex[which] += VertexOffset(kFinestStep, LogAt(Shifted(best, which, -kFinestStep)), LogAt(best),
+                                    LogAt(Shifted(best, which, kFinestStep)));
+    }
+    return LengthsAt(vertex);
+  }
   // Returns the variances at the most probable lengths of all. Those at other lengths are not far from them.
   const std::vector<double>& variances() const { return variances_; }
 
@@ -184,56 +210,30 @@ class LengthProbabilities {
     return sum;
   }
 
+  // Returns where steps in one length at a time lead, as long as the probability grows.
+  Octaves Climbed(Octaves best, double step_octaves) {
+    constexpr int kMostRounds = 4;
+    bool has_improved = true;
+    for (int round = 0; round < kMostRounds && has_improved; ++round) {
+      has_improved = false;
+      for (const size_t which : {kRotation, kTranslation}) {
+        for (const double step : {step_octaves, -step_octaves}) {
+          const Octaves other = Shifted(best, which, step);
+          if (!(LogAt(other) > LogAt(best))) continue;
+          best = other;
+          has_improved = true;
+          break;
+        }
+      }
+    }
+    return best;
+  }
+
   const SmoothSearch& search_;
   std::map<Octaves, double> logs_;
   double best_ = -std::numeric_limits<double>::infinity();
   std::vector<double> variances_;
 };
-
-Octaves Shifted(Octaves octaves, size_t which, double step) {
-  octaves[which] += step;
-  return octaves;
-}
-
-// Takes steps in one length at a time, as long as the probability grows.
-void Climb(double step_octaves, LengthProbabilities* probabilities, Octaves* best) {
-  constexpr int kMostRounds = 4;
-  bool has_improved = true;
-  for (int round = 0; round < kMostRounds && has_improved; ++round) {
-    has_improved = false;
-    for (const size_t which : {kRotation, kTranslation}) {
-      for (const double step : {step_octaves, -step_octaves}) {
-        const Octaves other = Shifted(*best, which, step);
-        if (!(probabilities->LogAt(other) > probabilities->LogAt(*best))) continue;
-        *best = other;
-        has_improved = true;
-        break;
-      }
-    }
-  }
-}
-
-// Returns the offset of the largest value of a parabola through those at -step, 0 and step, at most half a step; zero
-// if one is not finite.
-double VertexOffset(double step, double before, double middle, double after) {
-  const double curvature = before - 2 * middle + after;
-  if (!std::isfinite(curvature) || curvature >= 0) return 0;
-  return std::clamp(0.5 * step * (before - after) / curvature, -0.5 * step, 0.5 * step);
-}
-
-// Returns the most probable lengths. A dozen captures may tell them to a tenth of an octave, and the estimates follow
-// them: lengths that were rounded would jump when a capture is added.
-SmoothLengths MostProbableLengths(LengthProbabilities* probabilities) {
-  Octaves best{};
-  constexpr double kFinestStep = 0.25;
-  for (double step = 1; step >= kFinestStep; step /= 2) Climb(step, probabilities, &best);
-  Octaves vertex = best;
-  for (const size_t which : {kRotation, kTranslation}) {
-    vertex[which] += VertexOffset(kFinestStep, probabilities->LogAt(Shifted(best, which, -kFinestStep)),
-                                  probabilities->LogAt(best), probabilities->LogAt(Shifted(best, which, kFinestStep)));
-  }
-  return LengthsAt(vertex);
-}
 
 }  // namespace
 
@@ -241,15 +241,15 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
   const SmoothSearch search = Thinned(all);
   std::vector<VarianceGroup> without = search.groups;
   for (Eigen::Index column = 0; search.is_exact_without && column < 6; ++column) {
-    VarianceGroup& group = GroupOfColumn(search.first_column + column, &without);
+    VarianceGroup& group = without[GroupOfColumn(search.first_column + column, without)];
     group.variance = 0;
     group.is_free = false;
   }
   const double log_likelihood_without = FitVariances(search.views, VarianceStart::kAnywhere, &without);
   LengthProbabilities probabilities(search);
-  FoundSmoothErrors found{SmoothErrors(search.poses, MostProbableLengths(&probabilities))};
+  FoundSmoothErrors found{SmoothErrors(search.poses, probabilities.MostProbable())};
   const FittedVariances fitted = FitWith(search, found.errors, probabilities.variances());
-  SetSigmas(search, fitted.variances, &found.errors);
+  found.errors.SetSigmas(SigmasOf(search, fitted.variances));
   found.log_likelihood_gain = fitted.log_likelihood - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);

@@ -15,7 +15,7 @@ namespace heba {
 struct TimeOffset {
   double change_s = 0;
   double sigma_s = 0;
-  // The change of the estimate by one sigma of the offset, as a column that AddChanges takes.
+  // The change of the estimate by one sigma of the offset, as a column that WithChanges takes.
   Eigen::VectorXd change_of_estimate;
 };
 

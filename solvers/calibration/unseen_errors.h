@@ -20,7 +20,7 @@ struct StandInErrors {
 };
 
 // Returns the changes of the estimate by the errors of an arm of which smooth errors are part of the solution, in the
-// layout of its covariance (AddChanges). Smooth errors are independent at distant poses; those of an arm are not: a
+// layout of its covariance (WithChanges). Smooth errors are independent at distant poses; those of an arm are not: a
 // part of them moves all captures alike, which no capture shows.
 //
 // With the derivatives B of the poses by the errors e, which have the variances D, and the estimate x = C sum_i J_i^T

@@ -88,10 +88,11 @@ std::vector<WeakDirection> IntrinsicDirections(const Covariance& covariance, con
   return directions;
 }
 
-void SortByNeed(std::vector<WeakDirection>* directions) {
-  std::stable_sort(directions->begin(), directions->end(), [](const WeakDirection& a, const WeakDirection& b) {
+std::vector<WeakDirection> ByNeed(std::vector<WeakDirection> directions) {
+  std::stable_sort(directions.begin(), directions.end(), [](const WeakDirection& a, const WeakDirection& b) {
     return a.sigma / a.wanted > b.sigma / b.wanted;
   });
+  return directions;
 }
 
 std::vector<CandidateMotion> CandidateMotions(const Camera& camera, const Rigid3d& camera_from_target,

@@ -43,8 +43,8 @@ std::vector<WeakDirection> WorstDirections(const Eigen::MatrixXd& covariance, Ei
 // intrinsics and poses partly cancel at a located target.
 std::vector<WeakDirection> IntrinsicDirections(const Covariance& covariance, const UnknownBlock& block,
                                                const Camera& camera);
-// Sorts by the ratio of what is known to what is wanted, the worst first.
-void SortByNeed(std::vector<WeakDirection>* directions);
+// Returns the directions by the ratio of what is known to what is wanted, the worst first.
+std::vector<WeakDirection> ByNeed(std::vector<WeakDirection> directions);
 
 // A standard motion of two additional captures.
 struct CandidateMotion {

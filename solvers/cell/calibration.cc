@@ -57,14 +57,16 @@ bool IsMoved(const Problem& problem, size_t camera) {
   return CountImages(problem, is_moved) > 0;
 }
 
-// Frees the shapes of the targets that arms move against cameras, and the twist unless errors of arms are searched for.
-void FreeShapes(bool knows_arms, Problem* problem) {
-  for (size_t t = 0; t < problem->targets.size(); ++t) {
-    problem->targets[t].free_shape.clear();
-    if (NumMovedImages(*problem, t) == 0) continue;
-    problem->targets[t].free_shape = TargetShapeCombinations().back();
-    SetGroup(TargetShapeGroup::kTwist, !knows_arms, &problem->targets[t].free_shape);
+// Returns a problem with the shapes free of the targets that arms move against cameras, and the twists unless errors of
+// arms are searched for.
+Problem WithFreeShapes(Problem problem, bool knows_arms) {
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    std::vector<TargetShapeGroup>& shape = problem.targets[t].free_shape;
+    shape.clear();
+    if (NumMovedImages(problem, t) == 0) continue;
+    shape = WithGroup(TargetShapeCombinations().back(), TargetShapeGroup::kTwist, !knows_arms);
   }
+  return problem;
 }
 
 // Returns the choice among the shapes of these targets.
@@ -75,33 +77,36 @@ ModelSpace MovedShapes(const Problem& problem) {
   return space;
 }
 
-// Holds the shape of the target about which the images tell least. Returns false if all are held.
-bool HoldShape(Problem* problem) {
+// Returns a problem that holds the shape of the target about which the images tell least; nothing if all are held.
+std::optional<Problem> WithShapeHeld(Problem problem) {
   ProblemTarget* least = nullptr;
   int fewest_images = 0;
-  for (size_t t = 0; t < problem->targets.size(); ++t) {
-    if (problem->targets[t].free_shape.empty()) continue;
-    const int num_images = NumMovedImages(*problem, t);
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    if (problem.targets[t].free_shape.empty()) continue;
+    const int num_images = NumMovedImages(problem, t);
     if (least != nullptr && num_images >= fewest_images) continue;
-    least = &problem->targets[t];
+    least = &problem.targets[t];
     fewest_images = num_images;
   }
-  if (least == nullptr) return false;
+  if (least == nullptr) return std::nullopt;
   least->free_shape.clear();
-  return true;
+  return problem;
 }
 
-// Leaves out the images of a camera on one side of its motion.
-void LeaveOutPart(const MovedCamera& moved, Problem* problem, std::vector<UnusedProblemImage>* unused) {
-  const std::string reason = WhyLeftOut(*problem, moved);
+// Returns a calibration without the images of a camera on one side of its motion.
+Calibration WithoutPart(Calibration calibration, const MovedCamera& moved) {
+  Problem& problem = calibration.problem;
+  const std::string reason = WhyLeftOut(problem, moved);
   for (const size_t i : moved.left_out) {
-    for (size_t k = 0; k < problem->captures[i].images.size(); ++k) {
-      ProblemImage& image = problem->captures[i].images[k];
+    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+      ProblemImage& image = problem.captures[i].images[k];
       if (image.camera != moved.camera || image.observations.size() == 0) continue;
       image.observations = Observations();
-      unused->push_back({i, k, reason});
+      calibration.unused.push_back({i, k, reason});
     }
   }
+  calibration.moved.push_back(moved);
+  return calibration;
 }
 
 // Describes how an image contradicts the others.
@@ -163,28 +168,32 @@ bool KnowsArms(const CalibrationOptions& options) {
                      [](const ArmErrorModels& arm) { return !arm.models.empty(); });
 }
 
+// A calibration without the images of moved cameras, and its model with the errors of arms.
+struct CalibrationAtRest {
+  StartedCalibration started;  // Its adjustment fails if one without the images does.
+  FoundErrors found;
+};
+
 // Leaves out the images of cameras on one side of their motions: two motions of one camera, or those of several
-// cameras, are found one after the other. `add_errors`, which may be null, makes errors of arms part of the model
-// before a motion is looked for. Returns the last model; the adjustment of `started` fails if one without the images
-// does.
-SearchedModel LeaveOutMotions(const CalibrationOptions& options, const std::function<void(SearchedModel*)>& add_errors,
-                              StartedCalibration* started) {
-  Problem& rig = started->calibration.problem;
+// cameras, are found one after the other. `find_errors` makes errors of arms part of the model before a motion is
+// looked for.
+CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOptions& options,
+                                 const std::function<FoundErrors(const SearchedModel&)>& find_errors) {
   const int most_motions = options.adjustment.loss == LossKind::kNone ? 0 : kMostMotions;
-  SearchedModel model;
-  for (int motion = 0; started->judged; ++motion) {
-    model = {rig, options.adjustment, *started->judged};
-    if (add_errors) add_errors(&model);
+  FoundErrors found;
+  for (int motion = 0; started.judged; ++motion) {
+    found = find_errors({started.calibration.problem, options.adjustment, *started.judged});
     if (motion == most_motions) break;
-    const std::optional<MovedCamera> moved = FindMovedCamera(model.problem, model.judged, options.adjustment);
+    const std::optional<MovedCamera> moved =
+        FindMovedCamera(found.model.problem, found.model.judged, options.adjustment);
     if (!moved) break;
-    LeaveOutPart(*moved, &rig, &started->calibration.unused);
-    started->calibration.moved.push_back(*moved);
-    const JudgedProblem& judged = *started->judged;
-    started->judged = RefineWithoutOutliers(rig, judged.solution.poses,
-                                            ImagesOfOthers(rig, judged.left_out, moved->camera), options.adjustment);
+    started.calibration = WithoutPart(std::move(started.calibration), *moved);
+    const Problem& rig = started.calibration.problem;
+    const JudgedProblem& judged = *started.judged;
+    started.judged = RefineWithoutOutliers(rig, judged.solution.poses,
+                                           ImagesOfOthers(rig, judged.left_out, moved->camera), options.adjustment);
   }
-  return model;
+  return {std::move(started), std::move(found)};
 }
 
 // Returns the change from one solution of a problem to another, in the layout of the first one's covariance.
@@ -224,18 +233,22 @@ Outcome<StartedCalibration> StartCalibration(const Problem& problem, const Calib
   }
   Outcome<CellPoses> start = JoinPairs(rig, calibration.pairs);
   if (!start) return start.failure();
-  ChooseReadingOrders(*start, &rig);
+  rig = InChosenOrders(std::move(rig), *start);
   // An outlier in one pair's calibration may be none in the adjustment of all.
   ImageSet left_out;
   if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
   // A target that differs from its design must not make images outliers.
-  if (options.choose_target_shape) FreeShapes(KnowsArms(options), &rig);
+  if (options.choose_target_shape) rig = WithFreeShapes(std::move(rig), KnowsArms(options));
   started.judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
-  while (!started.judged && options.choose_target_shape && HoldShape(&rig)) {
+  while (!started.judged && options.choose_target_shape) {
+    std::optional<Problem> held = WithShapeHeld(rig);
+    if (!held) break;
+    rig = *std::move(held);
     started.judged = RefineWithoutOutliers(rig, *start, left_out, options.adjustment);
   }
-  if (!KnowsArms(options)) LeaveOutMotions(options, nullptr, &started);
-  return started;
+  if (KnowsArms(options)) return started;
+  const auto as_it_is = [](const SearchedModel& model) { return FoundErrors{model, {}, {}}; };
+  return WithoutMotions(std::move(started), options, as_it_is).started;
 }
 
 Calibration FirstAdjustment(const StartedCalibration& started) {
@@ -249,13 +262,13 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
   const ErrorSpace space{{}, options.arms, options.smooth, true, options.robot_scale_sigma};
   const bool knows_arms = KnowsArms(options);
   FoundErrors found;
-  const auto add_errors = [&](SearchedModel* model) { found = AddErrors(space, LeaveOutOutliers, model); };
-  SearchedModel model;
+  const auto find_errors = [&](const SearchedModel& model) { return FindErrors(model, space, LeaveOutOutliers); };
   if (knows_arms) {
-    model = LeaveOutMotions(options, add_errors, &started);
+    CalibrationAtRest at_rest = WithoutMotions(std::move(started), options, find_errors);
+    started = std::move(at_rest.started);
+    found = std::move(at_rest.found);
   } else if (started.judged) {
-    model = {started.calibration.problem, options.adjustment, *started.judged};
-    add_errors(&model);
+    found = find_errors({started.calibration.problem, options.adjustment, *started.judged});
   }
   Calibration calibration = std::move(started.calibration);
   if (!started.judged) {
@@ -264,20 +277,21 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
   }
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
-  std::optional<Failure> failure;
+  SearchedModel model = std::move(found.model);
+  Problem& rig = calibration.problem;
   if (options.choose_target_shape) {
     ModelSpace shapes = MovedShapes(model.problem);
     const std::vector<bool> twists = shapes.twists;
     if (knows_arms) shapes.twists.clear();
-    failure = ChooseParts(shapes, LeaveOutOutliers, &model);
-    if (knows_arms && !failure) ChooseTwists(twists, &model);
+    Outcome<SearchedModel> chosen = WithChosenParts(model, shapes, LeaveOutOutliers);
+    if (!chosen) {
+      rig = std::move(model.problem);
+      calibration.refined = chosen.failure();
+      return calibration;
+    }
+    model = knows_arms ? WithChosenTwists(*chosen, twists) : *std::move(chosen);
   }
-  Problem& rig = calibration.problem;
   rig = std::move(model.problem);
-  if (failure) {
-    calibration.refined = *failure;
-    return calibration;
-  }
   for (UnusedProblemImage& unused : Describe(rig, model.judged)) calibration.unused.push_back(std::move(unused));
   rig = Without(std::move(rig), model.judged.left_out);
   // The points that the adjustment did not use keep their entries in `rejected_ids`.

@@ -58,24 +58,25 @@ std::vector<CameraSet> CamerasToKeep(const Problem& problem) {
   return sets;
 }
 
-// A fold's estimate, and the cameras whose images it needs.
+// A fold's estimate, the cameras whose images it needs, and why it needs them.
 struct FoldEstimate {
   Solution solution;
   CameraSet kept;
+  Failure reason;
 };
 
 // Estimates without the images that a fold holds out. If the others do not suffice, because a camera has few images,
-// those of as few cameras as possible are kept. `reason` is then why they are needed.
+// those of as few cameras as possible are kept.
 Outcome<FoldEstimate> EstimateFold(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options,
-                                   const std::vector<int>& fold_of, int fold, Failure* reason) {
+                                   const std::vector<int>& fold_of, int fold) {
   Outcome<Solution> solution = RefineProblem(PartOf(problem, fold_of, fold, {}, false), start, options);
-  if (solution) return FoldEstimate{std::move(*solution), {}};
-  *reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {solution.failure()}};
+  if (solution) return FoldEstimate{std::move(*solution), {}, {}};
+  const Failure reason = {FailureCode("of_fold"), {{"fold", fold + 1}}, {}, {solution.failure()}};
   for (const CameraSet& kept : CamerasToKeep(problem)) {
     solution = RefineProblem(PartOf(problem, fold_of, fold, kept, false), start, options);
-    if (solution) return FoldEstimate{std::move(*solution), kept};
+    if (solution) return FoldEstimate{std::move(*solution), kept, reason};
   }
-  return *reason;
+  return reason;
 }
 
 // Returns the fold that holds out each capture.
@@ -99,8 +100,9 @@ FoldErrors ErrorsOnImages(const Problem& held_out, const Solution& solution) {
       if (image.observations.size() == 0) continue;
       const Camera& camera = solution.cameras[image.camera];
       const Observations points = ApplyShape(image.observations, solution.shapes[image.target]);
-      AddImage(camera, CameraFromTarget(held_out, solution.poses, image.camera, image.target, base_from_gripper),
-               points, EstimateTargetPose(camera, points), i, &errors.of_cameras[image.camera]);
+      errors.of_cameras[image.camera].AddImage(
+          camera, CameraFromTarget(held_out, solution.poses, image.camera, image.target, base_from_gripper), points,
+          EstimateTargetPose(camera, points), i);
     }
   }
   errors.chi2 = SquaresOf(held_out, solution, true);
@@ -110,11 +112,10 @@ FoldErrors ErrorsOnImages(const Problem& held_out, const Solution& solution) {
 // Returns the errors on the images that a fold holds out.
 Outcome<FoldErrors> PredictFold(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options,
                                 const std::vector<int>& fold_of, int fold) {
-  Failure reason;
-  const Outcome<FoldEstimate> estimate = EstimateFold(problem, start, options, fold_of, fold, &reason);
+  const Outcome<FoldEstimate> estimate = EstimateFold(problem, start, options, fold_of, fold);
   if (!estimate) return estimate.failure();
   FoldErrors errors = ErrorsOnImages(PartOf(problem, fold_of, fold, estimate->kept, true), estimate->solution);
-  for (const size_t camera : estimate->kept) errors.reasons[camera] = reason;
+  for (const size_t camera : estimate->kept) errors.reasons[camera] = estimate->reason;
   return errors;
 }
 
@@ -172,10 +173,9 @@ HoldOuts CrossValidate(const Calibration& full, const CalibrationOptions& option
   // The points that the full adjustment rejected are no measure of its error.
   const Problem problem = StartingFrom(WithoutRejected(full.problem, *full.refined), *full.refined);
   const std::vector<int> fold_of = FoldsOf(problem, num_folds);
-  AdjustmentOptions fold_options = options.adjustment;
+  AdjustmentOptions fold_options = StartingFromNoise(options.adjustment, *full.refined);
   fold_options.loss = OfInliers(options.adjustment.loss);
   fold_options.num_threads = 1;
-  StartFromNoise(*full.refined, &fold_options);
   std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds));
   std::mutex mutex;
   ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {

@@ -130,8 +130,7 @@ std::optional<DriftCalibration> CalibrateWithDrifts(const Problem& seen_in, cons
                                                     const CalibrationOptions& options, const DriftOptions& drift) {
   const CaptureTimes times = TimesInOrder(seen_in.captures.size());
   // Points are moved in the frame of the target as it was read.
-  Problem seen = seen_in;
-  ChooseReadingOrders(first.refined->poses, &seen);
+  const Problem seen = InChosenOrders(seen_in, first.refined->poses);
   DriftCalibration last{seen, first, DriftsToEstimate(first, times, drift)};
   if (last.drifts.empty()) return std::nullopt;
   constexpr int kNumRounds = 3;

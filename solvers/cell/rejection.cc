@@ -26,10 +26,16 @@ Outcome<JudgedProblem> RefineInliers(const Problem& problem, const JudgedProblem
   return JudgedProblem{std::move(*solution), std::move(left_out)};
 }
 
-// Returns the images to leave out by the tests of all images at an adjustment. Those of `returned`, which others did
-// not contradict at an adjustment without them, are not tested again: two that contradict each other would otherwise
-// take turns.
-ImageSet TestImages(const Problem& problem, const JudgedProblem& at, ImageSet* returned) {
+// The images to leave out by the tests of all images at an adjustment, and those that others did not contradict at an
+// adjustment without them.
+struct TestedImages {
+  ImageSet left_out;
+  ImageSet returned;
+};
+
+// Tests all images at an adjustment. Those that were returned before are not tested again: two that contradict each
+// other would otherwise take turns.
+TestedImages TestImages(const Problem& problem, const JudgedProblem& at, ImageSet returned) {
   const double least_p_value =
       kCaptureFalseAlarm / std::max(1, CountImages(problem, [](const ProblemImage&) { return true; }));
   const Problem used = UsedPoints(problem, at);
@@ -39,14 +45,14 @@ ImageSet TestImages(const Problem& problem, const JudgedProblem& at, ImageSet* r
     if (verdict.p_value < least_p_value) {
       next.insert(image);
     } else if (next.erase(image) > 0) {
-      returned->insert(image);
+      returned.insert(image);
     }
   }
   // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
   std::map<std::pair<bool, size_t>, ImageVerdict> worst;
   for (const ImageVerdict& verdict : TestUsedImages(used, at.solution)) {
     if (verdict.p_value >= least_p_value) continue;
-    if (!verdict.robot && returned->contains({verdict.image.capture, verdict.image.image})) continue;
+    if (!verdict.robot && returned.contains({verdict.image.capture, verdict.image.image})) continue;
     const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
     const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
     const auto [found, is_new] = worst.emplace(key, verdict);
@@ -56,10 +62,10 @@ ImageSet TestImages(const Problem& problem, const JudgedProblem& at, ImageSet* r
     if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
     if (!verdict.robot) continue;
     for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
-      if (!returned->contains({verdict.image.capture, k})) next.insert({verdict.image.capture, k});
+      if (!returned.contains({verdict.image.capture, k})) next.insert({verdict.image.capture, k});
     }
   }
-  return next;
+  return {std::move(next), std::move(returned)};
 }
 
 // Tests the images one by one, until nothing changes. Points are looked for that contradict the others when the images
@@ -70,7 +76,12 @@ JudgedProblem LeaveOutEach(const Problem& problem, JudgedProblem at, const Adjus
   bool are_points_judged = true;
   JudgedProblem last_judged = at;
   for (int round = 0; round < kMaxRounds || !are_points_judged; ++round) {
-    ImageSet next = round < kMaxRounds ? TestImages(problem, at, &returned) : at.left_out;
+    ImageSet next = at.left_out;
+    if (round < kMaxRounds) {
+      TestedImages tested = TestImages(problem, at, std::move(returned));
+      next = std::move(tested.left_out);
+      returned = std::move(tested.returned);
+    }
     const bool has_settled = next == at.left_out;
     if (has_settled && are_points_judged) break;
     if (!has_settled) {

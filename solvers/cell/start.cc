@@ -136,44 +136,44 @@ struct Joining {
   std::vector<AmbiguousPart> ambiguous;
 };
 
-// Places the end of an edge.
-void FollowEdge(const Edge& edge, Joining* joining) {
-  for (PartPoses& poses : joining->hypotheses) {
+// Returns it with the end of an edge placed.
+Joining WithEdge(Joining joining, const Edge& edge) {
+  for (PartPoses& poses : joining.hypotheses) {
     if (poses.contains(edge.parent)) {
       poses[edge.child] = poses[edge.parent] * edge.parent_from_child;
     } else {
       poses[edge.parent] = poses[edge.child] * Inverse(edge.parent_from_child);
     }
   }
+  return joining;
 }
 
-// Places a part by its images. Returns whether an image determines its pose.
-bool FollowImages(const Problem& problem, const Placeable& placeable, Joining* joining) {
-  std::vector<PartPoses> hypotheses;
-  for (const PartPoses& poses : joining->hypotheses) {
+// Returns it with a part placed by its images; nothing if no image determines its pose.
+std::optional<Joining> WithPart(const Joining& before, const Problem& problem, const Placeable& placeable) {
+  Joining joining{{}, before.ambiguous};
+  for (const PartPoses& poses : before.hypotheses) {
     const std::vector<Placement> placements = PlaceByImages(problem, poses, placeable.part, placeable.images);
-    if (placements.size() > 1) joining->ambiguous.push_back({placeable.part, placements.front().target});
+    if (placements.size() > 1) joining.ambiguous.push_back({placeable.part, placements.front().target});
     for (const Placement& placement : placements) {
-      hypotheses.push_back(poses);
-      hypotheses.back()[placeable.part] = placement.pose;
+      joining.hypotheses.push_back(poses);
+      joining.hypotheses.back()[placeable.part] = placement.pose;
     }
   }
-  if (hypotheses.empty()) return false;
-  joining->hypotheses = std::move(hypotheses);
-  return true;
+  return joining.hypotheses.empty() ? std::nullopt : std::optional(std::move(joining));
 }
 
-// Removes the hypotheses that explain the images clearly worse than the best one.
-void RemoveContradicted(const Problem& problem, const std::vector<PlacingImage>& images, Joining* joining) {
-  if (joining->hypotheses.size() < 2) return;
+// Returns the hypotheses that do not explain the images clearly worse than the best one.
+std::vector<PartPoses> NotContradicted(std::vector<PartPoses> hypotheses, const Problem& problem,
+                                       const std::vector<PlacingImage>& images) {
+  if (hypotheses.size() < 2) return hypotheses;
   std::vector<double> misfits;
-  for (const PartPoses& poses : joining->hypotheses) misfits.push_back(MisfitOf(problem, poses, images));
+  for (const PartPoses& poses : hypotheses) misfits.push_back(MisfitOf(problem, poses, images));
   const double least = *std::min_element(misfits.begin(), misfits.end());
   std::vector<PartPoses> kept;
   for (size_t k = 0; k < misfits.size(); ++k) {
-    if (misfits[k] <= least + kClearMisfit) kept.push_back(std::move(joining->hypotheses[k]));
+    if (misfits[k] <= least + kClearMisfit) kept.push_back(std::move(hypotheses[k]));
   }
-  joining->hypotheses = std::move(kept);
+  return kept;
 }
 
 // Returns the number of poses that a part has in the hypotheses.
@@ -231,19 +231,21 @@ bool IsLocated(const PartPoses& placed, const CellPart& part, const Mount& mount
   return placed.contains(part) && (mount.part == Mount::Part::kBase || placed.contains(BasePart(mount.robot)));
 }
 
-// Adds the images that would join what is not located to the rest: those with something that is.
-void AddWhatWouldJoin(const Problem& problem, const PartPoses& placed, Failure::Names* names) {
+// Returns the images that would join what is not located to the rest: those with something that is.
+Failure::Names WhatWouldJoin(const Problem& problem, const PartPoses& placed) {
+  Failure::Names names;
   constexpr size_t kMostNamed = 3;
   size_t num_named = 0;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     for (size_t t = 0; t < problem.targets.size() && num_named < kMostNamed; ++t) {
       const bool is_camera_located = IsLocated(placed, {Kind::kCamera, c}, problem.cameras[c].mount);
       if (is_camera_located == IsLocated(placed, {Kind::kTarget, t}, problem.targets[t].mount)) continue;
-      names->emplace_back("of_camera", problem.cameras[c].name);
-      names->emplace_back("of_target", problem.targets[t].name);
+      names.emplace_back("of_camera", problem.cameras[c].name);
+      names.emplace_back("of_target", problem.targets[t].name);
       ++num_named;
     }
   }
+  return names;
 }
 
 Failure WhyNotJoined(const Problem& problem, const std::vector<CalibratedPair>& pairs,
@@ -272,7 +274,7 @@ Failure WhyNotJoined(const Problem& problem, const std::vector<CalibratedPair>& 
   }
   Failure failure{FailureCode("not_joined")};
   for (const CellPart& part : missing) failure.names.emplace_back("part", NameOf(problem, part));
-  AddWhatWouldJoin(problem, placed, &failure.names);
+  for (auto& name : WhatWouldJoin(problem, placed)) failure.names.push_back(std::move(name));
   return failure;
 }
 
@@ -448,14 +450,17 @@ Outcome<CellPoses> JoinPairs(const Problem& problem, const std::vector<Calibrate
     const auto edge = std::find_if(edges.begin(), edges.end(),
                                    [&](const Edge& candidate) { return IsUsable(problem, placed, candidate); });
     if (edge != edges.end()) {
-      FollowEdge(*edge, &joining);
+      joining = WithEdge(std::move(joining), *edge);
     } else {
-      const std::vector<Placeable> parts = PlaceableParts(problem, placed, images);
-      const bool has_placed = std::any_of(parts.begin(), parts.end(),
-                                          [&](const Placeable& part) { return FollowImages(problem, part, &joining); });
-      if (!has_placed) break;
+      std::optional<Joining> next;
+      for (const Placeable& part : PlaceableParts(problem, placed, images)) {
+        next = WithPart(joining, problem, part);
+        if (next) break;
+      }
+      if (!next) break;
+      joining = *std::move(next);
     }
-    RemoveContradicted(problem, images, &joining);
+    joining.hypotheses = NotContradicted(std::move(joining.hypotheses), problem, images);
   }
   if (joining.hypotheses.size() > kMostHypotheses) return WhyAmbiguous(problem, joining);
   const PartPoses& placed = joining.hypotheses.front();
@@ -465,15 +470,15 @@ Outcome<CellPoses> JoinPairs(const Problem& problem, const std::vector<Calibrate
   return PosesInMounts(problem, placed);
 }
 
-void ChooseReadingOrders(const CellPoses& poses, Problem* problem) {
-  for (ProblemCapture& capture : problem->captures) {
+Problem InChosenOrders(Problem problem, const CellPoses& poses) {
+  for (ProblemCapture& capture : problem.captures) {
     for (ProblemImage& image : capture.images) {
-      if (!IsSymmetric(*problem, image.target) || image.observations.size() == 0) continue;
-      const Rigid3d predicted =
-          CameraFromTarget(*problem, poses, image.camera, image.target, capture.base_from_gripper);
-      image.observations.points_in_target = BestReadingOrder(*problem, image, predicted).points_in_target;
+      if (!IsSymmetric(problem, image.target) || image.observations.size() == 0) continue;
+      const Rigid3d predicted = CameraFromTarget(problem, poses, image.camera, image.target, capture.base_from_gripper);
+      image.observations.points_in_target = BestReadingOrder(problem, image, predicted).points_in_target;
     }
   }
+  return problem;
 }
 
 }  // namespace heba

@@ -26,7 +26,7 @@ std::vector<CalibratedPair> CalibratePairs(const Problem& problem, const Calibra
 // Returns a Failure that names a camera, target or arm that is not reached, or one for which several poses remain.
 Outcome<CellPoses> JoinPairs(const Problem& problem, const std::vector<CalibratedPair>& pairs);
 
-// Reads the points of symmetric targets in the order that fits the poses best, in every image.
-void ChooseReadingOrders(const CellPoses& poses, Problem* problem);
+// Returns the problem with the points of symmetric targets read in the order that fits the poses best, in every image.
+Problem InChosenOrders(Problem problem, const CellPoses& poses);
 
 }  // namespace heba

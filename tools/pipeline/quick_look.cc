@@ -25,7 +25,7 @@ std::optional<Eigen::Matrix<double, 6, 6>> CovarianceWith(const std::shared_ptr<
   problem.cameras[0].free_intrinsics = FreeIntrinsicsOf(result, 0);
   const Solution& solution = result.solution;
   try {
-    AddPrior({result.name, {run, &run->result}, {}}, &problem);
+    problem = WithPrior(std::move(problem), {result.name, {run, &run->result}, {}});
   } catch (const InputError&) {
     return std::nullopt;
   }

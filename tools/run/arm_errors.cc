@@ -100,14 +100,16 @@ ArmSummaries SummariseArms(const Dataset& dataset, std::vector<std::optional<Arm
   return summaries;
 }
 
-void NameKnownArms(const std::vector<std::optional<RobotSummary>>& arms, const std::vector<std::string>& robots,
-                   std::vector<Finding>* findings) {
-  for (Finding& finding : *findings) {
+std::vector<Finding> WithNamesOfArms(std::vector<Finding> findings,
+                                     const std::vector<std::optional<RobotSummary>>& arms,
+                                     const std::vector<std::string>& robots) {
+  for (Finding& finding : findings) {
     if (finding.code != "smooth_errors") continue;
     for (size_t r = 0; r < arms.size(); ++r) {
       if (arms[r] && finding.Name("of_arm") == robots[r]) finding.names.emplace_back("arm", arms[r]->nominal.name);
     }
   }
+  return findings;
 }
 
 }  // namespace heba

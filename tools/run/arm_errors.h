@@ -28,8 +28,9 @@ struct ArmSummaries {
 ArmSummaries SummariseArms(const Dataset& dataset, std::vector<std::optional<ArmSetup>> setups, Kinematics kinematics,
                            const Calibration& calibration);
 
-// Adds the name of the kinematics to the findings about smooth errors of an arm whose kinematics are known.
-void NameKnownArms(const std::vector<std::optional<RobotSummary>>& arms, const std::vector<std::string>& robots,
-                   std::vector<Finding>* findings);
+// Returns the findings; those about smooth errors of an arm whose kinematics are known have the name of the kinematics.
+std::vector<Finding> WithNamesOfArms(std::vector<Finding> findings,
+                                     const std::vector<std::optional<RobotSummary>>& arms,
+                                     const std::vector<std::string>& robots);
 
 }  // namespace heba

@@ -95,29 +95,32 @@ bool IsNear(const Rigid3d& tool, const Rigid3d& other) {
   return DistanceM(tool, other) < kMostToolScatterM && RadToDeg(AngleRad(tool, other)) < kMostToolScatterDeg;
 }
 
-// Sets the joints and the tool from recorded joints.
-void SetUpRecorded(const Dataset& dataset, size_t robot, ArmSetup* setup) {
+// Returns the joints and the tool from recorded joints.
+ArmSetup SetUpRecorded(const Dataset& dataset, size_t robot) {
   const Arm& arm = dataset.arms[robot]->arm;
+  ArmSetup setup;
+  setup.is_recorded = true;
   ArmBranch branch{"recorded", {}};
   for (const Recording& capture : dataset.captures) branch.joints.push_back(JointsOf(capture, robot));
   const std::vector<Rigid3d> tools = ImpliedTools(dataset, robot);
-  setup->tip_from_gripper = MeanPose(tools);
+  setup.tip_from_gripper = MeanPose(tools);
   for (size_t i = 0; i < tools.size(); ++i) {
-    if (IsNear(tools[i], setup->tip_from_gripper)) continue;
-    setup->reason = {FailureCode("tool_scatter"),
-                     {{"apart_mm", 1000 * DistanceM(tools[i], setup->tip_from_gripper)},
-                      {"apart_deg", RadToDeg(AngleRad(tools[i], setup->tip_from_gripper))}},
-                     {{"capture", dataset.captures[i].name}}};
-    return;
+    if (IsNear(tools[i], setup.tip_from_gripper)) continue;
+    setup.reason = {FailureCode("tool_scatter"),
+                    {{"apart_mm", 1000 * DistanceM(tools[i], setup.tip_from_gripper)},
+                     {"apart_deg", RadToDeg(AngleRad(tools[i], setup.tip_from_gripper))}},
+                    {{"capture", dataset.captures[i].name}}};
+    return setup;
   }
-  const ToolScatter scatter = ExplainTools(arm, branch, tools, setup->tip_from_gripper);
+  const ToolScatter scatter = ExplainTools(arm, branch, tools, setup.tip_from_gripper);
   if (!scatter.IsExplained()) {
-    setup->reason = {FailureCode("tool_not_explained"),
-                     {{"scatter_mm", 1000 * scatter.rms_m}, {"unexplained_mm", 1000 * scatter.unexplained_m}},
-                     {{"arm", arm.name}}};
-    return;
+    setup.reason = {FailureCode("tool_not_explained"),
+                    {{"scatter_mm", 1000 * scatter.rms_m}, {"unexplained_mm", 1000 * scatter.unexplained_m}},
+                    {{"arm", arm.name}}};
+    return setup;
   }
-  setup->branches.push_back(std::move(branch));
+  setup.branches.push_back(std::move(branch));
+  return setup;
 }
 
 // Returns, for each capture, its posture that is nearest to that of the capture before it.
@@ -134,25 +137,27 @@ std::optional<ArmBranch> Continued(const Dataset& dataset, size_t robot, Eigen::
   return branch;
 }
 
-void SetUpRecovered(const Dataset& dataset, size_t robot, ArmSetup* setup) {
+// Returns the joints that reach the poses.
+ArmSetup SetUpRecovered(const Dataset& dataset, size_t robot) {
+  ArmSetup setup;
   const RobotArm& of_robot = *dataset.arms[robot];
   const Arm& arm = of_robot.arm;
-  setup->tip_from_gripper = of_robot.tip_from_gripper;
+  setup.tip_from_gripper = of_robot.tip_from_gripper;
   const Rigid3d gripper_from_tip = Inverse(of_robot.tip_from_gripper);
   const bool has_near = of_robot.joints_near.size() > 0;
   const std::optional<Configuration> configuration_near =
       has_near ? ConfigurationOf(arm, of_robot.joints_near) : std::nullopt;
   if (has_near && !configuration_near) {
     if (std::optional<ArmBranch> branch = Continued(dataset, robot, of_robot.joints_near)) {
-      setup->branches.push_back(std::move(*branch));
+      setup.branches.push_back(std::move(*branch));
     } else {
-      setup->reason = FailureCode("no_posture_near");
+      setup.reason = FailureCode("no_posture_near");
     }
-    return;
+    return setup;
   }
   if (arm.num_joints() > 6) {
-    setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
-    return;
+    setup.reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
+    return setup;
   }
   std::vector<Rigid3d> base_from_tip;
   std::vector<std::vector<Eigen::VectorXd>> postures;
@@ -160,13 +165,13 @@ void SetUpRecovered(const Dataset& dataset, size_t robot, ArmSetup* setup) {
     base_from_tip.push_back(capture.base_from_gripper[robot] * gripper_from_tip);
     Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(arm, base_from_tip.back());
     if (!found) {
-      setup->reason = {
+      setup.reason = {
           FailureCode("out_of_reach"), {}, {{"arm", arm.name}, {"capture", capture.name}}, {found.failure()}};
-      return;
+      return setup;
     }
     if (!ConfigurationOf(arm, found->front())) {
-      setup->reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
-      return;
+      setup.reason = {FailureCode("nameless_configurations"), {}, {{"arm", arm.name}}};
+      return setup;
     }
     postures.push_back(std::move(*found));
   }
@@ -176,11 +181,12 @@ void SetUpRecovered(const Dataset& dataset, size_t robot, ArmSetup* setup) {
       branch.joints.front() = Eigen::VectorXd();
       branch.is_out_of_reach.front() = true;
     }
-    setup->branches.push_back(std::move(branch));
+    setup.branches.push_back(std::move(branch));
   }
-  const bool is_first_reached = std::any_of(setup->branches.begin(), setup->branches.end(),
+  const bool is_first_reached = std::any_of(setup.branches.begin(), setup.branches.end(),
                                             [](const ArmBranch& branch) { return branch.Reaches(0); });
-  if (!is_first_reached) setup->reason = {FailureCode("near_out_of_reach"), {}, {{"arm", arm.name}}};
+  if (!is_first_reached) setup.reason = {FailureCode("near_out_of_reach"), {}, {{"arm", arm.name}}};
+  return setup;
 }
 
 // The joints of a capture in a branch that is being completed.
@@ -323,13 +329,7 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
 }
 
 ArmSetup SetUpArm(const Dataset& dataset, size_t robot, Kinematics kinematics) {
-  ArmSetup setup;
-  setup.is_recorded = AreJointsRecorded(dataset, robot);
-  if (setup.is_recorded) {
-    SetUpRecorded(dataset, robot, &setup);
-  } else {
-    SetUpRecovered(dataset, robot, &setup);
-  }
+  ArmSetup setup = AreJointsRecorded(dataset, robot) ? SetUpRecorded(dataset, robot) : SetUpRecovered(dataset, robot);
   const bool lacks_masses = kinematics == Kinematics::kGravity && dataset.arms[robot]->arm.load == nullptr;
   if (lacks_masses && setup.reason.empty()) {
     setup.reason = FailureCode("no_masses");

@@ -18,12 +18,15 @@ namespace heba {
 struct ImageRun {
   Dataset dataset;
   RunOptions options;
+  std::vector<TargetDetection> detections;
   std::vector<DuplicateInDataset> duplicates;  // The images must not be used.
   RunObserver* observer = nullptr;             // May be null.
   bool is_first = true;  // Whether the observer is told if there is no calibration: of several attempts, the first one.
 };
 
 struct CalibratedImages {
+  // Those that the calibration uses: the images may have been searched again.
+  std::vector<TargetDetection> detections;
   // The points of all images, corrected for the drifts. Its captures are those of the data set.
   Problem seen;
   // The captures of its problem are those of the data set. The adjustment succeeded.

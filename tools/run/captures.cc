@@ -79,6 +79,14 @@ Dataset WithoutCaptures(Dataset dataset, const std::map<size_t, std::string>& re
   return dataset;
 }
 
+std::vector<std::shared_ptr<const PoseEffect>> EffectsAt(const Dataset& dataset, const SmoothErrors& errors) {
+  std::vector<std::shared_ptr<const PoseEffect>> effects;
+  for (const Recording& capture : dataset.captures) {
+    effects.push_back(errors.EffectAt(capture.base_from_gripper.front()));
+  }
+  return effects;
+}
+
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations, const EffectsOfCaptures& effects) {
   const Recording& from = dataset.captures[capture];
   View view{from.name, CameraMountFromTargetMount(SetupOf(dataset), from.base_from_gripper.front()),
@@ -146,7 +154,7 @@ PairCalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run) 
   if (!run.earlier) return options;
   Problem problem = HandEyeProblem(options.setup, camera.camera, options.shape);
   problem.targets.front().symmetries = options.symmetries;
-  AddPrior(*run.earlier, &problem);
+  problem = WithPrior(std::move(problem), *run.earlier);
   bundle.prior = problem.prior;
   options.symmetries = problem.targets.front().symmetries;
   options.shape = problem.targets.front().shape;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heba/data/scale_sigmas.h"
+#include "heba/data/smooth_errors.h"
 #include "heba/run_types.h"
 #include "tools/run/second_detection.h"
 
@@ -38,6 +39,9 @@ struct EffectsOfCaptures {
   std::vector<std::shared_ptr<const PoseEffect>> effects = {};  // View::effect.
   std::vector<Matrix6X> gripper_by_joints = {};                 // View::gripper_by_joints.
 };
+
+// Returns the effects of smooth errors at the captures of the only arm.
+std::vector<std::shared_ptr<const PoseEffect>> EffectsAt(const Dataset& dataset, const SmoothErrors& errors);
 
 // Returns the view of one capture, an index into Dataset::captures, of the only camera with the observations in its
 // image.

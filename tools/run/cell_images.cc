@@ -32,7 +32,7 @@ Problem ProblemOf(const ImageRun& run, const std::vector<TargetDetection>& detec
     target.free_shape = GroupsOfSurface(target.free_shape);
     target.known_scale_sigma = dataset.targets[t]->scale_sigma().value_or(kTargetScaleSigma);
   }
-  if (run.options.earlier) AddPrior(*run.options.earlier, &problem);
+  if (run.options.earlier) problem = WithPrior(std::move(problem), *run.options.earlier);
   problem.captures.clear();
   for (const Recording& recording : dataset.captures) {
     problem.captures.push_back({recording.name, recording.base_from_gripper, {}});
@@ -55,45 +55,45 @@ Outcome<Calibration> FirstOf(const Outcome<StartedCalibration>& started) {
 
 // Calibrates from the detections. The images are searched again for the points that the first adjustment predicts; the
 // better of both adjustments is completed.
-Outcome<CalibratedImages> CalibrateDetections(const ImageRun& run, const CalibrationOptions& options,
-                                              std::vector<TargetDetection>* detections) {
-  Problem seen = ProblemOf(run, *detections);
-  Outcome<StartedCalibration> started = StartCalibration(seen, options);
+Outcome<CalibratedImages> CalibrateDetections(const ImageRun& run, const CalibrationOptions& options) {
+  CalibratedImages finished;
+  finished.detections = run.detections;
+  finished.seen = ProblemOf(run, run.detections);
+  Outcome<StartedCalibration> started = StartCalibration(finished.seen, options);
   const Outcome<Calibration> first = FirstOf(started);
   if (!first) return first.failure();
   std::optional<std::vector<TargetDetection>> again = DetectAgain(
-      run.dataset, *detections, PredictionsOf(*first, *detections), options.adjustment.num_threads, run.observer);
+      run.dataset, run.detections, PredictionsOf(*first, run.detections), options.adjustment.num_threads, run.observer);
   EndIfCancelled(run.observer);
   if (again) {
     Problem more = ProblemOf(run, *again);
     Outcome<StartedCalibration> restarted = StartCalibration(more, options);
     const Outcome<Calibration> second = FirstOf(restarted);
     if (second && IsAtLeastAsGood(QualityOf(*second), QualityOf(*first))) {
-      *detections = std::move(*again);
-      seen = std::move(more);
+      finished.detections = std::move(*again);
+      finished.seen = std::move(more);
       started = std::move(restarted);
     }
   }
   EndIfCancelled(run.observer);
-  CalibratedImages finished;
-  finished.seen = std::move(seen);
   finished.calibration = FinishCalibration(*std::move(started), options);
   if (!finished.calibration.refined) return finished.calibration.refined.failure();
   return finished;
 }
 
-// Corrects the images for drifts, if there are any, and calibrates from the corrected ones.
-void CorrectForDrifts(const RunOptions& options, const CalibrationOptions& of_calibration,
-                      CalibratedImages* calibrated) {
+// Returns the calibration from images that are corrected for drifts, if there are any.
+CalibratedImages CorrectedForDrifts(CalibratedImages calibrated, const RunOptions& options,
+                                    const CalibrationOptions& of_calibration) {
   std::optional<DriftCalibration> corrected =
-      CalibrateWithDrifts(calibrated->seen, calibrated->calibration, of_calibration, options.drift);
+      CalibrateWithDrifts(calibrated.seen, calibrated.calibration, of_calibration, options.drift);
   if (corrected) {
-    calibrated->seen = std::move(corrected->seen);
-    calibrated->calibration = std::move(corrected->calibration);
-    calibrated->drifts = std::move(corrected->drifts);
+    calibrated.seen = std::move(corrected->seen);
+    calibrated.calibration = std::move(corrected->calibration);
+    calibrated.drifts = std::move(corrected->drifts);
   } else if (!options.drift.wanted.empty()) {
-    calibrated->findings.push_back({Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}});
+    calibrated.findings.push_back({Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}});
   }
+  return calibrated;
 }
 
 }  // namespace
@@ -107,21 +107,21 @@ CalibrationOptions CellOptions(const ImageRun& run, const std::vector<std::optio
   return options;
 }
 
-Outcome<CalibratedImages> CalibrateCell(const ImageRun& run, std::vector<TargetDetection>* detections) {
+Outcome<CalibratedImages> CalibrateCell(const ImageRun& run) {
   std::vector<std::optional<ArmSetup>> arms = SetUpArms(run.dataset, run.options.kinematics);
   const CalibrationOptions options = CellOptions(run, arms);
-  Outcome<CalibratedImages> calibrated = CalibrateDetections(run, options, detections);
-  if (!calibrated) return calibrated;
+  Outcome<CalibratedImages> first = CalibrateDetections(run, options);
+  if (!first) return first;
   EndIfCancelled(run.observer);
-  CorrectForDrifts(run.options, options, &*calibrated);
+  CalibratedImages calibrated = CorrectedForDrifts(*std::move(first), run.options, options);
   EndIfCancelled(run.observer);
-  std::vector<Finding> findings = DiagnoseCalibration(calibrated->seen, calibrated->calibration);
-  for (const Drift& drift : calibrated->drifts) {
+  std::vector<Finding> findings = DiagnoseCalibration(calibrated.seen, calibrated.calibration);
+  for (const Drift& drift : calibrated.drifts) {
     findings.push_back(
-        DescribeDrift(calibrated->calibration.problem, drift, run.dataset.captures[drift.capture].name, true));
+        DescribeDrift(calibrated.calibration.problem, drift, run.dataset.captures[drift.capture].name, true));
   }
-  calibrated->findings.insert(calibrated->findings.begin(), findings.begin(), findings.end());
-  calibrated->arms = std::move(arms);
+  calibrated.findings.insert(calibrated.findings.begin(), findings.begin(), findings.end());
+  calibrated.arms = std::move(arms);
   return calibrated;
 }
 

@@ -9,9 +9,8 @@
 namespace heba {
 
 // Calibrates from the detections (Calibrate), searches the images again for points that were missed, and takes in the
-// drifts that are wanted or found. `detections` become those of the calibration. Throws Cancelled
-// (tools/run/run_stage.h).
-Outcome<CalibratedImages> CalibrateCell(const ImageRun& run, std::vector<TargetDetection>* detections);
+// drifts that are wanted or found. Throws Cancelled (tools/run/run_stage.h).
+Outcome<CalibratedImages> CalibrateCell(const ImageRun& run);
 
 // Returns the findings about held intrinsics, smooth errors beside those of an arm and weak directions, and the changes
 // of the estimate that they make.

@@ -67,26 +67,30 @@ CellPoseErrors PoseErrors(const Problem& rig, const RunResult& result, const Cel
   return errors;
 }
 
-// Fills in the in-sample errors of every camera, with the poses of the arms as given.
-void AddErrors(const Problem& used, const Solution& solution, RunResult* result) {
+// Returns the in-sample errors of every camera, with the poses of the arms as given.
+std::vector<CameraErrors> InSampleErrors(const Problem& used, const Solution& solution) {
+  std::vector<CameraErrors> all;
   const std::vector<SquaredErrors> sums = ErrorsOfCameras(used, solution);
   for (size_t c = 0; c < sums.size(); ++c) {
-    CameraErrors& errors = result->errors.emplace_back();
+    CameraErrors& errors = all.emplace_back();
     errors.reprojection_rms_px = sums[c].RmsPx();
     const std::vector<Rigid3d> poses = TargetPosesOf(used, solution.poses, solution.effects, c);
     if (!poses.empty()) errors.distance_m = WorkingDistance(poses);
   }
+  return all;
 }
 
-// Fills in the errors of the images that contradict the others. `seen` has the points of all images.
-void AddLeftOutErrors(const Problem& seen, const Calibration& calibration, RunResult* result) {
+// Returns the errors of the cameras with those of the images that contradict the others. `seen` has the points of all
+// images.
+std::vector<CameraErrors> WithLeftOutErrors(std::vector<CameraErrors> errors, const Problem& seen,
+                                            const Calibration& calibration) {
   ImageSet left_out;
   for (const UnusedProblemImage& unused : calibration.unused) {
     for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
       if (!unused.image || *unused.image == k) left_out.insert({unused.capture, k});
     }
   }
-  for (size_t c = 0; c < result->errors.size(); ++c) {
+  for (size_t c = 0; c < errors.size(); ++c) {
     ImageSet of_camera = left_out;
     // A motion of the camera is stated by itself.
     for (const MovedCamera& moved : calibration.moved) {
@@ -95,8 +99,9 @@ void AddLeftOutErrors(const Problem& seen, const Calibration& calibration, RunRe
                std::find(moved.left_out.begin(), moved.left_out.end(), image.first) != moved.left_out.end();
       });
     }
-    SetLeftOut(ErrorsOfUnused(seen, *calibration.refined, of_camera, c), &result->errors[c]);
+    errors[c] = WithLeftOut(errors[c], ErrorsOfUnused(seen, *calibration.refined, of_camera, c));
   }
+  return errors;
 }
 
 // Returns the description and the poses of the rig, without captures and figures.
@@ -136,38 +141,37 @@ std::vector<CameraErrors> WithHoldOuts(std::vector<CameraErrors> errors, const s
 
 }  // namespace
 
-FormOfResult CellForm(const ImageRun& run, CalibratedImages* calibrated, const Problem& used) {
+FormOfResult CellForm(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used) {
   const Dataset& dataset = run.dataset;
-  const Calibration& calibration = calibrated->calibration;
+  const Calibration& calibration = calibrated.calibration;
   FormOfResult form;
   RunResult& result = form.result;
   result = PosesResult(dataset, calibration);
-  AddErrors(used, *calibration.refined, &result);
-  AddLeftOutErrors(calibrated->seen, calibration, &result);
+  result.errors = WithLeftOutErrors(InSampleErrors(used, *calibration.refined), calibrated.seen, calibration);
   const int num_folds = std::min(run.options.folds, static_cast<int>(calibration.problem.captures.size()));
   if (num_folds > 1) {
     StageReport report(RunStage::kHoldOut, num_folds, run.observer);
     const HoldOuts hold_outs =
-        CrossValidate(calibration, CellOptions(run, calibrated->arms), num_folds, [&] { report.Step(); });
+        CrossValidate(calibration, CellOptions(run, calibrated.arms), num_folds, [&] { report.Step(); });
     result.errors = WithHoldOuts(std::move(result.errors), hold_outs.of_cameras);
     result.holdout_chi2 = hold_outs.chi2_per_dof;
     for (const CameraHoldOut& camera : hold_outs.of_cameras) form.held_out_m.push_back(camera.target_m_of_capture);
   }
-  ArmSummaries summaries = SummariseArms(dataset, calibrated->arms, run.options.kinematics, calibration);
+  ArmSummaries summaries = SummariseArms(dataset, calibrated.arms, run.options.kinematics, calibration);
   result.arms = std::move(summaries.arms);
-  NameKnownArms(result.arms, result.rig.robots, &calibrated->findings);
+  form.of_calibration = WithNamesOfArms(calibrated.findings, result.arms, result.rig.robots);
   form.of_arms = std::move(summaries.findings);
   return form;
 }
 
-// Fills in the errors by the truth. `problem` is the one that was solved.
-void AddTruth(const CellTruth& truth, const Problem& problem, RunResult* result) {
-  for (size_t c = 0; c < result->errors.size(); ++c) {
-    const PoseError error = ErrorOf(result->solution.poses.mount_from_camera[c], truth.mount_from_camera[c]);
-    result->errors[c].truth_mm = error.mm;
-    result->errors[c].truth_deg = error.deg;
+RunResult WithTruth(RunResult result, const CellTruth& truth, const Problem& problem) {
+  for (size_t c = 0; c < result.errors.size(); ++c) {
+    const PoseError error = ErrorOf(result.solution.poses.mount_from_camera[c], truth.mount_from_camera[c]);
+    result.errors[c].truth_mm = error.mm;
+    result.errors[c].truth_deg = error.deg;
   }
-  result->truth = PoseErrors(problem, *result, truth);
+  result.truth = PoseErrors(problem, result, truth);
+  return result;
 }
 
 }  // namespace heba

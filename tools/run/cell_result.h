@@ -8,9 +8,9 @@ namespace heba {
 
 // Returns the part of the result of a calibration that only this form has. `used` has the points that the solution
 // uses. The covariance of the calibration is the total one. Findings about arms whose kinematics are known name them.
-FormOfResult CellForm(const ImageRun& run, CalibratedImages* calibrated, const Problem& used);
+FormOfResult CellForm(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used);
 
-// Fills in the errors of a result by the truth. `problem` is the one that was solved.
-void AddTruth(const CellTruth& truth, const Problem& problem, RunResult* result);
+// Returns a result with its errors by the truth. `problem` is the one that was solved.
+RunResult WithTruth(RunResult result, const CellTruth& truth, const Problem& problem);
 
 }  // namespace heba

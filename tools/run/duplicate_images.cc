@@ -121,14 +121,15 @@ std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& d
   return notes;
 }
 
-void MarkDuplicates(const Dataset& dataset, const std::vector<DuplicateInDataset>& duplicates,
-                    const std::vector<TargetDetection>& detections, std::vector<ImageResult>* images) {
+std::vector<ImageResult> WithDuplicates(std::vector<ImageResult> images, const Dataset& dataset,
+                                        const std::vector<DuplicateInDataset>& duplicates,
+                                        const std::vector<TargetDetection>& detections) {
   for (const DuplicateInDataset& duplicate : duplicates) {
-    const auto entry = std::find_if(images->begin(), images->end(), [&](const ImageResult& image) {
+    const auto entry = std::find_if(images.begin(), images.end(), [&](const ImageResult& image) {
       return image.capture == dataset.captures[duplicate.capture].name &&
              image.camera == dataset.rig.cameras[duplicate.camera].name;
     });
-    CHECK(entry != images->end());
+    CHECK(entry != images.end());
     entry->reason = duplicate.reason;
     entry->repeat_of = duplicate.repeat_of;
     entry->targets.clear();
@@ -140,6 +141,7 @@ void MarkDuplicates(const Dataset& dataset, const std::vector<DuplicateInDataset
           {dataset.rig.targets[detection.target].name, num_points, 0, {}, false, duplicate.reason});
     }
   }
+  return images;
 }
 
 }  // namespace heba

@@ -64,8 +64,10 @@ bool IsDuplicate(const std::vector<DuplicateInDataset>& duplicates, const Target
 // Returns one sentence for each cause of duplicates among the captures of one camera.
 std::vector<std::string> DuplicateNotes(const std::vector<DuplicateInDataset>& duplicates, size_t num_captures);
 
-// Gives the entries of images that must not be used the reason, and their points as `detections` has them.
-void MarkDuplicates(const Dataset& dataset, const std::vector<DuplicateInDataset>& duplicates,
-                    const std::vector<TargetDetection>& detections, std::vector<ImageResult>* images);
+// Returns the entries of images with the reason of those that must not be used, and their points as `detections` has
+// them.
+std::vector<ImageResult> WithDuplicates(std::vector<ImageResult> images, const Dataset& dataset,
+                                        const std::vector<DuplicateInDataset>& duplicates,
+                                        const std::vector<TargetDetection>& detections);
 
 }  // namespace heba

@@ -155,57 +155,57 @@ std::vector<TargetShapeGroup> FreeShapeOf(const RunResult& earlier, size_t targe
                                     [](int index) { return ShapeGroupOf(index); });
 }
 
-void BuildOn(const EarlierRun& earlier, Dataset* dataset, RunOptions* options) {
+BuiltOnEarlier BuildOn(const EarlierRun& earlier, Dataset dataset, RunOptions options) {
   const RunResult& result = *earlier.result;
-  if (IsShort(dataset->rig)) CheckPair(earlier, *dataset);
-  std::vector<ProblemCamera>& cameras = dataset->rig.cameras;
+  if (IsShort(dataset.rig)) CheckPair(earlier, dataset);
+  std::vector<ProblemCamera>& cameras = dataset.rig.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::optional<size_t> place = PlaceOfSame(cameras[c].name, cameras.size(), result.rig.cameras);
     if (!place) continue;
     if (!FreeIntrinsicsOf(result, *place).empty()) cameras[c].prior = std::nullopt;
     const bool states_model = !cameras[c].camera.model.empty();
     if (states_model) CheckCamera(earlier, cameras[c].camera, result.solution.cameras[*place]);
-    if (dataset->has_camera[c]) continue;
+    if (dataset.has_camera[c]) continue;
     cameras[c].camera = result.solution.cameras[*place];
     cameras[c].free_intrinsics = FreeIntrinsicsOf(result, *place);
-    dataset->has_camera[c] = true;
-    dataset->camera_sources[c] = earlier.name;
+    dataset.has_camera[c] = true;
+    dataset.camera_sources[c] = earlier.name;
   }
-  std::vector<ProblemTarget>& targets = dataset->rig.targets;
+  std::vector<ProblemTarget>& targets = dataset.rig.targets;
   bool knows_all_targets = true;
   for (size_t t = 0; t < targets.size(); ++t) {
     const std::optional<size_t> place = PlaceOfSame(targets[t].name, targets.size(), result.rig.targets);
     knows_all_targets = knows_all_targets && place.has_value();
     if (!place) continue;
-    CheckTarget(earlier, *dataset->targets[t], *place);
-    if (options->calibration.choose_target_shape) targets[t].free_shape = FreeShapeOf(result, *place);
+    CheckTarget(earlier, *dataset.targets[t], *place);
+    if (options.calibration.choose_target_shape) targets[t].free_shape = FreeShapeOf(result, *place);
     targets[t].scale_sigma = std::nullopt;
     if (*place < result.point_offsets.size()) {
-      dataset->targets[t] = Displaced(dataset->targets[t], result.point_offsets[*place]);
+      dataset.targets[t] = Displaced(dataset.targets[t], result.point_offsets[*place]);
     }
   }
   // Shapes are chosen for all targets or for none.
-  if (knows_all_targets) options->calibration.choose_target_shape = false;
-  Problem named = dataset->rig;
-  AddPrior(earlier, &named);
+  if (knows_all_targets) options.calibration.choose_target_shape = false;
+  const Problem named = WithPrior(dataset.rig, earlier);
   if (named.prior->covariance.layout.size() == 0) {
     throw InputError(earlier.name + ": is a run without a camera, target or arm of the same name and mount");
   }
+  return {std::move(dataset), std::move(options)};
 }
 
-std::optional<SmoothErrors> BuildNoiseOn(const EarlierRun& earlier, const Dataset& dataset, RunOptions* options) {
+NoiseOfEarlier BuildNoiseOn(const EarlierRun& earlier, const Dataset& dataset, RunOptions options) {
   const RunResult& result = *earlier.result;
-  AdjustmentOptions& adjustment = options->calibration.adjustment;
-  SmoothPoseErrors& smooth = options->calibration.smooth;
+  AdjustmentOptions& adjustment = options.calibration.adjustment;
+  SmoothPoseErrors& smooth = options.calibration.smooth;
   const bool is_chosen =
       adjustment.robot == BundleOptions::Robot::kEstimatedNoise && smooth != SmoothPoseErrors::kAlways;
-  if (!is_chosen || options->joint_noise) return std::nullopt;
+  if (!is_chosen || options.joint_noise) return {std::move(options), std::nullopt};
   if (!result.solution.robot_noise.empty() && !result.solution.robot_noise[0]) {
     adjustment.robot = BundleOptions::Robot::kExact;
   }
   const std::optional<RobotNoisePrior> noise = NoisePriorOf(result);
-  if (!noise) return std::nullopt;
-  const bool names_arm = !dataset.arms.empty() && dataset.arms[0] && options->kinematics != Kinematics::kNone;
+  if (!noise) return {std::move(options), std::nullopt};
+  const bool names_arm = !dataset.arms.empty() && dataset.arms[0] && options.kinematics != Kinematics::kNone;
   const bool takes_smooth = smooth != SmoothPoseErrors::kNone && !names_arm;
   smooth = SmoothPoseErrors::kNone;
   if (const std::optional<SmoothPrior> known = SmoothPriorsOf(result)[0]; known && takes_smooth) {
@@ -215,16 +215,17 @@ std::optional<SmoothErrors> BuildNoiseOn(const EarlierRun& earlier, const Datase
     for (const Recording& capture : dataset.captures) poses.push_back(capture.base_from_gripper[0]);
     SmoothErrors errors(poses, known->lengths);
     errors.SetSigmas({known->sigma.translation_m, known->sigma.rotation_rad});
-    return errors;
+    return {std::move(options), std::move(errors)};
   }
   adjustment.robot_noise_prior = noise;
   adjustment.robot_noise_start = noise->median;
-  return std::nullopt;
+  return {std::move(options), std::nullopt};
 }
 
-void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vector<TargetDetection>* detections) {
-  if (earlier.change.is_target_moved || !SeesAsEarlier(*earlier.result, dataset.rig)) return;
-  for (TargetDetection& seen : *detections) {
+std::vector<TargetDetection> ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset,
+                                           std::vector<TargetDetection> detections) {
+  if (earlier.change.is_target_moved || !SeesAsEarlier(*earlier.result, dataset.rig)) return detections;
+  for (TargetDetection& seen : detections) {
     const Target& target = *dataset.targets[seen.target];
     const std::vector<Rigid3d> symmetries = target.Symmetries();
     Detection& detection = seen.detection.detection;
@@ -244,27 +245,29 @@ void ReadAsEarlier(const EarlierRun& earlier, const Dataset& dataset, std::vecto
     }
     detection = std::move(nearest);
   }
+  return detections;
 }
 
-void AddPrior(const EarlierRun& earlier, Problem* problem) {
+Problem WithPrior(Problem problem, const EarlierRun& earlier) {
   const RunResult& result = *earlier.result;
   ChangeOfCell change = earlier.change;
-  const bool has_symmetry = std::any_of(problem->targets.begin(), problem->targets.end(),
+  const bool has_symmetry = std::any_of(problem.targets.begin(), problem.targets.end(),
                                         [](const ProblemTarget& target) { return target.symmetries.size() > 1; });
   // A target that is read in another order has another pose.
-  if (has_symmetry && !SeesAsEarlier(result, *problem)) change.is_target_moved = true;
-  for (ProblemTarget& target : problem->targets) {
-    const std::optional<size_t> place = PlaceOfSame(target.name, problem->targets.size(), result.rig.targets);
+  if (has_symmetry && !SeesAsEarlier(result, problem)) change.is_target_moved = true;
+  for (ProblemTarget& target : problem.targets) {
+    const std::optional<size_t> place = PlaceOfSame(target.name, problem.targets.size(), result.rig.targets);
     if (!place) continue;
     target.shape.params = result.solution.shapes[*place].params;
     if (!change.is_target_moved) target.symmetries = {Rigid3d()};  // ReadAsEarlier
   }
-  problem->prior = std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, *problem, change));
-  const Eigen::MatrixXd& covariance = problem->prior->covariance.matrix;
+  problem.prior = std::make_shared<const JointPrior>(JointPriorOf(result.rig, result.solution, problem, change));
+  const Eigen::MatrixXd& covariance = problem.prior->covariance.matrix;
   const Eigen::VectorXd scales = covariance.diagonal().cwiseSqrt().cwiseInverse();
   if (!scales.allFinite() || !Cholesky(Eigen::MatrixXd(scales.asDiagonal() * covariance * scales.asDiagonal()))) {
     throw InputError(earlier.name + ": its covariance is not positive definite, and tells nothing for a later run");
   }
+  return problem;
 }
 
 namespace {

@@ -13,16 +13,18 @@ namespace heba {
 struct FormOfResult {
   RunResult result;                             // The poses, their errors and the arms.
   std::vector<DistancesOfCaptures> held_out_m;  // One per camera, or empty without hold-outs.
+  std::vector<Finding> of_calibration;          // CalibratedImages::findings.
   std::vector<Finding> of_arms;
 };
 
-// Sets the errors of the captures that were left out in the figures of one camera or of one of several.
+// Returns the figures of one camera, or of one of several, with the errors of the captures that were left out.
 template <class ErrorFigures>
-void SetLeftOut(const HeldOutErrors& left_out, ErrorFigures* figures) {
-  if (!left_out.has_hidden) figures->left_out_rms_px = left_out.pixels.RmsPx();
+ErrorFigures WithLeftOut(ErrorFigures figures, const HeldOutErrors& left_out) {
+  if (!left_out.has_hidden) figures.left_out_rms_px = left_out.pixels.RmsPx();
   if (const std::optional<double> distance_m = left_out.RmsDistanceM()) {
-    figures->left_out_target_mm = 1000 * *distance_m;
+    figures.left_out_target_mm = 1000 * *distance_m;
   }
+  return figures;
 }
 
 }  // namespace heba

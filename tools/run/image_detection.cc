@@ -161,12 +161,14 @@ void CheckCamerasByHeader(const Dataset& dataset) {
   }
 }
 
-void FitCamerasToImages(const Dataset& dataset, const std::vector<TargetDetection>& detections, Problem* rig) {
+Problem RigOfImages(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
+  Problem rig = dataset.rig;
   for (const auto& [camera, first] : FirstOfCameras(detections)) {
     CheckSizeOfCamera(dataset, *first, SizeOf(first->detection));
-    rig->cameras[camera].camera.width_px = first->detection.width_px;
-    rig->cameras[camera].camera.height_px = first->detection.height_px;
+    rig.cameras[camera].camera.width_px = first->detection.width_px;
+    rig.cameras[camera].camera.height_px = first->detection.height_px;
   }
+  return rig;
 }
 
 }  // namespace heba

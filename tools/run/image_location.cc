@@ -179,9 +179,8 @@ Eigen::Vector3d PositionOf(const LocationRequest& request, size_t camera) {
   return WorldFromMount(mount, poses.world_from_base, base_from_gripper) * poses.mount_from_camera[camera].translation;
 }
 
-// Sets the pixels of `location`, or its fault. `target`: the one whose plane they are on; null if the request has a
-// plane.
-void LocatePixels(const LocationRequest& request, const LocatedTarget* target, ImageLocation* location) {
+// Returns the positions of the pixels. `target`: the one whose plane they are on; null if the request has a plane.
+Outcome<std::vector<PixelPosition>> LocatePixels(const LocationRequest& request, const LocatedTarget* target) {
   const Problem& rig = request.result->rig;
   const Solution& solution = request.result->solution;
   const std::vector<StatedPose> poses = StatedPosesOf(request);
@@ -193,30 +192,25 @@ void LocatePixels(const LocationRequest& request, const LocatedTarget* target, I
                                               ? LocatePixelInCell(rig, solution, pixel, *request.plane, poses)
                                               : LocatePixelOnTargetInCell(rig, solution, pixel, *target, poses);
     if (!located || !IsKnown(located->in_world, located->covariance)) {
-      const std::string& camera = rig.cameras[pixel.camera].name;
-      location->fault = located ? kNotKnown
-                                : Failure{FailureCode("of_pixel"),
-                                          {{"u", pixel.pixel.x()}, {"v", pixel.pixel.y()}},
-                                          {{"camera", camera}},
-                                          {located.failure()}};
-      return;
+      if (located) return kNotKnown;
+      return Failure{FailureCode("of_pixel"),
+                     {{"u", pixel.pixel.x()}, {"v", pixel.pixel.y()}},
+                     {{"camera", rig.cameras[pixel.camera].name}},
+                     {located.failure()}};
     }
     const bool is_seen_side = normal.dot(PositionOf(request, pixel.camera) - located->in_world) > 0;
     const Rigid3d tip = PointingAt(located->in_world, is_seen_side ? normal : Eigen::Vector3d(-normal));
     positions.push_back({pixel, *located, FindAllPostures(request, tip)});
   }
-  location->pixels = std::move(positions);
+  return positions;
 }
 
-// Sets the point of `location`, or its fault.
-void LocatePoint(const LocationRequest& request, ImageLocation* location) {
-  const Outcome<LocatedPoint> located =
+// Returns the point that the pixels show together.
+Outcome<LocatedPoint> LocatePoint(const LocationRequest& request) {
+  Outcome<LocatedPoint> located =
       TriangulateInCell(request.result->rig, request.result->solution, request.pixels, StatedPosesOf(request));
-  if (!located || !IsKnown(located->in_world, located->covariance)) {
-    location->fault = located ? kNotKnown : located.failure();
-  } else {
-    location->point = *located;
-  }
+  if (located && !IsKnown(located->in_world, located->covariance)) return kNotKnown;
+  return located;
 }
 
 NearPoses CompareToRough(const std::vector<Rigid3d>& possible, const Rigid3d& rough) {
@@ -236,44 +230,56 @@ std::optional<size_t> ChoosePose(const std::vector<Rigid3d>& possible, const std
   return rough ? FindMeantPose(possible, *rough) : std::nullopt;
 }
 
-// Returns the points of a target that cameras see, and sets what is known of the target without its pose. Empty if no
-// image shows enough of them.
-std::vector<CameraObservations> SeenOf(const LocationRequest& request, const std::vector<Sighting>& sightings,
-                                       TargetLocation* location) {
+// Returns the sightings of a target of which the images show enough points.
+std::vector<Sighting> SightingsOf(const LocationRequest& request, const std::vector<Sighting>& sightings,
+                                  size_t target) {
   const size_t fewest_points = IsSingleCamera(request.result->rig) ? 0 : 4;
-  std::vector<CameraObservations> seen;
+  std::vector<Sighting> seen;
   for (const Sighting& sighting : sightings) {
-    const size_t num_points = sighting.detection.ids.size();
-    if (sighting.target != location->target || num_points < fewest_points) continue;
-    seen.push_back({sighting.camera, ObservationsOf(*request.targets[sighting.target], sighting.detection)});
-    location->cameras.push_back(sighting.camera);
-    location->num_points += num_points;
+    if (sighting.target == target && sighting.detection.ids.size() >= fewest_points) seen.push_back(sighting);
   }
   return seen;
 }
 
-// Sets the poses of a target that fit these images, and the one that is meant.
-void LocateSeen(const LocationRequest& request, const std::vector<CameraObservations>& seen, TargetLocation* location) {
+// Returns what is known of a target without its pose.
+TargetLocation Unlocated(size_t target, const std::vector<Sighting>& seen) {
+  TargetLocation location;
+  location.target = target;
+  for (const Sighting& sighting : seen) {
+    location.cameras.push_back(sighting.camera);
+    location.num_points += sighting.detection.ids.size();
+  }
+  return location;
+}
+
+// Returns a target with the poses that fit its sightings, and the one that is meant.
+TargetLocation LocateSeen(TargetLocation location, const LocationRequest& request,
+                          const std::vector<Sighting>& sightings) {
   const Problem& rig = request.result->rig;
   const Solution& solution = request.result->solution;
   const std::vector<StatedPose> arms = StatedPosesOf(request);
-  location->contradiction = FindContradiction(rig, solution, location->target, seen, arms);
-  if (location->contradiction) return;
-  const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInCell(rig, solution, location->target, seen, arms);
+  std::vector<CameraObservations> seen;
+  for (const Sighting& sighting : sightings) {
+    seen.push_back({sighting.camera, ObservationsOf(*request.targets[sighting.target], sighting.detection)});
+  }
+  location.contradiction = FindContradiction(rig, solution, location.target, seen, arms);
+  if (location.contradiction) return location;
+  const Outcome<std::vector<LocatedTarget>> possible = LocateTargetInCell(rig, solution, location.target, seen, arms);
   if (!possible) {
-    location->undetermined = possible.failure();
-    return;
+    location.undetermined = possible.failure();
+    return location;
   }
   std::vector<Rigid3d> poses;
   for (const LocatedTarget& located : *possible) {
-    if (!IsKnown(located.world_from_target.translation, located.covariance)) location->undetermined = kNotKnown;
+    if (!IsKnown(located.world_from_target.translation, located.covariance)) location.undetermined = kNotKnown;
     poses.push_back(located.world_from_target);
   }
-  if (!location->undetermined.empty()) return;
-  for (const LocatedTarget& located : *possible) location->possible.push_back({located, {}});
-  const std::optional<Rigid3d> rough = request.near.empty() ? std::nullopt : request.near[location->target];
-  if (rough) location->near = CompareToRough(poses, *rough);
-  location->chosen = ChoosePose(poses, rough);
+  if (!location.undetermined.empty()) return location;
+  for (const LocatedTarget& located : *possible) location.possible.push_back({located, {}});
+  const std::optional<Rigid3d> rough = request.near.empty() ? std::nullopt : request.near[location.target];
+  if (rough) location.near = CompareToRough(poses, *rough);
+  location.chosen = ChoosePose(poses, rough);
+  return location;
 }
 
 PoseSigmas SigmasOf(const Eigen::Matrix3d& position_m2, const Eigen::Matrix3d& rotation_rad2) {
@@ -330,13 +336,17 @@ ImageLocation LocateInImages(const LocationRequest& request, const std::string& 
   ImageLocation location;
   location.image = image;
   const bool is_on_target = !request.pixels.empty() && !request.plane && !sightings.empty();
+  const auto locate_pixels = [&](const LocatedTarget* target) {
+    Outcome<std::vector<PixelPosition>> located = LocatePixels(request, target);
+    if (!located) location.fault = located.failure();
+    if (located) location.pixels = *std::move(located);
+  };
   std::vector<TargetLocation> targets;
   for (size_t t = 0; t < request.targets.size(); ++t) {
-    TargetLocation target;
-    target.target = t;
-    const std::vector<CameraObservations> seen = SeenOf(request, sightings, &target);
+    const std::vector<Sighting> seen = SightingsOf(request, sightings, t);
     if (seen.empty()) continue;
-    if (request.pixels.empty() || is_on_target) LocateSeen(request, seen, &target);
+    TargetLocation target = Unlocated(t, seen);
+    if (request.pixels.empty() || is_on_target) target = LocateSeen(std::move(target), request, seen);
     const std::string& why_few = sightings.front().detection.reason;
     if (!target.undetermined.empty() && sightings.size() == 1 && !why_few.empty()) {
       target.undetermined = {FailureCode("few_detected"), {}, {{"why", why_few}}};
@@ -348,13 +358,15 @@ ImageLocation LocateInImages(const LocationRequest& request, const std::string& 
   } else if (is_on_target) {
     TargetLocation& target = targets.front();
     location.fault = target.undetermined;
-    if (location.fault.empty()) LocatePixels(request, &target.possible.front().located, &location);
+    if (location.fault.empty()) locate_pixels(&target.possible.front().located);
     target.possible.clear();
     target.chosen.reset();
   } else if (request.plane) {
-    LocatePixels(request, nullptr, &location);
+    locate_pixels(nullptr);
   } else if (!request.pixels.empty()) {
-    LocatePoint(request, &location);
+    const Outcome<LocatedPoint> located = LocatePoint(request);
+    if (!located) location.fault = located.failure();
+    if (located) location.point = *located;
   }
   for (TargetLocation& target : targets) {
     for (PossiblePose& pose : target.possible) {

@@ -120,13 +120,13 @@ std::vector<SquaredErrors> ErrorsOfCameras(const Problem& used, const Solution& 
 }
 
 std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used,
-                                      const std::vector<TargetDetection>& detections, LossKind loss) {
+                                      LossKind loss) {
   const Dataset& dataset = run.dataset;
   const Problem& seen = calibrated.seen;
   const Solution& solution = *calibrated.calibration.refined;
   const bool is_only_target = dataset.targets.size() == 1;
   const std::map<ImagePlace, std::string> reason_of = ReasonsOf(seen, calibrated.calibration);
-  DetectionOfImage of_image = ByImage(detections);
+  DetectionOfImage of_image = ByImage(calibrated.detections);
   std::vector<std::vector<std::optional<CaptureMove>>> moves;
   for (size_t c = 0; c < used.cameras.size(); ++c) {
     moves.push_back(MoveWithoutEachCapture(used, solution, c, LossOf(OfInliers(loss))));
@@ -190,8 +190,8 @@ std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Problem& 
   return results;
 }
 
-void SetHoldOuts(const Dataset& dataset, const std::vector<DistancesOfCaptures>& of_cameras,
-                 std::vector<ImageResult>* images) {
+std::vector<ImageResult> WithHeldOutDistances(std::vector<ImageResult> images, const Dataset& dataset,
+                                              const std::vector<DistancesOfCaptures>& of_cameras) {
   std::map<std::pair<std::string, std::string>, std::pair<double, int>> squares_of;
   for (size_t c = 0; c < of_cameras.size(); ++c) {
     for (const auto& [capture, distance_m] : of_cameras[c]) {
@@ -200,12 +200,13 @@ void SetHoldOuts(const Dataset& dataset, const std::vector<DistancesOfCaptures>&
       ++number;
     }
   }
-  for (ImageResult& image : *images) {
+  for (ImageResult& image : images) {
     const auto squares = squares_of.find({image.capture, image.camera});
     if (squares == squares_of.end()) continue;
     const auto& [sum_m2, number] = squares->second;
     image.holdout_target_mm = 1000 * std::sqrt(sum_m2 / number);
   }
+  return images;
 }
 
 std::vector<ImageResult> LeftOutResults(const Dataset& dataset) {
@@ -229,19 +230,20 @@ std::vector<ImageResult> LeftOutResults(const Dataset& dataset) {
   return results;
 }
 
-void SortImages(const Dataset& dataset, std::vector<ImageResult>* images) {
+std::vector<ImageResult> InOrderOfCaptures(std::vector<ImageResult> images, const Dataset& dataset) {
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < dataset.captures.size(); ++i) place_of.emplace(dataset.captures[i].name, i);
   const auto place = [&](const ImageResult& image) {
     const auto found = place_of.find(image.capture);
     return found == place_of.end() ? place_of.size() : found->second;
   };
-  for (ImageResult& image : *images) {
+  for (ImageResult& image : images) {
     const auto found = place_of.find(image.capture);
     if (found != place_of.end()) image.role = dataset.captures[found->second].role;
   }
-  std::stable_sort(images->begin(), images->end(),
+  std::stable_sort(images.begin(), images.end(),
                    [&](const ImageResult& a, const ImageResult& b) { return place(a) < place(b); });
+  return images;
 }
 
 }  // namespace heba

@@ -21,7 +21,7 @@ std::vector<SquaredErrors> ErrorsOfCameras(const Problem& used, const Solution& 
 // Returns the entries of the images of all captures, used or not. `used` has the points that the solution uses, and
 // `loss` is that of the adjustment.
 std::vector<ImageResult> ImageResults(const ImageRun& run, const CalibratedImages& calibrated, const Problem& used,
-                                      const std::vector<TargetDetection>& detections, LossKind loss);
+                                      LossKind loss);
 
 // Returns the poses of the arms in all captures, with the corrections of those of which an image is used, unless the
 // arms have no noise: the noise together with the errors that captures share.
@@ -29,15 +29,16 @@ std::vector<CapturePoses> CaptureResults(const Dataset& dataset, const Problem& 
 
 // The distances of held-out targets of one camera, each with its capture: an index into Dataset::captures.
 using DistancesOfCaptures = std::vector<std::pair<size_t, double>>;
-// Sets the held-out distances of the images; there is a list for each camera.
-void SetHoldOuts(const Dataset& dataset, const std::vector<DistancesOfCaptures>& of_cameras,
-                 std::vector<ImageResult>* images);
+// Returns the images with their held-out distances; there is a list for each camera.
+std::vector<ImageResult> WithHeldOutDistances(std::vector<ImageResult> images, const Dataset& dataset,
+                                              const std::vector<DistancesOfCaptures>& of_cameras);
 
 // Returns the entries of what was left out before the images were searched: one for each image, or one without an
 // image.
 std::vector<ImageResult> LeftOutResults(const Dataset& dataset);
 
-// Orders the entries of images as the captures are in a data set, whose roles they get. Those of no capture come last.
-void SortImages(const Dataset& dataset, std::vector<ImageResult>* images);
+// Returns the entries of images in the order of the captures of a data set, with their roles. Those of no capture come
+// last.
+std::vector<ImageResult> InOrderOfCaptures(std::vector<ImageResult> images, const Dataset& dataset);
 
 }  // namespace heba

@@ -33,25 +33,24 @@ namespace heba {
 namespace {
 
 // Detects the targets in the images, or takes the given detections; the cameras get the sizes of their images.
-std::vector<TargetDetection> SearchImages(ImageRun* run) {
-  CheckCamerasByHeader(run->dataset);
-  std::vector<TargetDetection> detections =
-      DetectDataset(run->dataset, run->options.detect, run->options.num_threads, run->observer);
-  FitCamerasToImages(run->dataset, detections, &run->dataset.rig);
-  if (run->options.earlier) ReadAsEarlier(*run->options.earlier, run->dataset, &detections);
-  run->duplicates = FindDuplicates(run->dataset, detections);
-  EndIfCancelled(run->observer);
-  return detections;
+ImageRun SearchedRun(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+  CheckCamerasByHeader(dataset);
+  ImageRun run{dataset, options, DetectDataset(dataset, options.detect, options.num_threads, observer), {}, observer};
+  run.dataset.rig = RigOfImages(dataset, run.detections);
+  if (options.earlier) run.detections = ReadAsEarlier(*options.earlier, run.dataset, std::move(run.detections));
+  run.duplicates = FindDuplicates(run.dataset, run.detections);
+  EndIfCancelled(observer);
+  return run;
 }
 
 // Tells the observer what was detected by the only camera. Returns the failure of images of which none can be used;
 // nothing if some can.
-std::optional<Failure> TellDetected(const ImageRun& run, const std::vector<TargetDetection>& detections) {
+std::optional<Failure> TellDetected(const ImageRun& run) {
   const std::vector<std::string> notes = DuplicateNotes(run.duplicates, run.dataset.captures.size());
-  const size_t num_images = detections.size() - run.duplicates.size();
+  const size_t num_images = run.detections.size() - run.duplicates.size();
   const TargetDetection* first = nullptr;
   int num_seen = 0;
-  for (const TargetDetection& seen : detections) {
+  for (const TargetDetection& seen : run.detections) {
     if (IsDuplicate(run.duplicates, seen)) continue;
     if (first == nullptr) first = &seen;
     num_seen += seen.detection.detection.ids.empty() ? 0 : 1;
@@ -64,8 +63,8 @@ std::optional<Failure> TellDetected(const ImageRun& run, const std::vector<Targe
                  {{"image", run.dataset.captures[first->capture].name}, {"why", first->detection.detection.reason}}};
 }
 
-Outcome<CalibratedImages> CalibrateImages(const ImageRun& run, std::vector<TargetDetection>* detections) {
-  return IsSinglePair(run.dataset) ? CalibratePairImages(run, detections) : CalibrateCell(run, detections);
+Outcome<CalibratedImages> CalibrateImages(const ImageRun& run) {
+  return IsSinglePair(run.dataset) ? CalibratePairImages(run) : CalibrateCell(run);
 }
 
 // The points that a calibration uses.
@@ -85,51 +84,24 @@ struct CalibratedAtOffset {
 };
 
 // Calibrates with an offset that is estimated beside all unknowns until it has settled; targets may be detected again.
-CalibratedAtOffset CalibrateStream(const ImageRun& run, std::vector<TargetDetection>* detections) {
-  bool is_first = true;
+CalibratedAtOffset CalibrateStream(const ImageRun& run) {
+  ImageRun at_offset = run;
   const auto calibrate_at = [&](double offset_s) {
-    ImageRun at_offset = run;
-    at_offset.is_first = std::exchange(is_first, false);
     at_offset.dataset = WithPosesAt(std::move(at_offset.dataset), offset_s);
-    CalibratedAtOffset at{offset_s, at_offset.dataset, CalibrateImages(at_offset, detections), {}};
+    CalibratedAtOffset at{offset_s, at_offset.dataset, CalibrateImages(at_offset), {}};
+    at_offset.is_first = false;
     if (!at.calibrated) return at;
+    at_offset.detections = at.calibrated->detections;
     at.rest = EstimateTimeOffset(UsedBy(*at.calibrated), *at.calibrated->calibration.refined,
                                  VelocitiesAt(at.dataset, offset_s));
     return at;
   };
-  return SettleOffset(FindTimeOffset(run.dataset, PosesInImages(run.dataset, *detections)), calibrate_at);
-}
-
-// Estimates the points of targets where that is wanted, and calibrates again with the data set whose points lie there.
-EstimatedPoints CalibratePoints(ImageRun* run, CalibratedImages* calibrated, std::vector<TargetDetection>* detections) {
-  const std::vector<size_t> targets = TargetsWithFreePoints(run->dataset);
-  const std::vector<std::shared_ptr<const Target>> designed = run->dataset.targets;
-  EstimatedPoints points;
-  points.offsets.resize(designed.size());
-  if (targets.empty()) return points;
-  for (int round = 0; round <= kRoundsOfPoints; ++round) {
-    std::optional<EstimatedPoints> estimated =
-        EstimatePoints(UsedBy(*calibrated), *calibrated->calibration.refined, targets, points.offsets);
-    if (!estimated) break;
-    if (round == kRoundsOfPoints) {
-      // The changes are those at the points that were used.
-      estimated->offsets = std::move(points.offsets);
-      return *std::move(estimated);
-    }
-    ImageRun displaced = *run;
-    displaced.is_first = false;
-    displaced.dataset.targets = DisplacedTargets(designed, estimated->offsets);
-    Outcome<CalibratedImages> next = CalibrateImages(displaced, detections);
-    if (!next) break;
-    *run = std::move(displaced);
-    *calibrated = *std::move(next);
-    points = *std::move(estimated);
-  }
-  return points;
+  return SettleOffset(FindTimeOffset(run.dataset, PosesInImages(run.dataset, run.detections)), calibrate_at);
 }
 
 // A calibration with all that is estimated beside it.
 struct Settled {
+  ImageRun run;  // With the robot's poses at the offset, and the points of targets where they are estimated to be.
   CalibratedImages calibrated;
   bool has_offset = false;
   double offset_s = 0;
@@ -137,33 +109,65 @@ struct Settled {
   EstimatedPoints points;
 };
 
+// Estimates the points of targets where that is wanted, and calibrates again with the data set whose points lie there.
+Settled WithEstimatedPoints(Settled settled) {
+  const std::vector<size_t> targets = TargetsWithFreePoints(settled.run.dataset);
+  const std::vector<std::shared_ptr<const Target>> designed = settled.run.dataset.targets;
+  EstimatedPoints& points = settled.points;
+  points.offsets.resize(designed.size());
+  if (targets.empty()) return settled;
+  for (int round = 0; round <= kRoundsOfPoints; ++round) {
+    std::optional<EstimatedPoints> estimated =
+        EstimatePoints(UsedBy(settled.calibrated), *settled.calibrated.calibration.refined, targets, points.offsets);
+    if (!estimated) break;
+    if (round == kRoundsOfPoints) {
+      // The changes are those at the points that were used.
+      estimated->offsets = std::move(points.offsets);
+      points = *std::move(estimated);
+      break;
+    }
+    ImageRun displaced = settled.run;
+    displaced.is_first = false;
+    displaced.detections = settled.calibrated.detections;
+    displaced.dataset.targets = DisplacedTargets(designed, estimated->offsets);
+    Outcome<CalibratedImages> next = CalibrateImages(displaced);
+    if (!next) break;
+    settled.run = std::move(displaced);
+    settled.calibrated = *std::move(next);
+    points = *std::move(estimated);
+  }
+  return settled;
+}
+
 // Calibrates, and tells the observer.
-Outcome<Settled> Settle(ImageRun* run, std::vector<TargetDetection>* detections) {
+Outcome<Settled> Settle(ImageRun run) {
   Settled settled;
-  settled.has_offset = run->dataset.stream && run->options.estimates_time_offset;
+  settled.has_offset = run.dataset.stream && run.options.estimates_time_offset;
   if (settled.has_offset) {
-    CalibratedAtOffset at = CalibrateStream(*run, detections);
+    CalibratedAtOffset at = CalibrateStream(run);
     if (!at.calibrated) return at.calibrated.failure();
-    run->dataset = std::move(at.dataset);
+    run.dataset = std::move(at.dataset);
     settled.calibrated = *std::move(at.calibrated);
     settled.offset_s = at.offset_s;
     settled.rest_of_offset = std::move(at.rest);
   } else {
-    Outcome<CalibratedImages> calibrated = CalibrateImages(*run, detections);
+    Outcome<CalibratedImages> calibrated = CalibrateImages(run);
     if (!calibrated) return calibrated.failure();
     settled.calibrated = *std::move(calibrated);
   }
-  settled.points = CalibratePoints(run, &settled.calibrated, detections);
-  const std::vector<CalibratedPair>& pairs = settled.calibrated.calibration.pairs;
-  if (run->observer != nullptr && settled.calibrated.pair_options) {
-    run->observer->OnCalibrated(*pairs.front().calibration);
+  settled.run = std::move(run);
+  settled = WithEstimatedPoints(std::move(settled));
+  RunObserver* const observer = settled.run.observer;
+  if (observer != nullptr && settled.calibrated.pair_options) {
+    observer->OnCalibrated(*settled.calibrated.calibration.pairs.front().calibration);
   }
   return settled;
 }
 
 // Returns the findings that the form of a calibration has by itself, and all changes of the estimate but those of
 // scales and of what no capture shows of an arm.
-Advice AdviceOn(const ImageRun& run, const Settled& settled, const Problem& used) {
+Advice AdviceOn(const Settled& settled, const Problem& used) {
+  const ImageRun& run = settled.run;
   const CalibratedImages& calibrated = settled.calibrated;
   const Solution& solution = *calibrated.calibration.refined;
   Advice advice = calibrated.pair_options
@@ -179,88 +183,106 @@ Advice AdviceOn(const ImageRun& run, const Settled& settled, const Problem& used
   return advice;
 }
 
-// Adds the points of targets that were estimated, and what is to be said of them, to a result.
-void AddPoints(const Dataset& dataset, const EstimatedPoints& points, RunResult* result) {
+// Returns a result with the points of targets that were estimated, and what is to be said of them.
+RunResult WithPoints(RunResult result, const Dataset& dataset, const EstimatedPoints& points) {
   for (Finding& finding : DescribePoints(dataset.rig, TargetsWithFreePoints(dataset), points)) {
-    result->observations.push_back(std::move(finding));
+    result.observations.push_back(std::move(finding));
   }
-  if (points.changes.empty()) return;
-  result->point_offsets = points.offsets;
+  if (points.changes.empty()) return result;
+  result.point_offsets = points.offsets;
   // Only a pair has a model beside its solution.
-  if (result->estimates.empty()) return;
-  result->model.target_shape.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(TargetShapeGroup::kPoints)]);
+  if (result.estimates.empty()) return result;
+  result.model.target_shape.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(TargetShapeGroup::kPoints)]);
+  return result;
 }
 
-// Assesses a calibration: every figure of the result except its timing, and the findings. The covariance of the
-// calibration becomes the total one.
-RunResult Assess(const ImageRun& run, const std::vector<TargetDetection>& detections, Settled* settled) {
+// Returns the calibration with the total covariance, for the pair, too, if it is that of one.
+Calibration WithTotalCovariance(Calibration calibration, bool is_pair, const ScaleShare& scales,
+                                const std::vector<Eigen::VectorXd>& changes,
+                                const std::vector<Eigen::VectorXd>& of_arms) {
+  calibration.refined = WithShare(*std::move(calibration.refined), scales, changes, of_arms);
+  if (!is_pair) return calibration;
+  PairSolution& of_pair = *calibration.pairs.front().calibration->refined;
+  of_pair.covariance = calibration.refined->covariance;
+  of_pair.covariance_repeatable = calibration.refined->covariance_repeatable;
+  return calibration;
+}
+
+// Returns what is required of the parts of the calibration.
+std::vector<PlacedRequirement> RequirementsOf(const Settled& settled) {
+  std::vector<PlacedRequirement> requirements = settled.run.options.requirements;
+  // The parts of a pair have no names yet.
+  for (PlacedRequirement& required : requirements) {
+    if (settled.calibrated.pair_options) required.camera.clear();
+  }
+  return requirements;
+}
+
+// Assesses a calibration: every figure of the result except its timing, and the findings.
+RunOutput Assess(Settled settled) {
+  const ImageRun& run = settled.run;
   const Dataset& dataset = run.dataset;
-  CalibratedImages& calibrated = settled->calibrated;
-  Calibration& calibration = calibrated.calibration;
-  const Solution solution = *calibration.refined;
-  const Problem used = WithoutRejected(calibration.problem, solution);
-  const Advice advice = AdviceOn(run, *settled, used);
-  const ScaleShare scales = ShareOfScales(used, solution, ScaleSigmasOf(dataset, calibration.problem));
+  CalibratedImages& calibrated = settled.calibrated;
+  const bool is_pair = calibrated.pair_options.has_value();
+  const Solution solution = *calibrated.calibration.refined;
+  const Problem used = UsedBy(calibrated);
+  const Advice advice = AdviceOn(settled, used);
+  const ScaleShare scales = ShareOfScales(used, solution, ScaleSigmasOf(dataset, calibrated.calibration.problem));
   const std::vector<Eigen::VectorXd> of_arms = ChangesByUnknownArms(used, solution);
   ResidualStructure structure = FindResidualStructure(used, solution);
-  const PredictedImages predicted = PredictionsOf(calibration, detections);
+  const PredictedImages predicted = PredictionsOf(calibrated.calibration, calibrated.detections);
   const LossKind loss = run.options.calibration.adjustment.loss;
-  std::vector<ImageResult> images = ImageResults(run, calibrated, used, detections, loss);
-  MarkDuplicates(dataset, run.duplicates, detections, &images);
-  AddShare(scales, advice.changes, of_arms, &*calibration.refined);
+  std::vector<ImageResult> images =
+      WithDuplicates(ImageResults(run, calibrated, used, loss), dataset, run.duplicates, calibrated.detections);
+  calibrated.calibration =
+      WithTotalCovariance(std::move(calibrated.calibration), is_pair, scales, advice.changes, of_arms);
 
-  FormOfResult form = calibrated.pair_options ? PairForm(run, &calibrated) : CellForm(run, &calibrated, used);
-  SetHoldOuts(dataset, form.held_out_m, &images);
+  FormOfResult form = is_pair ? PairForm(run, calibrated) : CellForm(run, calibrated, used);
   RunResult result = std::move(form.result);
-  result.images = std::move(images);
+  result.images = WithHeldOutDistances(std::move(images), dataset, form.held_out_m);
   result.captures = CaptureResults(dataset, used, solution);
   result.point_deviations = std::move(structure.points);
   // A wrong scale moves the cameras, and not what they see of an object of known size.
   Solution with_scales = solution;
-  AddChanges(scales.changes, &with_scales.covariance);
+  with_scales.covariance = WithChanges(std::move(with_scales.covariance), scales.changes);
   std::vector<Eigen::VectorXd> changes = advice.changes;
   changes.insert(changes.end(), of_arms.begin(), of_arms.end());
   result.working_points = WorkingPointsOf(used, with_scales, changes);
-  std::vector<PlacedRequirement> requirements = run.options.requirements;
-  // The parts of a pair have no names yet.
-  for (PlacedRequirement& required : requirements) {
-    if (calibrated.pair_options) required.camera.clear();
-  }
-  result.requirements = ReachedAccuracies(requirements, used, *calibration.refined, result.working_points);
+  result.requirements =
+      ReachedAccuracies(RequirementsOf(settled), used, *calibrated.calibration.refined, result.working_points);
   for (const std::vector<Finding>& findings :
-       {advice.findings, scales.findings, structure.findings, FindMissingIds(dataset, detections, predicted),
-        FindSeenFromBehind(dataset, detections, predicted), calibrated.findings}) {
+       {advice.findings, scales.findings, structure.findings, FindMissingIds(dataset, calibrated.detections, predicted),
+        FindSeenFromBehind(dataset, calibrated.detections, predicted), form.of_calibration}) {
     result.observations.insert(result.observations.end(), findings.begin(), findings.end());
   }
-  AddPoints(dataset, settled->points, &result);
-  if (settled->has_offset) AddTimeOffset(settled->offset_s, settled->rest_of_offset, &result);
+  result = WithPoints(std::move(result), dataset, settled.points);
+  if (settled.has_offset) result = WithTimeOffset(std::move(result), settled.offset_s, settled.rest_of_offset);
   result.observations.insert(result.observations.end(), form.of_arms.begin(), form.of_arms.end());
-  return calibrated.pair_options ? WithFinalEstimate(std::move(result)) : result;
+  RunOutput output;
+  output.result = is_pair ? WithFinalEstimate(std::move(result)) : std::move(result);
+  output.detections = std::move(calibrated.detections);
+  output.calibration = std::move(calibrated.calibration);
+  output.dataset = std::move(settled.run.dataset);
+  return is_pair ? WithNames(std::move(output)) : output;
 }
 
 }  // namespace
 
 Outcome<RunOutput> RunOnImages(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
-  ImageRun run{dataset, options, {}, observer};
-  RunOutput output;
   Timing timing;
   const Stopwatch detect_watch;
-  output.detections = SearchImages(&run);
+  ImageRun run = SearchedRun(dataset, options, observer);
   timing.detect_s = detect_watch.Seconds();
   if (IsSinglePair(run.dataset)) {
-    if (const std::optional<Failure> failure = TellDetected(run, output.detections)) return *failure;
+    if (const std::optional<Failure> failure = TellDetected(run)) return *failure;
   }
   const Stopwatch solve_watch;
-  Outcome<Settled> settled = Settle(&run, &output.detections);
+  Outcome<Settled> settled = Settle(std::move(run));
   if (!settled) return settled.failure();
-  Calibration& calibration = settled->calibrated.calibration;
-  timing.refine_s = calibration.refined->convergence.seconds;
+  timing.refine_s = settled->calibrated.calibration.refined->convergence.seconds;
   timing.seed_s = std::max(0.0, solve_watch.Seconds() - timing.refine_s);
-  output.result = Assess(run, output.detections, &*settled);
+  RunOutput output = Assess(*std::move(settled));
   output.result.timing = timing;
-  output.calibration = std::move(calibration);
-  output.dataset = std::move(run.dataset);
-  if (settled->calibrated.pair_options) NameParts(&output);
   return output;
 }
 

@@ -59,72 +59,64 @@ struct KnownDrifts {
   HandEye hand_eye = {};
 };
 
-// A calibration that is not assessed yet, with the options and the errors of the arm that it ended with.
-struct Calibrated {
-  PairCalibration calibration;
-  EffectsOfCaptures effects;
-  PairCalibrationOptions options;  // The final refinement used these.
-  std::optional<ArmSetup> arm;
-  std::optional<Finding> of_smooth_errors;
-  KnownDrifts known;  // The views were corrected for these.
+// A calibration that is not assessed yet.
+struct Calibrated : RobotCalibration {
+  std::vector<TargetDetection> detections;
+  KnownDrifts known;              // The views were corrected for these.
+  std::vector<Finding> findings;  // About motions and drifts.
 };
 
-void Correct(const Dataset& dataset, const KnownDrifts& known, std::vector<View>* views) {
-  for (View& view : *views) {
+std::vector<View> Corrected(std::vector<View> views, const Dataset& dataset, const KnownDrifts& known) {
+  for (View& view : views) {
     for (const Drift& drift : known.drifts) {
       view.camera_mount_from_target_mount = WithoutDrift(
           view.camera_mount_from_target_mount, drift, RemainingShare(drift, view.capture, dataset.captures.size()),
           known.hand_eye.camera_mount_from_camera, known.hand_eye.target_mount_from_target);
     }
   }
-}
-
-// Gives a calibration the smooth errors that are taken as they are.
-void SetSmoothErrors(const Dataset& dataset, const SmoothErrors& errors, Calibrated* calibrated) {
-  calibrated->options.bundle.effects = std::make_shared<const SharedEffects>(errors.effects());
-  for (const Recording& capture : dataset.captures) {
-    calibrated->effects.effects.push_back(errors.EffectAt(capture.base_from_gripper.front()));
-  }
+  return views;
 }
 
 // Calibrates from the detections of the captures that are not in `left_out`, with the drifts that are known; the target
 // may be detected again.
 Outcome<Calibrated> CalibrateCaptures(const PairInput& input, const std::set<size_t>& left_out,
-                                      const KnownDrifts& known, std::vector<TargetDetection>* detections) {
+                                      const KnownDrifts& known, const std::vector<TargetDetection>& detections) {
   const Dataset& dataset = input.dataset;
   const RunOptions& options = input.options;
   EndIfCancelled(input.observer);
   Calibrated calibrated;
+  calibrated.detections = detections;
   calibrated.known = known;
   calibrated.options = OptionsOf(dataset, options);
-  if (input.smooth) SetSmoothErrors(dataset, *input.smooth, &calibrated);
+  if (input.smooth) {
+    calibrated.options.bundle.effects = std::make_shared<const SharedEffects>(input.smooth->effects());
+    calibrated.effects.effects = EffectsAt(dataset, *input.smooth);
+  }
   const auto calibrate = [&](const std::vector<TargetDetection>& seen) {
     std::vector<View> views = ViewsOf(dataset, seen, calibrated.effects);
     std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
-    Correct(dataset, known, &views);
-    return CalibratePair(views, calibrated.options);
+    return CalibratePair(Corrected(std::move(views), dataset, known), calibrated.options);
   };
-  Outcome<PairCalibration> calibration = calibrate(*detections);
+  Outcome<PairCalibration> calibration = calibrate(detections);
   if (!calibration) return calibration.failure();
   if (std::optional<std::vector<TargetDetection>> again =
-          DetectCapturesAgain(input, *detections, calibrated.effects, *calibration)) {
+          DetectCapturesAgain(input, detections, calibrated.effects, *calibration)) {
     EndIfCancelled(input.observer);
     Outcome<PairCalibration> second = calibrate(*again);
     if (second && second->refined && IsAtLeastAsGood(QualityOf(*second), QualityOf(*calibration))) {
       calibration = std::move(second);
-      *detections = std::move(*again);
+      calibrated.detections = std::move(*again);
     }
   }
-  const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
-  if (calibration->refined) {
-    EndIfCancelled(input.observer);
-    if (!dataset.arms.empty() && dataset.arms.front() && needs_arm)
-      calibrated.arm = SetUpArm(dataset, 0, options.kinematics);
-    calibrated.of_smooth_errors =
-        CalibrateWithRobotErrors(dataset, options, calibrated.arm ? &*calibrated.arm : nullptr, &calibrated.effects,
-                                 &calibrated.options, &*calibration);
-  }
   calibrated.calibration = std::move(*calibration);
+  if (!calibrated.calibration.refined) return calibrated;
+  EndIfCancelled(input.observer);
+  const bool needs_arm = options.kinematics != Kinematics::kNone || options.joint_noise;
+  if (!dataset.arms.empty() && dataset.arms.front() && needs_arm) {
+    calibrated.arm = SetUpArm(dataset, 0, options.kinematics);
+  }
+  RobotCalibration& of_robot = calibrated;
+  of_robot = CalibrateWithRobotErrors(dataset, options, std::move(of_robot));
   return calibrated;
 }
 
@@ -146,13 +138,12 @@ UsedCaptures UsedBy(const PairInput& input, const Calibrated& calibrated) {
 }
 
 // Returns all captures as they were detected, with the readings that the calibration chose.
-DetectedCaptures DetectedBy(const PairInput& input, const Calibrated& calibrated,
-                            const std::vector<TargetDetection>& detections) {
+DetectedCaptures DetectedBy(const PairInput& input, const Calibrated& calibrated) {
   const CalibrationProblem of_captures = AsProblem(calibrated.calibration, calibrated.options);
   std::map<size_t, View> views;
   // The reading of a target with a symmetry is known of captures that were calibrated only.
   if (calibrated.options.symmetries.size() == 1) {
-    for (View& view : ViewsOf(input.dataset, detections)) {
+    for (View& view : ViewsOf(input.dataset, calibrated.detections)) {
       if (!input.unusable.contains(view.capture)) views[view.capture] = std::move(view);
     }
   }
@@ -174,7 +165,7 @@ DetectedCaptures DetectedBy(const PairInput& input, const Calibrated& calibrated
 // Calibrates with drifts of the bodies and forms of `known`, which are estimated again with the captures that they
 // bring back. Returns nothing if the captures do not determine them.
 std::optional<Calibrated> CalibrateCorrected(const PairInput& input, KnownDrifts known,
-                                             std::vector<TargetDetection>* detections) {
+                                             std::vector<TargetDetection> detections) {
   // Captures at one pose are told by that of the robot: with the corrections they are at several.
   const bool is_at_revisits = known.drifts.front().evidence == DriftEvidence::kRevisits;
   std::optional<Calibrated> with_drifts;
@@ -184,6 +175,7 @@ std::optional<Calibrated> CalibrateCorrected(const PairInput& input, KnownDrifts
     Outcome<Calibrated> next = CalibrateCaptures(input, input.unusable, known, detections);
     if (!next || !next->calibration.refined) return with_drifts;
     if (is_at_revisits) return std::move(*next);
+    detections = next->detections;
     const UsedCaptures used = UsedBy(input, *next);
     const std::optional<std::vector<Drift>> rest =
         EstimateDrifts(used.problem, used.solution, used.times, known.drifts);
@@ -198,23 +190,28 @@ std::optional<Calibrated> CalibrateCorrected(const PairInput& input, KnownDrifts
   return with_drifts;
 }
 
+// The drifts of a session, and what is to be said if they cannot be seen.
+struct DriftsOfSession {
+  std::vector<Drift> drifts;
+  std::optional<Finding> unseen;
+};
+
 // Looks for a drift, or takes the drifts that are wanted.
-DriftSearch SearchDrift(const PairInput& input, const Calibrated& calibrated,
-                        const std::vector<TargetDetection>& detections, std::vector<Drift>* drifts) {
+DriftsOfSession SearchDrifts(const PairInput& input, const Calibrated& calibrated) {
   const UsedCaptures used = UsedBy(input, calibrated);
   const DriftOptions& options = input.options.drift;
-  DriftSearch search;
   if (options.is_tested) {
-    search = FindDrift(used.problem, used.solution, used.times, DetectedBy(input, calibrated, detections));
-    if (search.found) drifts->push_back(*search.found);
-    return search;
+    DriftSearch search = FindDrift(used.problem, used.solution, used.times, DetectedBy(input, calibrated));
+    DriftsOfSession tested;
+    if (search.found) tested.drifts.push_back(*search.found);
+    tested.unseen = std::move(search.unseen);
+    return tested;
   }
+  if (options.wanted.empty()) return {};
   std::vector<Drift> wanted;
   for (const DriftBody& body : options.wanted) wanted.emplace_back().body = body;
-  if (wanted.empty()) return search;
-  const std::optional<std::vector<Drift>> estimated = EstimateDrifts(used.problem, used.solution, used.times, wanted);
-  if (estimated) *drifts = *estimated;
-  return search;
+  if (auto estimated = EstimateDrifts(used.problem, used.solution, used.times, wanted)) return {*estimated, {}};
+  return {{}, Finding{Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}}};
 }
 
 // The captures on one side of a motion of the camera.
@@ -242,33 +239,30 @@ std::optional<LeftOutByMotion> FindMotion(const Calibrated& calibrated, int num_
 }
 
 // Calibrates from the captures, corrected for a drift or without those on the shorter side of each motion of the
-// camera; `motions` are the findings about them.
-Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, std::vector<TargetDetection>* detections,
-                                            std::vector<Finding>* motions) {
+// camera.
+Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, const std::vector<TargetDetection>& detections) {
   const Dataset& dataset = input.dataset;
   const int num_threads = input.options.num_threads;
   const bool leaves_out = input.options.calibration.adjustment.loss != LossKind::kNone;
-  const bool wants_drifts = !input.options.drift.wanted.empty();
   std::set<size_t> left_out = input.unusable;
   std::vector<UnusedView> unused;
   Outcome<Calibrated> calibrated = CalibrateCaptures(input, left_out, {}, detections);
-  std::optional<Finding> unseen;
-  std::vector<Drift> drifts;
+  DriftsOfSession session;
+  std::vector<Drift>& drifts = session.drifts;
   if (calibrated && calibrated->calibration.refined) {
     EndIfCancelled(input.observer);
-    unseen = SearchDrift(input, *calibrated, *detections, &drifts).unseen;
+    session = SearchDrifts(input, *calibrated);
     // A knock that is clear by itself leaves out the captures on one side of it.
     const bool is_step = !drifts.empty() && drifts.front().form == DriftForm::kStep;
     if (is_step && leaves_out && FindMotion(*calibrated, num_threads)) drifts.clear();
     std::optional<Calibrated> corrected;
     if (!drifts.empty()) {
-      corrected = CalibrateCorrected(input, {drifts, calibrated->calibration.refined->hand_eye}, detections);
+      corrected =
+          CalibrateCorrected(input, {drifts, calibrated->calibration.refined->hand_eye}, calibrated->detections);
     }
     if (corrected) calibrated = std::move(*corrected);
-    if (wants_drifts && drifts.empty()) {
-      unseen = Finding{Grade::kDoubtful, FindingCode("drift_unseen"), {}, {{"reason", "undetermined"}}};
-    }
   }
+  std::vector<Finding> findings;
   for (int motion = 0; motion < kMostMotions; ++motion) {
     if (!calibrated || !calibrated->calibration.refined || !leaves_out) break;
     EndIfCancelled(input.observer);
@@ -276,37 +270,38 @@ Outcome<Calibrated> CalibrateWithoutMotions(const PairInput& input, std::vector<
     if (!found) break;
     std::set<size_t> without = left_out;
     without.insert(found->captures.begin(), found->captures.end());
-    Outcome<Calibrated> rest = CalibrateCaptures(input, without, calibrated->known, detections);
+    Outcome<Calibrated> rest = CalibrateCaptures(input, without, calibrated->known, calibrated->detections);
     // A motion that leaves too few captures is not found out.
     if (!rest || !rest->calibration.refined) break;
     calibrated = std::move(rest);
     left_out = std::move(without);
-    motions->push_back(found->finding);
+    findings.push_back(found->finding);
     for (const size_t i : found->captures) unused.push_back({dataset.captures[i].name, i, found->reason});
   }
   if (!calibrated) return calibrated;
   // A drift that the calibration was not corrected for is said, too.
   const bool is_corrected = !calibrated->known.drifts.empty();
   for (const Drift& drift : is_corrected ? calibrated->known.drifts : drifts) {
-    motions->push_back(DescribeDrift(HandEyeProblem(SetupOf(dataset), Camera(), TargetShape()), drift,
+    findings.push_back(DescribeDrift(HandEyeProblem(SetupOf(dataset), Camera(), TargetShape()), drift,
                                      dataset.captures[drift.capture].name, is_corrected));
   }
-  if (unseen && motions->empty()) motions->push_back(std::move(*unseen));
+  if (session.unseen && findings.empty()) findings.push_back(std::move(*session.unseen));
+  calibrated->findings = std::move(findings);
   std::vector<UnusedView>& all = calibrated->calibration.unused;
   all.insert(all.end(), unused.begin(), unused.end());
   return calibrated;
 }
 
 // Returns all captures of the data set as the calibration sees them, with the points of all images.
-Problem SeenBy(const PairInput& input, const Calibrated& calibrated, const std::vector<TargetDetection>& detections) {
+Problem SeenBy(const PairInput& input, const Calibrated& calibrated) {
   const Dataset& dataset = input.dataset;
   const PairCalibration& calibration = calibrated.calibration;
   std::vector<View> views;
   for (size_t i = 0; i < dataset.captures.size(); ++i) views.push_back(ViewOf(dataset, i, {}, calibrated.effects));
-  for (View& view : ViewsOf(dataset, detections, calibrated.effects)) {
+  for (View& view : ViewsOf(dataset, calibrated.detections, calibrated.effects)) {
     if (!input.unusable.contains(view.capture)) views[view.capture] = std::move(view);
   }
-  Correct(dataset, calibrated.known, &views);
+  views = Corrected(std::move(views), dataset, calibrated.known);
   BundleOptions bundle = calibration.bundle;
   bundle.effects = calibration.refined->shared_effects;
   Problem seen =
@@ -319,13 +314,12 @@ Problem SeenBy(const PairInput& input, const Calibrated& calibrated, const std::
 }
 
 // Returns a calibration with a refined estimate in the general form.
-CalibratedImages InGeneralForm(const PairInput& input, Calibrated calibrated, std::vector<Finding> findings,
-                               const std::vector<TargetDetection>& detections) {
+CalibratedImages InGeneralForm(const PairInput& input, Calibrated calibrated) {
   PairCalibration& pair = calibrated.calibration;
   const CalibrationProblem of_views = AsProblem(pair, calibrated.options);
   const JudgedProblem& judged = of_views.model.judged;
   CalibratedImages images;
-  images.seen = SeenBy(input, calibrated, detections);
+  images.seen = SeenBy(input, calibrated);
   Problem& problem = images.calibration.problem;
   problem = images.seen;
   Solution refined = judged.solution;
@@ -353,7 +347,8 @@ CalibratedImages InGeneralForm(const PairInput& input, Calibrated calibrated, st
   images.calibration.pairs.push_back(AsPair(std::move(pair)));
   images.drifts = std::move(calibrated.known.drifts);
   images.arms = {std::move(calibrated.arm)};
-  images.findings = std::move(findings);
+  images.detections = std::move(calibrated.detections);
+  images.findings = std::move(calibrated.findings);
   if (calibrated.of_smooth_errors) images.findings.push_back(*std::move(calibrated.of_smooth_errors));
   images.pair_options = std::move(calibrated.options);
   return images;
@@ -361,19 +356,22 @@ CalibratedImages InGeneralForm(const PairInput& input, Calibrated calibrated, st
 
 }  // namespace
 
-Outcome<CalibratedImages> CalibratePairImages(const ImageRun& run, std::vector<TargetDetection>* detections) {
+Outcome<CalibratedImages> CalibratePairImages(const ImageRun& run) {
   PairInput input{run.dataset, run.options, std::nullopt, {}, run.observer};
-  if (run.options.earlier) input.smooth = BuildNoiseOn(*run.options.earlier, run.dataset, &input.options);
+  if (run.options.earlier) {
+    NoiseOfEarlier built = BuildNoiseOn(*run.options.earlier, run.dataset, run.options);
+    input.options = std::move(built.options);
+    input.smooth = std::move(built.smooth);
+  }
   for (const DuplicateInDataset& duplicate : run.duplicates) input.unusable.insert(duplicate.capture);
-  std::vector<Finding> motions;
-  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(input, detections, &motions);
+  Outcome<Calibrated> calibrated = CalibrateWithoutMotions(input, run.detections);
   if (!calibrated) return calibrated.failure();
   const Outcome<PairSolution>& refined = calibrated->calibration.refined;
   if (!refined) {
     if (run.observer != nullptr && run.is_first) run.observer->OnCalibrated(calibrated->calibration);
     return refined.failure();
   }
-  return InGeneralForm(input, *std::move(calibrated), std::move(motions), *detections);
+  return InGeneralForm(input, *std::move(calibrated));
 }
 
 }  // namespace heba

@@ -9,8 +9,8 @@
 namespace heba {
 
 // Calibrates from the detections (CalibratePair), searches the images again for points that were missed, and takes in
-// the errors of the arm, drifts, and motions of the camera. `detections` become those of the calibration. The parts of
-// the result have no names. Throws Cancelled (tools/run/run_stage.h).
-Outcome<CalibratedImages> CalibratePairImages(const ImageRun& run, std::vector<TargetDetection>* detections);
+// the errors of the arm, drifts, and motions of the camera. The parts of the result have no names. Throws Cancelled
+// (tools/run/run_stage.h).
+Outcome<CalibratedImages> CalibratePairImages(const ImageRun& run);
 
 }  // namespace heba

@@ -184,30 +184,31 @@ std::vector<DistancesOfCaptures> DistancesOf(const std::vector<HoldOut>& hold_ou
   return {};
 }
 
-// Gives the parts of a problem the names of those of `named`, and their state in the calibration.
-void NameParts(const Problem& named, const PairCalibration& calibration, Problem* problem) {
-  problem->robots = named.robots;
-  ProblemCamera& camera = problem->cameras.front();
+// Returns a problem whose parts have the names of those of `named`, and their state in the calibration.
+Problem WithNames(Problem problem, const Problem& named, const PairCalibration& calibration) {
+  problem.robots = named.robots;
+  ProblemCamera& camera = problem.cameras.front();
   camera.name = named.cameras.front().name;
   camera.mount_name = named.cameras.front().mount_name;
   camera.free_intrinsics = calibration.bundle.free_intrinsics;
   camera.prior = calibration.bundle.camera_prior;
-  ProblemTarget& target = problem->targets.front();
+  ProblemTarget& target = problem.targets.front();
   target.name = named.targets.front().name;
   target.mount_name = named.targets.front().mount_name;
   target.free_shape = calibration.bundle.free_shape;
+  return problem;
 }
 
 }  // namespace
 
-FormOfResult PairForm(const ImageRun& run, CalibratedImages* calibrated) {
+FormOfResult PairForm(const ImageRun& run, const CalibratedImages& calibrated) {
   const Dataset& dataset = run.dataset;
-  const Calibration& general = calibrated->calibration;
-  PairCalibration& calibration = *calibrated->calibration.pairs.front().calibration;
+  const PairCalibration& calibration = *calibrated.calibration.pairs.front().calibration;
   FormOfResult form;
+  form.of_calibration = calibrated.findings;
   RunResult& result = form.result;
   result = ResultOf(dataset);
-  PairCalibrationOptions options = *calibrated->pair_options;
+  PairCalibrationOptions options = *calibrated.pair_options;
   options.methods = MethodsOf(calibration);
   options.bundle.num_threads = 1;  // The folds run in parallel.
   std::vector<HoldOut> hold_outs;
@@ -218,17 +219,18 @@ FormOfResult PairForm(const ImageRun& run, CalibratedImages* calibrated) {
   }
   if (run.observer != nullptr) run.observer->OnHoldOuts(hold_outs);
   form.held_out_m = DistancesOf(hold_outs, kBundleMethod);
-  calibration.refined->covariance = general.refined->covariance;
-  calibration.refined->covariance_repeatable = general.refined->covariance_repeatable;
   result.estimates = MakeEstimates(options.setup, calibration, hold_outs, TruthOf(dataset), options.symmetries);
   ImageSet contradicting;
   for (const View& view : calibration.left_out) contradicting.insert({view.capture, 0});
   if (!contradicting.empty()) {
-    SetLeftOut(ErrorsOfUnused(calibrated->seen, *general.refined, contradicting, 0), &result.estimates.back().errors);
+    Errors& errors = result.estimates.back().errors;
+    errors = WithLeftOut(errors, ErrorsOfUnused(calibrated.seen, *calibrated.calibration.refined, contradicting, 0));
   }
   result.model = SummariseModel(calibration);
   if (!dataset.arms.empty() && dataset.arms.front()) {
-    form.of_arms = AddArm(dataset, run.options.kinematics, calibrated->arms.front(), calibration, &result);
+    ArmSummaries arm = SummariseOnlyArm(dataset, run.options.kinematics, calibrated.arms.front(), calibration);
+    result.arms = std::move(arm.arms);
+    form.of_arms = std::move(arm.findings);
   }
   return form;
 }
@@ -253,20 +255,19 @@ RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const PairC
     image.image = ImageOf(dataset, i, 0);
     image.used = true;
   }
-  SetHoldOuts(dataset, DistancesOf(hold_outs, kChainMethod), &result.images);
+  result.images = WithHeldOutDistances(std::move(result.images), dataset, DistancesOf(hold_outs, kChainMethod));
   return WithFinalEstimate(std::move(result));
 }
 
-std::vector<Finding> AddArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
-                            const PairCalibration& calibration, RunResult* result) {
+ArmSummaries SummariseOnlyArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                              const PairCalibration& calibration) {
   RobotSummary arm = SummariseArm(dataset, kinematics, setup, calibration);
   std::vector<Finding> findings = FindingsOf(arm, SetupOf(dataset), calibration);
   if (setup) {
     std::optional<Finding> singular = FindSingularCaptures(dataset, 0, *setup, arm.is_estimated);
     if (singular) findings.push_back(std::move(*singular));
   }
-  result->arms = {std::move(arm)};
-  return findings;
+  return {{std::move(arm)}, std::move(findings)};
 }
 
 CalibratedPair AsPair(PairCalibration calibration) {
@@ -277,19 +278,19 @@ CalibratedPair AsPair(PairCalibration calibration) {
   return pair;
 }
 
-void NameParts(RunOutput* output) {
-  Calibration& calibration = output->calibration;
+RunOutput WithNames(RunOutput output) {
+  Calibration& calibration = output.calibration;
   const PairCalibration& pair = *calibration.pairs.front().calibration;
-  const Problem& named = output->dataset.rig;
-  if (IsShort(named)) return;
-  NameParts(named, pair, &calibration.problem);
+  const Problem& named = output.dataset.rig;
+  if (IsShort(named)) return output;
+  calibration.problem = WithNames(std::move(calibration.problem), named, pair);
   calibration.refined->covariance.layout = UnknownsOf(calibration.problem);
   calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
-  RunResult& result = output->result;
-  NameParts(named, pair, &result.rig);
+  RunResult& result = output.result;
+  result.rig = WithNames(std::move(result.rig), named, pair);
   // A prior may have told the order in which the target is read; the truth does not know it.
-  calibration.problem.targets.front().symmetries = output->dataset.targets.front()->Symmetries();
+  calibration.problem.targets.front().symmetries = output.dataset.targets.front()->Symmetries();
   result.rig.targets.front().symmetries = calibration.problem.targets.front().symmetries;
   // The basis of smooth errors is not written.
   const bool is_smooth =
@@ -297,6 +298,7 @@ void NameParts(RunOutput* output) {
   if (is_smooth) result.rig.effects.clear();
   result.solution = WithEffectsOf(result.rig, *calibration.refined);
   result.solution.captures.clear();
+  return output;
 }
 
 }  // namespace heba

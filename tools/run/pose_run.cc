@@ -60,15 +60,13 @@ PoseCalibrationOptions PoseOptions(const Dataset& dataset, const RunOptions& run
 
 // Calibrates from the poses of the target with an exact robot.
 PairCalibration CalibrateTargetPoses(const Dataset& dataset, const RunOptions& run) {
-  PairCalibration calibration;
+  std::vector<PosePair> pairs;
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     View view = ViewOf(dataset, i, {});
-    calibration.pairs.push_back(
-        {view.camera_mount_from_target_mount, dataset.target_poses[i], view.role, std::nullopt});
-    calibration.pairs.back().joints = std::move(view.joints);
+    pairs.push_back({view.camera_mount_from_target_mount, dataset.target_poses[i], view.role, std::nullopt});
+    pairs.back().joints = std::move(view.joints);
   }
-  CalibratePoses(PoseOptions(dataset, run), &calibration);
-  return calibration;
+  return CalibratePoses(std::move(pairs), PoseOptions(dataset, run));
 }
 
 Dataset WithoutWrong(Dataset dataset, const RunOptions& run) {
@@ -119,28 +117,28 @@ Outcome<RunOutput> RunOnPoses(const Dataset& given, const RunOptions& run, RunOb
   const bool has_arm = !dataset.arms.empty() && dataset.arms.front();
   std::optional<ArmSetup> arm;
   if (has_arm && run.kinematics != Kinematics::kNone) {
-    arm = SetUpArm(dataset, 0, run.kinematics);
-    options.has_robot_noise = true;
-    SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
-    CalibratePoses(options, &calibration);
+    ArmOfPairs of_pairs = SetUpArmOfPairs(dataset, run, SetUpArm(dataset, 0, run.kinematics), options, calibration);
+    arm = std::move(of_pairs.arm);
+    options = std::move(of_pairs.options);
+    calibration = CalibratePoses(std::move(of_pairs.pairs), options);
     if (!calibration.chain) return calibration.chain.failure();
   }
   // The errors of an arm come after the poses in the covariance.
   if (at_offset.rest) {
     Eigen::VectorXd change = Eigen::VectorXd::Zero(calibration.chain->covariance.matrix.cols());
     change.head(at_offset.rest->change_of_estimate.size()) = at_offset.rest->change_of_estimate;
-    AddChanges({change}, &calibration.chain->covariance);
+    calibration.chain->covariance = WithChanges(std::move(calibration.chain->covariance), {change});
   }
   if (observer != nullptr) observer->OnCalibrated(calibration);
   RunOutput output;
   output.result = AssessPoses(dataset, run, calibration, options);
-  std::vector<Finding>& observations = output.result.observations;
   if (has_arm) {
-    for (Finding& finding : AddArm(dataset, run.kinematics, arm, calibration, &output.result)) {
-      observations.push_back(std::move(finding));
-    }
+    ArmSummaries summary = SummariseOnlyArm(dataset, run.kinematics, arm, calibration);
+    output.result.arms = std::move(summary.arms);
+    std::vector<Finding>& observations = output.result.observations;
+    observations.insert(observations.end(), summary.findings.begin(), summary.findings.end());
   }
-  if (has_offset) AddTimeOffset(at_offset.offset_s, at_offset.rest, &output.result);
+  if (has_offset) output.result = WithTimeOffset(std::move(output.result), at_offset.offset_s, at_offset.rest);
   output.calibration.refined = calibration.refined.failure();
   output.calibration.pairs.push_back(AsPair(std::move(calibration)));
   output.dataset = std::move(at_offset.dataset);

@@ -11,17 +11,29 @@
 
 namespace heba {
 
-// Calibrates again, with the errors of the arm and the noise of its joints, or errors that vary smoothly with the pose,
-// among what is estimated (CalibrateRobotErrors). `calibration` is that without them, and is kept if they cannot be
-// estimated or if the captures do not require them; `arm` then states the reason. It is null if no arm is known.
-// `options` become those of the calibration that is kept, and `effects` what they are at the captures. Returns a
-// finding if smooth errors are part of the calibration.
-std::optional<Finding> CalibrateWithRobotErrors(const Dataset& dataset, const RunOptions& run, ArmSetup* arm,
-                                                EffectsOfCaptures* effects, PairCalibrationOptions* options,
-                                                PairCalibration* calibration);
+// A calibration of the captures, with what it knows of the robot's errors.
+struct RobotCalibration {
+  PairCalibration calibration;
+  PairCalibrationOptions options;           // The final refinement used these.
+  EffectsOfCaptures effects;                // The errors that captures share, at the captures.
+  std::optional<ArmSetup> arm;              // Nothing if no arm is estimated; it states why its errors could not be.
+  std::optional<Finding> of_smooth_errors;  // If smooth errors are part of the calibration.
+};
 
-// Sets the effects of the arm's errors on the pairs of a calibration from poses, and the errors among which is chosen.
-void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
-                       PairCalibration* calibration);
+// Calibrates again, with the errors of the arm and the noise of its joints, or errors that vary smoothly with the pose,
+// among what is estimated (CalibrateRobotErrors). `without` is the calibration without them, and is kept if they cannot
+// be estimated or if the captures do not require them.
+RobotCalibration CalibrateWithRobotErrors(const Dataset& dataset, const RunOptions& run, RobotCalibration without);
+
+// The arm of a calibration from poses: its joints, or the reason why there are none, the errors among which is chosen,
+// and the pairs with the effects of these errors.
+struct ArmOfPairs {
+  ArmSetup arm;
+  PoseCalibrationOptions options;
+  std::vector<PosePair> pairs;
+};
+// Returns the arm with the joints that the pairs of a calibration from poses show. `options` are those without an arm.
+ArmOfPairs SetUpArmOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup arm,
+                           const PoseCalibrationOptions& options, const PairCalibration& calibration);
 
 }  // namespace heba

@@ -158,15 +158,21 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options_in, Run
     RunOptions options = options_in;
     Dataset used = dataset;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) used = WithoutWrongJoints(dataset);
-    if (options.earlier) BuildOn(*options.earlier, &used, &options);
+    if (options.earlier) {
+      BuiltOnEarlier built = BuildOn(*options.earlier, std::move(used), std::move(options));
+      used = std::move(built.dataset);
+      options = std::move(built.options);
+    }
     Outcome<RunOutput> output =
         used.target_poses.empty() ? RunOnImages(used, options, observer) : RunOnPoses(used, options, observer);
     if (!output) return output;
     RunResult& result = output->result;
     for (ImageResult& left_out : LeftOutResults(output->dataset)) result.images.push_back(std::move(left_out));
-    SortImages(dataset, &result.images);
+    result.images = InOrderOfCaptures(std::move(result.images), dataset);
     result.verdict = JudgeRun(result);
-    if (dataset.truth && !IsShort(result)) AddTruth(*dataset.truth, output->calibration.problem, &result);
+    if (dataset.truth && !IsShort(result)) {
+      result = WithTruth(std::move(result), *dataset.truth, output->calibration.problem);
+    }
     result.timing.total_s = watch.Seconds();
     return output;
   } catch (const Cancelled&) {

@@ -151,9 +151,10 @@ double FindTimeOffset(const Dataset& dataset, const std::vector<std::vector<Seen
   return least < kClearlyBetter * at_zero ? best_s : 0;
 }
 
-void AddTimeOffset(double offset_s, const std::optional<TimeOffset>& rest, RunResult* result) {
-  if (rest) result->time_offset = EstimatedTimeOffset{offset_s, rest->sigma_s};
-  result->observations.push_back(DescribeTimeOffset(result->time_offset));
+RunResult WithTimeOffset(RunResult result, double offset_s, const std::optional<TimeOffset>& rest) {
+  if (rest) result.time_offset = EstimatedTimeOffset{offset_s, rest->sigma_s};
+  result.observations.push_back(DescribeTimeOffset(result.time_offset));
+  return result;
 }
 
 }  // namespace heba

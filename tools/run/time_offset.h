@@ -56,8 +56,8 @@ auto SettleOffset(double offset_s, const CalibrateAt& calibrate_at) {
   return last;
 }
 
-// Adds the offset, and the finding `time_offset`, to a result. `rest`: what a calibration leaves of it; nothing if the
-// captures do not determine it.
-void AddTimeOffset(double offset_s, const std::optional<TimeOffset>& rest, RunResult* result);
+// Returns a result with the offset and the finding `time_offset`. `rest`: what a calibration leaves of it; nothing if
+// the captures do not determine it.
+RunResult WithTimeOffset(RunResult result, double offset_s, const std::optional<TimeOffset>& rest);
 
 }  // namespace heba

@@ -70,10 +70,11 @@ struct PoseCalibrationOptions {
   bool must_have_effects = false;  // Whether the last of `effects` is estimated without a choice.
 };
 
-// Calibrates from poses of the target alone (`pairs`): sets `methods`, `seed`, `chain`, the refinement of the poses
-// from the seed, and `alternatives`, if a model was chosen: the simplest one that is not rejected against the largest
-// by their restricted likelihoods. `refined` becomes a Failure that names the missing measurements.
-void CalibratePoses(const PoseCalibrationOptions& options, PairCalibration* calibration);
+// Calibrates from poses of the target alone. Returns a calibration with these pairs, `methods`, `seed`, `chain`, the
+// refinement of the poses from the seed, and `alternatives`, if a model was chosen: the simplest one that is not
+// rejected against the largest by their restricted likelihoods. `refined` is a Failure that names the missing
+// measurements.
+PairCalibration CalibratePoses(std::vector<PosePair> pairs, const PoseCalibrationOptions& options);
 
 // Returns the configuration of an arm in each pair, an index into ArmErrorModels::effects_of_captures: one for all, or
 // one for each pair (solvers/calibration/posture_choice.h), of the largest restricted likelihood
@@ -81,9 +82,9 @@ void CalibratePoses(const PoseCalibrationOptions& options, PairCalibration* cali
 std::optional<std::vector<size_t>> MostLikelyBranchesOfPairs(Setup setup, const std::vector<PosePair>& pairs,
                                                              const HandEye& start, const ArmErrorModels& arm);
 
-// Adds to a covariance what wrong held parts do to the estimate: the square of each change, as of an error whose sign
-// is not known. Captures share such an error, so that more of them do not reduce it.
-void AddChanges(const std::vector<Eigen::VectorXd>& changes, Covariance* covariance);
+// Returns a covariance with what wrong held parts do to the estimate: the square of each change, as of an error whose
+// sign is not known. Captures share such an error, so that more of them do not reduce it.
+Covariance WithChanges(Covariance covariance, const std::vector<Eigen::VectorXd>& changes);
 
 // Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen
 // model, how a given camera was used, the errors that its fixed parts hide, and which part of the result has the

@@ -103,7 +103,7 @@ struct PairCalibration {
 struct Advice {
   std::vector<Finding> findings;
   // Each change is that of the estimate, in the layout of its covariance, if held parts that contradict the captures
-  // were free (AddChanges).
+  // were free (WithChanges).
   std::vector<Eigen::VectorXd> changes;
 };
 

@@ -153,7 +153,7 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     constexpr double kSixAt999 = 22.5;  // The 99.9 % quantile of chi-square with six degrees of freedom.
     EXPECT_GT(SquaredSigmasOff(*solution, scene.hand_eye), kSixAt999);
     PairSolution widened = *solution;
-    AddChanges(advice.changes, &widened.covariance);
+    widened.covariance = WithChanges(std::move(widened.covariance), advice.changes);
     EXPECT_LT(SquaredSigmasOff(widened, scene.hand_eye), kSixAt999);
   }
 }

@@ -133,7 +133,7 @@ TEST(PointEstimationTest, UncertaintyOfThePointsIsPartOfThatOfTheCamera) {
     const DisplacedScene made = MakeDisplaced(seed, 3e-4);
     const Estimated estimated = Estimate(made);
     Covariance covariance = estimated.solution.covariance;
-    AddChanges(estimated.points.changes, &covariance);
+    covariance = WithChanges(std::move(covariance), estimated.points.changes);
     sum += SquareOfError(made, estimated.solution, covariance) / kNumSeeds;
   }
   // The mean of 96 squares of normal numbers is within these limits in 99 of 100 sets.

@@ -13,10 +13,10 @@ namespace {
 constexpr Setup kSetup = Setup::kEyeToHand;
 
 // The pairs of an arm's captures, with errors of the poses that the camera sees of 0.1 mm and 0.1 mrad.
-PairCalibration PairsOf(const ArmScene& arm, uint64_t seed) {
+std::vector<PosePair> PairsOf(const ArmScene& arm, uint64_t seed) {
   Rng rng(seed);
   const Arm actual = WithChanges(arm.nominal, arm.errors);
-  PairCalibration calibration;
+  std::vector<PosePair> pairs;
   for (const View& view : arm.scene.views) {
     PosePair pair;
     pair.camera_mount_from_target_mount = view.camera_mount_from_target_mount;
@@ -26,9 +26,9 @@ PairCalibration PairsOf(const ArmScene& arm, uint64_t seed) {
     const Rigid3d true_mount =
         CorrectedMount(kSetup, view.camera_mount_from_target_mount, view.effect->Evaluate(arm.errors, nullptr));
     pair.camera_from_target = Retract(CameraFromTarget(arm.scene.hand_eye, true_mount), noise);
-    calibration.pairs.push_back(std::move(pair));
+    pairs.push_back(std::move(pair));
   }
-  return calibration;
+  return pairs;
 }
 
 PoseCalibrationOptions OptionsOf(const ArmScene& arm) {
@@ -52,13 +52,11 @@ TEST(PoseCalibrationTest, ErrorsOfTheArmAreEstimatedAndPredictHeldOutPoses) {
   scene.num_captures = 40;
   scene.joint_noise_rad = 0;
   const ArmScene arm = MakeArmScene(1, scene);
-  PairCalibration with_arm = PairsOf(arm, 2);
-  PairCalibration without = with_arm;
   const PoseCalibrationOptions options = OptionsOf(arm);
   PoseCalibrationOptions plain;
   plain.setup = kSetup;
-  CalibratePoses(options, &with_arm);
-  CalibratePoses(plain, &without);
+  const PairCalibration with_arm = CalibratePoses(PairsOf(arm, 2), options);
+  const PairCalibration without = CalibratePoses(PairsOf(arm, 2), plain);
   ASSERT_TRUE(with_arm.chain.ok()) << with_arm.chain.reason();
   ASSERT_TRUE(without.chain.ok()) << without.chain.reason();
   ASSERT_NE(with_arm.bundle.effects, nullptr);
@@ -82,8 +80,7 @@ TEST(PoseCalibrationTest, ExactArmIsNotEstimated) {
   constexpr int kTrials = 10;
   for (int trial = 0; trial < kTrials; ++trial) {
     const ArmScene arm = MakeArmScene(20 + static_cast<uint64_t>(trial), scene);
-    PairCalibration calibration = PairsOf(arm, 3 + static_cast<uint64_t>(trial));
-    CalibratePoses(OptionsOf(arm), &calibration);
+    const PairCalibration calibration = CalibratePoses(PairsOf(arm, 3 + static_cast<uint64_t>(trial)), OptionsOf(arm));
     ASSERT_TRUE(calibration.chain.ok()) << calibration.chain.reason();
     num_declined += calibration.bundle.effects == nullptr ? 1 : 0;
   }
@@ -95,10 +92,9 @@ TEST(PoseCalibrationTest, FoldWithoutEnoughPosesFails) {
   ArmSceneOptions scene;
   scene.num_captures = 3;
   const ArmScene arm = MakeArmScene(4, scene);
-  PairCalibration calibration = PairsOf(arm, 5);
   PoseCalibrationOptions plain;
   plain.setup = kSetup;
-  CalibratePoses(plain, &calibration);
+  const PairCalibration calibration = CalibratePoses(PairsOf(arm, 5), plain);
   const HoldOut chain = HoldOutOf(CrossValidatePoses(calibration, plain, 3), kChainMethod);
   EXPECT_FALSE(chain.target_m.has_value());
   EXPECT_EQ(chain.reason.ToString().find("of_fold (fold 1): "), 0U) << chain.reason.ToString();

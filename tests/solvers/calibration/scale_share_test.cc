@@ -170,8 +170,7 @@ TEST(ScaleShareTest, RegionsHoldOverScalesDrawnFromTheirPriors) {
     const Solution& solution = all.judged.solution;
     const ScaleShare share = ShareOfScales(WithoutRejected(Without(all.problem, all.judged.left_out), solution),
                                            solution, {{kOfTarget}, {kOfRobot}});
-    PairSolution total = *calibration->refined;
-    AddShare(share, {}, {}, &total);
+    const PairSolution total = WithShare(*calibration->refined, share, {}, {});
     const auto is_covered = [&](const Covariance& covariance) {
       const Tangent6 error = ChangeOf(total.hand_eye, scene.hand_eye);
       const Matrix6 of_pose = covariance.matrix.topLeftCorner<6, 6>();

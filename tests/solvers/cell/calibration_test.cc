@@ -440,7 +440,7 @@ TEST(CalibrationNightly, NamesTheCameraWhoseHeldIntrinsicsAreWrong) {
   EXPECT_EQ(worst->Name("of_camera"), "right");
   // With the change, the sigmas cover what the wrong camera does to its pose, up to the noise of the freed estimate.
   Solution widened = *wrong->refined;
-  AddChanges({advice.changes[static_cast<size_t>(worst - findings.begin())]}, &widened.covariance);
+  widened.covariance = WithChanges(widened.covariance, {advice.changes[static_cast<size_t>(worst - findings.begin())]});
   const auto squared_sigmas_off = [&](const Solution& solution) {
     const Tangent6 error = LocalCoordinates(solution.poses.mount_from_camera[1], scene.truth.mount_from_camera[1]);
     return MahalanobisSquare(error, *PoseCovarianceOf(solution.covariance, CameraPoseBlock(scene.problem.cameras[1])));

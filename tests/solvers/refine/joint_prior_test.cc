@@ -179,13 +179,13 @@ TEST_P(JointPriorTest, TheShareOfScalesStays) {
   ScaleSigmas sigmas;
   sigmas.targets = {kTargetScaleSigma};
   sigmas.robots = {kRobotScaleSigma};
-  AddShare(ShareOfScales(earlier, *of_earlier, sigmas), {}, {}, &*of_earlier);
+  of_earlier = WithShare(*of_earlier, ShareOfScales(earlier, *of_earlier, sigmas), {}, {});
   const Problem later = Later(earlier, *of_earlier);
   AdjustmentOptions options = WithEstimatedNoise();
   options.robot_noise_prior = RobotNoisePrior{*of_earlier->robot_noise[0], 0.15};
   Outcome<Solution> updated = RefineProblem(later, of_earlier->poses, options);
   ASSERT_TRUE(updated) << updated.reason();
-  AddShare(ShareOfScales(later, *updated, sigmas), {}, {}, &*updated);
+  updated = WithShare(*updated, ShareOfScales(later, *updated, sigmas), {}, {});
   const auto share_of = [](const Solution& solution) {
     return Matrix6(*PoseCovarianceOf(solution.covariance, kHandEyeBlock) -
                    *PoseCovarianceOf(solution.covariance_repeatable, kHandEyeBlock));

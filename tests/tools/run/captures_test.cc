@@ -78,18 +78,18 @@ TEST(DetectDatasetTest, AllImagesHaveOneSize) {
               HasSubstr("2.png: is 640 x 481 px, but 0.png is 640 x 480 px; all images must come from one camera"));
 }
 
-TEST(FitCamerasToImagesTest, FillsInASizeThatTheFileDoesNotState) {
+TEST(RigOfImagesTest, FillsInASizeThatTheFileDoesNotState) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
   SetCamera({"pinhole", 0, 0, {600, 600, 320, 240}}, &dataset);
-  FitCamerasToImages(dataset, dataset.given_detections, &dataset.rig);
-  EXPECT_EQ(dataset.rig.cameras[0].camera.width_px, 640);
-  EXPECT_EQ(dataset.rig.cameras[0].camera.height_px, 480);
+  const Problem rig = RigOfImages(dataset, dataset.given_detections);
+  EXPECT_EQ(rig.cameras[0].camera.width_px, 640);
+  EXPECT_EQ(rig.cameras[0].camera.height_px, 480);
 }
 
-TEST(FitCamerasToImagesTest, RefusesTheCameraOfAnotherSize) {
+TEST(RigOfImagesTest, RefusesTheCameraOfAnotherSize) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
   SetCamera({"pinhole", 640, 400, {600, 600, 320, 200}}, &dataset);
-  EXPECT_EQ(InputErrorOf([&] { FitCamerasToImages(dataset, dataset.given_detections, &dataset.rig); }),
+  EXPECT_EQ(InputErrorOf([&] { RigOfImages(dataset, dataset.given_detections); }),
             "camera.yaml: is for images of 640 x 400 px, but 0.png is 640 x 480 px; provide the intrinsics of that "
             "resolution");
 }

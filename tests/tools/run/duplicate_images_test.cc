@@ -119,11 +119,11 @@ TEST(FindDuplicatesTest, DifferentImagesHaveNone) {
   EXPECT_THAT(DuplicateNotes(set.Duplicates(), 2), IsEmpty());
 }
 
-TEST(MarkDuplicatesTest, TheirEntriesHaveTheReasonAndTheirPoints) {
+TEST(WithDuplicatesTest, TheirEntriesHaveTheReasonAndTheirPoints) {
   const Set set({"a", "b", "a"});
   std::vector<ImageResult> images(3);
   for (size_t i = 0; i < images.size(); ++i) images[i].capture = set.dataset.captures[i].name;
-  MarkDuplicates(set.dataset, set.Duplicates(), set.detections, &images);
+  images = WithDuplicates(std::move(images), set.dataset, set.Duplicates(), set.detections);
   EXPECT_EQ(images[0].reason, "");
   EXPECT_EQ(images[2].reason, "the same image as 0.png, byte by byte");
   EXPECT_EQ(images[2].repeat_of, "0.png");
