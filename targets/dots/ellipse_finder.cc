@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include <Eigen/Dense>
 #include <opencv2/core/hal/intrin.hpp>

@@ -198,7 +198,7 @@ struct Block {
   int height = 0;
 };
 
-// Reads the pixels of an image. These return false if libtiff does not read a block.
+// Reads the pixels of an image. The functions return false if libtiff does not read a block.
 class PixelReader {
  public:
   PixelReader(TIFF* tiff, const Layout& layout, const cv::Mat& image) : tiff_(tiff), layout_(layout), image_(image) {}
