@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <utility>
 
 #include "heba/base/error.h"
 
@@ -34,12 +35,14 @@ std::vector<Block> BlocksOf(const Detection& detection) {
   return blocks;
 }
 
-void Append(const Detection& from, const Block& block, size_t index, const Eigen::Vector2d& shift_px, Detection* to) {
+Detection WithBlock(Detection detection, const Detection& from, const Block& block, size_t index,
+                    const Eigen::Vector2d& shift_px) {
   for (size_t i = block.begin; i < block.end; ++i) {
-    to->ids.push_back(from.ids[i]);
-    to->pixels.emplace_back(from.pixels[i] + shift_px);
+    detection.ids.push_back(from.ids[i]);
+    detection.pixels.emplace_back(from.pixels[i] + shift_px);
   }
-  if (!from.covariances_px2.empty()) to->covariances_px2.push_back(from.covariances_px2[index]);
+  if (!from.covariances_px2.empty()) detection.covariances_px2.push_back(from.covariances_px2[index]);
+  return detection;
 }
 
 }  // namespace
@@ -65,7 +68,7 @@ GuidedDetection DetectGuided(const Target& target, const cv::Mat& grey, const De
       continue;
     }
     for (size_t i = block.begin; i < block.end; ++i) seen.insert(first.ids[i]);
-    Append(first, block, k, Eigen::Vector2d::Zero(), &result.detection);
+    result.detection = WithBlock(std::move(result.detection), first, block, k, Eigen::Vector2d::Zero());
   }
 
   Eigen::Vector2d min_px = Eigen::Vector2d::Constant(1e9);
@@ -101,7 +104,7 @@ GuidedDetection DetectGuided(const Target& target, const cv::Mat& grey, const De
     if (!result.detection.ids.empty() && second.covariances_px2.empty() != result.detection.covariances_px2.empty()) {
       continue;
     }
-    Append(second, block, k, shift_px, &result.detection);
+    result.detection = WithBlock(std::move(result.detection), second, block, k, shift_px);
     result.num_added += static_cast<int>(block.end - block.begin);
   }
   return result;

@@ -177,7 +177,7 @@ class Fitter {
     const auto try_step = [&](const Equations& from, const Eigen::VectorXd& step) {
       params_ = moved(from.params, step);
       std::optional<Equations> there = IsPossible() ? Linearise(huber_grey) : std::nullopt;
-      if (there) HoldBlur(&*there);
+      if (there) there = WithBlurHeld(std::move(*there));
       if (there && there->cost <= from.cost) rows_.Keep();  // The step is taken; the next maps are near this one.
       return there;
     };
@@ -196,8 +196,7 @@ class Fitter {
       has_converged = move_px < small.move_px || is_in_noise;
       return has_converged;
     };
-    HoldBlur(&here);
-    result_ = std::move(here);
+    result_ = WithBlurHeld(std::move(here));
     const bool is_finite = stops_at(result_) || MinimiseSquares(options, try_step, &result_, stops_at).is_finite;
     params_ = result_.params;
     if (has_converged) {
@@ -208,15 +207,16 @@ class Fitter {
     return is_finite && whole.allFinite();
   }
 
-  // Removes the blur from the equations if it is at its lower bound and would decrease further.
-  void HoldBlur(Equations* equations) const {
-    if (equations->params[kBlur] > kMinBlurPx) return;
+  // Returns the equations without the blur if it is at its lower bound and would decrease further.
+  Equations WithBlurHeld(Equations equations) const {
+    if (equations.params[kBlur] > kMinBlurPx) return equations;
     const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
-    if (equations->gradient[blur] <= 0) return;
-    equations->gradient[blur] = 0;
-    equations->normal.row(blur).setZero();
-    equations->normal.col(blur).setZero();
-    equations->normal(blur, blur) = 1;
+    if (equations.gradient[blur] <= 0) return equations;
+    equations.gradient[blur] = 0;
+    equations.normal.row(blur).setZero();
+    equations.normal.col(blur).setZero();
+    equations.normal(blur, blur) = 1;
+    return equations;
   }
 
   // Frees the stretch of the blur, and replaces perspective and lens by squares and cubes, and linearises. Each is done

@@ -291,38 +291,51 @@ Links LinksOf(const cv::Mat& smooth, const std::vector<Saddle>& saddles, const S
 using Cell = std::pair<int, int>;  // Column and row.
 using Grid = std::map<Cell, Eigen::Vector2d>;
 
-// Returns the saddles that are linked with `seed` in both directions, and marks them as used.
-Grid GridFrom(const std::vector<Saddle>& saddles, const std::vector<Links>& links, int seed,
-              std::vector<bool>* is_used) {
+// Joins saddles that are linked in both directions to grids.
+class GridGrower {
+ public:
+  GridGrower(const std::vector<Saddle>& saddles, const std::vector<Links>& links)
+      : saddles_(saddles), links_(links), is_used_(saddles.size(), false) {}
+
+  // Returns the saddles that are linked with `seed`; none if it was in an earlier grid.
+  Grid GridFrom(int seed) {
+    if (is_used_[static_cast<size_t>(seed)]) return {};
+    Grid grid;
+    std::deque<Member> open = {{seed, {0, 0}, 0}};
+    is_used_[static_cast<size_t>(seed)] = true;
+    while (!open.empty()) {
+      const Member member = open.front();
+      open.pop_front();
+      const Saddle& from = saddles_[static_cast<size_t>(member.saddle)];
+      if (!grid.emplace(member.cell, from.pixel).second) continue;
+      // The directions, counted clockwise, are edges[0], edges[1] and their opposites.
+      for (size_t turn = 0; turn < kNumWays; ++turn) {
+        const size_t way = (member.way + turn) % kNumWays;
+        const int next = links_[static_cast<size_t>(member.saddle)][way];
+        if (next < 0 || is_used_[static_cast<size_t>(next)]) continue;
+        const std::optional<size_t> way_on = WayOn(from, way, saddles_[static_cast<size_t>(next)]);
+        if (!way_on || links_[static_cast<size_t>(next)][BackOf(*way_on)] != member.saddle) continue;
+        is_used_[static_cast<size_t>(next)] = true;
+        constexpr std::array<Cell, kNumWays> kSteps = {Cell{1, 0}, Cell{0, 1}, Cell{-1, 0}, Cell{0, -1}};
+        open.push_back({next,
+                        {member.cell.first + kSteps[turn].first, member.cell.second + kSteps[turn].second},
+                        (*way_on + kNumWays - turn) % kNumWays});
+      }
+    }
+    return grid;
+  }
+
+ private:
   struct Member {
     int saddle;
     Cell cell;
     size_t way;  // Direction along the grid's first axis; the next one clockwise is along the second.
   };
-  Grid grid;
-  std::deque<Member> open = {{seed, {0, 0}, 0}};
-  (*is_used)[static_cast<size_t>(seed)] = true;
-  while (!open.empty()) {
-    const Member member = open.front();
-    open.pop_front();
-    const Saddle& from = saddles[static_cast<size_t>(member.saddle)];
-    if (!grid.emplace(member.cell, from.pixel).second) continue;
-    // The directions, counted clockwise, are edges[0], edges[1] and their opposites.
-    for (size_t turn = 0; turn < kNumWays; ++turn) {
-      const size_t way = (member.way + turn) % kNumWays;
-      const int next = links[static_cast<size_t>(member.saddle)][way];
-      if (next < 0 || (*is_used)[static_cast<size_t>(next)]) continue;
-      const std::optional<size_t> way_on = WayOn(from, way, saddles[static_cast<size_t>(next)]);
-      if (!way_on || links[static_cast<size_t>(next)][BackOf(*way_on)] != member.saddle) continue;
-      (*is_used)[static_cast<size_t>(next)] = true;
-      constexpr std::array<Cell, kNumWays> kSteps = {Cell{1, 0}, Cell{0, 1}, Cell{-1, 0}, Cell{0, -1}};
-      open.push_back({next,
-                      {member.cell.first + kSteps[turn].first, member.cell.second + kSteps[turn].second},
-                      (*way_on + kNumWays - turn) % kNumWays});
-    }
-  }
-  return grid;
-}
+
+  const std::vector<Saddle>& saddles_;
+  const std::vector<Links>& links_;
+  std::vector<bool> is_used_;
+};
 
 // Returns the columns and rows from the first to the last with at least half as many corners as the fullest one.
 cv::Rect BoundsOf(const Grid& grid) {
@@ -377,17 +390,18 @@ std::optional<Eigen::Vector2d> Expected(const Grid& grid, const Cell& cell) {
   return sum / count;
 }
 
-// Adds the missing corners within the bounds. Returns false if one cannot be predicted or lies outside the image.
-bool FillIn(const cv::Mat& image, const cv::Rect& bounds, Grid* grid) {
+// Returns the grid with the missing corners within the bounds; nothing if one cannot be predicted or lies outside the
+// image.
+std::optional<Grid> FilledIn(Grid grid, const cv::Mat& image, const cv::Rect& bounds) {
   for (int row = bounds.y; row < bounds.y + bounds.height; ++row) {
     for (int column = bounds.x; column < bounds.x + bounds.width; ++column) {
-      if (grid->count({column, row}) > 0) continue;
-      const std::optional<Eigen::Vector2d> expected = Expected(*grid, {column, row});
-      if (!expected || !IsInImage(image, *expected)) return false;
-      (*grid)[{column, row}] = *expected;
+      if (grid.count({column, row}) > 0) continue;
+      const std::optional<Eigen::Vector2d> expected = Expected(grid, {column, row});
+      if (!expected || !IsInImage(image, *expected)) return std::nullopt;
+      grid[{column, row}] = *expected;
     }
   }
-  return true;
+  return grid;
 }
 
 // Determines where a chessboard may be if a grid is only a part of it: the missing part must lie in the image, and
@@ -538,10 +552,9 @@ class SaddleGrids {
     for (size_t n = 0; n < saddles.size(); ++n) {
       links.push_back(LinksOf(smooth_, saddles, index, static_cast<int>(n)));
     }
-    std::vector<bool> is_used(saddles.size(), false);
+    GridGrower grower(saddles, links);
     for (size_t seed = 0; seed < saddles.size(); ++seed) {
-      if (is_used[seed]) continue;
-      Grid grid = GridFrom(saddles, links, static_cast<int>(seed), &is_used);
+      Grid grid = grower.GridFrom(static_cast<int>(seed));
       if (grid.size() >= least_seen) grids_.push_back(std::move(grid));
     }
   }
@@ -599,7 +612,7 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
   const size_t least_found = LeastFound(num_corners);
   size_t most_seen = 0;
   const SaddleGrids grids(grey, num_corners, std::max<size_t>(6, num_corners / 4));
-  for (Grid grid : grids.grids()) {
+  for (const Grid& grid : grids.grids()) {
     const cv::Rect bounds = BoundsOf(grid);
     if (grid.size() > most_seen) {
       const Continuation continuation(grids.smooth(), grid, bounds);
@@ -611,8 +624,10 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
     }
     for (const bool is_upright : {true, false}) {
       const cv::Size wanted = is_upright ? size : cv::Size(size.height, size.width);
-      if (grid.size() < least_found || bounds.size() != wanted || !FillIn(grey, bounds, &grid)) continue;
-      result.corners = CornersOf(grid, bounds, is_upright);
+      if (grid.size() < least_found || bounds.size() != wanted) continue;
+      const std::optional<Grid> whole = FilledIn(grid, grey, bounds);
+      if (!whole) continue;
+      result.corners = CornersOf(*whole, bounds, is_upright);
       return result;
     }
   }
@@ -627,12 +642,12 @@ AnySaddleGrid FindLargestSaddleGrid(const cv::Mat& grey) {
   const auto largest = std::max_element(grids.grids().begin(), grids.grids().end(),
                                         [](const Grid& a, const Grid& b) { return a.size() < b.size(); });
   if (largest == grids.grids().end()) return result;
-  Grid grid = *largest;
-  const cv::Rect bounds = BoundsOf(grid);
-  result.num_seen = grid.size();
+  const cv::Rect bounds = BoundsOf(*largest);
+  result.num_seen = largest->size();
   result.size = bounds.size();
-  if (grid.size() < LeastFound(static_cast<size_t>(bounds.area())) || !FillIn(grey, bounds, &grid)) return result;
-  result.corners = CornersOf(grid, bounds, true);
+  if (largest->size() < LeastFound(static_cast<size_t>(bounds.area()))) return result;
+  const std::optional<Grid> whole = FilledIn(*largest, grey, bounds);
+  if (whole) result.corners = CornersOf(*whole, bounds, true);
   return result;
 }
 

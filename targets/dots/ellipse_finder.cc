@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include <Eigen/Dense>
 #include <opencv2/core/hal/intrin.hpp>
@@ -228,14 +229,15 @@ std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eige
   return Ellipse{within_px + radius_px * centre, shape / (radius_px * radius_px)};
 }
 
-// Drops most points of long outlines, since some of them suffice.
-void Thin(std::vector<cv::Point>* outline) {
+// Returns an outline without most of its points if it is long, since some of them suffice.
+std::vector<cv::Point> Thinned(std::vector<cv::Point> outline) {
   constexpr size_t kEnough = 60;
-  const size_t stride = outline->size() / kEnough;
-  if (stride < 2) return;
+  const size_t stride = outline.size() / kEnough;
+  if (stride < 2) return outline;
   size_t size = 0;
-  for (size_t i = 0; i < outline->size(); i += stride) (*outline)[size++] = (*outline)[i];
-  outline->resize(size);
+  for (size_t i = 0; i < outline.size(); i += stride) outline[size++] = outline[i];
+  outline.resize(size);
+  return outline;
 }
 
 // Fits an ellipse to most of `points`, which outline a large dot that may be partly hidden; `whole` is fitted to all
@@ -284,15 +286,15 @@ struct CandidateLimits {
 };
 constexpr CandidateLimits kCandidate;
 
-// Adds the areas of the pixels of `level` above `threshold` as candidates, in pixels of the full image `grey` (light
+// Returns the areas of the pixels of `level` above `threshold` as candidates, in pixels of the full image `grey` (light
 // dots). `level` is that image reduced by the factor `scale`; `is_last` tells that there is no further reduction.
-void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale, bool is_last,
-                   const EllipseFinderOptions& options, std::vector<Candidate>* candidates) {
+std::vector<Candidate> CandidatesIn(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale, bool is_last,
+                                    const EllipseFinderOptions& options) {
   const double min_px = scale == 1 ? options.min_diameter_px : kCandidate.min_size_px * scale;
   const double max_px = std::min(options.max_diameter_px + 2, is_last ? 1e9 : kCandidate.max_size_px * scale);
   const std::vector<LightArea> areas = FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
                                                       static_cast<int>(std::floor(max_px / scale)));
-  std::vector<cv::Point> outline;
+  std::vector<Candidate> candidates;
   for (const LightArea& area : areas) {
     const double box_area = area.box.width * area.box.height;
     if (area.num_pixels < kCandidate.min_box_share * box_area) continue;
@@ -300,20 +302,20 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     const double short_side = std::min(area.box.width, area.box.height);
     if (long_side > options.max_axis_ratio * (short_side + 1.5)) continue;
     const auto most_points = static_cast<size_t>(kCandidate.max_outline_ratio * (area.box.width + area.box.height));
-    if (!TraceOutline(level, threshold, area.first, most_points, &outline)) continue;
-    if (outline.size() < kCandidate.min_outline_points) continue;
-    const std::optional<MomentEllipse> moments = FitMoments(outline);
+    std::optional<std::vector<cv::Point>> traced = TraceOutline(level, threshold, area.first, most_points);
+    if (!traced || traced->size() < kCandidate.min_outline_points) continue;
+    const std::optional<MomentEllipse> moments = FitMoments(*traced);
     if (!moments) continue;
-    const double num_pixels = moments->area_px2 + 0.5 * static_cast<double>(outline.size()) + 1;  // Pick's theorem.
+    const size_t num_points = traced->size();
+    const double num_pixels = moments->area_px2 + 0.5 * static_cast<double>(num_points) + 1;  // Pick's theorem.
     if (num_pixels < kCandidate.min_outline_share * box_area) continue;
-    const size_t num_points = outline.size();
     const bool has_spare_points = num_points >= kMinPointsToSpare;
     // Noise or glare may have removed a part of the dot, and a line may lead to it.
     constexpr double kMinFill = 0.5;
     constexpr size_t kMinPointsForMoments = 24;
     if (num_points >= kMinPointsForMoments && moments->fill < kMinFill) continue;
 
-    Thin(&outline);
+    const std::vector<cv::Point> outline = Thinned(std::move(*traced));
     Ellipse through = moments->ellipse;
     double roughness_px = OutlineDistance(through).RmsPx(outline);
     // For few pixels, the moments are those of a polygon, whereas the conic is fitted to a curve.
@@ -354,8 +356,9 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     }
     if (num_steps < kCandidate.min_rays_ratio * Rays::kNumRays) continue;
     const double relative_roughness = fit.roughness_px / radius;
-    candidates->push_back({{ellipse, contrast}, contrast / (1 + kCandidate.roughness_weight * relative_roughness)});
+    candidates.push_back({{ellipse, contrast}, contrast / (1 + kCandidate.roughness_weight * relative_roughness)});
   }
+  return candidates;
 }
 
 // Keeps one candidate per dot: the best of those that agree in centre and size.
@@ -433,14 +436,14 @@ cv::Mat Halved(const cv::Mat& grey) {
   return half;
 }
 
-// Subtracts `half`, enlarged to twice its size, from `a`. Negative differences, and those in an odd last row or
-// column, are 0.
-void SubtractDoubled(const cv::Mat& a, const cv::Mat& half, cv::Mat* difference) {
+// Returns `a` minus `half`, enlarged to twice its size. Negative differences, and those in an odd last row or column,
+// are 0.
+cv::Mat MinusDoubled(const cv::Mat& a, const cv::Mat& half) {
   constexpr int kLanes = cv::v_uint8x16::nlanes;
-  difference->create(a.size(), CV_8UC1);
+  cv::Mat difference(a.size(), CV_8UC1);
   for (int row = 0; row < a.rows; ++row) {
     const uchar* const from = a.ptr<uchar>(row);
-    uchar* const to = difference->ptr<uchar>(row);
+    uchar* const to = difference.ptr<uchar>(row);
     if (row / 2 >= half.rows) {
       std::fill_n(to, a.cols, uchar{0});
       continue;
@@ -461,6 +464,7 @@ void SubtractDoubled(const cv::Mat& a, const cv::Mat& half, cv::Mat* difference)
     }
     if (a.cols > 2 * half.cols) to[a.cols - 1] = 0;
   }
+  return difference;
 }
 
 }  // namespace
@@ -480,12 +484,12 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
   cv::Mat level = light_dots;
   cv::Mat smooth;
   cv::Mat mean;
-  cv::Mat lighter;
   for (int scale = 1; !level.empty(); scale *= 2) {
     const cv::Mat half = Halved(level);
     const bool is_last = half.cols < 24 || half.rows < 24 || 2 * scale * 10 > options.max_diameter_px;
     const auto add = [&](const cv::Mat& image, int threshold) {
-      AddCandidates(light_dots, image, threshold, scale, is_last, options, &candidates);
+      const std::vector<Candidate> more = CandidatesIn(light_dots, image, threshold, scale, is_last, options);
+      candidates.insert(candidates.end(), more.begin(), more.end());
     };
     // Smoothing keeps noise out of the outlines, which would take long to trace.
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
@@ -497,8 +501,7 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
     // in pixels of half size; narrow windows find small dots.
     for (const int window_px : scale == 1 ? std::array{5, 13} : std::array{13, 31}) {
       cv::boxFilter(half, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
-      SubtractDoubled(smooth, mean, &lighter);
-      add(lighter, local_threshold);
+      add(MinusDoubled(smooth, mean), local_threshold);
     }
     if (is_last) break;
     level = half;

@@ -23,14 +23,6 @@ namespace {
 using Parameters = BlurredEllipseParameters;
 using Normal = decltype(BlurredEllipseSums::normal);
 
-// Holds a parameter at its current value.
-void Hold(int parameter, Normal* normal, Parameters* gradient) {
-  normal->row(parameter).setZero();
-  normal->col(parameter).setZero();
-  (*normal)(parameter, parameter) = 1;
-  (*gradient)[parameter] = 0;
-}
-
 // The fit of one dot, in coordinates relative to the centre of `start` and in units of its radius.
 class BlurredEllipse {
  public:
@@ -133,22 +125,26 @@ class BlurredEllipse {
 
   // Fits to within `tolerance` of the cost. Returns false if there are too few pixels or the fit fails.
   bool Fit(double tolerance) {
-    return pixels_.size() >= kNumBlurredEllipseParameters + 4u && Minimise(num_free_, tolerance, &x_, &sums_);
+    if (pixels_.size() < kNumBlurredEllipseParameters + 4u) return false;
+    const std::optional<Minimum> minimum = MinimumNear(x_, num_free_, tolerance);
+    if (!minimum) return false;
+    x_ = minimum->x;
+    sums_ = minimum->sums;
+    return true;
   }
 
   // Fits with a slope of the inside (gloss, a dirty dot) if the image requires it.
   bool FitWithNeededSlopes(double tolerance) {
     if (!Fit(tolerance)) return false;
     if (num_free_ != kInsideX) return true;
-    Parameters sloping = x_;
-    BlurredEllipseSums sloping_sums;
-    if (!Minimise(kNumBlurredEllipseParameters, tolerance, &sloping, &sloping_sums)) return true;
+    const std::optional<Minimum> sloping = MinimumNear(x_, kNumBlurredEllipseParameters, tolerance);
+    if (!sloping) return true;
     // The gain is a chi-square variable with two degrees of freedom, which exceeds this by chance once in 3000:
     // rarely enough not to increase the scatter of evenly coloured dots.
     constexpr double kMinGain = 16;
-    if (static_cast<double>(pixels_.size()) * (sums_.cost / sloping_sums.cost - 1) > kMinGain) {
-      x_ = sloping;
-      sums_ = sloping_sums;
+    if (static_cast<double>(pixels_.size()) * (sums_.cost / sloping->sums.cost - 1) > kMinGain) {
+      x_ = sloping->x;
+      sums_ = sloping->sums;
       num_free_ = kNumBlurredEllipseParameters;
     }
     return true;
@@ -268,14 +264,20 @@ class BlurredEllipse {
     Normal normal;
     Parameters gradient;
     double cost = 0;
+
+    // Holds a parameter at its current value.
+    void Hold(int parameter) {
+      normal.row(parameter).setZero();
+      normal.col(parameter).setZero();
+      normal(parameter, parameter) = 1;
+      gradient[parameter] = 0;
+    }
   };
 
   FitPoint PointAt(const Parameters& x, int num_free) const {
     const BlurredEllipseSums sums = SumEdge(pixels_, x, num_free, bend_);
     FitPoint point{x, sums, sums.normal, sums.gradient, sums.cost};
-    if (x[kLogSigma] <= MinLogSigma() && sums.gradient[kLogSigma] > 0) {
-      Hold(kLogSigma, &point.normal, &point.gradient);
-    }
+    if (x[kLogSigma] <= MinLogSigma() && sums.gradient[kLogSigma] > 0) point.Hold(kLogSigma);
     return point;
   }
 
@@ -289,9 +291,13 @@ class BlurredEllipse {
     return is_ellipse ? std::optional<Parameters>(next) : std::nullopt;
   }
 
-  // Minimises the cost until the predicted gain of a step is less than `tolerance` of the cost, and takes that step;
-  // `sums` are those before it. Returns false if a step cannot be computed.
-  bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
+  struct Minimum {
+    Parameters x;
+    BlurredEllipseSums sums;  // Before the last step.
+  };
+  // Minimises the cost until the predicted gain of a step is less than `tolerance` of the cost, and takes that step.
+  // Returns nothing if a step cannot be computed.
+  std::optional<Minimum> MinimumNear(const Parameters& x, int num_free, double tolerance) const {
     LevenbergMarquardtOptions options;
     options.max_iterations = 30;
     options.initial_damping = 1e-3;
@@ -303,12 +309,12 @@ class BlurredEllipse {
       const std::optional<Parameters> next = Moved(from.x, step);
       return next ? std::optional<FitPoint>(PointAt(*next, num_free)) : std::nullopt;
     };
-    FitPoint point = PointAt(*x, num_free);
+    FitPoint point = PointAt(x, num_free);
     const auto end = MinimiseSquares(options, try_step, &point);
-    *x = point.x;
-    *sums = point.sums;
-    if (end.remaining_step) *x = Moved(point.x, *end.remaining_step).value_or(point.x);
-    return end.is_finite;
+    if (!end.is_finite) return std::nullopt;
+    Minimum minimum{point.x, point.sums};
+    if (end.remaining_step) minimum.x = Moved(point.x, *end.remaining_step).value_or(point.x);
+    return minimum;
   }
 
   const cv::Mat& grey_;

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <utility>
 
 #include <opencv2/core/hal/intrin.hpp>
 
@@ -25,9 +26,10 @@ class RowReader {
  public:
   explicit RowReader(int num_columns) : num_columns_(num_columns), words_(static_cast<size_t>(num_columns / 64 + 1)) {}
 
-  void Read(const uchar* pixels, int threshold, Row* row) {
+  // Returns the runs of a row without their labels, in the memory of another row.
+  Row Read(const uchar* pixels, int threshold, Row row) {
     FillWords(pixels, threshold);
-    int* edge = row->edges.data();
+    int* edge = row.edges.data();
     uint64_t last = 0;
     for (size_t w = 0; w < words_.size(); ++w) {
       // A bit is set if its pixel differs from the previous one.
@@ -39,7 +41,8 @@ class RowReader {
         changes &= changes - 1;
       }
     }
-    row->num_runs = static_cast<size_t>(edge - row->edges.data()) / 2;
+    row.num_runs = static_cast<size_t>(edge - row.edges.data()) / 2;
+    return row;
   }
 
  private:
@@ -72,11 +75,42 @@ class RowReader {
 // that comes first in reading order.
 class Areas {
  public:
+  // Returns the row with the area of each of its runs: that of the runs above that it touches, or a new one.
+  Row WithLabels(Row row, int row_number, const Row& above) {
+    size_t first_above = 0;
+    for (size_t i = 0; i < row.num_runs; ++i) {
+      const int begin = row.edges[2 * i];
+      const int end = row.edges[2 * i + 1];
+      while (first_above < above.num_runs && above.edges[2 * first_above + 1] < begin) ++first_above;
+      int root = -1;
+      for (size_t k = first_above; k < above.num_runs && above.edges[2 * k] <= end; ++k) {
+        const int other = labels_.Root(above.labels[k]);
+        if (root < 0) {
+          Extend(other, row_number, begin, end);
+          root = other;
+        } else if (other != root) {
+          root = Unite(root, other);
+        }
+      }
+      row.labels[i] = root >= 0 ? root : Add(row_number, begin, end);
+    }
+    return row;
+  }
+  template <class F>
+  void ForEach(const F& f) const {
+    for (int i = 0; i < labels_.size(); ++i) {
+      if (!labels_.IsRoot(i)) continue;
+      const Node& node = nodes_[static_cast<size_t>(i)];
+      f(LightArea{cv::Rect(node.begin, node.first_row, node.end - node.begin, node.last_row - node.first_row + 1),
+                  cv::Point(node.first_column, node.first_row), node.num_pixels});
+    }
+  }
+
+ private:
   int Add(int row, int begin, int end) {
     nodes_.push_back({begin, end, row, row, begin, end - begin});
     return labels_.Add();
   }
-  int Root(int label) { return labels_.Root(label); }
   void Extend(int root, int row, int begin, int end) {
     Node& node = NodeOf(root);
     node.begin = std::min(node.begin, begin);
@@ -95,17 +129,7 @@ class Areas {
     node.num_pixels += other.num_pixels;
     return root;
   }
-  template <class F>
-  void ForEach(const F& f) const {
-    for (int i = 0; i < labels_.size(); ++i) {
-      if (!labels_.IsRoot(i)) continue;
-      const Node& node = nodes_[static_cast<size_t>(i)];
-      f(LightArea{cv::Rect(node.begin, node.first_row, node.end - node.begin, node.last_row - node.first_row + 1),
-                  cv::Point(node.first_column, node.first_row), node.num_pixels});
-    }
-  }
 
- private:
   struct Node {
     int begin;  // Columns of the bounding box: [begin, end).
     int end;
@@ -120,27 +144,6 @@ class Areas {
   std::vector<Node> nodes_;
 };
 
-// Assigns to each run of `row` the area of the runs above that it touches, or a new area.
-void Join(const Row& above, int row_number, Row* row, Areas* areas) {
-  size_t first_above = 0;
-  for (size_t i = 0; i < row->num_runs; ++i) {
-    const int begin = row->edges[2 * i];
-    const int end = row->edges[2 * i + 1];
-    while (first_above < above.num_runs && above.edges[2 * first_above + 1] < begin) ++first_above;
-    int root = -1;
-    for (size_t k = first_above; k < above.num_runs && above.edges[2 * k] <= end; ++k) {
-      const int other = areas->Root(above.labels[k]);
-      if (root < 0) {
-        areas->Extend(other, row_number, begin, end);
-        root = other;
-      } else if (other != root) {
-        root = areas->Unite(root, other);
-      }
-    }
-    row->labels[i] = root >= 0 ? root : areas->Add(row_number, begin, end);
-  }
-}
-
 }  // namespace
 
 std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int min_side_px, int max_side_px) {
@@ -152,8 +155,7 @@ std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int mi
   RowReader reader(grey.cols);
   Areas found;
   for (int y = 0; y < grey.rows; ++y) {
-    reader.Read(grey.ptr<uchar>(y), threshold, &row);
-    Join(above, y, &row, &found);
+    row = found.WithLabels(reader.Read(grey.ptr<uchar>(y), threshold, std::move(row)), y, above);
     std::swap(above, row);
   }
   std::vector<LightArea> areas;
@@ -167,8 +169,8 @@ std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int mi
   return areas;
 }
 
-bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, size_t max_points,
-                  std::vector<cv::Point>* outline) {
+std::optional<std::vector<cv::Point>> TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first,
+                                                   size_t max_points) {
   // The eight directions are listed clockwise in the image, starting with the one to the right.
   constexpr std::array<int, 8> kColumns = {1, 1, 0, -1, -1, -1, 0, 1};
   constexpr std::array<int, 8> kRows = {0, 1, 1, 1, 0, -1, -1, -1};
@@ -181,12 +183,12 @@ bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, si
     while (d < from + 8 && pixel[steps[d % 8]] <= threshold) ++d;
     return d;
   };
-  outline->clear();
-  outline->push_back(first);
+  std::vector<cv::Point> outline = {first};
+  outline.reserve(max_points);
   const uchar* const first_pixel = grey.ptr<uchar>(first.y) + first.x;
   constexpr unsigned kLeft = 4;
   const unsigned first_found = next(first_pixel, kLeft);
-  if (first_found == kLeft + 8) return true;
+  if (first_found == kLeft + 8) return outline;
   const unsigned first_direction = first_found % 8;
   cv::Point at = first;
   const uchar* pixel = first_pixel;
@@ -196,9 +198,9 @@ bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, si
     pixel += steps[direction];
     // The search resumes two directions back, at a pixel that is known to be dark.
     const unsigned onward = next(pixel, direction + 6) % 8;
-    if (pixel == first_pixel && onward == first_direction) return true;
-    if (outline->size() == max_points) return false;
-    outline->push_back(at);
+    if (pixel == first_pixel && onward == first_direction) return outline;
+    if (outline.size() == max_points) return std::nullopt;
+    outline.push_back(at);
     direction = onward;
   }
 }

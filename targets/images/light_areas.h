@@ -1,6 +1,7 @@
 // Connected areas of light pixels and their outlines.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
@@ -21,9 +22,9 @@ struct LightArea {
 std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int min_side_px, int max_side_px);
 
 // Traces the outermost pixels of an area clockwise from `first` (LightArea::first), each a neighbour of the previous
-// one; holes are ignored. Returns false if there are more than `max_points`. The area must not touch the border of
+// one; holes are ignored. Returns nothing if there are more than `max_points`. The area must not touch the border of
 // the image.
-bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, size_t max_points,
-                  std::vector<cv::Point>* outline);
+std::optional<std::vector<cv::Point>> TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first,
+                                                   size_t max_points);
 
 }  // namespace heba

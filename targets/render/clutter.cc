@@ -136,7 +136,7 @@ cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector
   return albedo;
 }
 
-void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng, Drawing* drawing) {
+Drawing WithRoundMarks(Drawing drawing, const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng) {
   for (int n = 0; n < options.count; ++n) {
     const double radius_m = std::exp(rng.Uniform(std::log(options.min_radius_m), std::log(options.max_radius_m)));
     // Most rings have the correct proportions.
@@ -153,13 +153,13 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
     } while (std::count(options.avoided_codes.begin(), options.avoided_codes.end(), RingCodeOf(word, options.bits)) >
              0);
     const double reach_m = (has_ring ? outer : 1) * radius_m;
-    const Eigen::Vector2d at{rng.Uniform(drawing->min_m.x(), drawing->max_m.x()),
-                             rng.Uniform(drawing->min_m.y(), drawing->max_m.y())};
+    const Eigen::Vector2d at{rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
+                             rng.Uniform(drawing.min_m.y(), drawing.max_m.y())};
     if (kept.exteriorDistance(at) < reach_m) continue;
-    const double paper = drawing->ground;
+    const double paper = drawing.ground;
     const double colour = paper > 0.5 ? ink : 1 - ink;
     if (has_ring) {
-      drawing->AddDisc(at, reach_m, colour);
+      drawing.AddDisc(at, reach_m, colour);
       for (int sector = 0; is_coded && sector < options.bits; ++sector) {
         if (((word >> (options.bits - 1 - sector)) & 1U) != 0) continue;
         Shape wedge;
@@ -169,17 +169,18 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
           const double angle = start_rad + 2 * kPi * (sector + 0.5 * step) / options.bits;
           wedge.points_m.push_back(at + 1.08 * reach_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
         }
-        drawing->shapes.push_back(std::move(wedge));
+        drawing.shapes.push_back(std::move(wedge));
       }
-      drawing->AddDisc(at, inner * radius_m, paper);
+      drawing.AddDisc(at, inner * radius_m, paper);
     }
-    drawing->AddDisc(at, radius_m, colour);
+    drawing.AddDisc(at, radius_m, colour);
     if (is_broken) {
       const double chip_radius_m = rng.Uniform(0.2, 0.8) * radius_m;
-      drawing->AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)), chip_radius_m,
-                       rng.Uniform());
+      drawing.AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)), chip_radius_m,
+                      rng.Uniform());
     }
   }
+  return drawing;
 }
 
 }  // namespace heba

@@ -26,8 +26,8 @@ struct RoundMarksOptions {
   std::vector<uint32_t> avoided_codes;
 };
 
-// Adds dots, rings, coded rings of correct and of wrong proportions, and mirrored or broken ones to the sheet, at
+// Returns the sheet with dots, rings, coded rings of correct and of wrong proportions, and mirrored or broken ones, at
 // random positions outside `kept`.
-void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng, Drawing* drawing);
+Drawing WithRoundMarks(Drawing drawing, const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng);
 
 }  // namespace heba

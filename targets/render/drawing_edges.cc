@@ -28,24 +28,17 @@ bool Contains(const Shape& shape, const Eigen::Vector2d& point_m) {
   return inside;
 }
 
-void Bounds(const Shape& shape, Eigen::Vector2d* low_m, Eigen::Vector2d* high_m) {
+Eigen::AlignedBox2d BoundsOf(const Shape& shape) {
   const Eigen::Vector2d radius = Eigen::Vector2d::Constant(shape.radius_m);
-  *low_m = shape.centre_m - radius;
-  *high_m = shape.centre_m + radius;
-  if (shape.points_m.empty()) return;
-  *low_m = *high_m = shape.points_m[0];
-  for (const Eigen::Vector2d& point : shape.points_m) {
-    *low_m = low_m->cwiseMin(point);
-    *high_m = high_m->cwiseMax(point);
-  }
+  if (shape.points_m.empty()) return {shape.centre_m - radius, shape.centre_m + radius};
+  Eigen::AlignedBox2d bounds_m;
+  for (const Eigen::Vector2d& point : shape.points_m) bounds_m.extend(point);
+  return bounds_m;
 }
 
-void Bounds(const AlbedoEdge& edge, Eigen::Vector2d* low_m, Eigen::Vector2d* high_m) {
+Eigen::AlignedBox2d BoundsOf(const AlbedoEdge& edge) {
   // Circles are split into quarters at their extremes, so that the end points bound an arc as well.
-  const Eigen::Vector2d start = edge.At(0);
-  const Eigen::Vector2d end = edge.At(1);
-  *low_m = start.cwiseMin(end);
-  *high_m = start.cwiseMax(end);
+  return Eigen::AlignedBox2d(edge.At(0)).extend(edge.At(1));
 }
 
 double Length(const AlbedoEdge& edge) {
@@ -147,16 +140,16 @@ DrawingEdges::DrawingEdges(const Drawing& drawing) : drawing_(drawing) {
   constexpr int kMaxGridSize = 200;
   grid_size_ = std::clamp(static_cast<int>(std::sqrt(outlines_.size())), 1, kMaxGridSize);
   cells_.resize(static_cast<size_t>(grid_size_) * grid_size_);
-  Eigen::Vector2d box_low;
-  Eigen::Vector2d box_high;
   const double reach_m = 10 * nearness_m_;
   for (size_t i = 0; i < drawing_.shapes.size(); ++i) {
-    Bounds(drawing_.shapes[i], &box_low, &box_high);
-    for (const size_t cell : CellsOf(box_low, box_high, reach_m)) cells_[cell].shapes.push_back(static_cast<int>(i));
+    for (const size_t cell : CellsOf(BoundsOf(drawing_.shapes[i]), reach_m)) {
+      cells_[cell].shapes.push_back(static_cast<int>(i));
+    }
   }
   for (size_t i = 0; i < outlines_.size(); ++i) {
-    Bounds(outlines_[i], &box_low, &box_high);
-    for (const size_t cell : CellsOf(box_low, box_high, reach_m)) cells_[cell].outlines.push_back(static_cast<int>(i));
+    for (const size_t cell : CellsOf(BoundsOf(outlines_[i]), reach_m)) {
+      cells_[cell].outlines.push_back(static_cast<int>(i));
+    }
   }
   for (size_t i = 0; i < outlines_.size(); ++i) AddSeenPieces(static_cast<int>(i));
 }
@@ -165,11 +158,10 @@ void DrawingEdges::AddOutline(const AlbedoEdge& outline) {
   if (Length(outline) > nearness_m_) outlines_.push_back(outline);
 }
 
-std::vector<size_t> DrawingEdges::CellsOf(const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m,
-                                          double reach_m) const {
+std::vector<size_t> DrawingEdges::CellsOf(const Eigen::AlignedBox2d& box_m, double reach_m) const {
   const Eigen::Array2d cell_m = (drawing_.max_m - drawing_.min_m).array() / grid_size_;
-  const Eigen::Array2d first = ((low_m - drawing_.min_m).array() - reach_m) / cell_m;
-  const Eigen::Array2d last = ((high_m - drawing_.min_m).array() + reach_m) / cell_m;
+  const Eigen::Array2d first = ((box_m.min() - drawing_.min_m).array() - reach_m) / cell_m;
+  const Eigen::Array2d last = ((box_m.max() - drawing_.min_m).array() + reach_m) / cell_m;
   if ((last < 0).any() || (first > grid_size_).any()) return {};
   const Eigen::Array2i begin = first.floor().max(0).min(grid_size_ - 1).cast<int>();
   const Eigen::Array2i end = last.floor().max(0).min(grid_size_ - 1).cast<int>();
@@ -199,11 +191,8 @@ std::vector<double> DrawingEdges::Cuts(int index) const {
   const AlbedoEdge& outline = outlines_[index];
   const double tolerance = nearness_m_ / Length(outline);
   std::vector<int> others;
-  Eigen::Vector2d low;
-  Eigen::Vector2d high;
-  Bounds(outline, &low, &high);
   // A small reach is needed because rounding may put the sheet's own border outside the sheet.
-  for (const size_t cell : CellsOf(low, high, nearness_m_)) {
+  for (const size_t cell : CellsOf(BoundsOf(outline), nearness_m_)) {
     others.insert(others.end(), cells_[cell].outlines.begin(), cells_[cell].outlines.end());
   }
   std::sort(others.begin(), others.end());

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "heba/drawing.h"
 
@@ -50,8 +51,8 @@ class DrawingEdges {
   };
 
   void AddOutline(const AlbedoEdge& outline);
-  // Returns the indices of the cells that touch [low_m, high_m], grown by `reach_m`; none if it lies off the sheet.
-  std::vector<size_t> CellsOf(const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m, double reach_m) const;
+  // Returns the indices of the cells that touch a box, grown by `reach_m`; none if it lies off the sheet.
+  std::vector<size_t> CellsOf(const Eigen::AlignedBox2d& box_m, double reach_m) const;
   const Cell& CellAt(const Eigen::Vector2d& point_m) const;
   std::vector<double> Cuts(int outline) const;
   void AddSeenPieces(int outline);

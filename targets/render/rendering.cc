@@ -105,6 +105,13 @@ struct Parabola {
   Eigen::Vector2d square;
 };
 
+// The albedo of a scene, and the share of each pixel in which a sheet is (CV_32FC1).
+struct SheetPixels {
+  SheetPixels(int width_px, int height_px) : albedo(height_px, width_px, CV_32FC1), on_sheet(albedo.size(), CV_32FC1) {}
+  cv::Mat albedo;
+  cv::Mat on_sheet;
+};
+
 // Accumulates the contributions of edges to the image.
 class EdgeSum {
  public:
@@ -162,10 +169,9 @@ class EdgeSum {
     }
   }
 
-  // Integrates the sums over the image; `corner` is the value of the scene at low().
-  void Finish(const SheetValue& corner, cv::Mat* albedo, cv::Mat* on_sheet) const {
-    albedo->create(height_, width_, CV_32FC1);
-    on_sheet->create(height_, width_, CV_32FC1);
+  // Returns the integral of the sums over the image; `corner` is the value of the scene at low().
+  SheetPixels Pixels(const SheetValue& corner) const {
+    SheetPixels pixels(width_, height_);
     double left_albedo = corner.albedo;
     double left_sheet = corner.on_sheet;
     for (int row = -pad_; row < height_; ++row) {
@@ -174,8 +180,8 @@ class EdgeSum {
       if (row < 0) continue;
       const double* const albedo_steps = &albedo_steps_[static_cast<size_t>(row + pad_) * stride_];
       const double* const sheet_steps = &sheet_steps_[static_cast<size_t>(row + pad_) * stride_];
-      float* const albedo_row = albedo->ptr<float>(row);
-      float* const sheet_row = on_sheet->ptr<float>(row);
+      float* const albedo_row = pixels.albedo.ptr<float>(row);
+      float* const sheet_row = pixels.on_sheet.ptr<float>(row);
       double albedo_sum = left_albedo;
       double sheet_sum = left_sheet;
       for (int i = 0; i < pad_; ++i) {
@@ -187,6 +193,7 @@ class EdgeSum {
         sheet_row[column] = static_cast<float>(sheet_sum += sheet_steps[column + pad_]);
       }
     }
+    return pixels;
   }
 
  private:
@@ -282,16 +289,13 @@ class SheetView {
   // Returns whether some pixels have no ray because the distortion folds back within the image.
   bool folds() const { return folds_; }
 
-  // Projects a point of the sheet. Returns false if it is not visible, or lies so far aside that it would be
+  // Projects a point of the sheet. Returns nothing if it is not visible, or lies so far aside that it would be
   // projected onto the image of another ray.
-  bool Project(const Eigen::Vector2d& point_in_target, Eigen::Vector2d* pixel) {
+  std::optional<Eigen::Vector2d> Project(const Eigen::Vector2d& point_in_target) {
     const Eigen::Vector3d designed(point_in_target.x(), point_in_target.y(), 0);
     const Eigen::Vector3d point_in_camera = origin_ + rotation_ * ApplyShape(designed, shape_);
-    if (point_in_camera.z() < min_cosine_ * point_in_camera.norm()) return false;
-    point_ = point_in_camera;
-    if (!model_.Project(camera_.params.data(), point_, &pixel_, nullptr)) return false;
-    *pixel = pixel_;
-    return true;
+    if (point_in_camera.z() < min_cosine_ * point_in_camera.norm()) return std::nullopt;
+    return ProjectRay(point_in_camera);
   }
   // Returns the point at which a ray hits the sheet, in coordinates of the design; nothing if it is behind the
   // camera.
@@ -320,11 +324,10 @@ class SheetView {
     const double sine = std::sqrt(std::max(0.0, 1 - min_cosine_ * min_cosine_));
     return {sine * std::cos(angle_rad), sine * std::sin(angle_rad), min_cosine_};
   }
-  bool ProjectRay(const Eigen::Vector3d& ray_in_camera, Eigen::Vector2d* pixel) {
+  std::optional<Eigen::Vector2d> ProjectRay(const Eigen::Vector3d& ray_in_camera) {
     point_ = ray_in_camera;
-    if (!model_.Project(camera_.params.data(), point_, &pixel_, nullptr)) return false;
-    *pixel = pixel_;
-    return true;
+    if (!model_.Project(camera_.params.data(), point_, &pixel_, nullptr)) return std::nullopt;
+    return Eigen::Vector2d(pixel_);
   }
 
  private:
@@ -395,31 +398,25 @@ class EdgeTracer {
  private:
   struct Sample {
     double t = 0;
-    bool seen = false;
-    Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+    std::optional<Eigen::Vector2d> pixel;  // Nothing if the point is not seen.
   };
 
-  Sample At(double t) {
-    Sample sample;
-    sample.t = t;
-    sample.seen = view_.Project(edge_->At(t), &sample.pixel);
-    return sample;
-  }
+  Sample At(double t) { return {t, view_.Project(edge_->At(t))}; }
 
   void Trace(const Sample& first, const Sample& last, int depth) {
     constexpr int kMaxDepth = 40;
     const Sample middle = At(0.5 * (first.t + last.t));
-    const int num_seen = (first.seen ? 1 : 0) + (middle.seen ? 1 : 0) + (last.seen ? 1 : 0);
+    const int num_seen = (first.pixel ? 1 : 0) + (middle.pixel ? 1 : 0) + (last.pixel ? 1 : 0);
     if (num_seen == 0 || depth > kMaxDepth) return;
     if (num_seen == 3) {
-      const double length_px = (middle.pixel - first.pixel).norm() + (last.pixel - middle.pixel).norm();
-      const Eigen::Vector2d low = first.pixel.cwiseMin(middle.pixel).cwiseMin(last.pixel);
-      const Eigen::Vector2d high = first.pixel.cwiseMax(middle.pixel).cwiseMax(last.pixel);
+      const double length_px = (*middle.pixel - *first.pixel).norm() + (*last.pixel - *middle.pixel).norm();
+      const Eigen::Vector2d low = first.pixel->cwiseMin(*middle.pixel).cwiseMin(*last.pixel);
+      const Eigen::Vector2d high = first.pixel->cwiseMax(*middle.pixel).cwiseMax(*last.pixel);
       if ((high.array() + length_px < low_.array()).any() || (low.array() - length_px > high_.array()).any()) return;
       constexpr double kMaxStepPx = 1.5;
       if (length_px < kMaxStepPx) {
         const bool turned = view_.facing_m() < 0;
-        sum_.Add(Parabola(first.pixel, middle.pixel, last.pixel), turned ? edge_->negative : edge_->positive,
+        sum_.Add(Parabola(*first.pixel, *middle.pixel, *last.pixel), turned ? edge_->negative : edge_->positive,
                  turned ? edge_->positive : edge_->negative);
         return;
       }
@@ -438,18 +435,15 @@ class EdgeTracer {
 // Adds the edge at which the visible sheet ends because the distortion folds back within the image.
 void AddFold(const DrawingEdges& drawing, SheetView& view, EdgeSum& sum) {
   constexpr int kNumSteps = 100000;
-  Eigen::Vector2d last;
-  bool last_seen = view.ProjectRay(view.LimitRay(0), &last);
+  std::optional<Eigen::Vector2d> last = view.ProjectRay(view.LimitRay(0));
   for (int i = 1; i <= kNumSteps; ++i) {
     const double middle_rad = 2 * kPi * (i - 0.5) / kNumSteps;
-    Eigen::Vector2d next;
-    const bool next_seen = view.ProjectRay(view.LimitRay(2 * kPi * i / kNumSteps), &next);
+    const std::optional<Eigen::Vector2d> next = view.ProjectRay(view.LimitRay(2 * kPi * i / kNumSteps));
     const SheetValue inside = view.ValueAt(drawing, view.LimitRay(middle_rad));
-    if (last_seen && next_seen && inside.on_sheet != 0) {
-      sum.Add(Parabola(last, 0.5 * (last + next), next), inside, SheetValue());
+    if (last && next && inside.on_sheet != 0) {
+      sum.Add(Parabola(*last, 0.5 * (*last + *next), *next), inside, SheetValue());
     }
     last = next;
-    last_seen = next_seen;
   }
 }
 
@@ -471,24 +465,23 @@ std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, SheetView& view) 
     const double t = static_cast<double>(i % kNumPlaces) / kNumPlaces;
     const Eigen::Vector2d sides[] = {{t, 0}, {1, t}, {1 - t, 1}, {0, 1 - t}};
     const Eigen::Vector2d place = sides[i / kNumPlaces];
-    Eigen::Vector2d pixel;
-    if (view.Project(drawing.min_m + place.cwiseProduct(drawing.max_m - drawing.min_m), &pixel)) {
-      outline_px.push_back(pixel);
-    }
+    const Eigen::Vector2d point_in_target = drawing.min_m + place.cwiseProduct(drawing.max_m - drawing.min_m);
+    if (const std::optional<Eigen::Vector2d> pixel = view.Project(point_in_target)) outline_px.push_back(*pixel);
   }
   return outline_px;
 }
 
-// Samples the scene at the centres of the pixels.
-void SampleCentres(const DrawingEdges& drawing, const Camera& camera, const SheetView& view, cv::Mat* albedo,
-                   cv::Mat* on_sheet) {
-  for (int y = 0; y < albedo->rows; ++y) {
-    for (int x = 0; x < albedo->cols; ++x) {
+// Returns the scene at the centres of the pixels.
+SheetPixels SampledAtCentres(const DrawingEdges& drawing, const Camera& camera, const SheetView& view) {
+  SheetPixels pixels(camera.width_px, camera.height_px);
+  for (int y = 0; y < camera.height_px; ++y) {
+    for (int x = 0; x < camera.width_px; ++x) {
       const SheetValue value = view.ValueAt(drawing, UnprojectPixel(camera, Eigen::Vector2d(x, y)));
-      albedo->at<float>(y, x) = static_cast<float>(value.albedo);
-      on_sheet->at<float>(y, x) = static_cast<float>(value.on_sheet);
+      pixels.albedo.at<float>(y, x) = static_cast<float>(value.albedo);
+      pixels.on_sheet.at<float>(y, x) = static_cast<float>(value.on_sheet);
     }
   }
+  return pixels;
 }
 
 // The relative light at each pixel, at most 1.
@@ -515,13 +508,14 @@ class Light {
 };
 
 template <class Grey>
-void Expose(const cv::Mat& albedo, const RenderOptions& options, cv::Mat* image) {
+cv::Mat Exposed(const cv::Mat& albedo, const RenderOptions& options) {
   constexpr double kUnitsPerGrey = sizeof(Grey) == 1 ? 1 : 257;
   const Light light(albedo.cols, albedo.rows, options);
+  cv::Mat image(albedo.size(), cv::DataType<Grey>::type);
   for (int y = 0; y < albedo.rows; ++y) {
     Rng rng(options.seed, kFirstRow + static_cast<uint64_t>(y));
     const float* const albedo_row = albedo.ptr<float>(y);
-    Grey* const row = image->ptr<Grey>(y);
+    Grey* const row = image.ptr<Grey>(y);
     for (int x = 0; x < albedo.cols; ++x) {
       double grey = options.black_grey + (options.white_grey - options.black_grey) * albedo_row[x];
       if (options.light_gradient > 0) grey *= light.At(x, y);
@@ -529,6 +523,7 @@ void Expose(const cv::Mat& albedo, const RenderOptions& options, cv::Mat* image)
       row[x] = static_cast<Grey>(std::lround(std::clamp(grey, 0.0, 255.0) * kUnitsPerGrey));
     }
   }
+  return image;
 }
 
 }  // namespace
@@ -550,10 +545,9 @@ std::string RenderOptions::Check() const {
 
 namespace {
 
-// A sheet as the camera sees it: its albedo, where it is seen, and the share of each pixel in which it is.
+// A sheet as the camera sees it, and the pixels of points on its border.
 struct SeenSheet {
-  cv::Mat albedo;
-  cv::Mat on_sheet;
+  SheetPixels pixels;
   std::vector<Eigen::Vector2d> outline_px;
 };
 
@@ -571,9 +565,7 @@ SeenSheet RenderSheet(const RenderedSheet& sheet, const Camera& camera, const Re
     if (view.folds()) AddFold(seen, view, sum);
     corner = view.ValueAt(seen, UnprojectPixel(camera, sum.low()));
   }
-  SeenSheet rendered;
-  sum.Finish(corner, &rendered.albedo, &rendered.on_sheet);
-  if (options.is_point_sampled) SampleCentres(seen, camera, view, &rendered.albedo, &rendered.on_sheet);
+  SeenSheet rendered{options.is_point_sampled ? SampledAtCentres(seen, camera, view) : sum.Pixels(corner), {}};
   if (options.clutter) rendered.outline_px = OutlinePx(*sheet.drawing, view);
   return rendered;
 }
@@ -596,8 +588,8 @@ cv::Mat RenderScene(const std::vector<RenderedSheet>& sheets, const Camera& came
   std::vector<Eigen::Vector2d> outlines_px;
   for (const RenderedSheet& sheet : far_to_near) {
     const SeenSheet seen = RenderSheet(sheet, camera, options);
-    albedo = seen.albedo + albedo.mul(1 - seen.on_sheet);
-    on_sheet = seen.on_sheet + on_sheet.mul(1 - seen.on_sheet);
+    albedo = seen.pixels.albedo + albedo.mul(1 - seen.pixels.on_sheet);
+    on_sheet = seen.pixels.on_sheet + on_sheet.mul(1 - seen.pixels.on_sheet);
     outlines_px.insert(outlines_px.end(), seen.outline_px.begin(), seen.outline_px.end());
   }
 
@@ -611,10 +603,8 @@ cv::Mat RenderScene(const std::vector<RenderedSheet>& sheets, const Camera& came
     albedo += options.background_albedo * (1 - on_sheet);
   }
 
-  const bool deep = options.depth == GreyDepth::k16Bit;
-  cv::Mat image(albedo.size(), deep ? CV_16UC1 : CV_8UC1);
-  deep ? Expose<uint16_t>(albedo, options, &image) : Expose<uint8_t>(albedo, options, &image);
-  return image;
+  const bool is_deep = options.depth == GreyDepth::k16Bit;
+  return is_deep ? Exposed<uint16_t>(albedo, options) : Exposed<uint8_t>(albedo, options);
 }
 
 }  // namespace heba

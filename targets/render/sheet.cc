@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string_view>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
@@ -99,39 +100,46 @@ std::optional<PageChoice> FitOn(const Paper& paper, const Target& target, const 
   return best;
 }
 
-// Sets the pages of one paper over which a sheet is spread, as few as possible. Each shows as much as it can, at equal
-// steps, so that no page is a sliver: each ruler and the code are whole on one page.
-void SpreadOver(const Paper& paper, Sheet* sheet) {
-  const double frame_mm = sheet->options.margin_mm + kSheetFrameMm;
+struct Spread {
+  Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();
+  std::vector<SheetPage> pages;
+};
+
+// Returns the pages of one paper over which a sheet is spread, as few as possible. Each shows as much as it can, at
+// equal steps, so that no page is a sliver: each ruler and the code are whole on one page.
+Spread SpreadOver(const Paper& paper, const Sheet& sheet) {
+  const double frame_mm = sheet.options.margin_mm + kSheetFrameMm;
+  Spread spread;
   size_t fewest = 0;
   for (const bool is_landscape : {false, true}) {
     const Eigen::Vector2d page_mm = paper.SizeMm(is_landscape);
     const Eigen::Vector2d room_mm = page_mm.array() - 2 * frame_mm;
     const Eigen::Array2d most_mm = room_mm.array() - kSheetOverlapMm;
-    const Eigen::Array2d num_parts = ((sheet->size_mm.array() - kSheetOverlapMm) / most_mm - 1e-9).ceil();
+    const Eigen::Array2d num_parts = ((sheet.size_mm.array() - kSheetOverlapMm) / most_mm - 1e-9).ceil();
     const int columns = static_cast<int>(std::clamp(num_parts.x(), 1.0, 1e4));
     const int rows = static_cast<int>(std::clamp(num_parts.y(), 1.0, 1e4));
     const size_t num_pages = static_cast<size_t>(rows) * static_cast<size_t>(columns);
     if (fewest > 0 && num_pages >= fewest) continue;
     fewest = num_pages;
-    sheet->page_mm = page_mm;
-    sheet->pages.clear();
+    spread.page_mm = page_mm;
+    spread.pages.clear();
     // More pages than can be written are not listed.
     if (num_pages > kMostSheetPages) {
-      sheet->pages.resize(kMostSheetPages + 1);
+      spread.pages.resize(kMostSheetPages + 1);
       continue;
     }
-    const Eigen::Vector2d part_mm = room_mm.cwiseMin(sheet->size_mm);
-    const Eigen::Vector2d last_from_mm = sheet->size_mm - part_mm;
+    const Eigen::Vector2d part_mm = room_mm.cwiseMin(sheet.size_mm);
+    const Eigen::Vector2d last_from_mm = sheet.size_mm - part_mm;
     for (int row = 0; row < rows; ++row) {
       for (int column = 0; column < columns; ++column) {
         const Eigen::Vector2d from_mm(last_from_mm.x() * column / std::max(columns - 1, 1),
                                       last_from_mm.y() * row / std::max(rows - 1, 1));
-        const Eigen::Vector2d to_mm = (from_mm + part_mm).cwiseMin(sheet->size_mm);
-        sheet->pages.push_back({row, column, from_mm, to_mm, Eigen::Vector2d::Constant(frame_mm)});
+        const Eigen::Vector2d to_mm = (from_mm + part_mm).cwiseMin(sheet.size_mm);
+        spread.pages.push_back({row, column, from_mm, to_mm, Eigen::Vector2d::Constant(frame_mm)});
       }
     }
   }
+  return spread;
 }
 
 // Returns the index of the page on which a position of the sheet is farthest from an edge.
@@ -222,7 +230,9 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
     sheet.drawing_at_mm += 0.5 * (room_mm - drawing_mm);
   }
   if (is_spread) {
-    SpreadOver(*options.paper, &sheet);
+    Spread spread = SpreadOver(*options.paper, sheet);
+    sheet.page_mm = spread.page_mm;
+    sheet.pages = std::move(spread.pages);
   } else {
     sheet.page_mm = sheet.size_mm;
     sheet.pages = {{0, 0, Eigen::Vector2d::Zero(), sheet.size_mm, Eigen::Vector2d::Zero()}};

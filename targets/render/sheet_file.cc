@@ -6,6 +6,7 @@
 #include <memory>
 #include <new>
 #include <string_view>
+#include <utility>
 
 #include <cairo-pdf.h>
 #include <cairo-svg.h>
@@ -55,13 +56,13 @@ void PaintAndFinish(const Surface& surface, double units_per_mm, const Sheet& sh
   RequireCairo(cairo_surface_status(surface.get()));
 }
 
-// Replaces the text between the first `before` and the next `after`. Returns false if there is none.
-bool ReplaceBetween(std::string_view before, std::string_view after, const std::string& text, std::string* bytes) {
-  const size_t found = bytes->find(before);
-  if (found == std::string::npos) return false;
+// Returns the bytes with another text between the first `before`, if there is one, and the next quotation mark.
+std::string WithText(std::string bytes, std::string_view before, const std::string& text) {
+  const size_t found = bytes.find(before);
+  if (found == std::string::npos) return bytes;
   const size_t begin = found + before.size();
-  bytes->replace(begin, bytes->find(after, begin) - begin, text);
-  return true;
+  bytes.replace(begin, bytes.find('"', begin) - begin, text);
+  return bytes;
 }
 
 std::string Svg(const Sheet& sheet) {
@@ -70,11 +71,13 @@ std::string Svg(const Sheet& sheet) {
   const Eigen::Vector2d size = kUnitsPerMm * sheet.page_mm;
   std::string bytes;
   PaintAndFinish(Surface(cairo_svg_surface_create_for_stream(Append, &bytes, size.x(), size.y())), kUnitsPerMm, sheet);
-  CHECK(ReplaceBetween(" width=\"", "\"", RoundTrip(Rounded(sheet.page_mm.x())) + "mm", &bytes));
-  CHECK(ReplaceBetween(" height=\"", "\"", RoundTrip(Rounded(sheet.page_mm.y())) + "mm", &bytes));
+  constexpr std::string_view kWidth = " width=\"";
+  constexpr std::string_view kHeight = " height=\"";
+  CHECK(bytes.find(kWidth) != std::string::npos && bytes.find(kHeight) != std::string::npos);
+  bytes = WithText(std::move(bytes), kWidth, RoundTrip(Rounded(sheet.page_mm.x())) + "mm");
+  bytes = WithText(std::move(bytes), kHeight, RoundTrip(Rounded(sheet.page_mm.y())) + "mm");
   // Cairo numbers the surfaces of a process, up to version 1.16; a fixed id gives equal bytes for equal sheets.
-  ReplaceBetween("<g id=\"surface", "\"", "", &bytes);
-  return bytes;
+  return WithText(std::move(bytes), "<g id=\"surface", "");
 }
 
 std::string Pdf(const Sheet& sheet) {
@@ -92,8 +95,10 @@ std::string Pdf(const Sheet& sheet) {
   return bytes;
 }
 
-void AppendBigEndian(uint32_t value, std::string* bytes) {
-  for (int shift = 24; shift >= 0; shift -= 8) bytes->push_back(static_cast<char>((value >> shift) & 0xff));
+std::string BigEndian(uint32_t value) {
+  std::string bytes;
+  for (int shift = 24; shift >= 0; shift -= 8) bytes.push_back(static_cast<char>((value >> shift) & 0xff));
+  return bytes;
 }
 
 // Computes the checksum of a PNG chunk (CRC-32 of ISO 3309).
@@ -109,8 +114,8 @@ uint32_t Crc(std::string_view bytes) {
 std::string Png(const Sheet& sheet) {
   const double pixels_per_mm = sheet.options.dpi / kMmPerInch;
   const auto whole = [](double pixels) { return static_cast<int>(std::ceil(pixels - 1e-6)); };
-  const Eigen::Vector2d size = pixels_per_mm * sheet.page_mm;
-  const Surface surface(cairo_image_surface_create(CAIRO_FORMAT_A8, whole(size.x()), whole(size.y())));
+  const Eigen::Vector2d size_px = pixels_per_mm * sheet.page_mm;
+  const Surface surface(cairo_image_surface_create(CAIRO_FORMAT_A8, whole(size_px.x()), whole(size_px.y())));
   RequireCairo(cairo_surface_status(surface.get()));
   PaintSheetPage(sheet, sheet.pages.front(), pixels_per_mm, surface.get());
   std::string bytes;
@@ -118,16 +123,10 @@ std::string Png(const Sheet& sheet) {
 
   // Cairo does not write the resolution, so a chunk with it is inserted after the first one.
   constexpr size_t kEndOfHeader = 8 + 25;
-  const uint32_t pixels_per_m = static_cast<uint32_t>(std::lround(1000 * pixels_per_mm));
-  std::string resolution = "pHYs";
-  AppendBigEndian(pixels_per_m, &resolution);
-  AppendBigEndian(pixels_per_m, &resolution);
-  resolution.push_back(1);  // The unit is the metre.
-  std::string chunk;
-  AppendBigEndian(static_cast<uint32_t>(resolution.size() - 4), &chunk);
-  chunk += resolution;
-  AppendBigEndian(Crc(resolution), &chunk);
-  return bytes.insert(kEndOfHeader, chunk);
+  const std::string pixels_per_m = BigEndian(static_cast<uint32_t>(std::lround(1000 * pixels_per_mm)));
+  const std::string resolution = "pHYs" + pixels_per_m + pixels_per_m + '\1';  // The unit 1 is the metre.
+  const std::string size = BigEndian(static_cast<uint32_t>(resolution.size() - 4));
+  return bytes.insert(kEndOfHeader, size + resolution + BigEndian(Crc(resolution)));
 }
 
 struct Format {

@@ -210,20 +210,20 @@ class PatternFitter {
     return (least_mm.array() <= MostInImageMm().array()).all() && FitsPaper(least_mm);
   }
 
-  // Renders the target and detects it. Returns false if it is not found.
-  bool Measure(Suggestion* suggestion) const {
-    const std::unique_ptr<Target> target = ParseTarget(suggestion->config);
+  // Returns the suggestion with what a detection of the rendered target gives; nothing if the target is not found.
+  std::optional<Suggestion> Measured(Suggestion suggestion) const {
+    const std::unique_ptr<Target> target = ParseTarget(suggestion.config);
     const Rigid3d camera_from_target = TrialPose(target->Draw(), options_.distance_m);
     RenderOptions render;
     render.blur_sigma_px = kTrialBlurPx;
     render.noise_sigma_grey = kTrialNoiseGrey;
     const Detection detection = target->Detect(RenderView(target->Draw(), options_.camera, camera_from_target, render));
-    suggestion->num_found = detection.ids.size();
-    if (static_cast<double>(suggestion->num_found) < kLeastFound * static_cast<double>(suggestion->num_points)) {
-      return false;
+    suggestion.num_found = detection.ids.size();
+    if (static_cast<double>(suggestion.num_found) < kLeastFound * static_cast<double>(suggestion.num_points)) {
+      return std::nullopt;
     }
-    suggestion->sigma = SigmaOf(*target, options_.camera, camera_from_target, detection);
-    return true;
+    suggestion.sigma = SigmaOf(*target, options_.camera, camera_from_target, detection);
+    return suggestion;
   }
 
  private:
@@ -317,8 +317,8 @@ Outcome<Suggestion> SuggestTarget(const SuggestionOptions& options) {
   }
   std::stable_sort(suggestions.begin(), suggestions.end(),
                    [](const Suggestion& a, const Suggestion& b) { return a.information > b.information; });
-  for (Suggestion& suggestion : suggestions) {
-    if (fitter.Measure(&suggestion)) return suggestion;
+  for (const Suggestion& suggestion : suggestions) {
+    if (std::optional<Suggestion> measured = fitter.Measured(suggestion)) return std::move(*measured);
   }
   const std::string size = std::string(proposal.feature) + " needs " + Significant(least_px, 2) + " px";
   const std::string reason =

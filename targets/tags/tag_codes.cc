@@ -65,8 +65,9 @@ bool TagCodes::IsBlack(int index, int x, int y) const {
   return family_.reversed_border ? ring == -1 : ring >= 0;
 }
 
-std::vector<SeenTag> TagCodes::Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched) const {
-  return std::move(DetectAlike({this}, grey, decimate, searched).front());
+DetectedTags TagCodes::Detect(const cv::Mat& grey, double decimate, const std::vector<cv::Rect>& searched) const {
+  TagsOfFamilies found = DetectAlike({this}, grey, decimate, searched);
+  return {std::move(found.tags.front()), std::move(found.searched)};
 }
 
 std::vector<std::vector<SeenTag>> TagCodes::DetectAll(const std::vector<const TagCodes*>& families, const cv::Mat& grey,
@@ -81,15 +82,14 @@ std::vector<std::vector<SeenTag>> TagCodes::DetectAll(const std::vector<const Ta
       of_alike.push_back(families[f]);
     }
     if (alike.empty()) continue;
-    std::vector<std::vector<SeenTag>> found = DetectAlike(of_alike, grey, decimate, nullptr);
+    std::vector<std::vector<SeenTag>> found = DetectAlike(of_alike, grey, decimate, {}).tags;
     for (size_t k = 0; k < alike.size(); ++k) tags[alike[k]] = std::move(found[k]);
   }
   return tags;
 }
 
-std::vector<std::vector<SeenTag>> TagCodes::DetectAlike(const std::vector<const TagCodes*>& families,
-                                                        const cv::Mat& grey, double decimate,
-                                                        std::vector<cv::Rect>* searched) {
+TagCodes::TagsOfFamilies TagCodes::DetectAlike(const std::vector<const TagCodes*>& families, const cv::Mat& grey,
+                                               double decimate, const std::vector<cv::Rect>& searched) {
   CHECK(!families.empty());
   // libapriltag's tiles of 4 px do not fit into smaller images.
   constexpr int kMinDecimatedPx = 8;
@@ -119,7 +119,8 @@ std::vector<std::vector<SeenTag>> TagCodes::DetectAlike(const std::vector<const 
   owner.detector->quad_decimate = static_cast<float>(decimate);
   owner.detector->refine_edges = true;
   std::vector<std::vector<SeenTag>> tags(families.size());
-  for (const cv::Rect& place : FindTagPlaces(grey, options, searched)) {
+  TagPlaces places = FindTagPlaces(grey, options, searched);
+  for (const cv::Rect& place : places.boxes) {
     const cv::Mat part = grey(place);
     image_u8_t image = {part.cols, part.rows, static_cast<int32_t>(part.step[0]), part.data};
     zarray_t* found = apriltag_detector_detect(owner.detector, &image);
@@ -137,7 +138,7 @@ std::vector<std::vector<SeenTag>> TagCodes::DetectAlike(const std::vector<const 
     }
     apriltag_detections_destroy(found);
   }
-  return tags;
+  return {std::move(tags), std::move(places.large_px)};
 }
 
 }  // namespace heba

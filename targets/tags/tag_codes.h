@@ -73,6 +73,12 @@ inline int MaxBitErrors(const apriltag_family_t& family) {
   return std::clamp((static_cast<int>(family.h) - 5) / 3, 0, 2);
 }
 
+// The tags that are decoded in an image, and the large regions that were searched for them (see TagPlaces).
+struct DetectedTags {
+  std::vector<SeenTag> tags;
+  std::vector<cv::Rect> searched;
+};
+
 // The tags of a family that are on the target, with the target's border width. Ids become indices from 0.
 class TagCodes {
  public:
@@ -95,18 +101,21 @@ class TagCodes {
   bool IsBlack(int index, int x, int y) const;
 
   // Returns all tags of the target that libapriltag decodes, with corners in this program's pixels. A tag may occur
-  // twice. Regions in `searched` are left out, and large regions are added to it (see FindTagPlaces).
-  std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched = nullptr) const;
+  // twice. Regions in `searched` are left out (see FindTagPlaces).
+  DetectedTags Detect(const cv::Mat& grey, double decimate, const std::vector<cv::Rect>& searched = {}) const;
 
   // Returns the tags of each of several families: each quad is found once and read in all of them.
   static std::vector<std::vector<SeenTag>> DetectAll(const std::vector<const TagCodes*>& families, const cv::Mat& grey,
                                                      double decimate);
 
  private:
+  struct TagsOfFamilies {
+    std::vector<std::vector<SeenTag>> tags;
+    std::vector<cv::Rect> searched;
+  };
   // Likewise for families of which all have reversed borders, or none; there must be one.
-  static std::vector<std::vector<SeenTag>> DetectAlike(const std::vector<const TagCodes*>& families,
-                                                       const cv::Mat& grey, double decimate,
-                                                       std::vector<cv::Rect>* searched);
+  static TagsOfFamilies DetectAlike(const std::vector<const TagCodes*>& families, const cv::Mat& grey, double decimate,
+                                    const std::vector<cv::Rect>& searched);
 
   TagFamily source_;
   apriltag_family_t family_;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include <opencv2/imgproc.hpp>
 
@@ -282,33 +283,33 @@ bool IsAmong(const std::vector<cv::Rect>& boxes, const cv::Rect& box) {
   });
 }
 
-// Adds a box, merged with other boxes as long as that adds little area.
-void AddMerged(cv::Rect box, std::vector<cv::Rect>* boxes) {
+// Returns the boxes with one more, merged with others as long as that adds little area.
+std::vector<cv::Rect> WithMerged(std::vector<cv::Rect> boxes, cv::Rect box) {
   constexpr double kMaxRatio = 1.1;
   for (bool is_grown = true; is_grown;) {
     is_grown = false;
-    for (size_t k = 0; k < boxes->size() && !is_grown; ++k) {
-      const cv::Rect both = (*boxes)[k] | box;
-      const int covered = (*boxes)[k].area() + box.area() - ((*boxes)[k] & box).area();
+    for (size_t k = 0; k < boxes.size() && !is_grown; ++k) {
+      const cv::Rect both = boxes[k] | box;
+      const int covered = boxes[k].area() + box.area() - (boxes[k] & box).area();
       if (both.area() > kMaxRatio * covered) continue;
       box = both;
-      boxes->erase(boxes->begin() + static_cast<std::ptrdiff_t>(k));
+      boxes.erase(boxes.begin() + static_cast<std::ptrdiff_t>(k));
       is_grown = true;
     }
   }
-  boxes->push_back(box);
+  boxes.push_back(box);
+  return boxes;
 }
 
 }  // namespace
 
-std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& options,
-                                    std::vector<cv::Rect>* searched) {
+TagPlaces FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& options, const std::vector<cv::Rect>& searched) {
   CHECK_EQ(grey.type(), CV_8UC1);
   CHECK_GE(options.decimate, 1);
   const int decimate = options.decimate;
   const cv::Rect whole(0, 0, grey.cols, grey.rows);
   const cv::Mat decimated = Decimated(grey, decimate);
-  if (std::min(decimated.cols, decimated.rows) < 2 * kTilePx) return {whole};
+  if (std::min(decimated.cols, decimated.rows) < 2 * kTilePx) return {{whole}, {}};
   const TileRange ranges = RangesOf(decimated);
   // Regions of pure noise differ from their surroundings by less than two standard deviations.
   const double min_contrast = std::max<double>(kMinContrast, 2.5 * ranges.noise_grey);
@@ -322,8 +323,7 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
   // libapriltag accepts quads of 95 percent of this area, measured by outlines that are half a pixel off.
   const double min_area_px2 = 0.8 * std::pow(std::max(3.0, options.min_side_px / decimate), 2);
   const int tile_px = kTilePx * decimate;
-  std::vector<cv::Rect> boxes;
-  std::vector<cv::Rect> now_searched;
+  TagPlaces places;
   for (int label = 1; label < num_labels; ++label) {
     const auto* const entry = stats.ptr<int>(label);
     const cv::Rect region(entry[cv::CC_STAT_LEFT], entry[cv::CC_STAT_TOP], entry[cv::CC_STAT_WIDTH],
@@ -331,7 +331,7 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
     if (region.area() < min_area_px2) continue;
     const cv::Rect region_px(decimate * region.x, decimate * region.y, decimate * region.width,
                              decimate * region.height);
-    if (searched != nullptr && IsAmong(*searched, region_px)) continue;
+    if (IsAmong(searched, region_px)) continue;
     const RegionGrey means = GreyOf(decimated, labels, label, region);
     if (means.Contrast() < min_contrast) continue;
     const std::vector<cv::Point> outermost = OutermostPixels(labels, label, region);
@@ -346,14 +346,13 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
     const int top = std::max(0, (region_px.y - room_px) / tile_px * tile_px);
     const int right = (region_px.br().x + room_px) / tile_px * tile_px + tile_px;
     const int bottom = (region_px.br().y + room_px) / tile_px * tile_px + tile_px;
-    AddMerged(cv::Rect(left, top, right - left, bottom - top) & whole, &boxes);
+    places.boxes = WithMerged(std::move(places.boxes), cv::Rect(left, top, right - left, bottom - top) & whole);
     // A region at the border of the image may have an edge of its own that becomes visible in a finer image.
     const bool is_inside =
         region.x > 0 && region.y > 0 && region.br().x < decimated.cols && region.br().y < decimated.rows;
-    if (is_inside && is_large) now_searched.push_back(region_px);
+    if (is_inside && is_large) places.large_px.push_back(region_px);
   }
-  if (searched != nullptr) searched->insert(searched->end(), now_searched.begin(), now_searched.end());
-  return boxes;
+  return places;
 }
 
 }  // namespace heba

@@ -21,129 +21,130 @@
 namespace heba {
 namespace {
 
-// The search for the tags of one grid.
+// No tag can be decoded in a smaller image, and libapriltag's tiles do not fit into it.
+constexpr int kMinImageSidePx = 16;
+bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kMinImageSidePx; }
+
+// The number of pixels with which an image shows most of what there is.
+constexpr double kSeenWellPx = 1e6;
+// Returns the factor by which the image must be reduced to this many pixels.
+double DecimationTo(const cv::Mat& grey, double num_px) {
+  return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
+}
+// Returns by how much white grows to separate black regions that touch: one pixel of the decimated image.
+int GrownPx(double decimate) { return static_cast<int>(decimate); }
+cv::Mat SeparateTouching(const cv::Mat& grey, double decimate) {
+  const int side_px = 2 * GrownPx(decimate) + 1;
+  cv::Mat parted;
+  cv::dilate(grey, parted, cv::Mat::ones(side_px, side_px, CV_8U));
+  return parted;
+}
+
+// The search for the tags of one grid in one image.
 class GridSearch {
  public:
-  explicit GridSearch(const TagGrid& grid)
+  GridSearch(const TagGrid& grid, const cv::Mat& grey)
       : geometry_(grid.geometry),
         max_bit_errors_(grid.max_bit_errors),
         family_(grid.codes),
         layout_(grid.layout),
-        drawing_(grid.drawing) {}
+        drawing_(grid.drawing),
+        grey_(grey),
+        whole_(0, 0, grey.cols, grey.rows),
+        fits_(grid.layout.corners_m.size()) {}
 
-  Detection Detect(const cv::Mat& grey) const {
-    Detection detection;
-    if (IsTooSmall(grey)) {
-      detection.reason = "the image is too small";
-      return detection;
+  Detection Detect() {
+    if (IsTooSmall(grey_)) {
+      Detection none;
+      none.reason = "the image is too small";
+      return none;
     }
-    Search search(layout_.corners_m.size());
-    cv::Rect whole(0, 0, grey.cols, grey.rows);
-    std::vector<cv::Rect> parts = {whole};
-    const std::vector<double> decimations = Decimations(grey);
+    std::vector<cv::Rect> parts = {whole_};
+    const std::vector<double> decimations = Decimations();
     // The finest pass is repeated as long as it finds tags that predict the positions of others.
     for (size_t pass = 0; !parts.empty(); ++pass) {
       const double decimate = decimations[std::min(pass, decimations.size() - 1)];
-      const size_t num_before = search.NumKnown();
-      for (const cv::Rect& part : parts) AddSeen(grey, part, decimate, &search);
-      UpdateBoard(grey, &search);
-      if (geometry_.corner_squares && search.board.tags.size() < layout_.corners_m.size()) {
-        for (const cv::Rect& part : parts) AddParted(grey, part, decimate, &search);
-        UpdateBoard(grey, &search);
+      const size_t num_before = NumKnown();
+      for (const cv::Rect& part : parts) AddSeen(part, decimate);
+      UpdateBoard();
+      if (geometry_.corner_squares && board_.tags.size() < layout_.corners_m.size()) {
+        for (const cv::Rect& part : parts) AddParted(part, decimate);
+        UpdateBoard();
       }
-      const bool is_new = search.NumKnown() > num_before;
-      const bool was_seen_well = decimate <= DecimationTo(grey, kSeenWellPx);
-      const bool was_whole = parts.front() == whole;
-      parts = WhereMissing(whole, search, was_seen_well);
-      const bool is_whole = !parts.empty() && parts.front() == whole;
+      const bool is_new = NumKnown() > num_before;
+      const bool was_seen_well = decimate <= DecimationTo(grey_, kSeenWellPx);
+      const bool was_whole = parts.front() == whole_;
+      parts = WhereMissing(was_seen_well);
+      const bool is_whole = !parts.empty() && parts.front() == whole_;
       // The whole image is searched again only as long as finer passes find something.
       if (is_whole && was_seen_well && num_before > 0 && !is_new) break;
       if (pass + 1 >= decimations.size() && (!is_new || (is_whole && was_whole))) break;
     }
-    UndoWrongFits(grey, &search);
-    const int num_unfit = MeasureAll(grey, search, &detection);
-    detection.reason = Reason(search.board, num_unfit);
-    return detection;
-  }
-
-  // No tag can be decoded in a smaller image, and libapriltag's tiles do not fit into it.
-  static constexpr int kMinSidePx = 16;
-  static bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kMinSidePx; }
-
-  // The number of pixels with which an image shows most of what there is.
-  static constexpr double kSeenWellPx = 1e6;
-  // Returns the factor by which the image must be reduced to this many pixels.
-  static double DecimationTo(const cv::Mat& grey, double num_px) {
-    return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
-  }
-  // Returns by how much white grows to separate black regions that touch: one pixel of the decimated image.
-  static int GrownPx(double decimate) { return static_cast<int>(decimate); }
-  static cv::Mat SeparateTouching(const cv::Mat& grey, double decimate) {
-    const int side_px = 2 * GrownPx(decimate) + 1;
-    cv::Mat parted;
-    cv::dilate(grey, parted, cv::Mat::ones(side_px, side_px, CV_8U));
-    return parted;
+    UndoWrongFits();
+    return Measured();
   }
 
  private:
-  // The state of the search in an image, pass by pass.
-  struct Search {
-    explicit Search(size_t num_tags) : fits(num_tags) {}
-    std::vector<SeenTag> candidates;
-    ConsistentTags board;  // Candidates that are consistent.
-    // The fit of each of the target's tags to all its grey values: the last start and its result.
-    struct Fit {
-      std::optional<TagCorners> start_px;
-      std::optional<PatternFit> fit;
-    };
-    std::vector<Fit> fits;
-    // Large regions in which libapriltag has searched for tags, in the image and in the image with separated regions.
-    std::vector<cv::Rect> searched;
-    std::vector<cv::Rect> searched_parted;
-
-    bool IsSettled(int index) const { return fits[static_cast<size_t>(index)].fit.has_value(); }
-    // Returns the number of tags plus the number of settled ones.
-    size_t NumKnown() const {
-      const auto num_settled =
-          std::count_if(board.tags.begin(), board.tags.end(), [&](const SeenTag& tag) { return IsSettled(tag.index); });
-      return board.tags.size() + static_cast<size_t>(num_settled);
-    }
+  // The fit of a tag to all its grey values: the last start and its result.
+  struct Fit {
+    std::optional<TagCorners> start_px;
+    std::optional<PatternFit> fit;
   };
+  // The corners of a tag, of which those that could not be refined are where they were.
+  struct RefinedCorners {
+    TagCorners corners_px;
+    bool are_all_refined = false;
+  };
+
+  bool IsSettled(int index) const { return fits_[static_cast<size_t>(index)].fit.has_value(); }
+  // Returns the number of tags plus the number of settled ones.
+  size_t NumKnown() const {
+    const auto num_settled =
+        std::count_if(board_.tags.begin(), board_.tags.end(), [&](const SeenTag& tag) { return IsSettled(tag.index); });
+    return board_.tags.size() + static_cast<size_t>(num_settled);
+  }
 
   // Returns libapriltag's quad_decimate for every pass: the first pass takes some milliseconds, the next ones are
   // finer. Tags are decoded and edges refined at full resolution in any case.
-  static std::vector<double> Decimations(const cv::Mat& grey) {
+  std::vector<double> Decimations() const {
     constexpr double kFirstPx = 1e5;
     constexpr double kSlowPx = 14e6;
     // Blurred tags are found better in a coarser image.
-    std::vector<double> decimations = {std::max(2.0, DecimationTo(grey, kFirstPx))};
-    const double finest = DecimationTo(grey, kSlowPx);
+    std::vector<double> decimations = {std::max(2.0, DecimationTo(grey_, kFirstPx))};
+    const double finest = DecimationTo(grey_, kSlowPx);
     while (decimations.back() > finest) decimations.push_back(std::max(finest, std::ceil(decimations.back() / 2)));
     return decimations;
   }
 
-  // Returns `searched` if the part is the whole image, else null: all of a smaller part is searched, since tags are
-  // expected there.
-  static std::vector<cv::Rect>* SearchedOf(const cv::Mat& grey, const cv::Rect& part, std::vector<cv::Rect>* searched) {
-    return part == cv::Rect(0, 0, grey.cols, grey.rows) ? searched : nullptr;
+  // Detects tags in a part of the image, as `part_grey` shows it. In the whole image, the regions in `searched` are
+  // left out; all of a smaller part is searched, since tags are expected there.
+  DetectedTags DetectIn(const cv::Rect& part, const cv::Mat& part_grey, double decimate,
+                        const std::vector<cv::Rect>& searched) const {
+    if (part == whole_) return family_.Detect(part_grey, decimate, searched);
+    return {family_.Detect(part_grey, decimate).tags, {}};
   }
 
   // Adds the tags that libapriltag detects in a part of the image, with their corners refined.
-  void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
-    for (const SeenTag& found : family_.Detect(grey(part), decimate, SearchedOf(grey, part, &search->searched))) {
+  void AddSeen(const cv::Rect& part, double decimate) {
+    const DetectedTags detected = DetectIn(part, grey_(part), decimate, searched_);
+    searched_.insert(searched_.end(), detected.searched.begin(), detected.searched.end());
+    for (const SeenTag& found : detected.tags) {
       SeenTag tag = Shifted(found, part);
-      RefineOnSquares(grey, &tag);
-      AddCandidate(tag, search);
+      tag.corners_px = RefinedOnSquares(tag).corners_px;
+      AddCandidate(tag);
     }
   }
   // Adds the tags that libapriltag detects after separating black regions.
-  void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
-    for (const SeenTag& found : family_.Detect(SeparateTouching(grey(part), decimate), decimate,
-                                               SearchedOf(grey, part, &search->searched_parted))) {
+  void AddParted(const cv::Rect& part, double decimate) {
+    const DetectedTags detected = DetectIn(part, SeparateTouching(grey_(part), decimate), decimate, searched_parted_);
+    searched_parted_.insert(searched_parted_.end(), detected.searched.begin(), detected.searched.end());
+    for (const SeenTag& found : detected.tags) {
       SeenTag tag = Shifted(found, part);
-      OffsetQuad(GrownPx(decimate), &tag.corners_px);
+      tag.corners_px = Offset(tag.corners_px, GrownPx(decimate));
+      const RefinedCorners refined = RefinedOnSquares(tag);
+      tag.corners_px = refined.corners_px;
       // The offset of the edges is a guess, not a measurement: it only gives the start for the saddles.
-      if (RefineOnSquares(grey, &tag)) AddCandidate(tag, search);
+      if (refined.are_all_refined) AddCandidate(tag);
     }
   }
 
@@ -153,32 +154,32 @@ class GridSearch {
   }
 
   // Finds the same tag at the same position.
-  static std::vector<SeenTag>::iterator FindCandidate(const SeenTag& tag, Search* search) {
-    return std::find_if(search->candidates.begin(), search->candidates.end(), [&](const SeenTag& other) {
+  std::vector<SeenTag>::iterator FindCandidate(const SeenTag& tag) {
+    return std::find_if(candidates_.begin(), candidates_.end(), [&](const SeenTag& other) {
       return other.index == tag.index &&
              (CentreOf(other.corners_px) - CentreOf(tag.corners_px)).norm() < 0.5 * MeanSide(tag.corners_px);
     });
   }
   // Adds a candidate, or replaces a known one that is not settled: a finer pass is more accurate.
-  static void AddCandidate(const SeenTag& tag, Search* search) {
-    const auto known = FindCandidate(tag, search);
-    if (known == search->candidates.end()) {
-      search->candidates.push_back(tag);
-    } else if (!search->IsSettled(tag.index) && tag.num_bit_errors <= known->num_bit_errors) {
+  void AddCandidate(const SeenTag& tag) {
+    const auto known = FindCandidate(tag);
+    if (known == candidates_.end()) {
+      candidates_.push_back(tag);
+    } else if (!IsSettled(tag.index) && tag.num_bit_errors <= known->num_bit_errors) {
       *known = tag;
     }
   }
 
   // Selects the target's tags from the candidates and fits those that are new.
-  void UpdateBoard(const cv::Mat& grey, Search* search) const {
-    search->board = KeepConsistent(search->candidates, layout_, std::max(0, max_bit_errors_ - 1));
-    FillIn(grey, &search->board.tags);
-    FitAll(grey, search);
+  void UpdateBoard() {
+    board_ = KeepConsistent(candidates_, layout_, std::max(0, max_bit_errors_ - 1));
+    board_.tags = FilledIn(std::move(board_.tags));
+    FitAll();
     // A settled tag is a candidate from now on, however it was found.
-    for (const SeenTag& tag : Fitted(*search)) {
-      const auto known = FindCandidate(tag, search);
-      if (known == search->candidates.end()) {
-        search->candidates.push_back(tag);
+    for (const SeenTag& tag : Fitted()) {
+      const auto known = FindCandidate(tag);
+      if (known == candidates_.end()) {
+        candidates_.push_back(tag);
       } else {
         *known = tag;
       }
@@ -188,17 +189,17 @@ class GridSearch {
   // Returns the parts of the image in which the tags that are not settled must lie; none if there is nothing left to
   // search for. Returns the whole image as long as too few tags are known to predict the others, or as long as fewer
   // than half are known and a closer look (`was_seen_well`) may show another target with more of them.
-  std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search, bool was_seen_well) const {
-    const std::vector<SeenTag> fitted = Fitted(search);
+  std::vector<cv::Rect> WhereMissing(bool was_seen_well) const {
+    const std::vector<SeenTag> fitted = Fitted();
     const size_t num_tags = layout_.corners_m.size();
     if (fitted.size() == num_tags) return {};
     constexpr size_t kMinTags = 4;
     if (fitted.size() < std::min(kMinTags, num_tags) || (!was_seen_well && 2 * fitted.size() < num_tags)) {
-      return {whole};
+      return {whole_};
     }
     std::vector<cv::Rect> parts;
     for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
-      if (search.IsSettled(index)) continue;
+      if (IsSettled(index)) continue;
       const std::optional<TagCorners> expected_px = Expected(fitted, index);
       if (!expected_px) continue;
       // The prediction is less accurate farther away from known tags.
@@ -211,13 +212,13 @@ class GridSearch {
         low = low.cwiseMin(corner_px);
         high = high.cwiseMax(corner_px);
       }
-      const double farthest_px = 2.0 * (whole.width + whole.height);
+      const double farthest_px = 2.0 * (whole_.width + whole_.height);
       if (!(low.cwiseAbs().maxCoeff() < farthest_px && high.cwiseAbs().maxCoeff() < farthest_px)) continue;
       const cv::Point first(static_cast<int>(std::floor(low.x() - room_px)),
                             static_cast<int>(std::floor(low.y() - room_px)));
       const cv::Point last(static_cast<int>(std::ceil(high.x() + room_px)),
                            static_cast<int>(std::ceil(high.y() + room_px)));
-      cv::Rect part = cv::Rect(first, last) & whole;
+      cv::Rect part = cv::Rect(first, last) & whole_;
       if (part.empty()) continue;
       // Parts that overlap are merged.
       for (bool is_grown = true; is_grown;) {
@@ -231,39 +232,40 @@ class GridSearch {
       }
       parts.push_back(part);
     }
-    parts.erase(std::remove_if(parts.begin(), parts.end(),
-                               [](const cv::Rect& part) { return std::min(part.width, part.height) < kMinSidePx; }),
-                parts.end());
+    parts.erase(
+        std::remove_if(parts.begin(), parts.end(),
+                       [](const cv::Rect& part) { return std::min(part.width, part.height) < kMinImageSidePx; }),
+        parts.end());
     return parts;
   }
 
-  // Moves every edge of a quad outwards by `distance_px`.
-  static void OffsetQuad(double distance_px, TagCorners* corners) {
-    const TagCorners before = *corners;
+  // Returns the corners of a quad after moving every edge outwards by `distance_px`.
+  static TagCorners Offset(const TagCorners& before, double distance_px) {
+    TagCorners corners = before;
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector2d from_next = (before[k] - before[(k + 1) % 4]).normalized();
       const Eigen::Vector2d from_last = (before[k] - before[(k + 3) % 4]).normalized();
       const double sine = std::abs(from_next.x() * from_last.y() - from_next.y() * from_last.x());
-      if (sine > 0.1) (*corners)[k] += distance_px / sine * (from_next + from_last);
+      if (sine > 0.1) corners[k] += distance_px / sine * (from_next + from_last);
     }
+    return corners;
   }
 
-  // Moves the corners to the saddles between the tag and the corner squares. Returns false if one could not be
-  // refined and stays at its position. Does nothing without corner squares: the corners are not saddles then, and
-  // libapriltag's edges are better.
-  bool RefineOnSquares(const cv::Mat& grey, SeenTag* tag) const {
-    if (!geometry_.corner_squares) return true;
-    const TagCorners start_px = tag->corners_px;
-    const TagCorners& board_m = layout_.corners_m[static_cast<size_t>(tag->index)];
+  // Returns the corners moved to the saddles between the tag and the corner squares. Without corner squares, the
+  // corners remain: they are not saddles then, and libapriltag's edges are better.
+  RefinedCorners RefinedOnSquares(const SeenTag& tag) const {
+    const TagCorners& start_px = tag.corners_px;
+    if (!geometry_.corner_squares) return {start_px, true};
+    const TagCorners& board_m = layout_.corners_m[static_cast<size_t>(tag.index)];
     const std::optional<Eigen::Matrix3d> image_from_board =
         FitHomography({board_m.begin(), board_m.end()}, {start_px.begin(), start_px.end()});
-    if (!image_from_board) return false;
+    if (!image_from_board) return {start_px, false};
     // The next edges are the far sides of the corner squares and the inner side of the tag's border.
     const double free_m = geometry_.tag_size_m * std::min(geometry_.tag_spacing_ratio,
                                                           static_cast<double>(geometry_.border_bits) / family_.width());
     const std::array<Eigen::Vector2d, 4> steps_m = {Eigen::Vector2d(free_m, 0), Eigen::Vector2d(-free_m, 0),
                                                     Eigen::Vector2d(0, free_m), Eigen::Vector2d(0, -free_m)};
-    bool are_all_refined = true;
+    RefinedCorners refined{start_px, true};
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector2d at_px = ApplyHomography(*image_from_board, board_m[k]);
       double reach_px = std::numeric_limits<double>::infinity();
@@ -271,29 +273,30 @@ class GridSearch {
         reach_px = std::min(reach_px, (ApplyHomography(*image_from_board, board_m[k] + step_m) - at_px).norm());
       }
       const std::optional<Eigen::Vector2d> refined_px =
-          RefineCorner(grey, start_px[k], reach_px, std::max(1.5, 0.5 * reach_px));
-      are_all_refined = are_all_refined && refined_px.has_value();
-      tag->corners_px[k] = refined_px.value_or(start_px[k]);
+          RefineCorner(grey_, start_px[k], reach_px, std::max(1.5, 0.5 * reach_px));
+      refined.are_all_refined = refined.are_all_refined && refined_px.has_value();
+      refined.corners_px[k] = refined_px.value_or(start_px[k]);
     }
-    return are_all_refined;
+    return refined;
   }
 
-  // Decodes missing tags at the positions that their neighbours predict, until no more are found.
-  void FillIn(const cv::Mat& grey, std::vector<SeenTag>* tags) const {
-    if (tags->empty()) return;
-    for (;;) {
+  // Returns the tags with the missing ones that are decoded at the positions that their neighbours predict, until no
+  // more are found.
+  std::vector<SeenTag> FilledIn(std::vector<SeenTag> tags) const {
+    while (!tags.empty()) {
       std::vector<bool> is_seen(layout_.corners_m.size(), false);
-      for (const SeenTag& tag : *tags) is_seen[static_cast<size_t>(tag.index)] = true;
+      for (const SeenTag& tag : tags) is_seen[static_cast<size_t>(tag.index)] = true;
       std::vector<SeenTag> additional;
       for (int index = 0; index < static_cast<int>(is_seen.size()); ++index) {
         if (is_seen[static_cast<size_t>(index)] || !HasSeenNeighbour(is_seen, index)) continue;
-        const std::optional<SeenTag> tag = ReadWhereExpected(grey, *tags, index);
+        const std::optional<SeenTag> tag = ReadWhereExpected(tags, index);
         if (tag) additional.push_back(*tag);
       }
-      if (additional.empty()) return;
-      tags->insert(tags->end(), additional.begin(), additional.end());
-      std::sort(tags->begin(), tags->end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
+      if (additional.empty()) break;
+      tags.insert(tags.end(), additional.begin(), additional.end());
+      std::sort(tags.begin(), tags.end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
     }
+    return tags;
   }
 
   bool HasSeenNeighbour(const std::vector<bool>& is_seen, int index) const {
@@ -307,24 +310,26 @@ class GridSearch {
     return false;
   }
 
-  std::optional<SeenTag> ReadWhereExpected(const cv::Mat& grey, const std::vector<SeenTag>& tags, int index) const {
+  std::optional<SeenTag> ReadWhereExpected(const std::vector<SeenTag>& tags, int index) const {
     const std::optional<TagCorners> expected_px = Expected(tags, index);
     if (!expected_px) return std::nullopt;
     for (const Eigen::Vector2d& corner_px : *expected_px) {
-      if (!IsInImage(grey, corner_px)) return std::nullopt;
+      if (!IsInImage(grey_, corner_px)) return std::nullopt;
     }
     SeenTag tag;
     tag.index = index;
     tag.corners_px = *expected_px;
     // Two passes are necessary because lens distortion may put a saddle beyond the first window.
     for (int pass = 0; pass < 2; ++pass) {
-      if (!(geometry_.corner_squares ? RefineOnSquares(grey, &tag) : RefineOnEdges(grey, &tag))) return std::nullopt;
+      const RefinedCorners refined = geometry_.corner_squares ? RefinedOnSquares(tag) : RefinedOnEdges(tag.corners_px);
+      if (!refined.are_all_refined) return std::nullopt;
+      tag.corners_px = refined.corners_px;
     }
     constexpr double kMaxMoveRatio = 0.15;  // Ratio to the tag's side.
     for (size_t k = 0; k < 4; ++k) {
       if ((tag.corners_px[k] - (*expected_px)[k]).norm() > kMaxMoveRatio * MeanSide(*expected_px)) return std::nullopt;
     }
-    const std::optional<int> num_bit_errors = CountBitErrors(grey, tag);
+    const std::optional<int> num_bit_errors = CountBitErrors(tag);
     if (!num_bit_errors || *num_bit_errors > max_bit_errors_) return std::nullopt;
     tag.num_bit_errors = *num_bit_errors;
     return tag;
@@ -333,7 +338,7 @@ class GridSearch {
   // Reads the cells between the corners and returns the number of bits that differ from the tag's code. A bit is
   // compared with the neighbouring cells of the other colour, because a shadow may fall on a part of the tag. Returns
   // nothing if the border does not contrast with the paper around it, or if a cell lies outside the image.
-  std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
+  std::optional<int> CountBitErrors(const SeenTag& tag) const {
     const int width = family_.width();
     const std::optional<Eigen::Matrix3d> image_from_cells =
         FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
@@ -345,7 +350,7 @@ class GridSearch {
     for (int y = 0; y < side; ++y) {
       for (int x = 0; x < side; ++x) {
         const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x - margin + 0.5, y - margin + 0.5});
-        if (IsInImage(grey, at_px)) levels(y, x) = GreyAt(grey, at_px);
+        if (IsInImage(grey_, at_px)) levels(y, x) = GreyAt(grey_, at_px);
       }
     }
     const auto is_black = [&](int x, int y) { return family_.IsBlack(tag.index, x - margin, y - margin); };
@@ -388,30 +393,30 @@ class GridSearch {
   // Fits the tags of the target that are not settled, each to all its grey values together. A lens that bends edges
   // misleads libapriltag by pixels: if the fit fails from its corners, it is repeated from the position that the tags
   // around it predict.
-  void FitAll(const cv::Mat& grey, Search* search) const {
+  void FitAll() {
     // A tag that is no longer on the target, or was another target's tag of the same number, is not settled.
-    std::vector<Search::Fit> fits(search->fits.size());
-    for (const SeenTag& tag : search->board.tags) {
-      Search::Fit& known = search->fits[static_cast<size_t>(tag.index)];
+    std::vector<Fit> fits(fits_.size());
+    for (const SeenTag& tag : board_.tags) {
+      Fit& known = fits_[static_cast<size_t>(tag.index)];
       const bool is_there = known.start_px && (CentreOf(*known.start_px) - CentreOf(tag.corners_px)).norm() <
                                                   0.5 * MeanSide(tag.corners_px);
       if (is_there) fits[static_cast<size_t>(tag.index)] = std::move(known);
     }
-    search->fits = std::move(fits);
+    fits_ = std::move(fits);
     const auto fit_from = [&](int index, const TagCorners& start_px) {
-      Search::Fit& known = search->fits[static_cast<size_t>(index)];
+      Fit& known = fits_[static_cast<size_t>(index)];
       if (known.fit || known.start_px == start_px) return false;
       known.start_px = start_px;
-      known.fit = FitTag(grey, index, start_px);
+      known.fit = FitTag(index, start_px);
       return known.fit.has_value();
     };
-    for (const SeenTag& tag : search->board.tags) fit_from(tag.index, tag.corners_px);
+    for (const SeenTag& tag : board_.tags) fit_from(tag.index, tag.corners_px);
     for (bool is_new = true; is_new;) {
       is_new = false;
-      const std::vector<SeenTag> fitted = Fitted(*search);
-      if (fitted.size() == search->board.tags.size()) break;
-      for (const SeenTag& tag : search->board.tags) {
-        if (search->IsSettled(tag.index)) continue;
+      const std::vector<SeenTag> fitted = Fitted();
+      if (fitted.size() == board_.tags.size()) break;
+      for (const SeenTag& tag : board_.tags) {
+        if (IsSettled(tag.index)) continue;
         const std::optional<TagCorners> expected_px = Expected(fitted, tag.index);
         if (expected_px) is_new = fit_from(tag.index, *expected_px) || is_new;
       }
@@ -421,12 +426,12 @@ class GridSearch {
   // Undoes the fits that the tags around them contradict, and those whose residuals are far larger than those of the
   // other tags: a corner in glare has no grey values that hold it, and the edge of a shadow pulls it. Such a tag has
   // the corners that its edges give, near those that the others predict.
-  void UndoWrongFits(const cv::Mat& grey, Search* search) const {
-    const std::vector<SeenTag> fitted = Fitted(*search);
+  void UndoWrongFits() {
+    const std::vector<SeenTag> fitted = Fitted();
     std::vector<bool> is_wrong = ContradictNeighbours(fitted, layout_);
     std::vector<double> residual_ratios;
     for (const SeenTag& tag : fitted) {
-      residual_ratios.push_back(search->fits[static_cast<size_t>(tag.index)].fit->residual_ratio);
+      residual_ratios.push_back(fits_[static_cast<size_t>(tag.index)].fit->residual_ratio);
     }
     constexpr double kLargeRatio = 0.05;
     constexpr double kTimesUsual = 3;
@@ -440,48 +445,50 @@ class GridSearch {
     }
     for (size_t i = 0; i < fitted.size(); ++i) {
       if (!is_wrong[i]) continue;
-      search->fits[static_cast<size_t>(fitted[i].index)].fit.reset();
-      const auto tag = std::find_if(search->board.tags.begin(), search->board.tags.end(),
+      fits_[static_cast<size_t>(fitted[i].index)].fit.reset();
+      const auto tag = std::find_if(board_.tags.begin(), board_.tags.end(),
                                     [&](const SeenTag& other) { return other.index == fitted[i].index; });
       const std::optional<TagCorners> expected_px = Expected(right, fitted[i].index);
       if (expected_px) tag->corners_px = *expected_px;
-      RefineOnEdges(grey, &*tag);
+      tag->corners_px = RefinedOnEdges(tag->corners_px).corners_px;
     }
   }
 
-  // Adds the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps those of its detected
-  // corners that neither the tags around it nor its edges contradict. Returns how many tags were left out.
-  int MeasureAll(const cv::Mat& grey, const Search& search, Detection* detection) const {
-    const std::vector<SeenTag> fitted = Fitted(search);
-    int num_dropped = 0;
-    for (const SeenTag& tag : search.board.tags) {
-      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+  // Returns the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps those of its
+  // detected corners that neither the tags around it nor its edges contradict.
+  Detection Measured() const {
+    Detection detection;
+    const std::vector<SeenTag> fitted = Fitted();
+    int num_unfit = 0;
+    for (const SeenTag& tag : board_.tags) {
+      const std::optional<PatternFit>& fit = fits_[static_cast<size_t>(tag.index)].fit;
       if (fit) {
         for (size_t corner = 0; corner < 4; ++corner) {
-          detection->ids.push_back(geometry_.PointId(tag.index, corner));
-          detection->pixels.push_back(fit->pixels[corner]);
+          detection.ids.push_back(geometry_.PointId(tag.index, corner));
+          detection.pixels.push_back(fit->pixels[corner]);
         }
-        detection->covariances_px2.emplace_back(fit->covariance_px2);
+        detection.covariances_px2.emplace_back(fit->covariance_px2);
         continue;
       }
-      const std::array<std::optional<double>, 4> sigmas_px = UnfittedSigmasPx(grey, fitted, tag);
+      const std::array<std::optional<double>, 4> sigmas_px = UnfittedSigmasPx(fitted, tag);
       for (size_t corner = 0; corner < 4; ++corner) {
         if (!sigmas_px[corner]) continue;
-        detection->ids.push_back(geometry_.PointId(tag.index, corner));
-        detection->pixels.push_back(tag.corners_px[corner]);
-        detection->covariances_px2.emplace_back(std::pow(*sigmas_px[corner], 2) * Eigen::Matrix2d::Identity());
+        detection.ids.push_back(geometry_.PointId(tag.index, corner));
+        detection.pixels.push_back(tag.corners_px[corner]);
+        detection.covariances_px2.emplace_back(std::pow(*sigmas_px[corner], 2) * Eigen::Matrix2d::Identity());
       }
-      num_dropped +=
+      num_unfit +=
           std::none_of(sigmas_px.begin(), sigmas_px.end(), [](const auto& sigma) { return sigma.has_value(); });
     }
-    return num_dropped;
+    detection.reason = Reason(num_unfit);
+    return detection;
   }
 
   // Returns the fitted tags of the target, with the corners of the fit.
-  static std::vector<SeenTag> Fitted(const Search& search) {
+  std::vector<SeenTag> Fitted() const {
     std::vector<SeenTag> fitted;
-    for (const SeenTag& tag : search.board.tags) {
-      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+    for (const SeenTag& tag : board_.tags) {
+      const std::optional<PatternFit>& fit = fits_[static_cast<size_t>(tag.index)].fit;
       if (!fit) continue;
       fitted.push_back(tag);
       std::copy(fit->pixels.begin(), fit->pixels.end(), fitted.back().corners_px.begin());
@@ -514,7 +521,7 @@ class GridSearch {
   }
 
   // Fits a tag to all its grey values, from corners that are correct to about a cell.
-  std::optional<PatternFit> FitTag(const cv::Mat& grey, int index, const TagCorners& start_px) const {
+  std::optional<PatternFit> FitTag(int index, const TagCorners& start_px) const {
     const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(index)];
     const double cell_m = geometry_.tag_size_m / family_.width();
     const double gap_m = layout_.corners_m.size() > 1 || geometry_.corner_squares
@@ -536,14 +543,13 @@ class GridSearch {
     const std::optional<Eigen::Matrix3d> image_from_board =
         FitHomography({corners_m.begin(), corners_m.end()}, {start_px.begin(), start_px.end()});
     if (!image_from_board) return std::nullopt;
-    return FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *image_from_board,
+    return FitPattern(grey_, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *image_from_board,
                       {corners_m.begin(), corners_m.end()}, options);
   }
 
   // Returns the sigmas of the corners of a tag that could not be fitted; nothing for those that the tags around it or
   // the two edges that meet there contradict.
-  std::array<std::optional<double>, 4> UnfittedSigmasPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
-                                                        const SeenTag& tag) const {
+  std::array<std::optional<double>, 4> UnfittedSigmasPx(const std::vector<SeenTag>& fitted, const SeenTag& tag) const {
     double most_off_px = std::numeric_limits<double>::infinity();
     const std::optional<std::array<double, 4>> off_px = OffNeighboursPx(fitted, tag);
     if (off_px) {
@@ -560,7 +566,7 @@ class GridSearch {
     const double most_off_edges_px = std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width());
     // libapriltag's edges scatter by 0.04 px under good conditions.
     constexpr double kMinSigmaPx = 0.1;
-    const std::array<double, 4> off_edges_px = OffEdgesPx(grey, tag.corners_px);
+    const std::array<double, 4> off_edges_px = OffEdgesPx(tag.corners_px);
     std::array<std::optional<double>, 4> sigmas_px;
     for (size_t k = 0; k < 4; ++k) {
       const double off_here_px = std::max(off_edges_px[k], off_edges_px[(k + 3) % 4]);
@@ -613,7 +619,7 @@ class GridSearch {
 
   // Returns the points where grey changes most, in either direction, within 0.8 cells of the side that follows a
   // corner.
-  std::vector<EdgePoint> EdgePoints(const cv::Mat& grey, const TagCorners& corners_px, size_t corner) const {
+  std::vector<EdgePoint> EdgePoints(const TagCorners& corners_px, size_t corner) const {
     constexpr double kStepPx = 0.25;
     const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
     const Side side = SideOf(corners_px, corner);
@@ -625,8 +631,8 @@ class GridSearch {
         const Eigen::Vector2d before_px =
             side.from_px + share * (side.to_px - side.from_px) + (at_px - 0.5) * side.outwards;
         const Eigen::Vector2d behind_px = before_px + side.outwards;
-        if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
-        const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
+        if (!IsInImage(grey_, before_px) || !IsInImage(grey_, behind_px)) continue;
+        const double slope = std::abs(GreyAt(grey_, behind_px) - GreyAt(grey_, before_px));
         if (slope <= steepest) continue;
         steepest = slope;
         point.off_px = at_px;
@@ -638,10 +644,10 @@ class GridSearch {
 
   // Returns, for the side that follows each corner, the RMS distance from the straight line between the corners to the
   // steepest change of grey across it.
-  std::array<double, 4> OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+  std::array<double, 4> OffEdgesPx(const TagCorners& corners_px) const {
     std::array<double, 4> off_px{};
     for (size_t k = 0; k < 4; ++k) {
-      const std::vector<EdgePoint> points = EdgePoints(grey, corners_px, k);
+      const std::vector<EdgePoint> points = EdgePoints(corners_px, k);
       double sum_px2 = 0;
       for (const EdgePoint& point : points) sum_px2 += point.off_px * point.off_px;
       off_px[k] = std::sqrt(sum_px2 / static_cast<double>(points.size()));
@@ -649,13 +655,13 @@ class GridSearch {
     return off_px;
   }
 
-  // Moves the corners to where straight lines along the sides meet. Of each side, the half of the points that lie
-  // nearest to a line count: where a shadow ends, other points are not on the side. Returns false if a side cannot be
-  // told.
-  bool RefineOnEdges(const cv::Mat& grey, SeenTag* tag) const {
+  // Returns the corners moved to where straight lines along the sides meet, unless a side cannot be told. Of each side,
+  // the half of the points that lie nearest to a line count: where a shadow ends, other points are not on the side.
+  RefinedCorners RefinedOnEdges(const TagCorners& corners_px) const {
+    RefinedCorners refined{corners_px, false};
     std::array<Eigen::Vector3d, 4> lines;
     for (size_t k = 0; k < 4; ++k) {
-      const std::vector<EdgePoint> points = EdgePoints(grey, tag->corners_px, k);
+      const std::vector<EdgePoint> points = EdgePoints(corners_px, k);
       // The line through two of the points from which the median of the distances is least.
       double least_px = std::numeric_limits<double>::infinity();
       Eigen::Vector2d best(0, 0);  // The distance at the beginning and at the end.
@@ -676,30 +682,31 @@ class GridSearch {
         }
       }
       constexpr double kMaxScatterPx = 0.75;
-      if (least_px > kMaxScatterPx) return false;
-      const Side side = SideOf(tag->corners_px, k);
+      if (least_px > kMaxScatterPx) return refined;
+      const Side side = SideOf(corners_px, k);
       lines[k] = (side.from_px + best[0] * side.outwards)
                      .homogeneous()
                      .cross((side.to_px + best[1] * side.outwards).homogeneous());
     }
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d corner = lines[(k + 3) % 4].cross(lines[k]);
-      if (std::abs(corner.z()) < 1e-9 * lines[k].norm()) return false;
-      tag->corners_px[k] = corner.hnormalized();
+      if (std::abs(corner.z()) < 1e-9 * lines[k].norm()) return refined;
+      refined.corners_px[k] = corner.hnormalized();
     }
-    return true;
+    refined.are_all_refined = true;
+    return refined;
   }
 
-  std::string Reason(const ConsistentTags& board, int num_unfit) const {
+  std::string Reason(int num_unfit) const {
     const size_t num_tags = layout_.corners_m.size();
     std::string reason;
-    if (board.tags.empty()) {
+    if (board_.tags.empty()) {
       reason = "no tag of the target found";
-    } else if (board.tags.size() < num_tags) {
-      reason = std::to_string(board.tags.size()) + " of " + std::to_string(num_tags) + " tags seen";
+    } else if (board_.tags.size() < num_tags) {
+      reason = std::to_string(board_.tags.size()) + " of " + std::to_string(num_tags) + " tags seen";
     }
-    if (board.num_dropped > 0) {
-      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board.num_dropped) +
+    if (board_.num_dropped > 0) {
+      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board_.num_dropped) +
                 " tags left out that do not fit the target (another target in view?)";
     }
     if (num_unfit > 0) {
@@ -714,14 +721,24 @@ class GridSearch {
   const TagCodes& family_;
   const TagLayout& layout_;
   const Drawing& drawing_;
+  const cv::Mat& grey_;
+  const cv::Rect whole_;
+
+  // The state of the search, pass by pass.
+  std::vector<SeenTag> candidates_;
+  ConsistentTags board_;   // Candidates that are consistent.
+  std::vector<Fit> fits_;  // Of each of the target's tags.
+  // Large regions in which libapriltag has searched for tags, in the image and in the image with separated regions.
+  std::vector<cv::Rect> searched_;
+  std::vector<cv::Rect> searched_parted_;
 };
 
 }  // namespace
 
-Detection DetectTagGrid(const cv::Mat& grey, const TagGrid& grid) { return GridSearch(grid).Detect(grey); }
+Detection DetectTagGrid(const cv::Mat& grey, const TagGrid& grid) { return GridSearch(grid, grey).Detect(); }
 
 std::vector<int> SeenTagIds(const cv::Mat& grey, const TagGrid& grid) {
-  if (GridSearch::IsTooSmall(grey)) return {};
+  if (IsTooSmall(grey)) return {};
   TagFamily family(*FindEntry(kTagFamilies, grid.geometry.family));
   TagGridGeometry all = grid.geometry;
   all.first_id = 0;
@@ -730,11 +747,10 @@ std::vector<int> SeenTagIds(const cv::Mat& grey, const TagGrid& grid) {
   std::vector<int> ids;
   const TagCodes every(std::move(family), all, 0);
   constexpr double kEnoughPx = 3e6;
-  const double decimate = GridSearch::DecimationTo(grey, kEnoughPx);
-  for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
+  const double decimate = DecimationTo(grey, kEnoughPx);
+  for (const SeenTag& tag : every.Detect(grey, decimate).tags) ids.push_back(tag.index);
   if (grid.geometry.corner_squares) {
-    for (const SeenTag& tag : every.Detect(GridSearch::SeparateTouching(grey, decimate), decimate))
-      ids.push_back(tag.index);
+    for (const SeenTag& tag : every.Detect(SeparateTouching(grey, decimate), decimate).tags) ids.push_back(tag.index);
   }
   return ids;
 }

@@ -9,6 +9,8 @@
 #include <optional>
 #include <utility>
 
+#include <Eigen/Geometry>
+
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
@@ -64,7 +66,8 @@ class AprilTagGrid final : public Target {
     if (geometry_.rows != geometry_.columns) {
       confusions.push_back(RowsAndColumns(geometry_.columns, geometry_.rows));
     }
-    AddOtherNames("family", kTagFamilies, geometry_.family, &confusions);
+    const std::vector<TargetSettings> families = OtherNames("family", kTagFamilies, geometry_.family);
+    confusions.insert(confusions.end(), families.begin(), families.end());
     confusions.push_back({{"border_bits", geometry_.border_bits == 1 ? "2" : "1"}});
     for (const char* spacing : {"0.1", "0.15", "0.2", "0.25", "0.3", "0.35", "0.4", "0.5"}) {
       confusions.push_back({{"tag_spacing", spacing}});
@@ -95,7 +98,9 @@ class AprilTagGrid final : public Target {
     const double height_m = std::min(0.002, 0.3 * room_m);
     for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
       const Eigen::Vector2d& first_m = layout_.corners_m[static_cast<size_t>(index)][0];
-      DrawTag(index, first_m, cell_m, &drawing);
+      for (const Eigen::AlignedBox2d& run : BlackRuns(index, first_m, cell_m)) {
+        drawing.AddRectangle(run.min().x(), run.min().y(), run.max().x(), run.max().y(), 0);
+      }
       const Eigen::Vector2d below_m(0.45 * geometry_.tag_size_m, -outer_m - 0.5 * (room_m + height_m));
       drawing.labels.push_back({std::to_string(geometry_.first_id + index), first_m + below_m, height_m});
     }
@@ -111,20 +116,23 @@ class AprilTagGrid final : public Target {
     return drawing;
   }
 
-  void DrawTag(int index, const Eigen::Vector2d& first_m, double cell_m, Drawing* drawing) const {
+  // Returns the runs of black cells in the rows of a tag. A run is one shape, so that no hairline shows between cells.
+  std::vector<Eigen::AlignedBox2d> BlackRuns(int index, const Eigen::Vector2d& first_m, double cell_m) const {
+    std::vector<Eigen::AlignedBox2d> runs;
     const int begin = -family_.NumOuterCells();
     const int end = family_.width() + family_.NumOuterCells();
     for (int y = begin; y < end; ++y) {
-      // Cells count down from the top, the target's y up from the bottom. A run of black cells is one shape, so that
-      // no hairline shows between them.
+      // Cells count down from the top, the target's y up from the bottom.
       const double top_m = first_m.y() + (family_.width() - y) * cell_m;
       for (int x = begin; x < end; ++x) {
         if (!family_.IsBlack(index, x, y)) continue;
         const int run_begin = x;
         while (x < end && family_.IsBlack(index, x, y)) ++x;
-        drawing->AddRectangle(first_m.x() + run_begin * cell_m, top_m - cell_m, first_m.x() + x * cell_m, top_m, 0);
+        runs.emplace_back(Eigen::Vector2d(first_m.x() + run_begin * cell_m, top_m - cell_m),
+                          Eigen::Vector2d(first_m.x() + x * cell_m, top_m));
       }
     }
+    return runs;
   }
 
   TagGridGeometry geometry_;

@@ -150,7 +150,8 @@ class Charuco final : public Target {
     confusions.push_back({{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}});
     const std::vector<TargetSettings> grids = ConfusedGrids(geometry_.rows, geometry_.columns);
     confusions.insert(confusions.end(), grids.begin(), grids.end());
-    AddOtherNames("dictionary", kArucoDictionaries, geometry_.dictionary, &confusions);
+    const std::vector<TargetSettings> dictionaries = OtherNames("dictionary", kArucoDictionaries, geometry_.dictionary);
+    confusions.insert(confusions.end(), dictionaries.begin(), dictionaries.end());
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }

@@ -45,15 +45,8 @@ struct Finder {
   // Largest and, by enlarging, smallest size of the larger side of the searched image.
   double max_side_px;
   double min_side_px;
-  bool (*find)(const cv::Mat& grey, cv::Size size, std::vector<cv::Point2f>* corners);
+  int flags;  // Of OpenCV's finder by sectors.
 };
-
-bool FindSectors(const cv::Mat& grey, cv::Size size, std::vector<cv::Point2f>* corners) {
-  return cv::findChessboardCornersSB(grey, size, *corners, 0);
-}
-bool FindSectorsNormalised(const cv::Mat& grey, cv::Size size, std::vector<cv::Point2f>* corners) {
-  return cv::findChessboardCornersSB(grey, size, *corners, cv::CALIB_CB_NORMALIZE_IMAGE);
-}
 
 // Image sizes for the search by saddles: coarse to fine, enlarged for small chessboards, and last coarse for
 // defocused images. Saddles take a tenth of the time of OpenCV's finders, whatever the image shows.
@@ -66,9 +59,9 @@ constexpr Level kLevels[] = {{1000, 0}, {2000, 0}, {4000, 2000}, {500, 0}};
 // Finders for images in which the saddles show much of a chessboard, but not all of it, in this order: with the
 // original contrast, with the contrast stretched for dark images, and with small chessboards enlarged.
 constexpr Finder kFinders[] = {
-    {960, 0, &FindSectors},
-    {960, 0, &FindSectorsNormalised},
-    {2000, 1200, &FindSectorsNormalised},
+    {960, 0, 0},
+    {960, 0, cv::CALIB_CB_NORMALIZE_IMAGE},
+    {2000, 1200, cv::CALIB_CB_NORMALIZE_IMAGE},
 };
 constexpr double kMaxEnlargement = 3;
 
@@ -276,20 +269,21 @@ class Chessboard final : public Target {
   // Detects the chessboard in an image as it is.
   Found FindIn(const cv::Mat& grey) const {
     Found found;
-    cv::Rect may_be_in;
-    if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
+    const auto [corners, may_be_in] = FindCorners(grey);
+    if (corners) {
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       std::vector<std::optional<MeasuredCorner>> measured;
       for (const TargetPoint& point : points_) measured.push_back(Measure(grey, *corners, seen, point));
+      std::vector<std::optional<MeasuredCorner>> all;
       for (const TargetPoint& point : points_) {
         const auto place = static_cast<size_t>(point.id);
-        std::optional<MeasuredCorner> corner = measured[place];
+        std::optional<MeasuredCorner>& corner = all.emplace_back(measured[place]);
         found.num_measured += corner ? 1 : 0;
         if (!corner) {
           corner = MeasureAnyhow(grey, (*corners)[place], seen, point, PredictedByNeighbours(measured, point));
         }
-        if (corner) Append(point, *corner, &found.detection);
       }
+      found.detection = DetectionOf(all);
       return found;
     }
     Detection& detection = found.detection;
@@ -379,39 +373,48 @@ class Chessboard final : public Target {
     return std::nullopt;
   }
 
-  // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then
-  // the region that may contain it nevertheless, or empty.
-  std::optional<Corners> FindCorners(const cv::Mat& grey, cv::Rect* may_be_in) const {
+  struct FoundCorners {
+    std::optional<Corners> corners;
+    // If the chessboard is not seen completely: the region that may contain it nevertheless, or empty.
+    cv::Rect may_be_in;
+  };
+  // Finds all corners and refines them.
+  FoundCorners FindCorners(const cv::Mat& grey) const {
     const cv::Size size(columns_, rows_);
+    cv::Rect may_be_in;
     for (const double scale : ScalesOf(grey)) {
       const SaddleGrid grid = FindSaddleGrid(Resized(grey, scale), size);
-      if (std::optional<Corners> corners = Accepted(grey, grid.corners, scale, {0, 0})) return corners;
-      if (may_be_in->empty() && !grid.may_be_in.empty()) {
+      if (std::optional<Corners> corners = Accepted(grey, grid.corners, scale, {0, 0})) return {std::move(corners), {}};
+      if (may_be_in.empty() && !grid.may_be_in.empty()) {
         const cv::Rect& in = grid.may_be_in;
         const cv::Point first(cvFloor(in.x / scale), cvFloor(in.y / scale));
         const cv::Point last(cvCeil(in.br().x / scale), cvCeil(in.br().y / scale));
-        *may_be_in = cv::Rect(first, last) & cv::Rect(0, 0, grey.cols, grey.rows);
+        may_be_in = cv::Rect(first, last) & cv::Rect(0, 0, grey.cols, grey.rows);
       }
     }
     constexpr int kMinSidePx = 16;
-    if (std::min(may_be_in->width, may_be_in->height) < kMinSidePx) {
-      *may_be_in = {};
-      return std::nullopt;
-    }
+    if (std::min(may_be_in.width, may_be_in.height) < kMinSidePx) return {};
     for (const Finder& finder : kFinders) {
-      const cv::Mat part = grey(*may_be_in);
+      const cv::Mat part = grey(may_be_in);
       const double scale = ScaleOf(grey, finder.max_side_px, finder.min_side_px);
       std::vector<cv::Point2f> found;
-      if (!finder.find(Resized(part, scale), size, &found)) continue;
-      if (std::optional<Corners> corners = Accepted(grey, found, scale, may_be_in->tl())) return corners;
+      if (!cv::findChessboardCornersSB(Resized(part, scale), size, found, finder.flags)) continue;
+      if (std::optional<Corners> corners = Accepted(grey, found, scale, may_be_in.tl()))
+        return {std::move(corners), {}};
     }
-    return std::nullopt;
+    return {std::nullopt, may_be_in};
   }
 
-  static void Append(const TargetPoint& point, const MeasuredCorner& corner, Detection* detection) {
-    detection->ids.push_back(point.id);
-    detection->pixels.push_back(corner.pixel);
-    detection->covariances_px2.emplace_back(corner.covariance_px2);
+  // Returns the detection of the corners that were measured, which are listed by id.
+  static Detection DetectionOf(const std::vector<std::optional<MeasuredCorner>>& corners) {
+    Detection detection;
+    for (size_t id = 0; id < corners.size(); ++id) {
+      if (!corners[id]) continue;
+      detection.ids.push_back(static_cast<int>(id));
+      detection.pixels.push_back(corners[id]->pixel);
+      detection.covariances_px2.emplace_back(corners[id]->covariance_px2);
+    }
+    return detection;
   }
 
   // Measures the corners of a partly covered chessboard from a part of its grid, which lies in `may_be_in`. The
@@ -517,8 +520,7 @@ class Chessboard final : public Target {
         corners.push_back(ApplyHomography(*map, {place.column, place.row}));
       }
     }
-    Arrange(grey, &corners);
-    return corners;
+    return Arranged(grey, std::move(corners));
   }
 
   Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
@@ -531,16 +533,15 @@ class Chessboard final : public Target {
       corner = Measure(grey, corners, drawing, point);
       if (corner && corner->outlier_share > kMaxCovered) corner.reset();
     }
-    Detection detection;
+    std::vector<std::optional<MeasuredCorner>> all;
     for (const TargetPoint& point : points_) {
-      std::optional<MeasuredCorner> corner = measured[static_cast<size_t>(point.id)];
+      std::optional<MeasuredCorner>& corner = all.emplace_back(measured[static_cast<size_t>(point.id)]);
       if (!corner && IsSaddle(grey, corners, point.id / columns_, point.id % columns_, 0.2, inverted)) {
         const std::optional<Prediction> predicted = PredictedByNeighbours(measured, point);
         if (predicted) corner = MeasurePredicted(grey, drawing, point, *predicted);
       }
-      if (corner) Append(point, *corner, &detection);
     }
-    return detection;
+    return DetectionOf(all);
   }
 
   // Returns whether `ids` include enough corners of every outer row and column, and at least half of all.
@@ -568,8 +569,7 @@ class Chessboard final : public Target {
     if (found.size() != points_.size()) return std::nullopt;
     Corners corners = FromOpenCv(found, scale);
     for (Eigen::Vector2d& corner : corners) corner += Eigen::Vector2d(first_px.x, first_px.y);
-    Arrange(grey, &corners);
-    Refine(grey, &corners);
+    corners = Refined(grey, Arranged(grey, std::move(corners)));
     if (!IsBoard(grey, corners)) return std::nullopt;
     return corners;
   }
@@ -609,30 +609,28 @@ class Chessboard final : public Target {
     return score;
   }
 
-  // Puts the corners into the target's order: seen from the front, with the black squares at their positions.
-  void Arrange(const cv::Mat& grey, Corners* corners) const {
+  // Returns the corners in the target's order: seen from the front, with the black squares at their positions.
+  Corners Arranged(const cv::Mat& grey, Corners corners) const {
     std::vector<Eigen::Vector2d> places_m;
     for (const TargetPoint& point : points_) places_m.emplace_back(point.in_target.head<2>());
-    if (!SeenFromFront(places_m, *corners, false)) {
+    if (!SeenFromFront(places_m, corners, false)) {
       for (int row = 0; row < rows_; ++row) {
-        const auto begin = corners->begin() + row * columns_;
+        const auto begin = corners.begin() + row * columns_;
         std::reverse(begin, begin + columns_);
       }
     }
-    if (ColourScore(grey, *corners) >= 0) return;
+    if (ColourScore(grey, corners) >= 0) return corners;
     // A rotation by 180 degrees exchanges the colours if one side is odd and the other even, one by 90 degrees if the
     // sides are equal.
-    if (rows_ == columns_) {
-      Corners turned(corners->size());
-      for (int row = 0; row < rows_; ++row) {
-        for (int column = 0; column < columns_; ++column) {
-          turned[Index(row, column)] = (*corners)[Index(columns_ - 1 - column, row)];
-        }
-      }
-      *corners = std::move(turned);
-    } else {
-      std::reverse(corners->begin(), corners->end());
+    if (rows_ != columns_) {
+      std::reverse(corners.begin(), corners.end());
+      return corners;
     }
+    Corners turned;
+    for (int row = 0; row < rows_; ++row) {
+      for (int column = 0; column < columns_; ++column) turned.push_back(corners[Index(columns_ - 1 - column, row)]);
+    }
+    return turned;
   }
 
   // Returns whether the corners form a chessboard: they are spaced evenly, and the four quadrants around each are
@@ -697,19 +695,20 @@ class Chessboard final : public Target {
     return black_max < white_min;
   }
 
-  // Moves the corners to their saddles, except those too near to the next line or to the border of the image.
-  void Refine(const cv::Mat& grey, Corners* corners) const {
+  // Returns the corners moved to their saddles, except those too near to the next line or to the border of the image.
+  Corners Refined(const cv::Mat& grey, const Corners& start) const {
     // The window nearly reaches the next lines: these have little weight in it, and a large window reduces the noise.
     constexpr double kWindowRatio = 0.75;
-    const Corners start = *corners;
+    Corners refined;
     for (int row = 0; row < rows_; ++row) {
       for (int column = 0; column < columns_; ++column) {
         const Eigen::Vector2d& here = start[Index(row, column)];
         const double reach_px = ReachPx(start, row, column);
-        (*corners)[Index(row, column)] =
-            RefineCorner(grey, here, kWindowRatio * reach_px, std::max(2.0, 0.3 * reach_px)).value_or(here);
+        refined.push_back(
+            RefineCorner(grey, here, kWindowRatio * reach_px, std::max(2.0, 0.3 * reach_px)).value_or(here));
       }
     }
+    return refined;
   }
 
   // Measures a corner by all grey values that are nearer to it than to other corners.

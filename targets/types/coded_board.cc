@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numeric>
 
@@ -98,15 +99,17 @@ class CodedBoard final : public Target {
     CHECK_EQ(grey.type(), CV_8UC1);
     const std::vector<FoundEllipse> dots = FindDots(grey);
     Detection detection;
-    const std::vector<FoundPoint> board = FindBoard(ReadDots(grey, dots), &detection.reason);
-    for (const FoundPoint& point : board) {
+    Board board = FindBoard(ReadDots(grey, dots));
+    detection.reason = std::move(board.reason);
+    for (const FoundPoint& point : board.points) {
       detection.ids.push_back(points_[static_cast<size_t>(point.point)].id);
       detection.pixels.push_back(point.pixel);
       detection.covariances_px2.emplace_back(point.covariance_px2);
     }
-    if (detection.reason.empty() && board.size() < points_.size()) {
-      detection.reason = std::to_string(board.size()) + " of the " + std::to_string(points_.size()) + " points seen (" +
-                         std::to_string(dots.size()) + (dots.size() == 1 ? " dot" : " dots") + " in the image)";
+    if (detection.reason.empty() && board.points.size() < points_.size()) {
+      detection.reason = std::to_string(board.points.size()) + " of the " + std::to_string(points_.size()) +
+                         " points seen (" + std::to_string(dots.size()) + (dots.size() == 1 ? " dot" : " dots") +
+                         " in the image)";
     }
     return detection;
   }
@@ -137,23 +140,22 @@ class CodedBoard final : public Target {
                                               [&](const auto& dot) { return is_wanted(dots[dot.second].ellipse); });
       for (auto dot = unread.begin(); dot != rest; ++dot) {
         const std::optional<RingReading> reading = decoder_.Read(grey, dots[dot->second].ellipse);
-        if (reading) AddFound(*reading, &found);
+        if (reading) found = WithBetter(std::move(found), PointOf(*reading));
       }
       const bool has_read = rest != unread.begin();
       unread.erase(unread.begin(), rest);
       return has_read;
     };
-    std::string reason;
     while (!unread.empty()) {
       const double least_px = 0.5 * unread.front().first;
       read([&](const Ellipse& dot) { return dot.RadiusPx() >= least_px; });
-      const std::vector<FoundPoint> board = FindBoard(found, &reason);
+      const std::vector<FoundPoint> board = FindBoard(found).points;
       if (2 * board.size() < points_.size()) continue;
       std::vector<ExpectedDot> expected = ExpectedDots(board);
       while (!expected.empty() && read([&](const Ellipse& dot) {
         return std::any_of(expected.begin(), expected.end(), [&](const ExpectedDot& place) { return place.Fits(dot); });
       })) {
-        expected = ExpectedDots(FindBoard(found, &reason));
+        expected = ExpectedDots(FindBoard(found).points);
       }
       if (expected.empty()) continue;
       read([&](const Ellipse& dot) { return decoder_.IsLikely(grey, dot); });
@@ -215,7 +217,8 @@ class CodedBoard final : public Target {
       const Eigen::Vector2d centre_m = point.in_target.head<2>();
       // The shapes are the ring, its blank sectors as wedges that extend beyond it, the gap and the dot.
       drawing.AddDisc(centre_m, kRingOuter * radius_m, options_.Ink());
-      AddBlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m, &drawing);
+      std::vector<Shape> blank = BlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m);
+      std::move(blank.begin(), blank.end(), std::back_inserter(drawing.shapes));
       drawing.AddDisc(centre_m, kRingInner * radius_m, options_.Ground());
       drawing.AddDisc(centre_m, radius_m, options_.Ink());
       // The label is below the ring, to the right.
@@ -250,17 +253,18 @@ class CodedBoard final : public Target {
 
   double RadiusM() const { return 0.5 * options_.dot_diameter_m; }
 
-  void AddBlankSectors(uint32_t code, const Eigen::Vector2d& centre_m, Drawing* drawing) const {
+  std::vector<Shape> BlankSectors(uint32_t code, const Eigen::Vector2d& centre_m) const {
     const int bits = options_.bits;
     const auto is_blank = [&](int sector) { return ((code >> (bits - 1 - sector % bits)) & 1U) == 0; };
     // A code is its own smallest rotation: it begins with a blank sector and ends with a marked one.
     CHECK(is_blank(0) && !is_blank(bits - 1));
+    std::vector<Shape> wedges;
     for (int first = 0; first < bits; ++first) {
       if (!is_blank(first)) continue;
       int last = first;
       while (is_blank(last + 1)) ++last;
       Shape wedge;
-      wedge.albedo = drawing->ground;
+      wedge.albedo = options_.Ground();
       wedge.points_m.push_back(centre_m);
       // Chords of at most half a sector, 22.5 degrees, at 3.2 radii stay outside 3.1 radii.
       const int num_steps = 2 * (last + 1 - first);
@@ -268,13 +272,13 @@ class CodedBoard final : public Target {
         const double angle = 2 * kPi * (first + 0.5 * step) / bits;
         wedge.points_m.push_back(centre_m + 3.2 * RadiusM() * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
       }
-      drawing->shapes.push_back(std::move(wedge));
+      wedges.push_back(std::move(wedge));
       first = last;
     }
+    return wedges;
   }
 
-  // Adds a reading. If a dot was a candidate twice, the better reading is kept.
-  void AddFound(const RingReading& reading, std::vector<FoundPoint>* found) const {
+  FoundPoint PointOf(const RingReading& reading) const {
     FoundPoint point;
     point.point = point_of_code_.at(reading.code);
     point.on_board = points_[static_cast<size_t>(point.point)].in_target.head<2>() / RadiusM();
@@ -291,12 +295,19 @@ class CodedBoard final : public Target {
       ring_from_plane.topRightCorner<2, 1>() = -turn * point.on_board;
       point.pixel_from_plane.push_back(reading.pixel_from_ring * ring_from_plane);
     }
-    for (FoundPoint& other : *found) {
-      if ((other.pixel - point.pixel).norm() > 0.5 * std::min(other.radius_px, point.radius_px)) continue;
-      if (point.residual_ratio < other.residual_ratio) other = point;
-      return;
+    return point;
+  }
+  // Returns the points with one more. If a dot was a candidate twice, the better reading is kept.
+  static std::vector<FoundPoint> WithBetter(std::vector<FoundPoint> found, FoundPoint point) {
+    const auto same = std::find_if(found.begin(), found.end(), [&](const FoundPoint& other) {
+      return !((other.pixel - point.pixel).norm() > 0.5 * std::min(other.radius_px, point.radius_px));
+    });
+    if (same == found.end()) {
+      found.push_back(std::move(point));
+    } else if (point.residual_ratio < same->residual_ratio) {
+      *same = std::move(point);
     }
-    found->push_back(std::move(point));
+    return found;
   }
 
   // Returns whether one of the homographies of `a` predicts the position of `b`.
@@ -308,14 +319,16 @@ class CodedBoard final : public Target {
     });
   }
 
-  // Sorts by increasing distance on the target.
-  static void SortByDistance(const std::vector<FoundPoint>& found, const Eigen::Vector2d& on_board,
-                             std::vector<size_t>* indices) {
-    std::sort(indices->begin(), indices->end(), [&](size_t a, size_t b) {
+  // Returns the indices by increasing distance on the target, at most `most`.
+  static std::vector<size_t> ByDistance(std::vector<size_t> indices, const std::vector<FoundPoint>& found,
+                                        const Eigen::Vector2d& on_board, size_t most) {
+    std::sort(indices.begin(), indices.end(), [&](size_t a, size_t b) {
       const double distance_a = (found[a].on_board - on_board).squaredNorm();
       const double distance_b = (found[b].on_board - on_board).squaredNorm();
       return distance_a != distance_b ? distance_a < distance_b : a < b;
     });
+    if (indices.size() > most) indices.resize(most);
+    return indices;
   }
   // Returns the points nearest to a point, other than itself, at most `most`.
   static std::vector<size_t> Neighbours(const std::vector<FoundPoint>& found, size_t i, size_t most) {
@@ -323,22 +336,22 @@ class CodedBoard final : public Target {
     for (size_t j = 0; j < found.size(); ++j) {
       if (j != i && found[j].point != found[i].point) others.push_back(j);
     }
-    SortByDistance(found, found[i].on_board, &others);
-    if (others.size() > most) others.resize(most);
-    return others;
+    return ByDistance(std::move(others), found, found[i].on_board, most);
   }
   static std::vector<size_t> Nearest(const std::vector<FoundPoint>& found, const Eigen::Vector2d& on_board,
                                      size_t most) {
     std::vector<size_t> all(found.size());
     std::iota(all.begin(), all.end(), 0);
-    SortByDistance(found, on_board, &all);
-    if (all.size() > most) all.resize(most);
-    return all;
+    return ByDistance(std::move(all), found, on_board, most);
   }
 
+  struct Board {
+    std::vector<FoundPoint> points;
+    std::string reason;
+  };
   // Returns the points that agree on the pose of the target, by increasing id. Returns none if no points agree, or,
-  // with a `reason`, if the two largest groups that agree have the same size.
-  std::vector<FoundPoint> FindBoard(const std::vector<FoundPoint>& found, std::string* reason) const {
+  // with a reason, if the two largest groups that agree have the same size.
+  Board FindBoard(const std::vector<FoundPoint>& found) const {
     constexpr size_t kMaxNeighbours = 12;
     std::vector<size_t> group(found.size());
     std::iota(group.begin(), group.end(), 0);
@@ -360,45 +373,45 @@ class CodedBoard final : public Target {
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
     if (sorted.empty()) return {};
     if (sorted.size() > 1 && sorted[1].size() == sorted[0].size()) {
-      *reason = "the points seen do not match the target, or two copies of it are in view";
-      return {};
+      return {{}, "the points seen do not match the target, or two copies of it are in view"};
     }
     std::vector<FoundPoint> board;
     for (const size_t i : sorted[0]) board.push_back(found[i]);
     // The target's order makes the result independent of the order in which points were read.
     std::stable_sort(board.begin(), board.end(),
                      [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
-    RemoveOutliers(&board);
+    board = WithoutOutliers(std::move(board));
     // Points with the same id are all removed.
-    std::vector<FoundPoint> unique;
+    Board unique;
     for (size_t i = 0; i < board.size(); ++i) {
       const bool twice = (i > 0 && board[i - 1].point == board[i].point) ||
                          (i + 1 < board.size() && board[i + 1].point == board[i].point);
-      if (!twice) unique.push_back(board[i]);
+      if (!twice) unique.points.push_back(board[i]);
     }
     return unique;
   }
 
-  // Removes, worst first, the points that are not where their neighbours predict them. Lens distortion bends a
-  // target, but hardly among neighbours.
-  static void RemoveOutliers(std::vector<FoundPoint>* board) {
-    while (board->size() >= 6) {
+  // Returns the points without those, worst first, that are not where their neighbours predict them. Lens distortion
+  // bends a target, but hardly among neighbours.
+  static std::vector<FoundPoint> WithoutOutliers(std::vector<FoundPoint> board) {
+    while (board.size() >= 6) {
       size_t worst = 0;
       double worst_ratio = 1;
-      for (size_t i = 0; i < board->size(); ++i) {
-        const std::vector<size_t> others = Neighbours(*board, i, kNumUsed);
-        const std::optional<Eigen::Vector2d> expected = Expected(*board, (*board)[i].on_board, others);
+      for (size_t i = 0; i < board.size(); ++i) {
+        const std::vector<size_t> others = Neighbours(board, i, kNumUsed);
+        const std::optional<Eigen::Vector2d> expected = Expected(board, board[i].on_board, others);
         if (!expected) continue;
-        const double step_px = ((*board)[others[0]].pixel - (*board)[i].pixel).norm();
-        const double ratio = (*expected - (*board)[i].pixel).norm() / (0.08 * step_px + 1);
+        const double step_px = (board[others[0]].pixel - board[i].pixel).norm();
+        const double ratio = (*expected - board[i].pixel).norm() / (0.08 * step_px + 1);
         if (ratio > worst_ratio) {
           worst_ratio = ratio;
           worst = i;
         }
       }
-      if (worst_ratio <= 1) return;
-      board->erase(board->begin() + static_cast<std::ptrdiff_t>(worst));
+      if (worst_ratio <= 1) break;
+      board.erase(board.begin() + static_cast<std::ptrdiff_t>(worst));
     }
+    return board;
   }
 
   // Predicts the pixel of a point from the homography through `others` (linear least squares, centred and scaled).

@@ -53,13 +53,14 @@ inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::ve
   return confusions;
 }
 
-// Adds a setting of `key` for every other name in a table.
+// Returns a setting of `key` for every other name in a table.
 template <class Table>
-void AddOtherNames(const std::string& key, const Table& table, const std::string& name,
-                   std::vector<TargetSettings>* confusions) {
+std::vector<TargetSettings> OtherNames(const std::string& key, const Table& table, const std::string& name) {
+  std::vector<TargetSettings> confusions;
   for (const auto& entry : table) {
-    if (entry.name != name) confusions->push_back({{key, entry.name}});
+    if (entry.name != name) confusions.push_back({{key, entry.name}});
   }
+  return confusions;
 }
 
 }  // namespace heba

@@ -357,8 +357,7 @@ Drawing AmidRoundMarks(const Target& board, int count, const std::vector<uint32_
   marks.min_radius_m = 0.4 * radius_m;
   marks.max_radius_m = 2 * radius_m;
   marks.avoided_codes = avoided_codes;
-  AddRoundMarks(marks, kept, rng, &drawing);
-  return drawing;
+  return WithRoundMarks(std::move(drawing), marks, kept, rng);
 }
 
 // Measures the recall of points whose rings are entirely in the image; ids at wrong positions are counted as wild.

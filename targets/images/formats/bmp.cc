@@ -24,6 +24,15 @@ constexpr uint32_t kRuns8 = 1;
 constexpr uint32_t kRuns4 = 2;
 constexpr uint32_t kMasks = 3;
 
+// Which bits of 16 or 32 are which colour.
+struct Masks {
+  bool has_wide_green = false;  // 16 bits: 6 of them are green, not 5.
+  // 32 bits: those of red, green, blue and alpha. If one of the first three has none, the bytes are blue, green, red
+  // and alpha.
+  std::array<uint32_t, 4> bits{};
+};
+using Palette = std::array<Colour, 256>;
+
 struct Layout {
   int64_t width = 0;
   int64_t height = 0;
@@ -32,11 +41,8 @@ struct Layout {
   uint32_t compression = kNone;
   size_t pixels_at = 0;
   int channels = 3;
-  std::array<Colour, 256> palette{};
-  bool has_wide_green = false;  // 16 bits: 6 of them are green, not 5.
-  // 32 bits: those of red, green, blue and alpha. If one of the first three has none, the bytes are blue, green, red
-  // and alpha.
-  std::array<uint32_t, 4> masks{};
+  Palette palette{};
+  Masks masks;
 };
 
 constexpr size_t kFileHeader = 14;
@@ -58,39 +64,38 @@ ImageHeader HeaderOf(string_view bytes) {
 
 bool IsGrey(const Colour& colour) { return colour.blue == colour.green && colour.blue == colour.red; }
 
-// Reads which bits of 16 or 32 are which colour; returns false if masks of 16 bits are not the two usual ones.
-bool ReadMasks(string_view bytes, Layout* layout) {
+// Returns nothing if masks of 16 bits are not the two usual ones.
+std::optional<Masks> ReadMasks(string_view bytes, uint32_t bits) {
   constexpr size_t kMasksAt = 54;
   constexpr uint32_t kHeaderWithMasks = 56;
   std::array<uint32_t, 4> masks{};
   for (size_t i = 0; i < masks.size(); ++i) masks[i] = Number(bytes, kMasksAt + 4 * i, 4);
-  if (layout->bits == 32) {
+  if (bits == 32) {
     // As in OpenCV, masks behind a shorter header say nothing.
-    if (Number(bytes, kFileHeader, 4) >= kHeaderWithMasks) layout->masks = masks;
-    return true;
+    return Number(bytes, kFileHeader, 4) >= kHeaderWithMasks ? Masks{false, masks} : Masks();
   }
-  layout->has_wide_green = masks[0] == 0xf800 && masks[1] == 0x7e0 && masks[2] == 0x1f;
-  return layout->has_wide_green || (masks[0] == 0x7c00 && masks[1] == 0x3e0 && masks[2] == 0x1f);
+  if (masks[0] == 0xf800 && masks[1] == 0x7e0 && masks[2] == 0x1f) return Masks{true, {}};
+  if (masks[0] == 0x7c00 && masks[1] == 0x3e0 && masks[2] == 0x1f) return Masks();
+  return std::nullopt;
 }
 
-// Reads the palette, which follows the header; an image with grey colours only has one channel. Returns false if it is
-// too long.
-bool ReadPalette(string_view bytes, Layout* layout) {
+// Reads the palette, which follows the header. Returns nothing if it is too long.
+std::optional<Palette> ReadPalette(string_view bytes, uint32_t bits) {
   const size_t header = Number(bytes, kFileHeader, 4);
   const bool is_old = header == kOldHeader;
-  const size_t num_colours = size_t{1} << layout->bits;
+  const size_t num_colours = size_t{1} << bits;
   const size_t num_used = is_old ? 0 : Number(bytes, 46, 4);
   const size_t num_stored = num_used == 0 ? num_colours : num_used;
   const size_t entry_size = is_old ? 3 : 4;
   const size_t palette_at = kFileHeader + header;
-  if (num_stored > layout->palette.size() || palette_at + num_stored * entry_size > bytes.size()) return false;
+  Palette palette{};
+  if (num_stored > palette.size() || palette_at + num_stored * entry_size > bytes.size()) return std::nullopt;
   for (size_t i = 0; i < num_stored; ++i) {
     const size_t entry = palette_at + i * entry_size;
-    layout->palette[i] = {static_cast<uchar>(Number(bytes, entry, 1)), static_cast<uchar>(Number(bytes, entry + 1, 1)),
-                          static_cast<uchar>(Number(bytes, entry + 2, 1))};
+    palette[i] = {static_cast<uchar>(Number(bytes, entry, 1)), static_cast<uchar>(Number(bytes, entry + 1, 1)),
+                  static_cast<uchar>(Number(bytes, entry + 2, 1))};
   }
-  if (std::all_of(layout->palette.begin(), layout->palette.begin() + num_colours, &IsGrey)) layout->channels = 1;
-  return true;
+  return palette;
 }
 
 // Returns nothing if the header is one that is not read.
@@ -112,13 +117,21 @@ std::optional<Layout> ReadLayout(string_view bytes) {
   if (layout.compression == kNone) is_known = has_palette || bits == 24 || bits == 32 || (bits == 16 && !is_old);
   if (layout.compression == kRuns8) is_known = bits == 8;
   if (layout.compression == kRuns4) is_known = bits == 4;
-  if (layout.compression == kMasks) is_known = (bits == 16 || bits == 32) && ReadMasks(bytes, &layout);
+  if (layout.compression == kMasks && (bits == 16 || bits == 32)) {
+    const std::optional<Masks> masks = ReadMasks(bytes, bits);
+    is_known = masks.has_value();
+    layout.masks = masks.value_or(Masks());
+  }
   if (!is_known) return std::nullopt;
   if (is_old) layout.channels = 1;
   // Without masks, the fourth byte of a pixel says nothing.
   if (bits == 32 && layout.compression == kMasks) layout.channels = 4;
   if (!has_palette) return layout;
-  if (!ReadPalette(bytes, &layout)) return std::nullopt;
+  const std::optional<Palette> palette = ReadPalette(bytes, bits);
+  if (!palette) return std::nullopt;
+  layout.palette = *palette;
+  // An image with grey colours only has one channel.
+  if (std::all_of(palette->begin(), palette->begin() + (1 << bits), &IsGrey)) layout.channels = 1;
   return layout;
 }
 
@@ -127,6 +140,14 @@ class Canvas {
  public:
   Canvas(const Layout& layout, const cv::Mat& image) : layout_(layout), image_(image) {}
 
+  void DrawRow(const uchar* data, int64_t row);
+  // Draws an image of run lengths: pairs of a count and a colour (two colours in turn with 4 bits), or a zero and what
+  // to do: 0 ends the row, 1 the image, 2 moves by the two following bytes, and a larger number is that of the pixels
+  // that follow. Pixels that are skipped have the first colour. A full row goes on in the next one. Returns false if
+  // the file ends before the image, or if a run leaves its row.
+  bool DrawRuns(string_view bytes);
+
+ private:
   void Set(int64_t row, int64_t column, const Colour& colour) {
     uchar* const line = Row(row);
     if (layout_.channels == 1) {
@@ -140,7 +161,6 @@ class Canvas {
   }
   uchar* Row(int64_t row) { return image_.ptr(static_cast<int>(layout_.is_from_top ? row : layout_.height - 1 - row)); }
 
- private:
   const Layout& layout_;
   cv::Mat image_;
 };
@@ -163,73 +183,66 @@ Colour WideColour(uint32_t value, bool has_wide_green) {
 // Returns the lowest 8 of the bits that a mask selects.
 uchar Masked(uint32_t value, uint32_t mask) { return static_cast<uchar>((value & mask) >> std::countr_zero(mask)); }
 
-// Sets a pixel with alpha from its four bytes.
-void SetMasked(const uchar* data, const std::array<uint32_t, 4>& masks, uchar* pixel) {
-  if (masks[0] == 0 || masks[1] == 0 || masks[2] == 0) {
-    std::copy_n(data, 4, pixel);
-    return;
-  }
+// Returns a pixel with alpha from its four bytes.
+cv::Vec4b MaskedPixel(const uchar* data, const std::array<uint32_t, 4>& masks) {
+  if (masks[0] == 0 || masks[1] == 0 || masks[2] == 0) return cv::Vec4b(data);
   const uint32_t value = data[0] | data[1] << 8U | data[2] << 16U | uint32_t{data[3]} << 24U;
-  for (size_t i = 0; i < 3; ++i) pixel[i] = Masked(value, masks[2 - i]);
-  pixel[3] = masks[3] == 0 ? uchar{255} : Masked(value, masks[3]);
+  return {Masked(value, masks[2]), Masked(value, masks[1]), Masked(value, masks[0]),
+          masks[3] == 0 ? uchar{255} : Masked(value, masks[3])};
 }
 
-void DrawRow(const Layout& layout, const uchar* data, int64_t row, Canvas* canvas) {
-  if (layout.bits == 24 && layout.channels == 3) {
-    std::copy_n(data, 3 * layout.width, canvas->Row(row));
+void Canvas::DrawRow(const uchar* data, int64_t row) {
+  if (layout_.bits == 24 && layout_.channels == 3) {
+    std::copy_n(data, 3 * layout_.width, Row(row));
     return;
   }
-  for (int64_t column = 0; column < layout.width; ++column) {
+  for (int64_t column = 0; column < layout_.width; ++column) {
     const auto i = static_cast<size_t>(column);
-    switch (layout.bits) {
+    switch (layout_.bits) {
       case 16: {
         const uint32_t value = data[2 * i] + 256U * data[2 * i + 1];
-        canvas->Set(row, column, WideColour(value, layout.has_wide_green));
+        Set(row, column, WideColour(value, layout_.masks.has_wide_green));
         break;
       }
       case 24:
-        canvas->Set(row, column, {data[3 * i], data[3 * i + 1], data[3 * i + 2]});
+        Set(row, column, {data[3 * i], data[3 * i + 1], data[3 * i + 2]});
         break;
       case 32:
-        if (layout.channels < 4) canvas->Set(row, column, {data[4 * i], data[4 * i + 1], data[4 * i + 2]});
-        if (layout.channels == 4) SetMasked(data + 4 * i, layout.masks, canvas->Row(row) + 4 * i);
+        if (layout_.channels < 4) Set(row, column, {data[4 * i], data[4 * i + 1], data[4 * i + 2]});
+        if (layout_.channels == 4) std::copy_n(MaskedPixel(data + 4 * i, layout_.masks.bits).val, 4, Row(row) + 4 * i);
         break;
       default:
-        canvas->Set(row, column, layout.palette[IndexAt(data, i, layout.bits)]);
+        Set(row, column, layout_.palette[IndexAt(data, i, layout_.bits)]);
     }
   }
 }
 
-// Draws an image of run lengths: pairs of a count and a colour (two colours in turn with 4 bits), or a zero and what
-// to do: 0 ends the row, 1 the image, 2 moves by the two following bytes, and a larger number is that of the pixels
-// that follow. Pixels that are skipped have the first colour. A full row goes on in the next one. Returns false if the
-// file ends before the image, or if a run leaves its row.
-bool DrawRuns(const Layout& layout, string_view bytes, Canvas* canvas) {
+bool Canvas::DrawRuns(string_view bytes) {
   const auto* const data = reinterpret_cast<const uchar*>(bytes.data());  // NOLINT
-  for (int64_t row = 0; row < layout.height; ++row) {
-    for (int64_t column = 0; column < layout.width; ++column) canvas->Set(row, column, layout.palette[0]);
+  for (int64_t row = 0; row < layout_.height; ++row) {
+    for (int64_t column = 0; column < layout_.width; ++column) Set(row, column, layout_.palette[0]);
   }
   int64_t row = 0;
   int64_t column = 0;
   const auto draw = [&](size_t count, const uchar* indices, size_t period) {
-    if (column == layout.width) {
+    if (column == layout_.width) {
       column = 0;
       ++row;
     }
-    if (row >= layout.height || static_cast<int64_t>(count) > layout.width - column) return false;
+    if (row >= layout_.height || static_cast<int64_t>(count) > layout_.width - column) return false;
     for (size_t i = 0; i < count; ++i, ++column) {
-      canvas->Set(row, column, layout.palette[IndexAt(indices, i % period, layout.bits)]);
+      Set(row, column, layout_.palette[IndexAt(indices, i % period, layout_.bits)]);
     }
     return true;
   };
-  size_t at = layout.pixels_at;
-  while (row < layout.height - 1 || (row == layout.height - 1 && column < layout.width)) {
+  size_t at = layout_.pixels_at;
+  while (row < layout_.height - 1 || (row == layout_.height - 1 && column < layout_.width)) {
     if (at + 2 > bytes.size()) return false;
     const size_t count = data[at];
     const size_t code = data[at + 1];
     at += 2;
     if (count > 0) {
-      if (!draw(count, data + at - 1, 8 / layout.bits)) return false;
+      if (!draw(count, data + at - 1, 8 / layout_.bits)) return false;
     } else if (code == 0) {
       column = 0;
       ++row;
@@ -237,11 +250,11 @@ bool DrawRuns(const Layout& layout, string_view bytes, Canvas* canvas) {
       return true;
     } else if (code == 2) {
       if (at + 2 > bytes.size()) return false;
-      column = std::min(column + data[at], layout.width);
+      column = std::min(column + data[at], layout_.width);
       row += data[at + 1];
       at += 2;
     } else {
-      const size_t num_bytes = (code * layout.bits + 7) / 8;
+      const size_t num_bytes = (code * layout_.bits + 7) / 8;
       const size_t padded = (num_bytes + 1) / 2 * 2;
       if (at + padded > bytes.size() || !draw(code, data + at, code)) return false;
       at += padded;
@@ -262,12 +275,12 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   }
   Canvas canvas(*layout, *image);
   if (has_runs) {
-    if (!DrawRuns(*layout, bytes, &canvas)) return Failure("its runs of pixels are damaged, or it is truncated");
+    if (!canvas.DrawRuns(bytes)) return Failure("its runs of pixels are damaged, or it is truncated");
     return image;
   }
   for (int64_t row = 0; row < layout->height; ++row) {
     const size_t at = layout->pixels_at + static_cast<uint64_t>(row) * pitch;
-    DrawRow(*layout, reinterpret_cast<const uchar*>(bytes.data()) + at, row, &canvas);  // NOLINT
+    canvas.DrawRow(reinterpret_cast<const uchar*>(bytes.data()) + at, row);  // NOLINT
   }
   return image;
 }

@@ -41,8 +41,19 @@ ImageHeader HeaderOf(string_view bytes) {
 
 // The handler of errors, which leaves libjpeg's functions by a jump.
 struct DecoderErrors {
-  jpeg_error_mgr base;  // The first member: libjpeg knows the handler by its address.
-  std::jmp_buf place;
+  DecoderErrors();
+
+  // Runs a step, in which nothing with a destructor may be alive while libjpeg works. Returns false, with the error
+  // set, if libjpeg left it.
+  template <class Step>
+  bool Allow(const Step& step) {
+    if (setjmp(place) != 0) return false;  // NOLINT(cert-err52-cpp)
+    step();
+    return true;
+  }
+
+  jpeg_error_mgr base = {};  // The first member: libjpeg knows the handler by its address.
+  std::jmp_buf place = {};
   std::string error;
 };
 
@@ -66,41 +77,33 @@ void OnMessage(j_common_ptr jpeg, int /*level*/) {
 }
 void Ignore(j_common_ptr /*jpeg*/) {}
 
-jpeg_error_mgr* Prepare(DecoderErrors* errors) {
-  jpeg_std_error(&errors->base);
-  errors->base.error_exit = &Leave;
-  errors->base.emit_message = &OnMessage;
-  errors->base.output_message = &Ignore;
-  return &errors->base;
-}
-
-// Runs a step, in which nothing with a destructor may be alive while libjpeg works. Returns false, with the error set,
-// if libjpeg left it.
-template <class State>
-bool Succeeds(void (*step)(State*), State* state) {
-  if (setjmp(state->errors.place) != 0) return false;  // NOLINT(cert-err52-cpp)
-  step(state);
-  return true;
+DecoderErrors::DecoderErrors() {
+  jpeg_std_error(&base);
+  base.error_exit = &Leave;
+  base.emit_message = &OnMessage;
+  base.output_message = &Ignore;
 }
 
 struct Reader {
-  Reader() { jpeg.err = Prepare(&errors); }
+  Reader() { jpeg.err = &errors.base; }
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
   ~Reader() { jpeg_destroy_decompress(&jpeg); }
 
-  DecoderErrors errors = {};
+  void ReadHeader();
+  void ReadPixels();
+
+  DecoderErrors errors;
   jpeg_decompress_struct jpeg = {};
   string_view bytes;
   cv::Mat image;
   std::vector<unsigned char> inks;  // A row of an image in cyan, magenta, yellow and black.
 };
 
-void ReadHeader(Reader* reader) {
-  jpeg_create_decompress(&reader->jpeg);
-  jpeg_mem_src(&reader->jpeg, reinterpret_cast<const unsigned char*>(reader->bytes.data()),  // NOLINT
-               reader->bytes.size());
-  jpeg_read_header(&reader->jpeg, TRUE);
+void Reader::ReadHeader() {
+  jpeg_create_decompress(&jpeg);
+  jpeg_mem_src(&jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());  // NOLINT
+  jpeg_read_header(&jpeg, TRUE);
 }
 
 // The inks are stored inverted, as most programs do.
@@ -113,40 +116,41 @@ void SetColours(const std::vector<unsigned char>& inks, uchar* row) {
   }
 }
 
-void ReadPixels(Reader* reader) {
-  jpeg_decompress_struct& jpeg = reader->jpeg;
-  const bool has_inks = !reader->inks.empty();
-  jpeg.out_color_space = has_inks ? JCS_CMYK : reader->image.channels() == 3 ? JCS_EXT_BGR : JCS_GRAYSCALE;
+void Reader::ReadPixels() {
+  const bool has_inks = !inks.empty();
+  jpeg.out_color_space = has_inks ? JCS_CMYK : image.channels() == 3 ? JCS_EXT_BGR : JCS_GRAYSCALE;
   jpeg_start_decompress(&jpeg);
-  for (int i = 0; i < reader->image.rows; ++i) {
-    JSAMPROW row = has_inks ? reader->inks.data() : reader->image.ptr(i);
+  for (int i = 0; i < image.rows; ++i) {
+    JSAMPROW row = has_inks ? inks.data() : image.ptr(i);
     jpeg_read_scanlines(&jpeg, &row, 1);
-    if (has_inks) SetColours(reader->inks, reader->image.ptr(i));
+    if (has_inks) SetColours(inks, image.ptr(i));
   }
 }
 
 Outcome<cv::Mat> Decode(string_view bytes) {
   Reader reader;
   reader.bytes = bytes;
-  if (!Succeeds(&ReadHeader, &reader)) return Unreadable("libjpeg", reader.errors.error);
+  if (!reader.errors.Allow([&] { reader.ReadHeader(); })) return Unreadable("libjpeg", reader.errors.error);
   const int components = reader.jpeg.num_components;
   const Outcome<cv::Mat> image =
       NewImage(reader.jpeg.image_width, reader.jpeg.image_height, components > 1 ? CV_8UC3 : CV_8UC1);
   if (!image) return image;
   reader.image = *image;
   if (components == 4) reader.inks.resize(4 * static_cast<size_t>(reader.image.cols));
-  if (!Succeeds(&ReadPixels, &reader)) return Unreadable("libjpeg", reader.errors.error);
+  if (!reader.errors.Allow([&] { reader.ReadPixels(); })) return Unreadable("libjpeg", reader.errors.error);
   return reader.image;
 }
 
 // A writer with the place where libjpeg puts what it has written, a block at a time.
 struct Writer {
-  Writer() { jpeg.err = Prepare(&errors); }
+  Writer() { jpeg.err = &errors.base; }
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
   ~Writer() { jpeg_destroy_compress(&jpeg); }
 
-  DecoderErrors errors = {};
+  void WriteAll();
+
+  DecoderErrors errors;
   jpeg_compress_struct jpeg = {};
   jpeg_destination_mgr destination = {};
   std::vector<unsigned char> block = std::vector<unsigned char>(size_t{1} << 14);
@@ -181,24 +185,23 @@ boolean EndBlock(j_compress_ptr jpeg) {
 
 void EndLastBlock(j_compress_ptr jpeg) { KeepBlock(jpeg, WriterOf(jpeg)->block.size() - jpeg->dest->free_in_buffer); }
 
-void WriteAll(Writer* writer) {
-  jpeg_compress_struct& jpeg = writer->jpeg;
+void Writer::WriteAll() {
   jpeg_create_compress(&jpeg);
-  jpeg.client_data = writer;
-  writer->destination.init_destination = &StartBlock;
-  writer->destination.empty_output_buffer = &EndBlock;
-  writer->destination.term_destination = &EndLastBlock;
-  jpeg.dest = &writer->destination;
-  const int channels = writer->image.channels();
-  jpeg.image_width = static_cast<JDIMENSION>(writer->image.cols);
-  jpeg.image_height = static_cast<JDIMENSION>(writer->image.rows);
+  jpeg.client_data = this;
+  destination.init_destination = &StartBlock;
+  destination.empty_output_buffer = &EndBlock;
+  destination.term_destination = &EndLastBlock;
+  jpeg.dest = &destination;
+  const int channels = image.channels();
+  jpeg.image_width = static_cast<JDIMENSION>(image.cols);
+  jpeg.image_height = static_cast<JDIMENSION>(image.rows);
   jpeg.input_components = channels;
   jpeg.in_color_space = channels == 1 ? JCS_GRAYSCALE : channels == 3 ? JCS_EXT_BGR : JCS_EXT_BGRX;
   jpeg_set_defaults(&jpeg);
-  jpeg_set_quality(&jpeg, writer->quality, TRUE);
+  jpeg_set_quality(&jpeg, quality, TRUE);
   jpeg_start_compress(&jpeg, TRUE);
-  for (int i = 0; i < writer->image.rows; ++i) {
-    JSAMPROW row = writer->image.ptr(i);
+  for (int i = 0; i < image.rows; ++i) {
+    JSAMPROW row = image.ptr(i);
     jpeg_write_scanlines(&jpeg, &row, 1);
   }
   jpeg_finish_compress(&jpeg);
@@ -209,7 +212,7 @@ Outcome<std::vector<unsigned char>> Encode(const cv::Mat& image, int quality) {
   Writer writer;
   writer.image = image;
   writer.quality = quality;
-  if (!Succeeds(&WriteAll, &writer)) return Failure("libjpeg: " + writer.errors.error);
+  if (!writer.errors.Allow([&] { writer.WriteAll(); })) return Failure("libjpeg: " + writer.errors.error);
   return std::move(writer.written);
 }
 

@@ -41,6 +41,18 @@ struct Png {
     if (!is_writer) png_destroy_read_struct(&png, &info, nullptr);
   }
 
+  // Runs a step, in which nothing with a destructor may be alive while libpng works. Returns false, with the error set,
+  // if libpng left it.
+  bool Allow(void (Png::*step)()) {
+    if (setjmp(png_jmpbuf(png)) != 0) return false;  // NOLINT(cert-err52-cpp)
+    (this->*step)();
+    return true;
+  }
+  void SetImage(const cv::Mat& new_image);
+  void ReadInfo() { png_read_info(png, info); }
+  void ReadPixels();
+  void WriteAll();
+
   png_structp png = nullptr;
   png_infop info = nullptr;
   bool is_writer = false;
@@ -57,16 +69,9 @@ void Fail(png_structp png, png_const_charp message) {
 }
 void Ignore(png_structp /*png*/, png_const_charp /*warning*/) {}
 
-// Runs a step, in which nothing with a destructor may be alive while libpng works. Returns false, with `state->error`
-// set, if libpng left it.
-bool Succeeds(void (*step)(Png*), Png* state) {
-  if (setjmp(png_jmpbuf(state->png)) != 0) return false;  // NOLINT(cert-err52-cpp)
-  step(state);
-  return true;
-}
-
-void SetRows(Png* state) {
-  for (int row = 0; row < state->image.rows; ++row) state->rows.push_back(state->image.ptr(row));
+void Png::SetImage(const cv::Mat& new_image) {
+  image = new_image;
+  for (int row = 0; row < image.rows; ++row) rows.push_back(image.ptr(row));
 }
 
 bool IsLittleEndian() {
@@ -83,28 +88,26 @@ void Read(png_structp png, png_bytep to, size_t count) {
   unread.remove_prefix(count);
 }
 
-void ReadInfo(Png* state) { png_read_info(state->png, state->info); }
-
-void ReadPixels(Png* state) {
-  const png_byte color_type = png_get_color_type(state->png, state->info);
-  if (IsLittleEndian()) png_set_swap(state->png);
-  if (state->image.channels() < 4) {
-    png_set_strip_alpha(state->png);
+void Png::ReadPixels() {
+  const png_byte color_type = png_get_color_type(png, info);
+  if (IsLittleEndian()) png_set_swap(png);
+  if (image.channels() < 4) {
+    png_set_strip_alpha(png);
   } else {
-    png_set_tRNS_to_alpha(state->png);
+    png_set_tRNS_to_alpha(png);
   }
-  if (color_type == PNG_COLOR_TYPE_PALETTE) png_set_palette_to_rgb(state->png);
+  if (color_type == PNG_COLOR_TYPE_PALETTE) png_set_palette_to_rgb(png);
   const bool is_grey = (color_type & PNG_COLOR_MASK_COLOR) == 0;
-  if (is_grey && png_get_bit_depth(state->png, state->info) < 8) png_set_expand_gray_1_2_4_to_8(state->png);
-  if (!is_grey) png_set_bgr(state->png);
-  if (is_grey && state->image.channels() > 1) png_set_gray_to_rgb(state->png);
-  png_set_interlace_handling(state->png);
-  png_read_update_info(state->png, state->info);
-  if (png_get_rowbytes(state->png, state->info) != state->image.cols * state->image.elemSize()) {
-    png_error(state->png, "its header contradicts itself");
+  if (is_grey && png_get_bit_depth(png, info) < 8) png_set_expand_gray_1_2_4_to_8(png);
+  if (!is_grey) png_set_bgr(png);
+  if (is_grey && image.channels() > 1) png_set_gray_to_rgb(png);
+  png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  if (png_get_rowbytes(png, info) != image.cols * image.elemSize()) {
+    png_error(png, "its header contradicts itself");
   }
-  png_read_image(state->png, state->rows.data());
-  png_read_end(state->png, nullptr);
+  png_read_image(png, rows.data());
+  png_read_end(png, nullptr);
 }
 
 // Returns the type of the image that ReadPixels fills.
@@ -127,13 +130,12 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   if (state.png != nullptr) state.info = png_create_info_struct(state.png);
   if (state.info == nullptr) return Failure("libpng cannot be used");
   png_set_read_fn(state.png, &state, &Read);
-  if (!Succeeds(&ReadInfo, &state)) return Unreadable("libpng", state.error);
+  if (!state.Allow(&Png::ReadInfo)) return Unreadable("libpng", state.error);
   const Outcome<cv::Mat> image = NewImage(png_get_image_width(state.png, state.info),
                                           png_get_image_height(state.png, state.info), TypeOf(state.png, state.info));
   if (!image) return image;
-  state.image = *image;
-  SetRows(&state);
-  if (!Succeeds(&ReadPixels, &state)) return Unreadable("libpng", state.error);
+  state.SetImage(*image);
+  if (!state.Allow(&Png::ReadPixels)) return Unreadable("libpng", state.error);
   return state.image;
 }
 
@@ -150,24 +152,24 @@ void Write(png_structp png, png_bytep from, size_t count) {
 void Flush(png_structp /*png*/) {}
 
 // The filter, the level and the strategy are those of OpenCV: fast, and small for what is drawn.
-void WriteAll(Png* state) {
+void Png::WriteAll() {
   constexpr int kFastest = 1;
   constexpr int kRunLengths = 3;  // Z_RLE of zlib.
-  const int channels = state->image.channels();
-  png_set_filter(state->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
-  png_set_compression_level(state->png, kFastest);
-  png_set_compression_strategy(state->png, kRunLengths);
-  png_set_IHDR(state->png, state->info, static_cast<png_uint_32>(state->image.cols),
-               static_cast<png_uint_32>(state->image.rows), state->image.depth() == CV_8U ? 8 : 16,
+  const int channels = image.channels();
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
+  png_set_compression_level(png, kFastest);
+  png_set_compression_strategy(png, kRunLengths);
+  png_set_IHDR(png, info, static_cast<png_uint_32>(image.cols), static_cast<png_uint_32>(image.rows),
+               image.depth() == CV_8U ? 8 : 16,
                channels == 1   ? PNG_COLOR_TYPE_GRAY
                : channels == 3 ? PNG_COLOR_TYPE_RGB
                                : PNG_COLOR_TYPE_RGB_ALPHA,
                PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  png_write_info(state->png, state->info);
-  png_set_bgr(state->png);
-  if (IsLittleEndian()) png_set_swap(state->png);
-  png_write_image(state->png, state->rows.data());
-  png_write_end(state->png, state->info);
+  png_write_info(png, info);
+  png_set_bgr(png);
+  if (IsLittleEndian()) png_set_swap(png);
+  png_write_image(png, rows.data());
+  png_write_end(png, info);
 }
 
 Outcome<std::vector<unsigned char>> Encode(const cv::Mat& image, int /*quality*/) {
@@ -178,9 +180,8 @@ Outcome<std::vector<unsigned char>> Encode(const cv::Mat& image, int /*quality*/
   if (state.png != nullptr) state.info = png_create_info_struct(state.png);
   if (state.info == nullptr) return Failure("libpng cannot be used");
   png_set_write_fn(state.png, &state, &Write, &Flush);
-  state.image = image;
-  SetRows(&state);
-  if (!Succeeds(&WriteAll, &state)) return Failure("libpng: " + state.error);
+  state.SetImage(image);
+  if (!state.Allow(&Png::WriteAll)) return Failure("libpng: " + state.error);
   return std::move(state.written);
 }
 

@@ -78,46 +78,62 @@ struct Layout {
   size_t values_per_row() const { return static_cast<size_t>(width) * static_cast<size_t>(channels); }
 };
 
-void SetValue(const Layout& layout, int row, size_t i, int value, cv::Mat* image) {
+// Reads the pixels of an image. Values of text are stretched to 255 if they have 8 bits, and those of bytes are not: as
+// in OpenCV.
+class PixelReader {
+ public:
+  PixelReader(const Layout& layout, const cv::Mat& image) : layout_(layout), image_(image) {}
+
+  // These return false if values are missing.
+  bool ReadText(NumberReader numbers);
+  bool ReadBytes(string_view bytes);
+
+ private:
+  void Set(int row, size_t i, int value);
+
+  const Layout& layout_;
+  cv::Mat image_;
+};
+
+void PixelReader::Set(int row, size_t i, int value) {
   // The channels are red, green, blue in the file.
-  const size_t place = layout.channels == 3 ? i - i % 3 + (2 - i % 3) : i;
-  if (image->depth() == CV_16U) {
-    image->ptr<uint16_t>(row)[place] = static_cast<uint16_t>(value);
+  const size_t place = layout_.channels == 3 ? i - i % 3 + (2 - i % 3) : i;
+  if (image_.depth() == CV_16U) {
+    image_.ptr<uint16_t>(row)[place] = static_cast<uint16_t>(value);
   } else {
-    image->ptr(row)[place] = static_cast<uchar>(value);
+    image_.ptr(row)[place] = static_cast<uchar>(value);
   }
 }
 
-// Values of text are stretched to 255 if they have 8 bits, and those of bytes are not: as in OpenCV.
-bool ReadText(const Layout& layout, NumberReader* numbers, cv::Mat* image) {
-  for (int row = 0; row < layout.height; ++row) {
-    for (size_t i = 0; i < layout.values_per_row(); ++i) {
-      const std::optional<int> number = numbers->Next(layout.is_bits);
+bool PixelReader::ReadText(NumberReader numbers) {
+  for (int row = 0; row < layout_.height; ++row) {
+    for (size_t i = 0; i < layout_.values_per_row(); ++i) {
+      const std::optional<int> number = numbers.Next(layout_.is_bits);
       if (!number) return false;
-      int value = std::min(*number, layout.largest);
-      if (layout.is_bits) value = 1 - value;
-      SetValue(layout, row, i, layout.bytes_per_value() == 1 ? value * 255 / layout.largest : value, image);
+      int value = std::min(*number, layout_.largest);
+      if (layout_.is_bits) value = 1 - value;
+      Set(row, i, layout_.bytes_per_value() == 1 ? value * 255 / layout_.largest : value);
     }
   }
   return true;
 }
 
-bool ReadBytes(const Layout& layout, string_view bytes, cv::Mat* image) {
-  const auto size = static_cast<size_t>(layout.bytes_per_value());
-  const size_t pitch = layout.is_bits ? (layout.values_per_row() + 7) / 8 : layout.values_per_row() * size;
-  if (bytes.size() / pitch < static_cast<size_t>(layout.height)) return false;
-  for (int row = 0; row < layout.height; ++row) {
+bool PixelReader::ReadBytes(string_view bytes) {
+  const auto size = static_cast<size_t>(layout_.bytes_per_value());
+  const size_t pitch = layout_.is_bits ? (layout_.values_per_row() + 7) / 8 : layout_.values_per_row() * size;
+  if (bytes.size() / pitch < static_cast<size_t>(layout_.height)) return false;
+  for (int row = 0; row < layout_.height; ++row) {
     const string_view line = bytes.substr(static_cast<size_t>(row) * pitch, pitch);
-    if (layout.channels == 1 && size == 1 && !layout.is_bits) {
-      std::copy(line.begin(), line.end(), image->ptr<char>(row));
+    if (layout_.channels == 1 && size == 1 && !layout_.is_bits) {
+      std::copy(line.begin(), line.end(), image_.ptr<char>(row));
       continue;
     }
-    for (size_t i = 0; i < layout.values_per_row(); ++i) {
-      const auto byte = static_cast<unsigned char>(line[layout.is_bits ? i / 8 : i * size]);
+    for (size_t i = 0; i < layout_.values_per_row(); ++i) {
+      const auto byte = static_cast<unsigned char>(line[layout_.is_bits ? i / 8 : i * size]);
       int value = byte;
-      if (layout.is_bits) value = (byte >> (7 - i % 8) & 1) != 0 ? 0 : 255;
+      if (layout_.is_bits) value = (byte >> (7 - i % 8) & 1) != 0 ? 0 : 255;
       if (size == 2) value = 256 * byte + static_cast<unsigned char>(line[2 * i + 1]);
-      SetValue(layout, row, i, value, image);
+      Set(row, i, value);
     }
   }
   return true;
@@ -136,11 +152,11 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   if (layout.width < 1 || layout.height < 1 || layout.largest < 1 || layout.largest > 65535) {
     return Failure("its header does not give its size and the value of white");
   }
-  Outcome<cv::Mat> image = NewImage(layout.width, layout.height,
-                                    CV_MAKETYPE(layout.bytes_per_value() == 1 ? CV_8U : CV_16U, layout.channels));
+  const Outcome<cv::Mat> image = NewImage(layout.width, layout.height,
+                                          CV_MAKETYPE(layout.bytes_per_value() == 1 ? CV_8U : CV_16U, layout.channels));
   if (!image) return image;
-  const bool is_complete =
-      layout.is_text ? ReadText(layout, &numbers, &*image) : ReadBytes(layout, numbers.rest(), &*image);
+  PixelReader reader(layout, *image);
+  const bool is_complete = layout.is_text ? reader.ReadText(numbers) : reader.ReadBytes(numbers.rest());
   if (!is_complete) return layout.is_text ? Failure("a number is missing in it, or it is truncated") : CutShort();
   return image;
 }

@@ -41,8 +41,16 @@ ImageHeader HeaderOf(string_view bytes) {
 // No strip or tile, and no other block that libtiff allocates, is larger.
 constexpr tmsize_t kMostBlockBytes = tmsize_t{1} << 30;
 
+struct Close {
+  void operator()(TIFF* tiff) const { TIFFClose(tiff); }
+};
+using Tiff = std::unique_ptr<TIFF, Close>;
+
 // The bytes as libtiff reads them, and the first error.
 struct Source {
+  // Opens the image, which reads from this place as long as it is open.
+  Tiff Open();
+
   string_view bytes;
   uint64_t at = 0;
   std::string error;
@@ -80,19 +88,14 @@ int IgnoreWarning(TIFF* /*tiff*/, void* /*data*/, const char* /*module*/, const 
   return 1;
 }
 
-struct Close {
-  void operator()(TIFF* tiff) const { TIFFClose(tiff); }
-};
-using Tiff = std::unique_ptr<TIFF, Close>;
-
-Tiff Open(Source* source) {
+Tiff Source::Open() {
   const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                              &TIFFOpenOptionsFree);
   TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMostBlockBytes);
-  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), &KeepError, source);
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), &KeepError, this);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), &IgnoreWarning, nullptr);
-  return Tiff(TIFFClientOpenExt("image", "rm", source, &Read, &RefuseToWrite, &Seek, &KeepOpen, &SizeOf, nullptr,
-                                nullptr, options.get()));
+  return Tiff(TIFFClientOpenExt("image", "rm", this, &Read, &RefuseToWrite, &Seek, &KeepOpen, &SizeOf, nullptr, nullptr,
+                                options.get()));
 }
 
 struct Layout {
@@ -195,49 +198,64 @@ struct Block {
   int height = 0;
 };
 
+// Reads the pixels of an image. The functions return false if libtiff does not read a block.
+class PixelReader {
+ public:
+  PixelReader(TIFF* tiff, const Layout& layout, const cv::Mat& image) : tiff_(tiff), layout_(layout), image_(image) {}
+
+  bool ReadAll();
+
+ private:
+  bool ReadColours(const Block& block);
+  bool ReadDeep(const Block& block);
+
+  TIFF* tiff_;
+  const Layout& layout_;
+  cv::Mat image_;
+  std::vector<uint32_t> colours_;  // Of a block.
+  std::vector<uchar> packed_;      // Likewise.
+};
+
 // libtiff's rows begin with the lowest one.
-bool ReadColours(TIFF* tiff, const Layout& layout, const Block& block, std::vector<uint32_t>* colours, cv::Mat* image) {
-  colours->resize(static_cast<size_t>(layout.block_width) * layout.block_height);
+bool PixelReader::ReadColours(const Block& block) {
+  colours_.resize(static_cast<size_t>(layout_.block_width) * layout_.block_height);
   constexpr int kStopAtErrors = 1;
-  const int is_read = layout.is_tiled ? TIFFReadRGBATileExt(tiff, block.x, block.y, colours->data(), kStopAtErrors)
-                                      : TIFFReadRGBAStripExt(tiff, block.y, colours->data(), kStopAtErrors);
+  const int is_read = layout_.is_tiled ? TIFFReadRGBATileExt(tiff_, block.x, block.y, colours_.data(), kStopAtErrors)
+                                       : TIFFReadRGBAStripExt(tiff_, block.y, colours_.data(), kStopAtErrors);
   if (is_read == 0) return false;
-  const size_t rows = layout.is_tiled ? layout.block_height : static_cast<size_t>(block.height);
+  const size_t rows = layout_.is_tiled ? layout_.block_height : static_cast<size_t>(block.height);
   for (int i = 0; i < block.height; ++i) {
-    const uint32_t* const row = colours->data() + (rows - 1 - static_cast<size_t>(i)) * layout.block_width;
-    SetRow(row, block.width, image->channels(),
-           image->ptr(static_cast<int>(block.y) + i) + static_cast<size_t>(block.x) * image->elemSize());
+    const uint32_t* const row = colours_.data() + (rows - 1 - static_cast<size_t>(i)) * layout_.block_width;
+    SetRow(row, block.width, image_.channels(),
+           image_.ptr(static_cast<int>(block.y) + i) + static_cast<size_t>(block.x) * image_.elemSize());
   }
   return true;
 }
 
-bool ReadDeep(TIFF* tiff, const Layout& layout, const Block& block, std::vector<uchar>* packed, cv::Mat* image) {
-  const size_t pitch = (static_cast<size_t>(layout.block_width) * layout.samples * layout.bits + 7) / 8;
-  packed->resize(pitch * layout.block_height);
-  const auto size = static_cast<tmsize_t>(packed->size());
-  const tmsize_t num_read = layout.is_tiled ? TIFFReadEncodedTile(tiff, block.index, packed->data(), size)
-                                            : TIFFReadEncodedStrip(tiff, block.index, packed->data(), size);
+bool PixelReader::ReadDeep(const Block& block) {
+  const size_t pitch = (static_cast<size_t>(layout_.block_width) * layout_.samples * layout_.bits + 7) / 8;
+  packed_.resize(pitch * layout_.block_height);
+  const auto size = static_cast<tmsize_t>(packed_.size());
+  const tmsize_t num_read = layout_.is_tiled ? TIFFReadEncodedTile(tiff_, block.index, packed_.data(), size)
+                                             : TIFFReadEncodedStrip(tiff_, block.index, packed_.data(), size);
   if (num_read < static_cast<tmsize_t>(pitch * static_cast<size_t>(block.height))) return false;
   for (int i = 0; i < block.height; ++i) {
-    SetDeepRow(packed->data() + static_cast<size_t>(i) * pitch, layout.bits, block.width, image->channels(),
-               image->ptr<uint16_t>(static_cast<int>(block.y) + i) +
-                   static_cast<size_t>(block.x) * static_cast<size_t>(image->channels()));
+    SetDeepRow(packed_.data() + static_cast<size_t>(i) * pitch, layout_.bits, block.width, image_.channels(),
+               image_.ptr<uint16_t>(static_cast<int>(block.y) + i) +
+                   static_cast<size_t>(block.x) * static_cast<size_t>(image_.channels()));
   }
   return true;
 }
 
-bool ReadPixels(TIFF* tiff, const Layout& layout, cv::Mat* image) {
-  std::vector<uint32_t> colours;
-  std::vector<uchar> packed;
+bool PixelReader::ReadAll() {
   Block block;
-  for (uint32_t y = 0; y < layout.height; y += layout.block_height) {
-    for (uint32_t x = 0; x < layout.width; x += layout.block_width, ++block.index) {
+  for (uint32_t y = 0; y < layout_.height; y += layout_.block_height) {
+    for (uint32_t x = 0; x < layout_.width; x += layout_.block_width, ++block.index) {
       block.x = x;
       block.y = y;
-      block.width = static_cast<int>(std::min(layout.block_width, layout.width - x));
-      block.height = static_cast<int>(std::min(layout.block_height, layout.height - y));
-      const bool is_read = image->depth() == CV_16U ? ReadDeep(tiff, layout, block, &packed, image)
-                                                    : ReadColours(tiff, layout, block, &colours, image);
+      block.width = static_cast<int>(std::min(layout_.block_width, layout_.width - x));
+      block.height = static_cast<int>(std::min(layout_.block_height, layout_.height - y));
+      const bool is_read = image_.depth() == CV_16U ? ReadDeep(block) : ReadColours(block);
       if (!is_read) return false;
     }
   }
@@ -247,12 +265,12 @@ bool ReadPixels(TIFF* tiff, const Layout& layout, cv::Mat* image) {
 Outcome<cv::Mat> Decode(string_view bytes) {
   Source source;
   source.bytes = bytes;
-  const Tiff tiff = Open(&source);
+  const Tiff tiff = source.Open();
   if (tiff == nullptr) return Unreadable("libtiff", source.error);
   const Layout layout = LayoutOf(tiff.get());
   const Outcome<int> type = TypeOf(layout);
   if (!type) return type.failure();
-  Outcome<cv::Mat> image = NewImage(layout.width, layout.height, *type);
+  const Outcome<cv::Mat> image = NewImage(layout.width, layout.height, *type);
   if (!image) return image;
   const uint64_t bytes_per_pixel = layout.is_deep() ? sizeof(uint16_t) * layout.samples : sizeof(uint32_t);
   const uint64_t block_bytes = bytes_per_pixel * layout.block_width * layout.block_height;
@@ -261,7 +279,7 @@ Outcome<cv::Mat> Decode(string_view bytes) {
   }
   // Pixels are as stored, whatever the orientation that the metadata tell.
   TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);
-  if (!ReadPixels(tiff.get(), layout, &*image)) {
+  if (!PixelReader(tiff.get(), layout, *image).ReadAll()) {
     return source.error.empty() ? CutShort() : Unreadable("libtiff", source.error);
   }
   return image;

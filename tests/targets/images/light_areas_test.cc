@@ -71,15 +71,16 @@ TEST(LightAreasTest, OutlinesMatchTheOuterContours) {
   for (const std::vector<cv::Point>& contour : contours) expected.insert(points_of(contour));
   int num_areas = 0;
   for (const LightArea& area : FindLightAreas(grey, kThreshold, 2, 100)) {
-    std::vector<cv::Point> outline;
-    ASSERT_TRUE(TraceOutline(grey, kThreshold, area.first, 1000, &outline));
+    const std::optional<std::vector<cv::Point>> traced = TraceOutline(grey, kThreshold, area.first, 1000);
+    ASSERT_TRUE(traced);
+    const std::vector<cv::Point>& outline = *traced;
     EXPECT_EQ(expected.count(points_of(outline)), 1U) << area.box;
     ++num_areas;
     for (size_t i = 0; i < outline.size(); ++i) {
       const cv::Point step = outline[(i + 1) % outline.size()] - outline[i];
       EXPECT_LE(std::max(std::abs(step.x), std::abs(step.y)), 1);
     }
-    EXPECT_FALSE(outline.size() > 1 && TraceOutline(grey, kThreshold, area.first, outline.size() - 1, &outline));
+    EXPECT_FALSE(outline.size() > 1 && TraceOutline(grey, kThreshold, area.first, outline.size() - 1));
   }
   EXPECT_GT(num_areas, 8);
 }

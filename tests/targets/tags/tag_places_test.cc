@@ -74,7 +74,7 @@ TEST_P(TagPlacesOfViewTest, ContainEveryTag) {
       "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm, tag_spacing: 0.3, "
       "corner_squares: false}");
   const cv::Mat grey = Rendered(target->Draw(), distance_m, tilt_rad, noise_grey);
-  const std::vector<cv::Rect> places = FindTagPlaces(grey, OptionsOf(1), nullptr);
+  const std::vector<cv::Rect> places = FindTagPlaces(grey, OptionsOf(1)).boxes;
   for (const TargetPoint& point : target->points()) {
     const std::optional<Eigen::Vector2d> pixel = PixelOf(point, kCamera, PoseOf(target->Draw(), distance_m, tilt_rad));
     ASSERT_TRUE(pixel);
@@ -98,7 +98,7 @@ TEST(TagPlacesTest, ExcludeNoiseAndSolidShapes) {
   for (const double noise_grey : {0.0, 2.0, 12.0}) {
     const cv::Mat wall = Rendered(drawing, 0.5, 0, noise_grey);
     for (const int decimate : {1, 2, 4}) {
-      EXPECT_LT(AreaShare(FindTagPlaces(wall, OptionsOf(decimate), nullptr), wall), 0.05)
+      EXPECT_LT(AreaShare(FindTagPlaces(wall, OptionsOf(decimate)).boxes, wall), 0.05)
           << noise_grey << " grey levels, every " << decimate << "th pixel";
     }
   }
@@ -106,27 +106,27 @@ TEST(TagPlacesTest, ExcludeNoiseAndSolidShapes) {
   cv::Mat shapes(kHeightPx, kWidthPx, CV_8UC1, cv::Scalar(200));
   cv::rectangle(shapes, {100, 100, 150, 150}, cv::Scalar(40), cv::FILLED);
   cv::circle(shapes, {600, 300}, 90, cv::Scalar(40), 20);
-  EXPECT_TRUE(FindTagPlaces(shapes, OptionsOf(1), nullptr).empty());
+  EXPECT_TRUE(FindTagPlaces(shapes, OptionsOf(1)).boxes.empty());
   // A square with cells is returned, and so is its negative if light regions are searched for.
   cv::rectangle(shapes, {150, 150, 40, 50}, cv::Scalar(200), cv::FILLED);
-  EXPECT_EQ(FindTagPlaces(shapes, OptionsOf(1), nullptr).size(), 1U);
+  EXPECT_EQ(FindTagPlaces(shapes, OptionsOf(1)).boxes.size(), 1U);
   TagPlaceOptions light = OptionsOf(1);
   light.is_light_in_dark = true;
-  EXPECT_EQ(FindTagPlaces(~shapes, light, nullptr).size(), 1U);
+  EXPECT_EQ(FindTagPlaces(~shapes, light).boxes.size(), 1U);
 }
 
 TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: apriltag_grid, family: tag36h11, rows: 1, columns: 1, tag_size: 24 mm, corner_squares: false}");
   const cv::Mat grey = Rendered(target->Draw(), 0.1, 0.2, 1);
-  std::vector<cv::Rect> searched;
-  EXPECT_EQ(FindTagPlaces(grey, OptionsOf(4), &searched).size(), 1U);
-  ASSERT_FALSE(searched.empty());
-  EXPECT_GT(searched.front().width, 200);
+  const TagPlaces coarse = FindTagPlaces(grey, OptionsOf(4));
+  EXPECT_EQ(coarse.boxes.size(), 1U);
+  ASSERT_FALSE(coarse.large_px.empty());
+  EXPECT_GT(coarse.large_px.front().width, 200);
   // Only cells within the tag remain.
-  const double share = AreaShare(FindTagPlaces(grey, OptionsOf(2), nullptr), grey);
+  const double share = AreaShare(FindTagPlaces(grey, OptionsOf(2)).boxes, grey);
   EXPECT_GT(share, 0.05);
-  EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);
+  EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), coarse.large_px).boxes, grey), 0.5 * share);
 }
 
 // The size of the image and the decimation.
@@ -137,7 +137,7 @@ TEST_P(TagPlacesOfSizeTest, LieInTheImage) {
   cv::Mat grey(size, CV_8UC1);
   cv::RNG random;
   random.fill(grey, cv::RNG::UNIFORM, 0, 255);
-  for (const cv::Rect& place : FindTagPlaces(grey, OptionsOf(decimate), nullptr)) {
+  for (const cv::Rect& place : FindTagPlaces(grey, OptionsOf(decimate)).boxes) {
     EXPECT_EQ((place & cv::Rect({}, size)), place);
   }
 }

@@ -538,7 +538,7 @@ TEST(CodedBoard, IsNotSeenInClutter) {
     drawing.max_m = {0.19, 0.19};
     RoundMarksOptions marks;
     if (!is_there) marks.avoided_codes = own;
-    AddRoundMarks(marks, kept, rng, &drawing);
+    drawing = WithRoundMarks(std::move(drawing), marks, kept, rng);
     const Camera camera = MakeCamera(640, 480, 800);
     const double distance_m = rng.Uniform(0.25, 0.5);
     const double tilt_rad = rng.Uniform(0, 0.9);
