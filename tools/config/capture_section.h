@@ -49,8 +49,8 @@ struct CaptureSection {
   std::optional<ImportedSet> imported;
   std::string detections_source = Dataset().detections_source;
   std::filesystem::path joints_file;  // The recorded joints; empty if there are none.
-  bool are_points_in_order =
-      false;        // Whether the ids of given detections are places in the list of the target's points.
+  // Whether the ids of given detections are places in the list of the target's points.
+  bool are_points_in_order = false;
   YAML::Node used;  // The section as used.
 };
 // Reads the captures of a config of one camera and one arm from images (`images`), another project's data set
