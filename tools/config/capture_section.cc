@@ -17,7 +17,6 @@
 #include "heba/robot/ur_kinematics.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/image_list.h"
-#include "tools/config/robot_section.h"
 #include "tools/config/stream_section.h"
 #include "tools/files/detection_file.h"
 
@@ -34,17 +33,24 @@ struct Seen {
   std::optional<double> time_s = {};  // When it was taken, if its file says so.
 };
 
-std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader& reader) {
+// What a source of measurements has, and what it was read from other than images.
+struct SeenSource {
+  std::vector<Seen> seen;
+  std::vector<fs::path> files = {};
+  std::optional<ImportedSet> imported = {};
+};
+
+SeenSource SeenInImages(const ConfigValue& value, MapReader& reader) {
   const std::vector<fs::path> images = FindImages(value);
   reader.Record("images", ImagesNode(value, images));
   std::vector<Seen> seen;
   for (const fs::path& image : images) seen.push_back({image.filename().string(), image, {}, {}});
-  return seen;
+  return {std::move(seen)};
 }
 
-std::vector<Seen> SeenByOthers(MapReader& reader, RunConfig* config) {
-  std::optional<MapReader> mapping;
-  const PoseSource source = ReadPoseSource(reader, "target_poses", &mapping);
+SeenSource SeenByOthers(const ConfigValue& /*value*/, MapReader& reader) {
+  PoseSource source = ReadPoseSource(reader, "target_poses");
+  std::optional<MapReader>& mapping = source.mapping;
   PoseFormat format = *FindPoseFormat("ros");
   bool is_inverse = false;
   if (mapping) {
@@ -55,7 +61,6 @@ std::vector<Seen> SeenByOthers(MapReader& reader, RunConfig* config) {
     mapping->Finish();
     reader.Record("target_poses", mapping->used());
   }
-  config->data_files.push_back(source.path);
   std::vector<Seen> seen;
   for (const PoseRow& row : ReadPoses(source.path, format, {}, source.paths)) {
     seen.push_back({row.image.empty() ? "sample_" + std::to_string(seen.size()) : row.image,
@@ -64,18 +69,17 @@ std::vector<Seen> SeenByOthers(MapReader& reader, RunConfig* config) {
                     {},
                     row.time_s});
   }
-  return seen;
+  return {std::move(seen), {source.path}};
 }
 
 // Reads points that another detector found, in the order of the target's points, from records.
-std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader& reader, RunConfig* config) {
+SeenSource SeenInRecords(const ConfigValue& value, MapReader& reader) {
   MapReader mapping(value.DownTo({"file"}));
   const fs::path file = mapping.InputPath("file");
   const std::string pixels = mapping.Text("pixels");
   const std::string images = mapping.Text("image", "");
   mapping.Finish();
   reader.Record("detections", mapping.used());
-  config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (const PixelRecord& record : ReadPixelRecords(file, pixels, images)) {
     CaptureDetection detection;
@@ -84,29 +88,26 @@ std::vector<Seen> SeenInRecords(const ConfigValue& value, MapReader& reader, Run
     seen.push_back(
         {record.image.empty() ? "sample_" + std::to_string(seen.size()) : record.image, {}, {}, std::move(detection)});
   }
-  return seen;
+  return {std::move(seen), {file}};
 }
 
-std::vector<Seen> SeenBefore(MapReader& reader, RunConfig* config) {
-  const ConfigValue value = reader.Get("detections");
-  if (value.IsMap()) return SeenInRecords(value, reader, config);
+SeenSource SeenBefore(const ConfigValue& value, MapReader& reader) {
+  if (value.IsMap()) return SeenInRecords(value, reader);
   const fs::path file = reader.InputPath("detections");
-  config->data_files.push_back(file);
   std::vector<Seen> seen;
   for (auto& [name, detection] : ReadDetections(file)) seen.push_back({name, {}, {}, std::move(detection)});
-  return seen;
+  return {std::move(seen), {file}};
 }
 
 // Reads a data set of another project. Its images take precedence over the corners that it contains.
-std::vector<Seen> SeenInDataSet(MapReader& reader, RunConfig* config) {
+SeenSource SeenInDataSet(const ConfigValue& /*value*/, MapReader& reader) {
   const fs::path source = reader.InputPath("data");
   std::vector<std::string> formats = DataSetFormatNames();
   formats.insert(formats.begin(), "auto");
   const std::string format = reader.Choice("format", formats, "auto");
-  config->imported = ImportDataSet(source, format == "auto" ? "" : format);
-  reader.Record("format", YAML::Node(config->imported->format));
-  config->data_files = config->imported->files;
-  const std::vector<ImportedCapture>& captures = config->imported->captures;
+  ImportedSet set = ImportDataSet(source, format == "auto" ? "" : format);
+  reader.Record("format", YAML::Node(set.format));
+  const std::vector<ImportedCapture>& captures = set.captures;
   const auto all_have = [&](const auto& has) { return std::all_of(captures.begin(), captures.end(), has); };
   const bool have_images = all_have([](const ImportedCapture& capture) { return !capture.image.empty(); });
   const bool have_corners = std::any_of(captures.begin(), captures.end(),
@@ -124,19 +125,16 @@ std::vector<Seen> SeenInDataSet(MapReader& reader, RunConfig* config) {
     }
     seen.push_back(std::move(entry));
   }
-  return seen;
+  return {std::move(seen), set.files, std::move(set)};
 }
 
+// `value` is that of the key.
 struct Source {
   const char* key;
-  std::vector<Seen> (*read)(const ConfigValue& value, MapReader& reader, RunConfig* config);
+  SeenSource (*read)(const ConfigValue& value, MapReader& reader);
 };
 constexpr Source kSources[] = {
-    {"images", [](const ConfigValue& value, MapReader& reader, RunConfig*) { return SeenInImages(value, reader); }},
-    {"target_poses",
-     [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenByOthers(reader, config); }},
-    {"detections", [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenBefore(reader, config); }},
-    {"data", [](const ConfigValue&, MapReader& reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
+    {"images", SeenInImages}, {"target_poses", SeenByOthers}, {"detections", SeenBefore}, {"data", SeenInDataSet}};
 
 // Returns the time that the name of an image states: its last number, which may have a fraction.
 std::optional<double> TimeInName(const std::string& name) {
@@ -151,13 +149,13 @@ std::optional<double> TimeInName(const std::string& name) {
   return SecondsOf(time);
 }
 
-// Reads the times of images: the column `time` of the table `poses`, which names the images, or their names.
-std::map<std::string, double> ReadImageTimes(MapReader& reader, const std::vector<Seen>& seen, RunConfig* config) {
+// Returns the times of images: the column `time` of `table`, which names the images, or those in their names if there
+// is no table.
+std::map<std::string, double> ImageTimes(MapReader& reader, const std::vector<Seen>& seen,
+                                         const std::optional<fs::path>& table) {
   std::map<std::string, double> times_s;
-  if (reader.Has("poses")) {
-    const fs::path file = reader.InputPath("poses");
-    config->data_files.push_back(file);
-    for (const PoseRow& row : ReadTimes(file, {})) times_s[row.image] = *row.time_s;
+  if (table) {
+    for (const PoseRow& row : ReadTimes(*table, {})) times_s[row.image] = *row.time_s;
     return times_s;
   }
   for (const Seen& entry : seen) {
@@ -172,23 +170,31 @@ std::map<std::string, double> ReadImageTimes(MapReader& reader, const std::vecto
   return times_s;
 }
 
+// The poses of the robot as their file, or folder of files, has them.
+struct RobotPoses {
+  fs::path file;
+  PoseReading reading = {*FindPoseFormat("ros")};
+  std::vector<PoseRow> rows;
+  std::optional<PoseStream> stream;  // The poses are those of this stream at the times of the images.
+  std::vector<fs::path> data_files;  // All files that they are read from.
+};
+
 // Takes the poses of the captures from a stream: rows in the form `ros`, for the images that were taken within it.
-std::vector<PoseRow> RowsOfStream(MapReader& reader, const std::vector<Seen>& seen, RunConfig* config) {
-  PosesFileOfArm& arm = config->arms.front();
-  arm.file = reader.InputPath("stream");
-  config->data_files.push_back(arm.file);
-  const PoseReading reading = ReadPoseReading(reader);
-  PoseStream stream = ReadStream(arm.file, reading);
-  arm.reading.format = *FindPoseFormat("ros");
+RobotPoses PosesOfStream(MapReader& reader, const std::vector<Seen>& seen) {
+  RobotPoses poses;
+  poses.file = reader.InputPath("stream");
+  poses.data_files = {poses.file};
+  poses.stream = ReadStream(poses.file, ReadPoseReading(reader));
+  std::optional<fs::path> table;
+  if (reader.Has("poses")) table = poses.data_files.emplace_back(reader.InputPath("poses"));
   std::vector<PoseRow> timed;
-  for (const auto& [image, time_s] : ReadImageTimes(reader, seen, config)) {
+  for (const auto& [image, time_s] : ImageTimes(reader, seen, table)) {
     PoseRow& row = timed.emplace_back();
     row.image = image;
     row.time_s = time_s;
   }
-  std::vector<PoseRow> rows = RowsAtTimes(stream, arm.file, std::move(timed));
-  config->data.stream = std::move(stream);
-  return rows;
+  poses.rows = RowsAtTimes(*poses.stream, poses.file, std::move(timed));
+  return poses;
 }
 
 // Returns the data set's poses as rows of a file in the form `ros`.
@@ -351,21 +357,6 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   return pairs;
 }
 
-void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
-  Dataset& data = config->data;
-  PosesFileOfArm& arm = config->arms.front();
-  // The image of a given detection is a name only.
-  const fs::path image = seen.detection && seen.image.empty() ? fs::path(seen.name) : seen.image;
-  if (seen.detection) data.given_detections.push_back({data.captures.size(), 0, 0, *seen.detection});
-  if (seen.camera_from_target) data.target_poses.push_back(*seen.camera_from_target);
-  data.captures.push_back({seen.name, {BaseFromGripper(arm.reading, row.pose)}, {image}, {}, row.role, row.time_s});
-  arm.numbers.push_back(row.numbers);
-}
-
-}  // namespace
-
-namespace {
-
 // Reads the format of joint angles. `robot`: an arm of the built-in table, or a URDF with the links between which the
 // joints lie.
 PoseFormat ReadJointFormat(MapReader& reader) {
@@ -403,6 +394,8 @@ PoseReading ReadPoseReading(MapReader& reader) {
   return {format, direction == "base_from_gripper"};
 }
 
+bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
+
 std::optional<ConfigValue> FindPoseSection(const fs::path& run, const std::string& arm) {
   const fs::path file = run / "config.yaml";
   std::error_code error;
@@ -416,14 +409,15 @@ std::optional<ConfigValue> FindPoseSection(const fs::path& run, const std::strin
   return section && section->IsMap() ? section : std::nullopt;
 }
 
-PoseSource ReadPoseSource(MapReader& reader, const std::string& key, std::optional<MapReader>* mapping) {
+PoseSource ReadPoseSource(MapReader& reader, const std::string& key) {
   const ConfigValue value = reader.Get(key);
-  if (!value.IsMap()) return {reader.InputPath(key), {}};
+  if (!value.IsMap()) return {reader.InputPath(key), {}, {}};
   // A mapping replaces the file that a layer below names.
-  mapping->emplace(value.DownTo({"file"}));
-  PoseSource source{(*mapping)->InputPath("file"), {}};
-  source.paths.pose = (*mapping)->Text("pose", "");
-  source.paths.image = (*mapping)->Text("image", "");
+  MapReader mapping(value.DownTo({"file"}));
+  PoseSource source{mapping.InputPath("file"), {}, {}};
+  source.paths.pose = mapping.Text("pose", "");
+  source.paths.image = mapping.Text("image", "");
+  source.mapping = std::move(mapping);
   return source;
 }
 
@@ -441,23 +435,15 @@ const Source& FindSource(MapReader& reader) {
   return source == nullptr ? kSources[0] : *source;
 }
 
-// The poses of the robot as their file, or folder of files, has them.
-struct RobotPoses {
-  fs::path file;
-  PoseReading reading;
-  std::vector<PoseRow> rows;
-  std::vector<fs::path> data_files;  // The other files that they are read from.
-};
-
 RobotPoses ReadRobotPoses(MapReader& reader) {
-  std::optional<MapReader> mapping;
-  const PoseSource source = ReadPoseSource(reader, "poses", &mapping);
-  if (mapping) {
-    mapping->Finish();
-    reader.Record("poses", mapping->used());
+  const PoseSource source = ReadPoseSource(reader, "poses");
+  if (source.mapping) {
+    source.mapping->Finish();
+    reader.Record("poses", source.mapping->used());
   }
   RobotPoses poses;
   poses.file = source.path;
+  poses.data_files = {poses.file};
   poses.reading = ReadPoseReading(reader);
   if (poses.reading.format.arm) poses.data_files.emplace_back(poses.reading.format.robot);
   std::error_code error;
@@ -492,11 +478,12 @@ std::vector<std::string> PosesWithoutImage(const std::vector<PoseRow>& rows,
 }
 
 // Throws InputError at `value` if no captures are left, or if nothing shows the target in them.
-void CheckCaptures(const Dataset& data, const ConfigValue& value) {
-  if (data.captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
-  const bool has_images = std::all_of(data.captures.begin(), data.captures.end(),
+void CheckCaptures(const CaptureSection& section, const ConfigValue& value) {
+  const std::vector<Recording>& captures = section.captures;
+  if (captures.empty()) value.Fail("no capture is left: captures.exclude leaves all of them out");
+  const bool has_images = std::all_of(captures.begin(), captures.end(),
                                       [](const Recording& capture) { return !capture.images.front().empty(); });
-  if (!has_images && data.given_detections.empty() && data.target_poses.size() != data.captures.size()) {
+  if (!has_images && section.given_detections.empty() && section.target_poses.size() != captures.size()) {
     value.Fail(
         "neither images nor corners nor poses of the target belong to these poses; name the images "
         "(images)");
@@ -513,66 +500,84 @@ std::vector<size_t> OrderOfTimes(const std::vector<std::optional<double>>& times
   return order;
 }
 
-CaptureSection ReadCaptures(const ConfigValue& captures, RunConfig* config) {
-  CaptureSection section;
-  MapReader reader(captures);
-  const Source& source = FindSource(reader);
-  const ConfigValue seen_value = reader.Get(source.key);
-  const std::vector<Seen> seen = source.read(seen_value, reader, config);
-  section.are_points_in_order = source.key == std::string("detections") && seen_value.IsMap();
-  if (!config->data_files.empty()) config->data.detections_source = config->data_files.front().string();
-  PosesFileOfArm& arm = config->arms.emplace_back();
-  arm.section = "captures";
-  std::vector<PoseRow> rows;
-  if (reader.Has("stream")) {
-    rows = RowsOfStream(reader, seen, config);
-  } else if (config->imported && !reader.Has("poses")) {
-    arm.reading.format = *FindPoseFormat("ros");
-    rows = RowsOf(seen_value, *config->imported);
-  } else {
-    RobotPoses poses = ReadRobotPoses(reader);
-    arm.file = poses.file;
-    arm.reading = poses.reading;
-    config->data_files.push_back(poses.file);
-    config->data_files.insert(config->data_files.end(), poses.data_files.begin(), poses.data_files.end());
-    rows = std::move(poses.rows);
-  }
-  if (reader.Has("joints")) {
-    section.joints_file = reader.InputPath("joints");
-    arm.joints_are_deg = ReadJointsAreDeg(reader);
-    config->data_files.push_back(section.joints_file);
-  }
-  const std::set<std::string> excluded = ReadExcluded(reader, seen, rows);
-  reader.Finish();
-  const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, arm.file);
-  config->num_images = seen.size();
-  config->poses_without_image = PosesWithoutImage(rows, image_of_row, excluded);
-  for (const std::string& name : config->poses_without_image) {
-    config->data.left_out.push_back({name, "the image is not among those of " + seen_value.key(), "", {}});
-  }
-  const std::vector<bool> is_excluded = ExcludedImages(seen, rows, image_of_row, excluded);
+namespace {
+
+// Returns the section with the captures, in the order of their times, and with the images that are left out.
+CaptureSection WithCaptures(CaptureSection section, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows,
+                            const std::vector<std::optional<size_t>>& image_of_row,
+                            const std::vector<bool>& is_excluded) {
   std::vector<bool> has_row(seen.size(), false);
   std::vector<std::optional<double>> times_s;
   for (const PoseRow& row : rows) times_s.push_back(row.time_s);
   for (const size_t i : OrderOfTimes(times_s)) {
     if (!image_of_row[i]) continue;
+    has_row[*image_of_row[i]] = true;
+    if (is_excluded[*image_of_row[i]]) continue;
     // A capture is named after its image, or after its row if the row has another name.
-    const size_t image = *image_of_row[i];
-    has_row[image] = true;
-    if (!is_excluded[image]) AddCapture(seen[image], rows[i], config);
+    const Seen& entry = seen[*image_of_row[i]];
+    // The image of a given detection is a name only.
+    const fs::path image = entry.detection && entry.image.empty() ? fs::path(entry.name) : entry.image;
+    if (entry.detection) section.given_detections.push_back({section.captures.size(), 0, 0, *entry.detection});
+    if (entry.camera_from_target) section.target_poses.push_back(*entry.camera_from_target);
+    const Rigid3d base_from_gripper = BaseFromGripper(section.arm.reading, rows[i].pose);
+    section.captures.push_back({entry.name, {base_from_gripper}, {image}, {}, rows[i].role, rows[i].time_s});
+    section.arm.numbers.push_back(rows[i].numbers);
   }
   for (size_t i = 0; i < seen.size(); ++i) {
     if (is_excluded[i]) {
-      config->data.left_out.push_back({seen[i].name, std::string(kExcludedReason), "", {}});
+      section.left_out.push_back({seen[i].name, std::string(kExcludedReason), "", {}});
     } else if (!has_row[i]) {
-      config->images_without_pose.push_back(seen[i].name);
-      const std::string reason = config->data.stream ? "the stream of the robot's poses does not reach its time"
-                                                     : "the robot's pose is not in the poses file";
-      config->data.left_out.push_back({seen[i].name, reason, "", {}});
+      section.images_without_pose.push_back(seen[i].name);
+      const std::string reason = section.stream ? "the stream of the robot's poses does not reach its time"
+                                                : "the robot's pose is not in the poses file";
+      section.left_out.push_back({seen[i].name, reason, "", {}});
     }
   }
-  CheckCaptures(config->data, seen_value);
+  return section;
+}
+
+}  // namespace
+
+CaptureSection ReadCaptures(const ConfigValue& captures) {
+  CaptureSection section;
+  MapReader reader(captures);
+  const Source& source = FindSource(reader);
+  const ConfigValue seen_value = reader.Get(source.key);
+  SeenSource read = source.read(seen_value, reader);
+  const std::vector<Seen>& seen = read.seen;
+  section.are_points_in_order = source.key == std::string("detections") && seen_value.IsMap();
+  section.imported = std::move(read.imported);
+  section.data_files = read.files;
+  if (!read.files.empty()) section.detections_source = read.files.front().string();
+  RobotPoses poses;
+  if (reader.Has("stream")) {
+    poses = PosesOfStream(reader, seen);
+  } else if (section.imported && !reader.Has("poses")) {
+    poses.rows = RowsOf(seen_value, *section.imported);
+  } else {
+    poses = ReadRobotPoses(reader);
+  }
+  const std::vector<PoseRow>& rows = poses.rows;
+  section.data_files.insert(section.data_files.end(), poses.data_files.begin(), poses.data_files.end());
+  section.arm = {"captures", poses.file, poses.reading, {}};
+  section.stream = std::move(poses.stream);
+  if (reader.Has("joints")) {
+    section.joints_file = reader.InputPath("joints");
+    section.arm.joints_are_deg = ReadJointsAreDeg(reader);
+    section.data_files.push_back(section.joints_file);
+  }
+  const std::set<std::string> excluded = ReadExcluded(reader, seen, rows);
+  reader.Finish();
   section.used = reader.used();
+  const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, poses.file);
+  section.num_images = seen.size();
+  section.poses_without_image = PosesWithoutImage(rows, image_of_row, excluded);
+  for (const std::string& name : section.poses_without_image) {
+    section.left_out.push_back({name, "the image is not among those of " + seen_value.key(), "", {}});
+  }
+  section =
+      WithCaptures(std::move(section), seen, rows, image_of_row, ExcludedImages(seen, rows, image_of_row, excluded));
+  CheckCaptures(section, seen_value);
   return section;
 }
 

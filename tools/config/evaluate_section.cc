@@ -1,6 +1,5 @@
 #include "tools/config/evaluate_section.h"
 
-#include <optional>
 #include <utility>
 
 #include "heba/base/text.h"
@@ -69,20 +68,22 @@ std::vector<PlacedRequirement> ReadRequirements(MapReader& evaluate, const std::
   return requirements;
 }
 
-void ReadEvaluate(MapReader& root, RunConfig* config) {
+EvaluateSection ReadEvaluate(MapReader& root, const Problem& rig) {
+  EvaluateSection section;
   MapReader reader = root.Section("evaluate");
-  config->options.folds = reader.Int("folds", {0, 1000000}, 5);
-  if (config->options.folds == 1) {
+  section.folds = reader.Int("folds", {0, 1000000}, 5);
+  if (section.folds == 1) {
     reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   }
-  if (reader.Has("truth")) config->truth = reader.Path("truth");
+  if (reader.Has("truth")) section.truth = reader.Path("truth");
   std::vector<std::string> cameras;
-  if (!IsShort(config->data.rig)) {
-    for (const ProblemCamera& camera : config->data.rig.cameras) cameras.push_back(camera.name);
+  if (!IsShort(rig)) {
+    for (const ProblemCamera& camera : rig.cameras) cameras.push_back(camera.name);
   }
-  config->options.requirements = ReadRequirements(reader, cameras);
+  section.requirements = ReadRequirements(reader, cameras);
   reader.Finish();
   root.Record("evaluate", reader.used());
+  return section;
 }
 
 }  // namespace heba

@@ -7,7 +7,6 @@
 #include "heba/displaced_target.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
-#include "tools/config/robot_section.h"
 #include "tools/config/run_folder.h"
 
 namespace heba {

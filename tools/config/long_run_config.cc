@@ -23,6 +23,7 @@
 #include "tools/config/robot_section.h"
 #include "tools/config/stream_section.h"
 #include "tools/config/target_shape_key.h"
+#include "tools/run/time_offset.h"
 #include "tools/text/arm_keys.h"
 
 namespace heba {
@@ -31,6 +32,7 @@ namespace fs = std::filesystem;
 
 // The rows of one arm's poses file, with base_from_gripper for a pose.
 struct ArmRows {
+  std::string name;
   std::string section;
   fs::path file;
   PoseReading reading;
@@ -40,6 +42,7 @@ struct ArmRows {
   bool joints_are_deg = false;
   std::optional<double> scale_sigma;  // Dataset::robot_scale_sigmas.
   std::optional<PoseStream> stream;   // The poses are those of this stream at the times of the images.
+  std::vector<fs::path> data_files;   // All files that these are read from.
 };
 
 std::string CaptureName(const PoseRow& row, size_t index) {
@@ -49,83 +52,28 @@ std::string CaptureName(const PoseRow& row, size_t index) {
   return name;
 }
 
-// Reads the recorded joints of an arm, `joints` with `joint_angle` of `reader`, if there are any.
-void ReadJointsOfRows(MapReader& reader, const std::string& key, ArmRows* arm, RunConfig* config) {
-  if (!reader.Has("joints")) {
-    if (reader.Has("joint_angle"))
-      reader.Get("joint_angle").Fail("needs a file of joints (" + arm->section + ".joints)");
-    return;
-  }
-  if (!arm->robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
-  const fs::path file = reader.InputPath("joints");
-  config->data_files.push_back(file);
-  std::vector<std::string> names;
-  for (size_t i = 0; i < arm->rows.size(); ++i) names.push_back(CaptureName(arm->rows[i], i));
-  arm->joints_are_deg = ReadJointsAreDeg(reader);
-  arm->joints = ReadJoints(arm->robot->arm, file, arm->joints_are_deg, names);
+// Returns the arm with its kinematics, which are among the keys of `reader`.
+ArmRows WithKinematics(ArmRows arm, MapReader& reader) {
+  ArmOfFiles read = ReadRobotArm(reader);
+  arm.robot = std::move(read.robot);
+  arm.data_files.insert(arm.data_files.end(), read.files.begin(), read.files.end());
+  return arm;
 }
 
-// Reads the poses of an arm, a row for each capture.
-void ReadRows(MapReader& reader, const std::vector<std::string>& cameras, ArmRows* arm, RunConfig* config) {
-  std::optional<MapReader> mapping;
-  const PoseSource poses = ReadPoseSource(reader, "poses", &mapping);
-  if (mapping) {
-    mapping->Finish();
-    reader.Record("poses", mapping->used());
+// Returns the arm with its joints: `joints` with `joint_angle` of `reader`, or those that its poses are. `key` is the
+// one that names the arm.
+ArmRows WithJoints(ArmRows arm, MapReader& reader, const std::string& key) {
+  if (reader.Has("joints")) {
+    if (!arm.robot) reader.Get("joints").Fail("needs an arm (" + key + ")");
+    const fs::path file = reader.InputPath("joints");
+    arm.data_files.push_back(file);
+    std::vector<std::string> names;
+    for (size_t i = 0; i < arm.rows.size(); ++i) names.push_back(CaptureName(arm.rows[i], i));
+    arm.joints_are_deg = ReadJointsAreDeg(reader);
+    arm.joints = ReadJoints(arm.robot->arm, file, arm.joints_are_deg, names);
+  } else if (reader.Has("joint_angle")) {
+    reader.Get("joint_angle").Fail("needs a file of joints (" + arm.section + ".joints)");
   }
-  arm->file = poses.path;
-  arm->reading = ReadPoseReading(reader);
-  arm->rows = ReadPoses(arm->file, arm->reading.format, cameras, poses.paths);
-  for (PoseRow& row : arm->rows) row.pose = BaseFromGripper(arm->reading, row.pose);
-  std::error_code error;
-  if (fs::is_directory(arm->file, error)) {
-    for (const fs::path& file : PoseFilesOf(arm->file)) config->data_files.push_back(file);
-  } else {
-    config->data_files.push_back(arm->file);
-  }
-}
-
-// Takes the poses of the only arm from a stream, at the times of the images.
-void ReadRowsOfStream(MapReader& reader, const std::vector<std::string>& cameras, bool is_only, ArmRows* arm,
-                      RunConfig* config) {
-  if (!is_only) reader.Get("stream").Fail("a stream of poses is for configs of one arm (captures.stream)");
-  if (!reader.Has("poses")) {
-    reader.Get("stream").Fail("list the times of all images in a table with the columns image and time (poses)");
-  }
-  arm->file = reader.InputPath("stream");
-  const fs::path times = reader.InputPath("poses");
-  config->data_files.insert(config->data_files.end(), {arm->file, times});
-  arm->reading = ReadPoseReading(reader);
-  arm->stream = ReadStream(arm->file, arm->reading);
-  arm->rows = RowsAtTimes(*arm->stream, arm->file, ReadTimes(times, cameras));
-  arm->reading = PoseReading();
-  arm->reading.format = *FindPoseFormat("ros");
-}
-
-// Reads the poses of an arm, and its kinematics, which are among the keys of `reader` or, with a single arm, in the
-// section `robot` of `root`.
-ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras, MapReader* root,
-                RunConfig* config) {
-  ArmRows arm;
-  arm.section = section;
-  if (reader.Has("stream")) {
-    ReadRowsOfStream(reader, cameras, root != nullptr, &arm, config);
-  } else {
-    ReadRows(reader, cameras, &arm, config);
-  }
-  if (root != nullptr && root->Has("robot")) {
-    MapReader robot(root->Get("robot"));
-    arm.scale_sigma = ReadRobotScale(robot);
-    if (!NamesNoArm(robot.value())) arm.robot = ReadRobotArm(robot, &config->data_files);
-    robot.Finish();
-    root->Record("robot", robot.used());
-  } else if (root != nullptr && reader.Has("model")) {
-    reader.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
-  } else if (root == nullptr) {
-    arm.scale_sigma = ReadRobotScale(reader);
-    if (reader.Has("model")) arm.robot = ReadRobotArm(reader, &config->data_files);
-  }
-  ReadJointsOfRows(reader, root != nullptr ? "robot.model" : section + ".model", &arm, config);
   if (arm.robot && arm.joints.empty() && IsOfJoints(arm.reading.format, arm.robot->arm)) {
     for (const PoseRow& row : arm.rows) {
       arm.joints.push_back(JointsOfNumbers(arm.robot->arm, arm.reading.format, row.numbers));
@@ -134,15 +82,82 @@ ArmRows ReadArm(MapReader& reader, const std::string& section, const std::vector
   return arm;
 }
 
+// Reads the poses of an arm, a row for each capture.
+ArmRows ReadRows(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras) {
+  const PoseSource poses = ReadPoseSource(reader, "poses");
+  if (poses.mapping) {
+    poses.mapping->Finish();
+    reader.Record("poses", poses.mapping->used());
+  }
+  ArmRows arm;
+  arm.section = section;
+  arm.file = poses.path;
+  arm.reading = ReadPoseReading(reader);
+  arm.rows = ReadPoses(arm.file, arm.reading.format, cameras, poses.paths);
+  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(arm.reading, row.pose);
+  std::error_code error;
+  arm.data_files = fs::is_directory(arm.file, error) ? PoseFilesOf(arm.file) : std::vector<fs::path>{arm.file};
+  return arm;
+}
+
+// Takes the poses of the only arm from a stream, at the times of the images.
+ArmRows ReadRowsOfStream(MapReader& reader, const std::string& section, const std::vector<std::string>& cameras) {
+  if (!reader.Has("poses")) {
+    reader.Get("stream").Fail("list the times of all images in a table with the columns image and time (poses)");
+  }
+  ArmRows arm;
+  arm.section = section;
+  arm.file = reader.InputPath("stream");
+  const fs::path times = reader.InputPath("poses");
+  arm.data_files = {arm.file, times};
+  arm.stream = ReadStream(arm.file, ReadPoseReading(reader));
+  arm.rows = RowsAtTimes(*arm.stream, arm.file, ReadTimes(times, cameras));
+  arm.reading.format = *FindPoseFormat("ros");
+  return arm;
+}
+
+// Reads the poses and the joints of the only arm, in `captures`, and its kinematics, in the section `robot` of `root`.
+ArmRows ReadOnlyArm(MapReader& captures, const std::vector<std::string>& cameras, MapReader& root) {
+  ArmRows arm = captures.Has("stream") ? ReadRowsOfStream(captures, "captures", cameras)
+                                       : ReadRows(captures, "captures", cameras);
+  arm.name = kOnlyArm;
+  if (root.Has("robot")) {
+    MapReader robot(root.Get("robot"));
+    arm.scale_sigma = ReadRobotScale(robot);
+    if (!NamesNoArm(robot.value())) arm = WithKinematics(std::move(arm), robot);
+    robot.Finish();
+    root.Record("robot", robot.used());
+  } else if (captures.Has("model")) {
+    captures.Get("model").Fail("the kinematics of the only arm are in a section of their own: robot.model");
+  }
+  return WithJoints(std::move(arm), captures, "robot.model");
+}
+
+// Reads the poses, the joints and the kinematics of one of several arms.
+ArmRows ReadNamedArm(MapReader& reader, const std::string& name, const std::vector<std::string>& cameras) {
+  if (reader.Has("stream")) {
+    reader.Get("stream").Fail("a stream of poses is for configs of one arm (captures.stream)");
+  }
+  ArmRows arm = ReadRows(reader, "robots." + name, cameras);
+  arm.name = name;
+  arm.scale_sigma = ReadRobotScale(reader);
+  if (reader.Has("model")) arm = WithKinematics(std::move(arm), reader);
+  return WithJoints(std::move(arm), reader, "robots." + name + ".model");
+}
+
 // The images of one camera.
 struct CameraImages {
   ConfigValue value;
   std::vector<fs::path> images;
 };
 
-// Returns the image of a camera for each row; empty if there is none.
-std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index,
-                                 const std::string& name, size_t num_cameras, std::vector<LeftOutImages>* left_out) {
+// The image of a camera for each row, empty if there is none, and the images that belong to no row.
+struct PairedImages {
+  std::vector<fs::path> of_rows;
+  std::vector<LeftOutImages> left_out = {};
+};
+PairedImages PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index, const std::string& name,
+                        size_t num_cameras) {
   std::map<std::string, fs::path> image_of;
   for (const fs::path& image : camera.images) {
     if (!image_of.emplace(image.filename().string(), image).second) {
@@ -150,7 +165,6 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
                         "; images are found by file name, so names must differ");
     }
   }
-  std::vector<fs::path> paired(arm.rows.size());
   const bool has_columns = !arm.rows.front().images.empty();
   if (!has_columns && arm.rows.front().image.empty()) {
     if (camera.images.size() != arm.rows.size()) {
@@ -160,14 +174,15 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
           ", which do not name their images; the counts must agree, or name them (columns image or image." + name +
           ")");
     }
-    return camera.images;
+    return {camera.images};
   }
+  PairedImages paired{std::vector<fs::path>(arm.rows.size())};
   std::set<std::string> used;
   for (size_t i = 0; i < arm.rows.size(); ++i) {
     const std::string& wanted = has_columns ? arm.rows[i].images[camera_index] : arm.rows[i].image;
     const auto found = image_of.find(wanted);
     if (found != image_of.end()) {
-      paired[i] = found->second;
+      paired.of_rows[i] = found->second;
       used.insert(wanted);
     } else if (has_columns && !wanted.empty()) {
       throw InputError(arm.file.string() + ":" + std::to_string(arm.rows[i].line) + ": column 'image." + name +
@@ -177,7 +192,7 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
   if (used.empty()) camera.value.Fail("none of the images is named in " + arm.file.string());
   for (const auto& [file_name, path] : image_of) {
     if (used.contains(file_name)) continue;
-    LeftOutImages& entry = left_out->emplace_back();
+    LeftOutImages& entry = paired.left_out.emplace_back();
     entry.name = name + "/" + file_name;
     entry.reason = arm.stream
                        ? "it is not in the table of times, or the stream of the robot's poses does not reach its time"
@@ -283,12 +298,11 @@ std::vector<std::optional<size_t>> MatchRows(const ArmRows& first, const ArmRows
 }
 
 // Reads the arms: `robots`, or the short form in `captures`.
-std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RunConfig* config) {
+std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras) {
   std::vector<ArmRows> arms;
   if (!root.Has("robots")) {
-    config->data.rig.robots = {kOnlyArm};
     MapReader captures(root.Get("captures"));
-    arms.push_back(ReadArm(captures, "captures", cameras, &root, config));
+    arms.push_back(ReadOnlyArm(captures, cameras, root));
     captures.Find("exclude");
     if (captures.Has("detections")) captures.InputPath("detections");
     captures.Finish();
@@ -296,10 +310,9 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
     return arms;
   }
   MapReader section(root.Get("robots"));
-  config->data.rig.robots = NamesIn(section, "left");
-  for (const std::string& name : config->data.rig.robots) {
+  for (const std::string& name : NamesIn(section, "left")) {
     MapReader reader(section.Get(name));
-    arms.push_back(ReadArm(reader, "robots." + name, cameras, nullptr, config));
+    arms.push_back(ReadNamedArm(reader, name, cameras));
     reader.Finish();
     section.Record(name, reader.used());
   }
@@ -322,9 +335,17 @@ CameraImages ReadImages(MapReader& reader, const std::string& camera, const std:
   return images;
 }
 
-std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDetections>& given, RunConfig* config) {
-  Dataset& data = config->data;
+// The section `cameras`.
+struct CameraSection {
+  std::vector<ProblemCamera> cameras;
+  std::vector<bool> has_camera;      // Dataset::has_camera.
+  std::vector<std::string> sources;  // Dataset::camera_sources.
   std::vector<CameraImages> images;
+};
+
+CameraSection ReadCameras(MapReader& root, const std::vector<GivenDetections>& given,
+                          const std::vector<std::string>& robots) {
+  CameraSection cameras;
   MapReader refine_all = root.Section("refine");
   const std::vector<ParameterGroup> free = ReadFreeIntrinsics(refine_all, BundleOptions().free_intrinsics);
   const std::string prior_of_all = refine_all.Choice("intrinsics_prior", {"none", "file"}, "");
@@ -334,11 +355,11 @@ std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDe
     MapReader reader(section.Get(name));
     ProblemCamera camera;
     camera.name = name;
-    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, data.rig.robots);
-    images.push_back(ReadImages(reader, name, given));
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, robots);
+    cameras.images.push_back(ReadImages(reader, name, given));
     CameraKeys keys = ReadCameraKeys(reader);
-    data.has_camera.push_back(keys.camera.has_value());
-    data.camera_sources.push_back(keys.camera ? keys.source : name);
+    cameras.has_camera.push_back(keys.camera.has_value());
+    cameras.sources.push_back(keys.camera ? keys.source : name);
     camera.camera = keys.camera ? *keys.camera : Camera{keys.model, 0, 0, {}};
     reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
     MapReader refine = reader.Section("refine");
@@ -351,7 +372,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDe
     reader.Record("refine", refine.used());
     reader.Finish();
     section.Record(name, reader.used());
-    data.rig.cameras.push_back(std::move(camera));
+    cameras.cameras.push_back(std::move(camera));
   }
   section.Finish();
   root.Record("cameras", section.used());
@@ -359,11 +380,12 @@ std::vector<CameraImages> ReadCameras(MapReader& root, const std::vector<GivenDe
     refine_all.Get("intrinsics_prior")
         .Fail("no file of a camera with free intrinsics has sigmas (std), which only heba's own form can have");
   }
-  return images;
+  return cameras;
 }
 
-void ReadTargets(MapReader& root, RunConfig* config) {
-  Dataset& data = config->data;
+// Returns the config with the section `targets`.
+RunConfig WithTargets(RunConfig config, MapReader& root) {
+  Dataset& data = config.data;
   MapReader section(root.Get("targets"));
   for (const std::string& name : NamesIn(section, "plate")) {
     MapReader reader(section.Get(name));
@@ -371,8 +393,8 @@ void ReadTargets(MapReader& root, RunConfig* config) {
     target.name = name;
     std::tie(target.mount, target.mount_name) = ReadMount(reader, data.rig.robots);
     data.targets.push_back(ReadTarget(reader, "target"));
-    config->targets_used.push_back(YAML::Dump(reader.used()["target"]));
-    config->has_target_keys.push_back(HoldsTargetKeys(reader, "target"));
+    config.targets_used.push_back(YAML::Dump(reader.used()["target"]));
+    config.has_target_keys.push_back(HoldsTargetKeys(reader, "target"));
     reader.Finish();
     section.Record(name, reader.used());
     data.rig.targets.push_back(std::move(target));
@@ -381,6 +403,7 @@ void ReadTargets(MapReader& root, RunConfig* config) {
   root.Record("targets", section.used());
   const std::string faults = WhyNotToldApart(data);
   if (!faults.empty()) section.value().Fail(faults);
+  return config;
 }
 
 // Returns the names of the bodies that `refine.drift` may list. The base of the first arm is the world, in which the
@@ -399,37 +422,37 @@ std::vector<std::pair<std::string, DriftBody>> BodiesThatDrift(const Problem& ri
   return bodies;
 }
 
-void ReadRefine(MapReader& root, RunConfig* config) {
+// Returns the config with the section `refine`.
+RunConfig WithRefine(RunConfig config, MapReader& root) {
   MapReader reader = root.Section("refine");
   // ReadCameras gives these to the cameras.
   ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
   if (reader.Has("intrinsics_prior")) reader.Choice("intrinsics_prior", {"none", "file"});
-  ReadTargetShape(reader, config);
-  AdjustmentOptions& adjustment = config->options.calibration.adjustment;
+  config = WithTargetShape(std::move(config), reader);
+  Dataset& data = config.data;
+  RunOptions& options = config.options;
   std::vector<Arm> arms;
-  for (const std::optional<RobotArm>& robot : config->data.arms) {
+  for (const std::optional<RobotArm>& robot : data.arms) {
     if (robot) arms.push_back(robot->arm);
   }
-  config->options.kinematics = ReadKinematics(reader, arms, root.Has("robots") ? "robots.NAME.model" : "robot.model");
-  ReadRobotErrors(reader, config->data, &config->options);
-  adjustment.pixel_noise_px = ReadPixelNoise(reader);
-  adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
-  config->options.drift = ReadDrift(reader, BodiesThatDrift(config->data.rig));
-  ReadTimeOffset(reader, config);
+  options.kinematics = ReadKinematics(reader, arms, root.Has("robots") ? "robots.NAME.model" : "robot.model");
+  options = WithRobotErrors(std::move(options), reader, data);
+  options.calibration.adjustment.pixel_noise_px = ReadPixelNoise(reader);
+  options.calibration.adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  options.drift = ReadDrift(reader, BodiesThatDrift(data.rig));
+  const std::optional<double> time_offset_s = ReadTimeOffset(reader, data.stream.has_value());
+  options.estimates_time_offset = !time_offset_s;
+  if (time_offset_s) data = WithPosesAt(std::move(data), *time_offset_s);
   reader.Finish();
   root.Record("refine", reader.used());
+  return config;
 }
 
-// Reads the folder `captures.detections`; returns an empty list if there is none.
-std::vector<GivenDetections> ReadDetectionsOf(MapReader& root, RunConfig* config) {
-  if (!root.Has("captures")) return {};
+// Reads the key `captures.detections`; returns nothing if there is none.
+std::optional<fs::path> ReadDetectionsFolder(MapReader& root) {
+  if (!root.Has("captures")) return std::nullopt;
   MapReader captures(root.Get("captures"));
-  if (!captures.Has("detections")) return {};
-  const fs::path folder = captures.InputPath("detections");
-  config->data.detections_source = folder.string();
-  std::vector<GivenDetections> given = ReadGivenDetections(folder);
-  for (const GivenDetections& of_pair : given) config->data_files.push_back(of_pair.file);
-  return given;
+  return captures.Has("detections") ? std::optional(captures.InputPath("detections")) : std::nullopt;
 }
 
 // Returns the names of the captures that are to be left out, of `captures.exclude`.
@@ -520,46 +543,48 @@ std::vector<LeftOutImages> RowsWithoutCapture(const std::vector<ArmRows>& arms, 
   return left_out;
 }
 
-// Sorts the captures by their times, if all have one.
-void SortByTime(RunConfig* config) {
-  std::vector<Recording>& captures = config->data.captures;
-  std::vector<std::optional<double>> times_s;
-  for (const Recording& capture : captures) times_s.push_back(capture.time_s);
-  const std::vector<size_t> order = OrderOfTimes(times_s);
-  const auto sort = [&](auto* list) {
-    auto sorted = *list;
-    for (size_t i = 0; i < order.size(); ++i) sorted[i] = std::move((*list)[order[i]]);
-    *list = std::move(sorted);
-  };
-  sort(&captures);
-  for (PosesFileOfArm& arm : config->arms) sort(&arm.numbers);
+// Returns the items of a list in this order.
+template <class T>
+std::vector<T> Ordered(const std::vector<T>& list, const std::vector<size_t>& order) {
+  std::vector<T> ordered;
+  for (const size_t i : order) ordered.push_back(list[i]);
+  return ordered;
 }
 
-}  // namespace
+// Returns the config with its captures in the order of their times, if all have one.
+RunConfig OrderedByTime(RunConfig config) {
+  std::vector<std::optional<double>> times_s;
+  for (const Recording& capture : config.data.captures) times_s.push_back(capture.time_s);
+  const std::vector<size_t> order = OrderOfTimes(times_s);
+  config.data.captures = Ordered(config.data.captures, order);
+  for (PosesFileOfArm& arm : config.arms) arm.numbers = Ordered(arm.numbers, order);
+  return config;
+}
 
-void ReadLongForm(MapReader& root, RunConfig* config) {
-  Dataset& data = config->data;
-  RefuseKeysOfOnePair(root);
-  MapReader cameras_reader(root.Get("cameras"));
-  const std::vector<std::string> cameras = CameraNamesIn(cameras_reader);
-  const std::vector<ArmRows> arms = ReadArms(root, cameras, config);
-  const std::vector<GivenDetections> given = ReadDetectionsOf(root, config);
-  const std::vector<CameraImages> images = ReadCameras(root, given, config);
-  ReadTargets(root, config);
-  const ArmRows& first = arms.front();
-  std::vector<std::vector<fs::path>> images_of_cameras;
-  for (size_t c = 0; c < cameras.size(); ++c) {
-    images_of_cameras.push_back(PairImages(first, images[c], c, cameras[c], cameras.size(), &data.left_out));
+// Returns a config with the arms, but no poses of them.
+RunConfig ConfigOf(const std::vector<ArmRows>& arms) {
+  RunConfig config;
+  for (const ArmRows& arm : arms) {
+    config.data.rig.robots.push_back(arm.name);
+    config.data.arms.push_back(arm.robot);
+    config.data.robot_scale_sigmas.push_back(arm.scale_sigma);
+    config.arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
+    config.data_files.insert(config.data_files.end(), arm.data_files.begin(), arm.data_files.end());
   }
-  const std::vector<std::string> names = CaptureNames(first, cameras, images_of_cameras);
+  config.data.stream = arms.front().stream;
+  return config;
+}
+
+// Returns the config with the captures, which have these images of each camera, in the order of their times.
+RunConfig WithCaptures(RunConfig config, MapReader& root, const std::vector<ArmRows>& arms,
+                       const std::vector<std::vector<fs::path>>& images_of_cameras) {
+  Dataset& data = config.data;
+  std::vector<std::string> cameras;
+  for (const ProblemCamera& camera : data.rig.cameras) cameras.push_back(camera.name);
+  const std::vector<std::string> names = CaptureNames(arms.front(), cameras, images_of_cameras);
   const std::set<std::string> excluded = ReadExcluded(root, names);
   RowsOfArms rows_of_arms;
-  for (const ArmRows& arm : arms) {
-    rows_of_arms.push_back(MatchRows(first, arm, images_of_cameras));
-    config->arms.push_back({arm.section, arm.file, arm.reading, {}, arm.joints_are_deg});
-    data.arms.push_back(arm.robot);
-    data.robot_scale_sigmas.push_back(arm.scale_sigma);
-  }
+  for (const ArmRows& arm : arms) rows_of_arms.push_back(MatchRows(arms.front(), arm, images_of_cameras));
   for (size_t i = 0; i < names.size(); ++i) {
     Recording capture = ImagesOfCapture(names[i], images_of_cameras, i);
     if (const std::string reason = WhyLeftOut(capture, excluded); !reason.empty()) {
@@ -571,17 +596,45 @@ void ReadLongForm(MapReader& root, RunConfig* config) {
       const PoseRow& row = arms[r].rows[rows[r]];
       capture.base_from_gripper.push_back(row.pose);
       capture.joints.push_back(arms[r].joints.empty() ? std::vector<double>() : arms[r].joints[rows[r]]);
-      config->arms[r].numbers.push_back(row.numbers);
+      config.arms[r].numbers.push_back(row.numbers);
     }
     capture.time_s = arms.front().rows[rows.front()].time_s;
     data.captures.push_back(std::move(capture));
   }
-  SortByTime(config);
-  data.stream = first.stream;
   for (LeftOutImages& entry : RowsWithoutCapture(arms, rows_of_arms)) data.left_out.push_back(std::move(entry));
-  if (data.captures.empty()) throw InputError(config->file.string() + ": no capture is left");
+  return OrderedByTime(std::move(config));
+}
+
+}  // namespace
+
+RunConfig ReadLongForm(MapReader& root, const fs::path& file) {
+  RefuseKeysOfOnePair(root);
+  MapReader cameras_reader(root.Get("cameras"));
+  const std::vector<std::string> names = CameraNamesIn(cameras_reader);
+  const std::vector<ArmRows> arms = ReadArms(root, names);
+  RunConfig config = ConfigOf(arms);
+  Dataset& data = config.data;
+  std::vector<GivenDetections> given;
+  if (const std::optional<fs::path> folder = ReadDetectionsFolder(root)) {
+    data.detections_source = folder->string();
+    given = ReadGivenDetections(*folder);
+  }
+  for (const GivenDetections& of_pair : given) config.data_files.push_back(of_pair.file);
+  CameraSection cameras = ReadCameras(root, given, data.rig.robots);
+  data.rig.cameras = std::move(cameras.cameras);
+  data.has_camera = std::move(cameras.has_camera);
+  data.camera_sources = std::move(cameras.sources);
+  config = WithTargets(std::move(config), root);
+  std::vector<std::vector<fs::path>> images_of_cameras;
+  for (size_t c = 0; c < names.size(); ++c) {
+    PairedImages paired = PairImages(arms.front(), cameras.images[c], c, names[c], names.size());
+    images_of_cameras.push_back(std::move(paired.of_rows));
+    data.left_out.insert(data.left_out.end(), paired.left_out.begin(), paired.left_out.end());
+  }
+  config = WithCaptures(std::move(config), root, arms, images_of_cameras);
+  if (data.captures.empty()) throw InputError(file.string() + ": no capture is left");
   if (!given.empty()) data.given_detections = DetectionsOfCaptures(data, given);
-  ReadRefine(root, config);
+  return WithRefine(std::move(config), root);
 }
 
 }  // namespace heba

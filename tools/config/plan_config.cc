@@ -21,13 +21,13 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Sets the postures by which an arm reaches a pose: in the configuration of the first pose that is asked for, if the
-// arm has named ones.
-void SetPostures(const RobotArm& robot, PlanCell* cell) {
-  cell->posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+// Returns the cell with the postures by which an arm reaches a pose: in the configuration of the first pose that is
+// asked for, if the arm has named ones.
+PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
+  cell.posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return PostureDistance(arm, a, b);
   };
-  cell->postures = [robot](const Rigid3d& base_from_gripper) -> std::vector<Eigen::VectorXd> {
+  cell.postures = [robot](const Rigid3d& base_from_gripper) -> std::vector<Eigen::VectorXd> {
     const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
     if (robot.joints_near.size() == robot.arm.num_joints()) {
       const Outcome<Eigen::VectorXd> near = PostureNear(robot.arm, base_from_tip, robot.joints_near);
@@ -36,6 +36,7 @@ void SetPostures(const RobotArm& robot, PlanCell* cell) {
     Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(robot.arm, base_from_tip);
     return postures ? std::move(*postures) : std::vector<Eigen::VectorXd>();
   };
+  return cell;
 }
 
 // Returns the knowledge of a camera file with sigmas.
@@ -54,19 +55,32 @@ Covariance KnownCamera(const Camera& camera, const std::vector<ParameterGroup>& 
   return known;
 }
 
-// Reads the target, and what the plan takes from it.
-void TakeTarget(const std::shared_ptr<const Target>& target, PlanConfig* config) {
-  config->target = target;
-  config->cell.points_in_target = AllPoints(*target).points_in_target;
-  config->cell.z_out = target->Draw().y_up;
+// Returns the cell with what the plan takes from its target.
+PlanCell WithTarget(PlanCell cell, const Target& target) {
+  cell.points_in_target = AllPoints(target).points_in_target;
+  cell.z_out = target.Draw().y_up;
+  return cell;
 }
 
-void TakeRequirements(const std::vector<PlacedRequirement>& requirements, PlanConfig* config) {
-  config->requirements = requirements;
+// Returns the places of all requirements.
+std::vector<Eigen::Vector3d> PlacesOf(const std::vector<PlacedRequirement>& requirements) {
+  std::vector<Eigen::Vector3d> all;
   for (const PlacedRequirement& requirement : requirements) {
     const std::vector<Eigen::Vector3d>& places = requirement.places_in_base_m;
-    config->cell.places_in_base_m.insert(config->cell.places_in_base_m.end(), places.begin(), places.end());
+    all.insert(all.end(), places.begin(), places.end());
   }
+  return all;
+}
+
+// Reads the section `robot`; returns nothing if it names no arm.
+std::optional<RobotArm> ReadArm(MapReader& root) {
+  const std::optional<ConfigValue> value = root.Find("robot");
+  if (!value || NamesNoArm(*value)) return std::nullopt;
+  MapReader reader(*value);
+  ReadRobotScale(reader);
+  RobotArm robot = ReadRobotArm(reader).robot;
+  reader.Finish();
+  return robot;
 }
 
 void CheckReach(const fs::path& path, const PlanConfig& config) {
@@ -98,7 +112,8 @@ PlanConfig ReadCell(const fs::path& path, const std::vector<std::string>& settin
   config.cell.hand_eye = *plan.hand_eye;
   config.num_revisits = plan.num_revisits;
   config.cell.setup = *FindSetup(root.Choice("setup", SetupNames()));
-  TakeTarget(ReadTarget(root, "target"), &config);
+  config.target = ReadTarget(root, "target");
+  config.cell = WithTarget(std::move(config.cell), *config.target);
 
   MapReader camera = root.Section("camera");
   const CameraKeys keys = ReadCameraKeys(camera);
@@ -120,17 +135,11 @@ PlanConfig ReadCell(const fs::path& path, const std::vector<std::string>& settin
   MapReader captures = root.Section("captures");
   config.pose_reading = ReadPoseReading(captures);
   config.joints_are_deg = ReadJointsAreDeg(captures);
-  const std::optional<ConfigValue> robot = root.Find("robot");
-  if (robot && !NamesNoArm(*robot)) {
-    MapReader reader(*robot);
-    ReadRobotScale(reader);
-    std::vector<fs::path> files;
-    config.robot = ReadRobotArm(reader, &files);
-    reader.Finish();
-    SetPostures(*config.robot, &config.cell);
-  }
+  config.robot = ReadArm(root);
+  if (config.robot) config.cell = WithPostures(std::move(config.cell), *config.robot);
   MapReader evaluate = root.Section("evaluate");
-  TakeRequirements(ReadRequirements(evaluate), &config);
+  config.requirements = ReadRequirements(evaluate);
+  config.cell.places_in_base_m = PlacesOf(config.requirements);
   // The other keys are those of the run that follows.
   for (const char* key : {"about", "seed", "methods", "output", "check", "prior"}) root.Find(key);
   root.Finish();
@@ -194,12 +203,14 @@ PlanConfig ReadRun(const fs::path& path) {
     config.cell.robot_noise = {std::hypot(random.translation_m, smooth.translation_m),
                                std::hypot(random.rotation_rad, smooth.rotation_rad)};
   }
-  TakeTarget(run.targets.front(), &config);
+  config.target = run.targets.front();
+  config.cell = WithTarget(std::move(config.cell), *config.target);
   config.pose_reading = run.pose_readings.front();
   config.joints_are_deg = run.joints_are_deg.front();
   config.robot = before.data.arms.front();
-  if (config.robot) SetPostures(*config.robot, &config.cell);
-  TakeRequirements(before.options.requirements, &config);
+  if (config.robot) config.cell = WithPostures(std::move(config.cell), *config.robot);
+  config.requirements = before.options.requirements;
+  config.cell.places_in_base_m = PlacesOf(config.requirements);
   for (const Recording& capture : before.data.captures) {
     config.former_names.push_back(capture.name);
     config.cell.former_poses.push_back(capture.base_from_gripper.front());

@@ -1,5 +1,6 @@
 #include "tools/config/prior_section.h"
 
+#include <filesystem>
 #include <memory>
 
 #include "tools/config/run_folder.h"
@@ -20,7 +21,7 @@ ChangeOfCell ReadChange(MapReader& reader) {
 
 }  // namespace
 
-std::optional<EarlierRun> ReadPrior(MapReader& root, std::vector<std::filesystem::path>* data_files) {
+std::optional<EarlierRun> ReadPrior(MapReader& root) {
   const std::optional<ConfigValue> value = root.Find("prior");
   if (!value) return std::nullopt;
   EarlierRun earlier;
@@ -39,10 +40,8 @@ std::optional<EarlierRun> ReadPrior(MapReader& root, std::vector<std::filesystem
   } else {
     run = root.InputPath("prior");
   }
-  const std::filesystem::path folder = RunFolderOf(run);
   earlier.name = run.string();
-  data_files->push_back(folder / "result.json");
-  earlier.result = std::make_shared<const RunResult>(ReadRefinedResult(folder));
+  earlier.result = std::make_shared<const RunResult>(ReadRefinedResult(RunFolderOf(run)));
   return earlier;
 }
 

@@ -1,9 +1,7 @@
 // The key `prior` of a run config: an earlier run whose result counts as an observation.
 #pragma once
 
-#include <filesystem>
 #include <optional>
-#include <vector>
 
 #include "heba/config/yaml_reader.h"
 #include "heba/run_types.h"
@@ -11,8 +9,7 @@
 namespace heba {
 
 // Reads `prior`: the folder of a run, or {run: FOLDER, drift: {translation, rotation}, target: in-place | moved}.
-// Returns nothing if the key is absent. Adds the file of its result to `data_files`. Throws InputError if the
-// run cannot be read.
-std::optional<EarlierRun> ReadPrior(MapReader& root, std::vector<std::filesystem::path>* data_files);
+// Returns nothing if the key is absent. Throws InputError if the run cannot be read.
+std::optional<EarlierRun> ReadPrior(MapReader& root);
 
 }  // namespace heba

@@ -28,9 +28,9 @@ RobotNoise ReadRobotNoise(MapReader& reader, std::optional<double> fallback) {
   return noise;
 }
 
-void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options) {
-  AdjustmentOptions& adjustment = options->calibration.adjustment;
-  SmoothPoseErrors& smooth = options->calibration.smooth;
+RunOptions WithRobotErrors(RunOptions options, MapReader& refine, const Dataset& data) {
+  AdjustmentOptions& adjustment = options.calibration.adjustment;
+  SmoothPoseErrors& smooth = options.calibration.smooth;
   const std::optional<ConfigValue> value = refine.Find("robot_noise");
   if (!value || value->IsText()) {
     const std::string name = value ? value->AsChoice({"auto", "none", "exact", "white", "smooth"}) : "auto";
@@ -40,7 +40,7 @@ void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options
              : name == "smooth" ? SmoothPoseErrors::kAlways
                                 : SmoothPoseErrors::kNone;
     refine.Record("robot_noise", YAML::Node(name));
-    return;
+    return options;
   }
   MapReader reader(*value);
   smooth = SmoothPoseErrors::kNone;
@@ -49,7 +49,7 @@ void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options
     if (data.arms.empty() || !data.arms.front()) value->Fail("the noise of joints needs an arm (robot.model)");
     reader.Choice("joints", {"auto"});
     reader.Finish();
-    options->joint_noise = true;
+    options.joint_noise = true;
     adjustment.robot = BundleOptions::Robot::kEstimatedNoise;
   } else if (reader.Has("translation") || reader.Has("rotation")) {
     adjustment.robot = BundleOptions::Robot::kGivenNoise;
@@ -58,6 +58,7 @@ void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options
     value->Fail("must be one of: auto, none, white, smooth, {translation: ..., rotation: ...}, {joints: auto}");
   }
   refine.Record("robot_noise", reader.used());
+  return options;
 }
 
 }  // namespace heba

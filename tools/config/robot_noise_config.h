@@ -12,8 +12,8 @@ namespace heba {
 // negative, more than 100 mm or 10 deg, or not zero but less than a millionth of a millimetre or of a degree.
 RobotNoise ReadRobotNoise(MapReader& reader, std::optional<double> fallback = std::nullopt);
 
-// Reads the key `robot_noise` of `refine`: "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth",
-// both sigmas, or {joints: auto}, which the only arm of `data` must have.
-void ReadRobotErrors(MapReader& refine, const Dataset& data, RunOptions* options);
+// Returns the options with the key `robot_noise` of `refine`: "auto", "none" (or "exact"), "white" (auto without smooth
+// errors), "smooth", both sigmas, or {joints: auto}, which the only arm of `data` must have.
+RunOptions WithRobotErrors(RunOptions options, MapReader& refine, const Dataset& data);
 
 }  // namespace heba

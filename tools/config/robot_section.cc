@@ -16,12 +16,8 @@
 namespace heba {
 namespace {
 
-// Reads an arm of the table, or a URDF with the links between which the joints lie.
-Arm ReadArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
-  const std::string model = reader.Get("model").AsText();
-  if (!model.ends_with(".urdf")) return *FindArm(reader.Choice("model", ArmNames()));
-  const std::filesystem::path file = reader.InputPath("model");
-  data_files->push_back(file);
+// Reads the arm of a URDF, between two of its links.
+Arm ReadUrdfArm(MapReader& reader, const std::filesystem::path& file) {
   Arm arm = UrdfArm::Read(file, reader.Text("base_link", ""), reader.Text("tip_link", ""))->Kinematics();
   arm.name = file.stem().string();
   return arm;
@@ -82,8 +78,6 @@ std::string JointsFileText(const Arm& arm, const std::vector<std::string>& image
   return text;
 }
 
-bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
-
 std::vector<std::string> JointColumns(const Arm& arm) {
   std::vector<std::string> columns;
   for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
@@ -110,13 +104,16 @@ bool NamesNoArm(const ConfigValue& robot) {
   return robot.IsMap() && robot.node().size() == 1 && robot.node()["scale_sigma"].IsDefined();
 }
 
-RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files) {
-  RobotArm robot;
-  robot.arm = ReadArm(reader, data_files);
+ArmOfFiles ReadRobotArm(MapReader& reader) {
+  ArmOfFiles read;
+  RobotArm& robot = read.robot;
+  if (reader.Get("model").AsText().ends_with(".urdf")) {
+    robot.arm = ReadUrdfArm(reader, read.files.emplace_back(reader.InputPath("model")));
+  } else {
+    robot.arm = *FindArm(reader.Choice("model", ArmNames()));
+  }
   if (reader.Has("kinematics")) {
-    const std::filesystem::path file = reader.InputPath("kinematics");
-    data_files->push_back(file);
-    robot.arm = ReadArmFile(file, robot.arm);
+    robot.arm = ReadArmFile(read.files.emplace_back(reader.InputPath("kinematics")), robot.arm);
   }
   if (const std::optional<ConfigValue> payload = reader.Find("payload"))
     robot.arm = ReadPayload(*payload, robot.arm, reader);
@@ -139,41 +136,42 @@ RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* dat
     }
     reader.Record("joints_near", used);
   }
-  return robot;
+  return read;
 }
 
-void ReadRobotSection(MapReader& root, const std::filesystem::path& joints_file, RunConfig* config) {
-  Dataset& data = config->data;
-  data.arms = {std::nullopt};
-  data.robot_scale_sigmas = {std::nullopt};
+RobotSection ReadRobotSection(MapReader& root, const CaptureSection& captures, const std::filesystem::path& config) {
+  RobotSection section;
+  const std::filesystem::path& joints_file = captures.joints_file;
   const std::optional<ConfigValue> value = root.Find("robot");
   if (!value) {
-    if (!joints_file.empty()) throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
-    return;
+    if (!joints_file.empty()) throw InputError(config.string() + ": captures.joints needs an arm (robot.model)");
+    return section;
   }
   if (value->IsText()) value->Fail("must be a mapping: {model: " + value->AsText() + "}");
   MapReader reader(*value);
-  data.robot_scale_sigmas = {ReadRobotScale(reader)};
+  section.scale_sigma = ReadRobotScale(reader);
   if (NamesNoArm(*value)) {
     root.Record("robot", reader.used());
     if (!joints_file.empty()) value->Fail("captures.joints needs an arm (robot.model)");
-    return;
+    return section;
   }
-  RobotArm robot = ReadRobotArm(reader, &config->data_files);
+  ArmOfFiles read = ReadRobotArm(reader);
   reader.Finish();
   root.Record("robot", reader.used());
-  const PosesFileOfArm& poses = config->arms.front();
+  const Arm& arm = read.robot.arm;
+  const PoseFormat& format = captures.arm.reading.format;
   if (!joints_file.empty()) {
     std::vector<std::string> names;
-    for (const Recording& capture : data.captures) names.push_back(capture.name);
-    std::vector<std::vector<double>> joints = ReadJoints(robot.arm, joints_file, poses.joints_are_deg, names);
-    for (size_t i = 0; i < names.size(); ++i) data.captures[i].joints = {std::move(joints[i])};
-  } else if (IsOfJoints(poses.reading.format, robot.arm)) {
-    for (size_t i = 0; i < data.captures.size(); ++i) {
-      data.captures[i].joints = {JointsOfNumbers(robot.arm, poses.reading.format, poses.numbers[i])};
+    for (const Recording& capture : captures.captures) names.push_back(capture.name);
+    section.joints = ReadJoints(arm, joints_file, captures.arm.joints_are_deg, names);
+  } else if (IsOfJoints(format, arm)) {
+    for (const std::vector<double>& numbers : captures.arm.numbers) {
+      section.joints.push_back(JointsOfNumbers(arm, format, numbers));
     }
   }
-  data.arms = {std::move(robot)};
+  section.robot = std::move(read.robot);
+  section.files = std::move(read.files);
+  return section;
 }
 
 bool IsOfJoints(const PoseFormat& format, const Arm& arm) {

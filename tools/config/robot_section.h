@@ -2,17 +2,17 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
 #include "heba/robot/arm.h"
+#include "tools/config/capture_section.h"
 #include "tools/config/run_config_types.h"
 
 namespace heba {
 
-// Reads `joint_angle` of `captures`: whether recorded joints are in degrees.
-bool ReadJointsAreDeg(MapReader& captures);
 // Returns the columns that hold the joints of an arm in a file: j1, j2, ...
 std::vector<std::string> JointColumns(const Arm& arm);
 // Returns the positions of the joints (rad or m) from numbers of a file, whose angles may be in degrees.
@@ -32,16 +32,27 @@ std::string JointsFileText(const Arm& arm, const std::vector<std::string>& image
 std::optional<double> ReadRobotScale(MapReader& reader);
 // Returns whether the section `robot` has no key but `scale_sigma`, which names no arm.
 bool NamesNoArm(const ConfigValue& robot);
-// Reads an arm from the keys model, base_link, tip_link, kinematics, payload, tool and joints_near. Adds the files that
-// it reads to `data_files`.
-RobotArm ReadRobotArm(MapReader& reader, std::vector<std::filesystem::path>* data_files);
+// An arm, and the files that it was read from.
+struct ArmOfFiles {
+  RobotArm robot;
+  std::vector<std::filesystem::path> files;
+};
+// Reads an arm from the keys model, base_link, tip_link, kinematics, payload, tool and joints_near.
+ArmOfFiles ReadRobotArm(MapReader& reader);
 
 // Returns whether the numbers of a pose format are the joints of an arm, and these joints, rad or m.
 bool IsOfJoints(const PoseFormat& format, const Arm& arm);
 std::vector<double> JointsOfNumbers(const Arm& arm, const PoseFormat& format, const std::vector<double>& numbers);
 
-// Reads the only arm and, unless `joints_file` is empty, the joints of the captures.
-void ReadRobotSection(MapReader& root, const std::filesystem::path& joints_file, RunConfig* config);
+// The only arm.
+struct RobotSection {
+  std::optional<RobotArm> robot;
+  std::optional<double> scale_sigma;        // Dataset::robot_scale_sigmas.
+  std::vector<std::vector<double>> joints;  // One list per capture; empty if they are not recorded.
+  std::vector<std::filesystem::path> files;
+};
+// Reads the only arm and the recorded joints of the captures. `config` is the file of the config.
+RobotSection ReadRobotSection(MapReader& root, const CaptureSection& captures, const std::filesystem::path& config);
 
 // Reads which errors of the arms are estimated. `arms` are those whose kinematics are known, `key` the one that names
 // an arm.

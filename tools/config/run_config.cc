@@ -8,6 +8,7 @@
 #include "tools/config/long_form.h"
 #include "tools/config/long_run_config.h"
 #include "tools/config/prior_section.h"
+#include "tools/config/run_folder.h"
 #include "tools/config/short_run_config.h"
 
 namespace heba {
@@ -21,18 +22,24 @@ ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>&
 }
 
 // Reads a config by the function for its form. What both forms have is read before and after that.
-RunConfig ReadForm(const fs::path& path, const ConfigValue& value, void (*read)(MapReader& reader, RunConfig* config)) {
+RunConfig ReadForm(const fs::path& path, const ConfigValue& value,
+                   RunConfig (*read)(MapReader& reader, const fs::path& file)) {
   RefuseOtherKind(value, path, FileKind::kRunConfig);
-  RunConfig config;
-  config.file = path;
   MapReader reader(value);
   const std::string name = ReadFolderName(reader, path.stem().string());
   const std::vector<std::pair<std::string, std::string>> about = ReadAbout(reader);
-  read(reader, &config);
+  RunConfig config = read(reader, path);
+  config.file = path;
   config.data.name = name;
   config.data.about = about;
-  ReadEvaluate(reader, &config);
-  config.options.earlier = ReadPrior(reader, &config.data_files);
+  const EvaluateSection evaluate = ReadEvaluate(reader, config.data.rig);
+  config.options.folds = evaluate.folds;
+  config.options.requirements = evaluate.requirements;
+  config.truth = evaluate.truth;
+  config.options.earlier = ReadPrior(reader);
+  if (config.options.earlier) {
+    config.data_files.push_back(RunFolderOf(config.options.earlier->name) / "result.json");
+  }
   ReadWobble(reader);  // `heba check` needs it.
   config.output = ReadOutput(reader, fs::absolute(path).parent_path() / "runs" / name);
   reader.Finish();

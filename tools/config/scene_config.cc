@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
@@ -64,17 +65,18 @@ Camera ReadSceneCamera(MapReader& reader) {
   return camera;
 }
 
-// Reads the motions of a camera during the captures, if there are any.
-void ReadMoved(MapReader& reader, size_t camera, SceneConfig* scene) {
+// Returns the scene with the motions of a camera during the captures, if there are any.
+SceneConfig WithMotionsOfCamera(SceneConfig scene, size_t camera, MapReader& reader) {
   if (reader.Has("creep")) {
-    scene->camera_creeps.push_back({camera, LocalCoordinates(Rigid3d(), ReadPoseKey(reader, "creep"))});
+    scene.camera_creeps.push_back({camera, LocalCoordinates(Rigid3d(), ReadPoseKey(reader, "creep"))});
   }
-  if (!reader.Has("moved")) return;
+  if (!reader.Has("moved")) return scene;
   MapReader moved(reader.Get("moved"));
   const int from = moved.Int("from", {0, 10000});
-  scene->camera_motions.push_back({camera, static_cast<size_t>(from), ReadPoseKey(moved, "by")});
+  scene.camera_motions.push_back({camera, static_cast<size_t>(from), ReadPoseKey(moved, "by")});
   moved.Finish();
   reader.Record("moved", moved.used());
+  return scene;
 }
 
 // Reads the deviation of a print from its design.
@@ -106,97 +108,111 @@ TargetShape ReadPrint(MapReader& reader, const Target& target) {
 }
 
 // Reads the keys `target` and `print`.
-void ReadSceneTarget(MapReader& reader, SceneConfig* scene) {
-  SceneTarget& target = scene->targets.emplace_back();
+SceneTarget ReadSceneTarget(MapReader& reader) {
+  SceneTarget target;
   target.target = ReadTarget(reader, "target");
   target.used = reader.used()["target"];
   target.printed = ReadPrint(reader, *target.target);
+  return target;
 }
 
 // Reads the keys of the short form.
-void ReadOnlyParts(MapReader& root, SceneConfig* scene) {
-  scene->setup = *FindSetup(root.Choice("setup", SetupNames()));
-  ReadSceneTarget(root, scene);
+SceneConfig ReadOnlyParts(MapReader& root) {
+  SceneConfig scene;
+  scene.setup = *FindSetup(root.Choice("setup", SetupNames()));
+  scene.targets = {ReadSceneTarget(root)};
   const Camera camera = ReadSceneCamera(root);
-  scene->problem =
-      HandEyeProblem(*scene->setup, camera, DesignedShape(AllPoints(*scene->targets[0].target).points_in_target));
+  scene.problem =
+      HandEyeProblem(*scene.setup, camera, DesignedShape(AllPoints(*scene.targets[0].target).points_in_target));
   const Rigid3d hand_eye = ReadPoseKey(root, "hand_eye");
-  scene->poses = HandEyePosesOf({hand_eye, ReadPoseKey(root, "board")});
-  ReadMoved(root, 0, scene);
-  scene->arms = {ReadOnlyArm(root)};
+  scene.poses = HandEyePosesOf({hand_eye, ReadPoseKey(root, "board")});
+  scene = WithMotionsOfCamera(std::move(scene), 0, root);
+  scene.arms = {ReadOnlyArm(root)};
+  return scene;
 }
 
-void ReadRobots(MapReader& root, SceneConfig* scene) {
+// Reads the arms of a scene.
+SceneConfig ReadRobots(MapReader& root) {
+  SceneConfig scene;
   // The pose near which the gripper of an arm stands if nothing else determines it.
   const Rigid3d default_home(ExpRotation({0, DegToRad(180.0), 0}), Eigen::Vector3d(0.4, 0, 0.4));
   if (!root.Has("robots")) {
-    scene->problem.robots = {kOnlyArm};
-    scene->poses.world_from_base = {Rigid3d()};
-    scene->options.homes = {default_home};
-    scene->arms = {ReadOnlyArm(root)};
-    return;
+    scene.problem.robots = {kOnlyArm};
+    scene.poses.world_from_base = {Rigid3d()};
+    scene.options.homes = {default_home};
+    scene.arms = {ReadOnlyArm(root)};
+    return scene;
   }
   MapReader section(root.Get("robots"));
-  scene->problem.robots = NamesIn(section, "left");
-  scene->has_named_robots = true;
-  for (const std::string& name : scene->problem.robots) {
+  scene.problem.robots = NamesIn(section, "left");
+  scene.has_named_robots = true;
+  for (const std::string& name : scene.problem.robots) {
     MapReader reader(section.Get(name));
-    const bool is_first = scene->poses.world_from_base.empty();
+    const bool is_first = scene.poses.world_from_base.empty();
     if (is_first && reader.Has("world_from_base")) {
       reader.Get("world_from_base").Fail("the base of the first arm is the world; leave the key out");
     }
-    scene->poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
-    scene->arms.emplace_back();
-    if (reader.Has("model")) scene->arms.back() = ReadSceneArm(reader);
-    scene->options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : default_home);
+    scene.poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
+    scene.arms.emplace_back();
+    if (reader.Has("model")) scene.arms.back() = ReadSceneArm(reader);
+    scene.options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : default_home);
     reader.Finish();
     section.Record(name, reader.used());
   }
   section.Finish();
   root.Record("robots", section.used());
+  return scene;
 }
 
-void ReadCameras(MapReader& root, SceneConfig* scene) {
+// Returns the scene with its cameras, which may be mounted on its arms.
+SceneConfig WithCameras(SceneConfig scene, MapReader& root) {
   MapReader section(root.Get("cameras"));
   for (const std::string& name : CameraNamesIn(section)) {
     MapReader reader(section.Get(name));
     ProblemCamera camera;
     camera.name = name;
-    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene->problem.robots);
-    scene->poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene.problem.robots);
+    scene.poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
     camera.camera = ReadSceneCamera(reader);
-    ReadMoved(reader, scene->problem.cameras.size(), scene);
+    const size_t index = scene.problem.cameras.size();
+    scene = WithMotionsOfCamera(std::move(scene), index, reader);
     reader.Finish();
     section.Record(name, reader.used());
-    scene->problem.cameras.push_back(std::move(camera));
+    scene.problem.cameras.push_back(std::move(camera));
   }
   section.Finish();
   root.Record("cameras", section.used());
+  return scene;
 }
 
-void ReadTargets(MapReader& root, SceneConfig* scene) {
+// Returns the scene with its targets, likewise.
+SceneConfig WithTargets(SceneConfig scene, MapReader& root) {
   MapReader section(root.Get("targets"));
   for (const std::string& name : NamesIn(section, "plate")) {
     MapReader reader(section.Get(name));
     ProblemTarget target;
     target.name = name;
-    std::tie(target.mount, target.mount_name) = ReadMount(reader, scene->problem.robots);
-    scene->poses.mount_from_target.push_back(ReadPoseKey(reader, "pose"));
-    ReadSceneTarget(reader, scene);
-    target.shape = DesignedShape(AllPoints(*scene->targets.back().target).points_in_target);
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, scene.problem.robots);
+    scene.poses.mount_from_target.push_back(ReadPoseKey(reader, "pose"));
+    scene.targets.push_back(ReadSceneTarget(reader));
+    target.shape = DesignedShape(AllPoints(*scene.targets.back().target).points_in_target);
     reader.Finish();
     section.Record(name, reader.used());
-    scene->problem.targets.push_back(std::move(target));
+    scene.problem.targets.push_back(std::move(target));
   }
   section.Finish();
   root.Record("targets", section.used());
+  return scene;
 }
 
-void ReadTwoStep(MapReader& motion, SceneConfig* scene) {
+// Reads the keys of the long form.
+SceneConfig ReadNamedParts(MapReader& root) { return WithTargets(WithCameras(ReadRobots(root), root), root); }
+
+std::optional<TwoStepMotionOptions> ReadTwoStep(MapReader& motion) {
   const std::optional<ConfigValue> value = motion.Find("two_step");
-  if (!value) return;
+  if (!value) return std::nullopt;
   MapReader reader(*value);
-  TwoStepMotionOptions& options = scene->two_step.emplace();
+  TwoStepMotionOptions options;
   options.translation_m = reader.PositiveLength("translation", options.translation_m);
   options.num_turns = reader.Int("turns", {2, 10000}, options.num_turns);
   options.max_turn_rad = reader.Angle("angle", options.max_turn_rad);
@@ -204,11 +220,13 @@ void ReadTwoStep(MapReader& motion, SceneConfig* scene) {
   motion.Record("two_step", reader.used());
   const std::string faults = options.Check();
   if (!faults.empty()) value->Fail(faults);
+  return options;
 }
 
-void ReadMotion(MapReader& root, SceneConfig* scene) {
+// Returns the scene with the section `motion`.
+SceneConfig WithMotion(SceneConfig scene, MapReader& root) {
   MapReader motion = root.Section("motion");
-  MotionOptions& options = scene->options.motion;
+  MotionOptions& options = scene.options.motion;
   options.num_captures = motion.Int("captures", {0, 10000}, options.num_captures);
   options.distance_m = motion.PositiveLength("distance", options.distance_m);
   options.depth_ratio = motion.Number("depth", options.depth_ratio);
@@ -216,31 +234,34 @@ void ReadMotion(MapReader& root, SceneConfig* scene) {
   options.max_spin_rad = motion.Angle("spin", options.max_spin_rad);
   options.spread = motion.Number("spread", options.spread);
   // The roles of the two-step method are those of a hand-eye calibration.
-  if (scene->setup) ReadTwoStep(motion, scene);
-  scene->num_repeats = motion.Int("repeats", {1, 1000}, 1);
-  if (options.num_captures == 0 && !scene->two_step) {
-    motion.Get("captures").Fail(scene->setup ? "must be at least 1 without two_step" : "must be at least 1");
+  if (scene.setup) scene.two_step = ReadTwoStep(motion);
+  scene.num_repeats = motion.Int("repeats", {1, 1000}, 1);
+  if (options.num_captures == 0 && !scene.two_step) {
+    motion.Get("captures").Fail(scene.setup ? "must be at least 1 without two_step" : "must be at least 1");
   }
-  if (scene->num_repeats > 1 && scene->two_step) motion.Get("repeats").Fail("cannot be combined with two_step");
+  if (scene.num_repeats > 1 && scene.two_step) motion.Get("repeats").Fail("cannot be combined with two_step");
   motion.Finish();
   root.Record("motion", motion.used());
   const std::string faults = options.Check();
   if (!faults.empty()) motion.value().Fail(faults);
+  return scene;
 }
 
-void ReadRendering(MapReader& root, RenderOptions* options) {
+RenderOptions ReadRendering(MapReader& root) {
+  RenderOptions options;
   MapReader image = root.Section("image");
-  options->blur_sigma_px = image.Pixels("blur", options->blur_sigma_px);
-  options->noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, options->noise_sigma_grey);
-  options->black_grey = image.QuantityOf("black", Quantity::kGreyLevels, options->black_grey);
-  options->white_grey = image.QuantityOf("white", Quantity::kGreyLevels, options->white_grey);
-  options->light_gradient = image.Number("uneven_light", options->light_gradient);
-  options->clutter = image.Bool("clutter", options->clutter);
-  options->depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
+  options.blur_sigma_px = image.Pixels("blur", options.blur_sigma_px);
+  options.noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, options.noise_sigma_grey);
+  options.black_grey = image.QuantityOf("black", Quantity::kGreyLevels, options.black_grey);
+  options.white_grey = image.QuantityOf("white", Quantity::kGreyLevels, options.white_grey);
+  options.light_gradient = image.Number("uneven_light", options.light_gradient);
+  options.clutter = image.Bool("clutter", options.clutter);
+  options.depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
   image.Finish();
   root.Record("image", image.used());
-  const std::string faults = options->Check();
+  const std::string faults = options.Check();
   if (!faults.empty()) image.value().Fail(faults);
+  return options;
 }
 
 }  // namespace
@@ -254,17 +275,9 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector
 }
 
 SceneConfig ReadScene(const ConfigValue& value) {
-  SceneConfig scene;
   MapReader reader(value);
-  if (HasLongForm(value)) {
-    ReadRobots(reader, &scene);
-    ReadCameras(reader, &scene);
-    ReadTargets(reader, &scene);
-  } else {
-    ReadOnlyParts(reader, &scene);
-  }
-  ReadMotion(reader, &scene);
-  ReadRendering(reader, &scene.image);
+  SceneConfig scene = WithMotion(HasLongForm(value) ? ReadNamedParts(reader) : ReadOnlyParts(reader), reader);
+  scene.image = ReadRendering(reader);
   if (scene.num_repeats > 1 && scene.image.noise_sigma_grey == 0) {
     MapReader motion(reader.Get("motion"));
     motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");

@@ -1,6 +1,7 @@
 // Reads the keys of a run's config in its short form: of one camera, one target and one arm, which have no names.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -9,9 +10,9 @@
 
 namespace heba {
 
-// Fills in the data set and the options from the keys that the short form alone has, from `captures` and from `refine`.
-// Throws InputError on any error.
-void ReadShortForm(MapReader& root, RunConfig* config);
+// Reads the data set and the options from the keys that the short form alone has, from `captures` and from `refine`.
+// `file` is that of the config. Throws InputError on any error.
+RunConfig ReadShortForm(MapReader& root, const std::filesystem::path& file);
 
 // Reads the key `methods`: a list without repetitions, or `all`, the default, which is returned as an empty list.
 std::vector<std::string> ReadMethods(MapReader& reader);

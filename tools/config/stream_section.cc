@@ -1,14 +1,12 @@
 #include "tools/config/stream_section.h"
 
 #include <algorithm>
-#include <optional>
 #include <string>
 #include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/io/pose_formats.h"
-#include "tools/run/time_offset.h"
 
 namespace heba {
 namespace fs = std::filesystem;
@@ -59,19 +57,18 @@ std::vector<PoseRow> ReadTimes(const fs::path& file, const std::vector<std::stri
   return rows;
 }
 
-void ReadTimeOffset(MapReader& refine, RunConfig* config) {
+std::optional<double> ReadTimeOffset(MapReader& refine, bool has_stream) {
   const std::optional<ConfigValue> value = refine.Find("time_offset");
-  if (!config->data.stream) {
+  if (!has_stream) {
     if (value) value->Fail("there is no stream of poses (captures.stream)");
-    return;
+    return std::nullopt;
   }
   const std::string text = value ? value->AsText() : "auto";
-  config->options.estimates_time_offset = text == "auto";
   refine.Record("time_offset", YAML::Node(text));
-  if (config->options.estimates_time_offset) return;
+  if (text == "auto") return std::nullopt;
   double offset_s = 0;
   if (!ParseDouble(text, &offset_s)) value->Fail("'" + text + "' is neither auto nor a number of seconds");
-  config->data = WithPosesAt(std::move(config->data), offset_s);
+  return offset_s;
 }
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,7 @@ std::vector<PoseRow> RowsAtTimes(const PoseStream& stream, const std::filesystem
 // Reads the times of images: a table of images, named by a column `image` or by one for each camera, and of times.
 std::vector<PoseRow> ReadTimes(const std::filesystem::path& file, const std::vector<std::string>& cameras);
 
-// Reads `time_offset` of the section `refine`, for a config with a stream.
-void ReadTimeOffset(MapReader& refine, RunConfig* config);
+// Reads `time_offset` of the section `refine`, s; nothing if it is to be estimated, or if there is no stream.
+std::optional<double> ReadTimeOffset(MapReader& refine, bool has_stream);
 
 }  // namespace heba

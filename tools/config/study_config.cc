@@ -148,17 +148,14 @@ struct Variant {
   StudyLabels labels;
 };
 
-// Replaces each variant by as many as there are values, in their order, and sets one value in each.
-template <class T, class Set>
-void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Set& set) {
+// Returns as many variants for each one as there are values, in their order: `with` returns a variant with a value.
+template <class T, class With>
+std::vector<Variant> Varied(const std::vector<Variant>& variants, const std::vector<T>& values, const With& with) {
   std::vector<Variant> varied;
-  for (const Variant& variant : *variants) {
-    for (const T& value : values) {
-      varied.push_back(variant);
-      set(value, &varied.back());
-    }
+  for (const Variant& variant : variants) {
+    for (const T& value : values) varied.push_back(with(variant, value));
   }
-  *variants = std::move(varied);
+  return varied;
 }
 
 // The values of all lists, and what all cells have in common.
@@ -178,20 +175,21 @@ struct StudyGrid {
 };
 
 // Draws the captures of a scene, and of a hand-eye calibration with an arm its robot.
-std::optional<Failure> AddCaptures(const SceneConfig& scene, StudyCell* cell) {
+Outcome<CapturesOfCell> DrawCaptures(const SceneConfig& scene) {
   Rng rng(scene.seed);
-  if (scene.setup && scene.arms[0]) return SetUpStudyRobot(scene, rng, cell);
+  if (scene.setup && scene.arms[0]) return DrawArmCaptures(scene, rng);
+  CapturesOfCell drawn;
   if (scene.setup) {
     const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, rng);
     if (!poses) return poses.failure();
-    for (const SimulatedPose& pose : *poses) cell->captures.push_back({pose});
-    return std::nullopt;
+    for (const SimulatedPose& pose : *poses) drawn.captures.push_back({pose});
+    return drawn;
   }
   const Outcome<std::vector<ArmPoses>> arms =
       SimulateArmPoses(scene.problem, scene.poses, SimulatedTargets(scene), scene.options, rng);
   if (!arms) return arms.failure();
-  for (const ArmPoses& poses : *arms) cell->captures.push_back({{}, poses});
-  return std::nullopt;
+  for (const ArmPoses& poses : *arms) drawn.captures.push_back({{}, poses});
+  return drawn;
 }
 
 // Returns the number with the noun: "1 arm", "2 targets".
@@ -215,7 +213,10 @@ Variant CellOf(const StudyGrid& grid, const NamedScene& named, int num_captures)
     cell.targets.push_back({AllPoints(*target.target), target.target->Draw().y_up});
     variant.labels.num_points += cell.targets.back().points.size();
   }
-  if (const std::optional<Failure> failure = AddCaptures(scene, &cell)) named.place.Fail(failure->ToString());
+  Outcome<CapturesOfCell> drawn = DrawCaptures(scene);
+  if (!drawn) named.place.Fail(drawn.failure().ToString());
+  cell.captures = std::move(drawn->captures);
+  cell.robot = std::move(drawn->robot);
   cell.num_repeats = scene.num_repeats;
   cell.margin_px = scene.options.motion.margin_px;
   cell.gives_cameras = grid.give_camera.value_or(scene.give_camera);
@@ -233,53 +234,61 @@ Variant CellOf(const StudyGrid& grid, const NamedScene& named, int num_captures)
   return variant;
 }
 
-void AddCells(const StudyGrid& grid, const NamedScene& named, int num_captures, StudyConfig* study) {
+// Returns the cells of a scene with this many captures, one for each combination of the other values.
+std::vector<Variant> CellsOf(const StudyGrid& grid, const NamedScene& named, int num_captures) {
   std::vector<Variant> variants = {CellOf(grid, named, num_captures)};
-  Vary(grid.pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
-    variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
+  variants = Varied(variants, grid.pixel_sigmas, [](Variant variant, double sigma_px) {
+    variant.cell.pixel_sigma_px = variant.labels.pixel_sigma_px = sigma_px;
+    return variant;
   });
-  Vary(grid.robot_noises, &variants, [](const RobotNoise& noise, Variant* variant) {
-    variant->cell.robot_noise = variant->labels.robot_noise = noise;
-    variant->cell.options.bundle.robot_noise = noise;
+  variants = Varied(variants, grid.robot_noises, [](Variant variant, const RobotNoise& noise) {
+    variant.cell.robot_noise = variant.labels.robot_noise = noise;
+    variant.cell.options.bundle.robot_noise = noise;
+    return variant;
   });
-  Vary(grid.target_shapes, &variants, [](const TargetShape& shape, Variant* variant) {
-    variant->cell.shape_params = variant->labels.shape_params = shape.params;
+  variants = Varied(variants, grid.target_shapes, [](Variant variant, const TargetShape& shape) {
+    variant.cell.shape_params = variant.labels.shape_params = shape.params;
+    return variant;
   });
-  Vary(grid.outliers, &variants,
-       [](double share, Variant* variant) { variant->cell.outlier_points = variant->labels.outlier_points = share; });
-  Vary(grid.wrongs, &variants,
-       [](double share, Variant* variant) { variant->cell.wrong_captures = variant->labels.wrong_captures = share; });
-  Vary(grid.robot_models, &variants, [](const std::string& model, Variant* variant) {
-    variant->labels.robot_model = model;
-    variant->cell.options.bundle.robot = RobotModel(model);
-    variant->cell.options.choose.robot_noise = model == "auto";
+  variants = Varied(variants, grid.outliers, [](Variant variant, double share) {
+    variant.cell.outlier_points = variant.labels.outlier_points = share;
+    return variant;
   });
-  Vary(grid.intrinsics, &variants, [](const std::vector<ParameterGroup>& groups, Variant* variant) {
-    variant->labels.free_intrinsics = groups;
-    for (ProblemCamera& camera : variant->cell.problem.cameras) camera.free_intrinsics = groups;
+  variants = Varied(variants, grid.wrongs, [](Variant variant, double share) {
+    variant.cell.wrong_captures = variant.labels.wrong_captures = share;
+    return variant;
+  });
+  variants = Varied(variants, grid.robot_models, [](Variant variant, const std::string& model) {
+    variant.labels.robot_model = model;
+    variant.cell.options.bundle.robot = RobotModel(model);
+    variant.cell.options.choose.robot_noise = model == "auto";
+    return variant;
+  });
+  variants = Varied(variants, grid.intrinsics, [](Variant variant, const std::vector<ParameterGroup>& groups) {
+    variant.labels.free_intrinsics = groups;
+    for (ProblemCamera& camera : variant.cell.problem.cameras) camera.free_intrinsics = groups;
+    return variant;
   });
   if (variants.front().cell.robot) {
     const Arm& arm = named.scene.arms[0]->nominal;
-    Vary(grid.kinematics, &variants, [&](const std::string& model, Variant* variant) {
+    variants = Varied(variants, grid.kinematics, [&](Variant variant, const std::string& model) {
       const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
       if (kind == Kinematics::kGravity && arm.load == nullptr) {
         named.place.Fail("has an arm whose links have no known masses, so that kinematics: gravity is not possible");
       }
       const std::vector<std::shared_ptr<const SharedEffects>> errors = CandidateArmErrors(arm, kind);
-      variant->labels.kinematics = model;
-      variant->cell.options.bundle.target_scale_sigma =
+      variant.labels.kinematics = model;
+      variant.cell.options.bundle.target_scale_sigma =
           AsMeasured(named.scene.targets[0].target->scale_sigma().value_or(kTargetScaleSigma));
       if (model == "auto") {
-        variant->cell.options.choose.effects = errors;
+        variant.cell.options.choose.effects = errors;
       } else if (!errors.empty()) {
-        variant->cell.options.bundle.effects = errors.front();
+        variant.cell.options.bundle.effects = errors.front();
       }
+      return variant;
     });
   }
-  for (Variant& variant : variants) {
-    study->cells.push_back(std::move(variant.cell));
-    study->labels.push_back(std::move(variant.labels));
-  }
+  return variants;
 }
 
 // Refuses what a scene has and a study does not simulate.
@@ -371,7 +380,10 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   for (const NamedScene& named : scenes) RefuseUnsimulated(named);
   for (const NamedScene& named : scenes) {
     for (const int num_captures : grid.captures) {
-      AddCells(grid, named, num_captures, &study);
+      for (Variant& variant : CellsOf(grid, named, num_captures)) {
+        study.cells.push_back(std::move(variant.cell));
+        study.labels.push_back(std::move(variant.labels));
+      }
     }
   }
   return study;

@@ -90,7 +90,7 @@ Outcome<std::vector<Eigen::VectorXd>> DrawPostures(const SceneConfig& scene, siz
 
 }  // namespace
 
-std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng& rng, StudyCell* cell) {
+Outcome<CapturesOfCell> DrawArmCaptures(const SceneConfig& scene, Rng& rng) {
   const SceneArm& arm = *scene.arms[0];
   const auto num_captures = static_cast<size_t>(scene.options.motion.num_captures);
   const Outcome<std::vector<Eigen::VectorXd>> postures = DrawPostures(scene, num_captures + kNumPlaces, rng);
@@ -101,14 +101,15 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng& rng, Study
   errors.groups[1].sigma = arm.sigmas.length_m;
   errors.groups[2].sigma = arm.sigmas.angle_rad;
   if (yields) errors.groups[3].sigma = arm.sigmas.compliance_rad_per_nm;
-  StudyRobot robot;
+  CapturesOfCell drawn;
+  StudyRobot& robot = drawn.robot.emplace();
   robot.errors = std::make_shared<const SharedEffects>(std::move(errors));
   robot.joint_noise_rad = arm.joint_noise_rad;
   for (size_t i = 0; i < postures->size(); ++i) {
     const Eigen::VectorXd& joints = (*postures)[i];
     const StudyPlace place = PlaceAt(scene, joints, true);
     if (i < num_captures) {
-      cell->captures.push_back(
+      drawn.captures.push_back(
           {{CaptureRole::kNone, CameraFromTarget(HandEyeOf(scene), place.camera_mount_from_target_mount)}});
       robot.effects.push_back(place.effect);
       robot.gripper_by_joints.push_back(place.gripper_by_joints);
@@ -120,8 +121,7 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng& rng, Study
       robot.places.push_back(PlaceAt(scene, other, false));
     }
   }
-  cell->robot = std::move(robot);
-  return std::nullopt;
+  return drawn;
 }
 
 }  // namespace heba

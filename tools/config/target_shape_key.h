@@ -6,8 +6,8 @@
 
 namespace heba {
 
-// Reads which parts of the targets' shapes are estimated, for all targets of the data set, which must be read before.
-// Throws InputError if the points of a target cannot be.
-void ReadTargetShape(MapReader& refine, RunConfig* config);
+// Returns the config with the parts of the targets' shapes that are estimated, for all targets of its data set. Throws
+// InputError if the points of a target cannot be.
+RunConfig WithTargetShape(RunConfig config, MapReader& refine);
 
 }  // namespace heba

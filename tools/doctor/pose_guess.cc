@@ -404,8 +404,7 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
     MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
     MapReader captures(reader.Get("captures"));
     if (!captures.Has("poses")) return std::nullopt;
-    std::optional<MapReader> mapping;
-    const PoseSource source = ReadPoseSource(captures, "poses", &mapping);
+    const PoseSource source = ReadPoseSource(captures, "poses");
     formats = GuessPoseFormats(source.path, source.paths.pose).formats;
   } catch (const InputError&) {
     return std::nullopt;

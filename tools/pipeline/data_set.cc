@@ -75,22 +75,14 @@ YAML::Node ShortConfig(const SceneConfig& scene) {
   return config;
 }
 
-// Adds what is known about an arm to the config: beside its poses or, if the scene does not name it, in a section of
-// its own.
-void AddArmKeys(const SceneConfig& scene, size_t robot, YAML::Node* config, YAML::Node* poses) {
+// Returns the keys of what is known about an arm.
+YAML::Node ArmKeys(const std::optional<SceneArm>& arm) {
   YAML::Node keys;
   keys["scale_sigma"] = kExact;
-  if (const std::optional<SceneArm>& arm = scene.arms[robot]) {
-    keys["model"] = arm->nominal.name;
-    // Recorded joints determine the tool.
-    if (!arm->records_joints) keys["tool"] = PoseNode(arm->tip_from_gripper);
-    if (arm->records_joints) (*poses)["joints"] = JointsFile(scene, robot);
-  }
-  if (!scene.has_named_robots) {
-    (*config)["robot"] = keys;
-    return;
-  }
-  for (const auto& entry : keys) (*poses)[entry.first] = entry.second;
+  if (arm) keys["model"] = arm->nominal.name;
+  // Recorded joints determine the tool.
+  if (arm && !arm->records_joints) keys["tool"] = PoseNode(arm->tip_from_gripper);
+  return keys;
 }
 
 YAML::Node NamedConfig(const SceneConfig& scene) {
@@ -99,10 +91,14 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
     YAML::Node poses;
     poses["poses"] = PosesFile(scene, r);
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
-    AddArmKeys(scene, r, &config, &poses);
+    if (scene.arms[r] && scene.arms[r]->records_joints) poses["joints"] = JointsFile(scene, r);
+    // They are beside the poses or, if the scene does not name the arm, in a section of their own.
+    const YAML::Node keys = ArmKeys(scene.arms[r]);
     if (scene.has_named_robots) {
+      for (const auto& entry : keys) poses[entry.first] = entry.second;
       config["robots"][scene.problem.robots[r]] = poses;
     } else {
+      config["robot"] = keys;
       config["captures"] = poses;
     }
   }

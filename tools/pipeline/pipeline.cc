@@ -36,41 +36,44 @@ bool HasContradictions(const RunResult& result) {
   });
 }
 
-// Inserts the doctor's first fault before the findings of a result that is not good, or that has left captures out; of
-// a rig only if the result is bad.
-void AppendDiagnosis(const RunConfig& config, int num_threads, RunOutput* run) {
-  RunResult& result = run->result;
+// Returns the run with its verdict, and with the doctor's first fault before the findings of a result that is not good,
+// or that has left captures out; of a rig only if the result is bad.
+RunOutput WithVerdict(RunOutput run, const RunConfig& config, int num_threads) {
+  RunResult& result = run.result;
   result.verdict = JudgeRun(result);
   const bool is_good = result.verdict.grade == Grade::kGood;
   const bool is_bad = result.verdict.grade == Grade::kBad;
-  if (IsShort(result) ? is_good && !HasContradictions(result) : !is_bad) return;
+  if (IsShort(result) ? is_good && !HasContradictions(result) : !is_bad) return run;
   Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   // A motion that the adjustment has measured is not replaced by its consequences. The doctor looks for an arm that
   // reaches all poses in one configuration; one whose errors explain the captures is the right one, in several.
   const bool has_arm = result.arms.size() == 1 && FindEstimatedArm(result, 0) != nullptr;
   std::erase_if(diagnosis.symptoms, [&](const Symptom& symptom) {
-    return IsExplainedByMotion(symptom, run->calibration) || (has_arm && symptom.code.name().starts_with("robot_"));
+    return IsExplainedByMotion(symptom, run.calibration) || (has_arm && symptom.code.name().starts_with("robot_"));
   });
   // Poses that the doctor cannot explain are no cause of a fit that is only doubtful.
   const bool explains = diagnosis.NumWrong() > 0 && diagnosis.symptoms.front().code.name() != "poses_unexplained";
-  if (!is_bad && !explains) return;
+  if (!is_bad && !explains) return run;
   // The cause of captures that were left out does not make the rest doubtful.
-  if (is_good && !IsOfSingleCaptures(diagnosis.symptoms.front())) return;
+  if (is_good && !IsOfSingleCaptures(diagnosis.symptoms.front())) return run;
   result.observations = WithCause(diagnosis, std::move(result.observations));
   if (is_good) result.observations.front().grade = Grade::kGood;
   result.verdict = JudgeRun(result);
+  return run;
 }
 
-// Names the targets that look the same in several orientations.
-void AppendSymmetries(const Dataset& dataset, RunResult* result) {
+// Returns findings that name the targets that look the same in several orientations.
+std::vector<Finding> SymmetriesOf(const Dataset& dataset) {
+  std::vector<Finding> findings;
   for (size_t t = 0; t < dataset.targets.size(); ++t) {
     if (dataset.targets[t]->Symmetries().size() < 2) continue;
     const auto num_symmetries = static_cast<double>(dataset.targets[t]->Symmetries().size());
     Finding finding{Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}};
     const std::string& name = dataset.rig.targets[t].name;
     if (!name.empty()) finding.names.emplace_back("of_target", name);
-    result->observations.push_back(std::move(finding));
+    findings.push_back(std::move(finding));
   }
+  return findings;
 }
 
 // Runs the data set of a config, and adds notes on the run to the console.
@@ -112,8 +115,10 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
     return Failure{WithDiagnosis(FailureText(run.failure()), diagnosis)};
   }
   RunResult& result = run->result;
-  if (!run->detections.empty()) AppendSymmetries(run->dataset, &result);
-  AppendDiagnosis(config, num_threads, &*run);
+  if (!run->detections.empty()) {
+    for (Finding& finding : SymmetriesOf(run->dataset)) result.observations.push_back(std::move(finding));
+  }
+  *run = WithVerdict(std::move(*run), config, num_threads);
   Describe(&result);
   result.timing.total_s = watch.Seconds();
   const std::filesystem::path& staging = folder.staging();

@@ -62,7 +62,28 @@ struct Watched {
   std::map<fs::path, std::uintmax_t> sizes;  // Their sizes are those of the last look.
   std::map<fs::path, std::string> complete;  // Each complete image has its ExposureText.
   std::set<fs::path> told;                   // A line was printed about these images.
+
+  // Looks at an image, and returns whether it is complete: its size has not changed since the last look, and it can be
+  // read.
+  bool IsComplete(const fs::path& path);
 };
+
+bool Watched::IsComplete(const fs::path& path) {
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) return false;
+  if (complete.contains(path) && sizes[path] == size) return true;
+  const auto [last, is_new] = sizes.try_emplace(path, size);
+  const bool is_stable = !is_new && last->second == size && size > 0;
+  last->second = size;
+  if (!is_stable) return false;
+  try {
+    complete[path] = ExposureText(ReadGreyImage(path));
+  } catch (const InputError&) {
+    return false;  // The image is half-written.
+  }
+  return true;
+}
 
 // Returns what a run depends on: the config as used, its images and its other files, with their sizes and times.
 std::string StateOf(const RunConfig& config, const std::vector<WatchedImage>& images) {
@@ -75,24 +96,6 @@ std::string StateOf(const RunConfig& config, const std::vector<WatchedImage>& im
     state += file.string() + " " + std::to_string(error ? 0 : time.time_since_epoch().count()) + "\n";
   }
   return state;
-}
-
-// Returns whether an image is complete: its size has not changed since the last look, and it can be read.
-bool IsComplete(const fs::path& path, Watched* watched) {
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(path, error);
-  if (error) return false;
-  if (watched->complete.contains(path) && watched->sizes[path] == size) return true;
-  const auto [last, is_new] = watched->sizes.try_emplace(path, size);
-  const bool is_stable = !is_new && last->second == size && size > 0;
-  last->second = size;
-  if (!is_stable) return false;
-  try {
-    watched->complete[path] = ExposureText(ReadGreyImage(path));
-  } catch (const InputError&) {
-    return false;  // The image is half-written.
-  }
-  return true;
 }
 
 // Returns whether there are requirements, and all are met.
@@ -176,7 +179,7 @@ class WatchedSession {
     const std::vector<WatchedImage> images = ImagesOf(*config);
     std::string missing;
     for (const WatchedImage& image : images) {
-      if (!IsComplete(image.path, &watched_)) missing = image.name;
+      if (!watched_.IsComplete(image.path)) missing = image.name;
     }
     if (!missing.empty()) {
       constexpr int kPatientLooks = 12;

@@ -76,29 +76,26 @@ class CaptureSectionTest : public testing::Test {
     std::ofstream(folder_ / name) << text;
   }
   // Reads a section from a file in the folder.
-  RunConfig Read(const std::string& section) const {
-    RunConfig config;
+  CaptureSection Read(const std::string& section) const {
     const ConfigValue value = ParseYaml(section, folder_ / "cell.yaml");
-    ReadCaptures(ConfigValue(value.node(), value.file(), "captures"), &config);
-    return config;
+    return ReadCaptures(ConfigValue(value.node(), value.file(), "captures"));
   }
   std::string ErrorOf(const std::string& section) const {
     return InputErrorOf([&] { Read(section); });
   }
-  static std::vector<std::string> NamesOf(const RunConfig& config) {
+  static std::vector<std::string> NamesOf(const CaptureSection& section) {
     std::vector<std::string> names;
-    for (const Recording& capture : config.data.captures) names.push_back(capture.name);
+    for (const Recording& capture : section.captures) names.push_back(capture.name);
     return names;
   }
-  static std::vector<double> XsOf(const RunConfig& config) {
+  static std::vector<double> XsOf(const CaptureSection& section) {
     std::vector<double> xs;
-    for (const Recording& capture : config.data.captures) xs.push_back(capture.base_from_gripper[0].translation.x());
+    for (const Recording& capture : section.captures) xs.push_back(capture.base_from_gripper[0].translation.x());
     return xs;
   }
-  static std::vector<std::string> LeftOutOf(const RunConfig& config) {
+  static std::vector<std::string> LeftOutOf(const CaptureSection& section) {
     std::vector<std::string> entries;
-    for (const LeftOutImages& left_out : config.data.left_out)
-      entries.push_back(left_out.name + ": " + left_out.reason);
+    for (const LeftOutImages& left_out : section.left_out) entries.push_back(left_out.name + ": " + left_out.reason);
     return entries;
   }
 
@@ -107,35 +104,35 @@ class CaptureSectionTest : public testing::Test {
 
 TEST_F(CaptureSectionTest, RowsNameTheirImages) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n10.png,10,0,0,0,0,0,1\n1.png,1,0,0,0,0,0,1\n2.png,2,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{images: images, poses: poses.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png", "2.png"));
-  EXPECT_THAT(XsOf(config), ElementsAre(10, 1, 2));
-  EXPECT_EQ(config.data.captures[1].images[0], folder_ / "images/1.png");
-  EXPECT_EQ(config.arms[0].file, folder_ / "poses.csv");
-  ASSERT_THAT(config.arms[0].numbers, SizeIs(3));
-  EXPECT_THAT(config.arms[0].numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
+  const CaptureSection section = Read("{images: images, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("10.png", "1.png", "2.png"));
+  EXPECT_THAT(XsOf(section), ElementsAre(10, 1, 2));
+  EXPECT_EQ(section.captures[1].images[0], folder_ / "images/1.png");
+  EXPECT_EQ(section.arm.file, folder_ / "poses.csv");
+  ASSERT_THAT(section.arm.numbers, SizeIs(3));
+  EXPECT_THAT(section.arm.numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
 }
 
 TEST_F(CaptureSectionTest, AColumnOfTimesStatesTheOrder) {
   Write("poses.csv",
         "image,time,x,y,z,qx,qy,qz,qw\n1.png,30,1,0,0,0,0,0,1\n2.png,10,2,0,0,0,0,0,1\n10.png,20,10,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{images: images, poses: poses.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("2.png", "10.png", "1.png"));
-  EXPECT_THAT(XsOf(config), ElementsAre(2, 10, 1));
-  EXPECT_FALSE(config.data.stream);
+  const CaptureSection section = Read("{images: images, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("2.png", "10.png", "1.png"));
+  EXPECT_THAT(XsOf(section), ElementsAre(2, 10, 1));
+  EXPECT_FALSE(section.stream);
 }
 
 TEST_F(CaptureSectionTest, PosesAreTakenFromAStreamAtTheTimesOfTheImages) {
   Write("robot.csv", "time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n4,8,0,0,0,0,0,1\n4,8,0,0,0,0,0,1\n8,16,0,0,0,0,0,1\n");
   // 10.png was taken after the last row.
-  const RunConfig by_names = Read("{images: images, stream: robot.csv}");
+  const CaptureSection by_names = Read("{images: images, stream: robot.csv}");
   EXPECT_THAT(NamesOf(by_names), ElementsAre("1.png", "2.png"));
   EXPECT_THAT(XsOf(by_names), ElementsAre(DoubleNear(2, 1e-9), DoubleNear(4, 1e-9)));
   EXPECT_THAT(LeftOutOf(by_names), ElementsAre("10.png: the stream of the robot's poses does not reach its time"));
-  ASSERT_TRUE(by_names.data.stream);
-  EXPECT_THAT(by_names.data.stream->times_s, ElementsAre(0, 4, 8));
+  ASSERT_TRUE(by_names.stream);
+  EXPECT_THAT(by_names.stream->times_s, ElementsAre(0, 4, 8));
   Write("times.csv", "image,time\n10.png,1000\n2.png,7\n1.png,3\n");
-  const RunConfig listed = Read("{images: images, poses: times.csv, stream: robot.csv}");
+  const CaptureSection listed = Read("{images: images, poses: times.csv, stream: robot.csv}");
   EXPECT_THAT(NamesOf(listed), ElementsAre("1.png", "2.png"));
   EXPECT_THAT(XsOf(listed), ElementsAre(DoubleNear(6, 1e-9), DoubleNear(14, 1e-9)));
 }
@@ -146,10 +143,10 @@ TEST_F(CaptureSectionTest, AStreamMayHaveJoints) {
         "time,j1,j2,j3,j4,j5,j6\n0,0,-1,1,0,1,0\n1,0.02,-1,1,0,1,0\n2,0.04,-1,1,0,1,0\n3,0.06,-1,1,0,1,0\n");
   Write("half/1.5.png", "x");
   Write("half/2.0.png", "x");
-  const RunConfig config = Read("{images: half, stream: joints.csv, pose_format: joints, robot: ur5e}");
-  const std::vector<Rigid3d>& of_stream = config.data.stream->base_from_gripper;
-  EXPECT_THAT(config.data.captures[1].base_from_gripper[0], IsNearPose(of_stream[2], 1e-12, 1e-12));
-  EXPECT_THAT(config.data.captures[0].base_from_gripper[0],
+  const CaptureSection section = Read("{images: half, stream: joints.csv, pose_format: joints, robot: ur5e}");
+  const std::vector<Rigid3d>& of_stream = section.stream->base_from_gripper;
+  EXPECT_THAT(section.captures[1].base_from_gripper[0], IsNearPose(of_stream[2], 1e-12, 1e-12));
+  EXPECT_THAT(section.captures[0].base_from_gripper[0],
               IsNearPose(Rigid3d(ExpRotation({0, 0, 0.01}), {0, 0, 0}) * of_stream[1], 1e-6, 1e-6));
 }
 
@@ -178,32 +175,32 @@ TEST_F(CaptureSectionTest, RefusesStreamsWithoutTimes) {
 TEST_F(CaptureSectionTest, RowsWithoutNamesFollowTheImagesInTheirOrder) {
   Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n10,0,0,0,0,0,1\n");
   for (const char* images : {"images", "images/*.png"}) {
-    const RunConfig config = Read(std::string("{images: '") + images + "', poses: poses.csv}");
-    EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png")) << images;
-    EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10)) << images;
+    const CaptureSection section = Read(std::string("{images: '") + images + "', poses: poses.csv}");
+    EXPECT_THAT(NamesOf(section), ElementsAre("1.png", "2.png", "10.png")) << images;
+    EXPECT_THAT(XsOf(section), ElementsAre(1, 2, 10)) << images;
   }
 }
 
 TEST_F(CaptureSectionTest, AListKeepsItsOrder) {
   Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{images: [images/10.png, images/1.png], poses: poses.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png"));
-  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
+  const CaptureSection section = Read("{images: [images/10.png, images/1.png], poses: poses.csv}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("10.png", "1.png"));
+  EXPECT_THAT(XsOf(section), ElementsAre(1, 2));
 }
 
 TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw,role\n1.png,1,0,0,0,0,0,1,home\n2.png,2,0,0,0,0,0,1,rotate\n");
-  const RunConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
-  EXPECT_THAT(XsOf(config), ElementsAre(-1, -2));
-  EXPECT_EQ(config.data.captures[0].role, CaptureRole::kHome);
-  EXPECT_EQ(config.data.captures[1].role, CaptureRole::kRotate);
+  const CaptureSection section = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
+  EXPECT_THAT(XsOf(section), ElementsAre(-1, -2));
+  EXPECT_EQ(section.captures[0].role, CaptureRole::kHome);
+  EXPECT_EQ(section.captures[1].role, CaptureRole::kRotate);
 }
 
 TEST_F(CaptureSectionTest, SaysWhyImagesAndRowsAreLeftOut) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,1,0,0,0,0,0,1\n10.png,2,0,0,0,0,0,1\ngone.png,3,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{images: images, poses: poses.csv, exclude: [10.png]}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("1.png"));
-  EXPECT_THAT(LeftOutOf(config),
+  const CaptureSection section = Read("{images: images, poses: poses.csv, exclude: [10.png]}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("1.png"));
+  EXPECT_THAT(LeftOutOf(section),
               ElementsAre("gone.png: the image is not among those of captures.images",
                           "2.png: the robot's pose is not in the poses file", "10.png: left out by captures.exclude"));
 }
@@ -262,10 +259,10 @@ TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByTheirNamesWithoutSuffix) {
   for (const char* number : {"1", "2", "10"}) {
     Write(std::string("poses/") + number + ".txt", std::string(number) + " 0 0 0 0 0 1\n");
   }
-  const RunConfig config = Read("{images: images, poses: poses}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png"));
-  EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10));
-  EXPECT_THAT(config.data_files, SizeIs(4));  // The folder is one of them.
+  const CaptureSection section = Read("{images: images, poses: poses}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("1.png", "2.png", "10.png"));
+  EXPECT_THAT(XsOf(section), ElementsAre(1, 2, 10));
+  EXPECT_THAT(section.data_files, SizeIs(4));  // The folder is one of them.
 }
 
 TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByNumbersIfTheirNamesDiffer) {
@@ -281,39 +278,34 @@ TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByNumbersIfTheirNamesDiffer) {
 TEST_F(CaptureSectionTest, TargetPosesReplaceImages) {
   Write("seen.csv", "x,y,z,qx,qy,qz,qw\n0,0,0.5,0,0,0,1\n0,0,0.6,0,0,0,1\n");
   Write("robot.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{target_poses: seen.csv, poses: robot.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("sample_0", "sample_1"));
-  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
-  ASSERT_THAT(config.data.target_poses, SizeIs(2));
-  EXPECT_DOUBLE_EQ(config.data.target_poses[1].translation.z(), 0.6);
-  EXPECT_TRUE(config.data.captures[0].images[0].empty());
-  EXPECT_THAT(config.data_files, ElementsAre(folder_ / "seen.csv", folder_ / "robot.csv"));
-  EXPECT_EQ(config.data.detections_source, (folder_ / "seen.csv").string());
+  const CaptureSection section = Read("{target_poses: seen.csv, poses: robot.csv}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("sample_0", "sample_1"));
+  EXPECT_THAT(XsOf(section), ElementsAre(1, 2));
+  ASSERT_THAT(section.target_poses, SizeIs(2));
+  EXPECT_DOUBLE_EQ(section.target_poses[1].translation.z(), 0.6);
+  EXPECT_TRUE(section.captures[0].images[0].empty());
+  EXPECT_THAT(section.data_files, ElementsAre(folder_ / "seen.csv", folder_ / "robot.csv"));
+  EXPECT_EQ(section.detections_source, (folder_ / "seen.csv").string());
 }
 
 TEST_F(CaptureSectionTest, DetectionsReplaceImages) {
   Write("detections.json",
         R"({"captures": [{"image": "2.png", "image_size": [640, 480], "ids": [0, 3], "pixels": [[1, 2], [3, 4]]}]})");
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n");
-  const RunConfig config = Read("{detections: detections.json, poses: poses.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("2.png"));
-  ASSERT_THAT(config.data.given_detections, SizeIs(1));
-  EXPECT_THAT(config.data.given_detections[0].detection.detection.ids, ElementsAre(0, 3));
+  const CaptureSection section = Read("{detections: detections.json, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(section), ElementsAre("2.png"));
+  ASSERT_THAT(section.given_detections, SizeIs(1));
+  EXPECT_THAT(section.given_detections[0].detection.detection.ids, ElementsAre(0, 3));
 }
 
 TEST_F(CaptureSectionTest, RecordsOfPointsReplaceImages) {
   Write("log.json", R"([{"image": "2.png", "corners": [[1, 2], [3, 4]]}, {"image": "3.png", "corners": null}])");
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n3.png,3,0,0,0,0,0,1\n");
-  const RunConfig config =
+  const CaptureSection section =
       Read("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}");
-  EXPECT_THAT(NamesOf(config), ElementsAre("2.png", "3.png"));
-  ASSERT_THAT(config.data.given_detections, SizeIs(2));
-  EXPECT_THAT(config.data.given_detections[0].detection.detection.ids, ElementsAre(0, 1));
-  RunConfig again;
-  const CaptureSection section = ReadCaptures(
-      ParseYaml("{detections: {file: log.json, pixels: '[].corners', image: '[].image'}, poses: poses.csv}",
-                folder_ / "a.yaml"),
-      &again);
+  EXPECT_THAT(NamesOf(section), ElementsAre("2.png", "3.png"));
+  ASSERT_THAT(section.given_detections, SizeIs(2));
+  EXPECT_THAT(section.given_detections[0].detection.detection.ids, ElementsAre(0, 1));
   EXPECT_TRUE(section.are_points_in_order);
   EXPECT_EQ(section.used["detections"]["pixels"].as<std::string>(), "[].corners");
 }
@@ -323,13 +315,13 @@ TEST_F(CaptureSectionTest, DataSetsBringTheirPoses) {
   Write("set/poses.txt", "1305031102.1 1 0 0 0 0 0 1\n1305031102.2 2 0 0 0 0 0 1\n");
   Write("set/images/a.png", "x");
   Write("set/images/b.png", "x");
-  const RunConfig config = Read("{data: set/poses.txt}");
-  ASSERT_TRUE(config.imported.has_value());
-  EXPECT_EQ(config.imported->format, "tum");
-  EXPECT_THAT(NamesOf(config), ElementsAre("a.png", "b.png"));
-  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
-  EXPECT_TRUE(config.arms[0].file.empty());
-  EXPECT_EQ(config.arms[0].reading.format.name, "ros");
+  const CaptureSection section = Read("{data: set/poses.txt}");
+  ASSERT_TRUE(section.imported.has_value());
+  EXPECT_EQ(section.imported->format, "tum");
+  EXPECT_THAT(NamesOf(section), ElementsAre("a.png", "b.png"));
+  EXPECT_THAT(XsOf(section), ElementsAre(1, 2));
+  EXPECT_TRUE(section.arm.file.empty());
+  EXPECT_EQ(section.arm.reading.format.name, "ros");
 }
 
 TEST_F(CaptureSectionTest, ADataSetWithoutImagesOrDetectionsIsRefused) {
@@ -339,10 +331,7 @@ TEST_F(CaptureSectionTest, ADataSetWithoutImagesOrDetectionsIsRefused) {
 }
 
 TEST_F(CaptureSectionTest, StatesTheSectionAsUsed) {
-  RunConfig config;
-  const YAML::Node used =
-      ReadCaptures(ParseYaml("{images: images, poses: poses.csv, exclude: [2.png]}", folder_ / "cell.yaml"), &config)
-          .used;
+  const YAML::Node used = Read("{images: images, poses: poses.csv, exclude: [2.png]}").used;
   EXPECT_EQ(used["images"].as<std::string>(), (folder_ / "images").string());
   EXPECT_EQ(used["poses"].as<std::string>(), (folder_ / "poses.csv").string());
   EXPECT_EQ(used["pose_format"].as<std::string>(), "ros");

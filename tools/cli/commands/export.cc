@@ -69,9 +69,10 @@ ResultOfMethod ReadResultAskedFor(const fs::path& file) {
   throw NoEstimate(file.string(), names);
 }
 
-// Sets the name of a frame. The names go into files of many languages; the characters that ROS allows are safe in all.
-void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
-  if (given.empty()) return;
+// Returns the name of a frame that a flag gives, or else the usual one. The names go into files of many languages; the
+// characters that ROS allows are safe in all.
+std::string FrameOfFlag(const char* flag, const std::string& given, const std::string& usual) {
+  if (given.empty()) return usual;
   const bool is_plain = std::all_of(given.begin(), given.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
   });
@@ -79,7 +80,7 @@ void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
     throw InputError(std::string("--") + flag + ": " + Quoted(given) +
                      " is not a valid frame name; letters, digits, _ and / are allowed");
   }
-  *frame = given;
+  return given;
 }
 
 // Returns the request with the child frame that --child-is names instead of the optical one.
@@ -94,13 +95,13 @@ ExportRequest WithChildAskedFor(const ExportRequest& request) {
   return WithChild(request, ExportFrame::kLink, Inverse(link_from_optical));
 }
 
-// Gives the frames of the only camera the names of --parent and --child.
-void NameFrames(ExportRequests* requests) {
-  ExportRequest& camera = requests->cameras.front();
+// Returns the requests with the names of --parent and --child for the frames of the only camera.
+ExportRequests WithNamedFrames(ExportRequests requests) {
+  ExportRequest& camera = requests.cameras.front();
   const std::string usual_parent = camera.parent_frame;
-  ReadFrame("parent", FLAGS_parent, &camera.parent_frame);
-  ReadFrame("child", FLAGS_child, &camera.child_frame);
-  for (ExportRequest& base : requests->bases) {
+  camera.parent_frame = FrameOfFlag("parent", FLAGS_parent, camera.parent_frame);
+  camera.child_frame = FrameOfFlag("child", FLAGS_child, camera.child_frame);
+  for (ExportRequest& base : requests.bases) {
     for (std::string* const frame : {&base.parent_frame, &base.child_frame}) {
       if (*frame == usual_parent) *frame = camera.parent_frame;
     }
@@ -119,6 +120,7 @@ void NameFrames(ExportRequests* requests) {
               << "is the pose of the optical frame (z forward): --child-is body exports that of the body frame, and "
               << "--child-is optical confirms the optical one" << std::endl;
   }
+  return requests;
 }
 
 // Returns the poses and arms to export, in the frames that the flags ask for.
@@ -128,7 +130,7 @@ ExportRequests RequestsAskedFor(const fs::path& run, const ResultOfMethod& from)
     camera = WithChildAskedFor(camera);
     camera.length_unit = FLAGS_units;
   }
-  if (requests.cameras.size() == 1) NameFrames(&requests);
+  if (requests.cameras.size() == 1) requests = WithNamedFrames(std::move(requests));
   for (std::vector<ExportRequest>* const poses : {&requests.cameras, &requests.bases}) {
     for (ExportRequest& pose : *poses) pose = FLAGS_inverse ? Inverted(pose) : pose;
   }

@@ -134,33 +134,29 @@ bool HasSeveralCameras(const fs::path& folder, const ImportFormat& format) {
   }
 }
 
-// Writes the target's keys, if there are any, and then the config that `make` makes with it; both, or none if the
-// config does not fit.
+// Writes the target's keys, if there are any, and then the config that `make` makes of the folder with this target;
+// both, or none if the config does not fit.
 template <class Make>
-std::optional<RawConfig> WithTarget(const fs::path& config, const std::string& target_text, RawFolder* raw,
+std::optional<RawConfig> WithTarget(const fs::path& config, const std::string& target_text, RawFolder raw,
                                     const Make& make) {
   fs::path new_target;
   std::error_code error;
-  const std::optional<fs::path> target_before = raw->target;
   if (!target_text.empty()) {
     ParseTarget(target_text);  // A fault is reported before a file is written.
-    raw->target = TargetFileFor(config, target_text);
-    if (!fs::exists(*raw->target, error)) new_target = *raw->target;
-    WriteFileAtomically(*raw->target, target_text);
+    raw.target = TargetFileFor(config, target_text);
+    if (!fs::exists(*raw.target, error)) new_target = *raw.target;
+    WriteFileAtomically(*raw.target, target_text);
   }
   std::optional<RawConfig> made;
   try {
-    made = make();
+    made = make(raw);
     if (made && made->fits) WriteFileAtomically(config, made->text);
-    if (made && !target_text.empty()) made->target = *raw->target;
+    if (made && !target_text.empty()) made->target = *raw.target;
   } catch (...) {
     if (!new_target.empty()) fs::remove(new_target, error);
     throw;
   }
-  if (!made || !made->fits) {
-    if (!new_target.empty()) fs::remove(new_target, error);
-    raw->target = target_before;
-  }
+  if ((!made || !made->fits) && !new_target.empty()) fs::remove(new_target, error);
   return made;
 }
 
@@ -204,8 +200,9 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
       throw InputError(folder.string() + ": is a data set of several cameras of " + std::string(format->name) +
                        "; 'heba import " + folder.string() + " --out DIR' converts it");
     }
-    const auto made = WithTarget(config, has_keys ? FLAGS_target + "\n" : "", &given,
-                                 [&] { return ConfigOfDataSet(folder, given, config, NumThreads()); });
+    const auto made = WithTarget(config, has_keys ? FLAGS_target + "\n" : "", given, [&](const RawFolder& with_target) {
+      return ConfigOfDataSet(folder, with_target, config, NumThreads());
+    });
     if (made) return Finish(folder, config, *made);
   }
   RawFolder raw = FindRawFiles(folder, given);
@@ -233,8 +230,9 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
         SetupNames(), true);
     if (!answer.empty()) raw.setup = FindSetup(answer);
   }
-  const auto made = WithTarget(config, target_text, &raw,
-                               [&] { return std::optional<RawConfig>(ConfigOf(raw, config, NumThreads())); });
+  const auto made = WithTarget(config, target_text, raw, [&](const RawFolder& with_target) {
+    return std::optional<RawConfig>(ConfigOf(with_target, config, NumThreads()));
+  });
   return Finish(folder, config, *made);
 }
 

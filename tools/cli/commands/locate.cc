@@ -152,32 +152,33 @@ std::vector<CameraPixel> PixelsOfFlag(const FinishedRun& run, bool has_plane) {
   return pixels;
 }
 
-// Sets the pixels and the plane that --pixels and --plane request.
-void SetPixels(const FinishedRun& run, const std::vector<std::string>& images, LocationRequest* request) {
+// Returns the request with the pixels and the plane that --pixels and --plane state.
+LocationRequest WithPixels(LocationRequest request, const FinishedRun& run, const std::vector<std::string>& images) {
   if (FLAGS_pixels.empty()) {
-    if (FLAGS_plane == "target") return;
+    if (FLAGS_plane == "target") return request;
     throw InputError("--plane: requires --pixels; without that flag the target itself is located");
   }
   const bool is_single = IsSingleCamera(run.result.rig);
   if (!is_single && !images.empty()) {
     throw InputError("--pixels: needs no image; leave " + Quoted(images.front()) + " out");
   }
-  request->plane = PlaneOfFlag();
-  if (is_single && !request->plane && images.empty()) {
+  request.plane = PlaneOfFlag();
+  if (is_single && !request.plane && images.empty()) {
     throw InputError("'heba locate' needs an IMAGE, except for --pixels on a plane in the base (--plane)");
   }
-  request->pixels = PixelsOfFlag(run, request->plane.has_value());
-  if (!is_single && !request->plane && !request->reaching.empty()) {
+  request.pixels = PixelsOfFlag(run, request.plane.has_value());
+  if (!is_single && !request.plane && !request.reaching.empty()) {
     throw InputError(
         "--robot: the point of several pixels has no orientation; name its plane (--plane), or leave this "
         "flag out");
   }
+  return request;
 }
 
-// Sets the tool and the grasp that --tool and --grasp state.
-void SetGrasp(const FinishedRun& run, LocationRequest* request) {
-  request->has_grasp = !FLAGS_tool.empty() || !FLAGS_grasp.empty();
-  if (!request->has_grasp) return;
+// Returns the request with the tool and the grasp that --tool and --grasp state.
+LocationRequest WithGrasp(LocationRequest request, const FinishedRun& run) {
+  request.has_grasp = !FLAGS_tool.empty() || !FLAGS_grasp.empty();
+  if (!request.has_grasp) return request;
   if (!FLAGS_pixels.empty()) {
     throw InputError("--tool and --grasp: a pixel has no orientation to grasp by; leave --pixels out");
   }
@@ -186,8 +187,9 @@ void SetGrasp(const FinishedRun& run, LocationRequest* request) {
     throw InputError("--tool and --grasp: are those of one arm and one target; the run has several");
   }
   const PoseFormat& format = FormatOfNear(run.pose_readings.front().format);
-  if (!FLAGS_tool.empty()) request->gripper_from_tool = PoseOrMappingOfFlag("tool", FLAGS_tool, format);
-  if (!FLAGS_grasp.empty()) request->target_from_grasp = PoseOrMappingOfFlag("grasp", FLAGS_grasp, format);
+  if (!FLAGS_tool.empty()) request.gripper_from_tool = PoseOrMappingOfFlag("tool", FLAGS_tool, format);
+  if (!FLAGS_grasp.empty()) request.target_from_grasp = PoseOrMappingOfFlag("grasp", FLAGS_grasp, format);
+  return request;
 }
 
 std::vector<Moment> MomentsOf(const Problem& rig, const std::vector<std::string>& images) {
@@ -216,8 +218,7 @@ LocationRequest RequestFor(const FinishedRun& run, const std::vector<std::string
   request.targets = run.targets;
   request.reaching = ReachingArmsOfFlag(run.result.rig.robots);
   request.near_form = "--near " + Join(FormatOfNear(run.pose_readings.front().format).columns, ",");
-  SetPixels(run, images, &request);
-  SetGrasp(run, &request);
+  request = WithGrasp(WithPixels(std::move(request), run, images), run);
   request.near = NearOfFlag(run);
   std::vector<size_t> cameras;
   for (const CameraPixel& pixel : request.pixels) cameras.push_back(pixel.camera);
@@ -226,10 +227,15 @@ LocationRequest RequestFor(const FinishedRun& run, const std::vector<std::string
   return request;
 }
 
+// What the images of a moment show.
+struct LocatedMoment {
+  ImageLocation location;
+  bool is_readable = true;  // Whether all images can be read.
+};
+
 // Locates what the images of a moment show. An image of a single camera that cannot be read, or has another size than
 // the camera's, is a fault of this image alone.
-ImageLocation LocateMoment(const FinishedRun& run, const LocationRequest& request, const Moment& moment,
-                           bool* is_readable) {
+LocatedMoment LocateMoment(const FinishedRun& run, const LocationRequest& request, const Moment& moment) {
   std::vector<Sighting> sightings;
   try {
     for (const auto& [camera, image] : moment.images) {
@@ -239,15 +245,14 @@ ImageLocation LocateMoment(const FinishedRun& run, const LocationRequest& reques
     }
   } catch (const InputError& error) {
     if (moment.name.empty()) throw;
-    *is_readable = false;
     ImageLocation location;
     location.image = moment.name;
     const std::string fault = error.what();
     const std::string prefix = moment.name + ": ";  // The fault of an image is stated beside its name.
     location.fault = Failure(fault.starts_with(prefix) ? fault.substr(prefix.size()) : fault);
-    return location;
+    return {std::move(location), false};
   }
-  return LocateInImages(request, moment.name, sightings);
+  return {LocateInImages(request, moment.name, sightings)};
 }
 
 // Returns whether --near is all that a target in the image of a single camera lacks.
@@ -275,15 +280,15 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   std::string why_undecided;
   int status = kDone;
   for (const Moment& moment : moments) {
-    bool is_readable = true;
-    const ImageLocation& location = locations.emplace_back(LocateMoment(run, request, moment, &is_readable));
+    LocatedMoment located = LocateMoment(run, request, moment);
+    const ImageLocation& location = locations.emplace_back(std::move(located.location));
     if (!FLAGS_json) std::cout << ForTerminal(LocationText(request, location));
     if (location.point && !PointWarning(*location.point).empty()) {
       std::cerr << "heba: warning: " << PointWarning(*location.point) << std::endl;
     }
     const std::string fault = Join(LocationFaults(request, location), "; ");
     if (fault.empty()) continue;
-    if (status != kInputWrong) status = is_readable ? kWorkFailed : kInputWrong;
+    if (status != kInputWrong) status = located.is_readable ? kWorkFailed : kInputWrong;
     if (LacksNear(location)) {
       undecided.push_back(moment.name);
       why_undecided = fault;
