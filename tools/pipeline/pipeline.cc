@@ -114,7 +114,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
   RunResult& result = run->result;
   if (!run->detections.empty()) AppendSymmetries(run->dataset, &result);
   AppendDiagnosis(config, num_threads, &*run);
-  Describe(&result);
+  result = Described(std::move(result));
   result.timing.total_s = watch.Seconds();
   const std::filesystem::path& staging = folder.staging();
   if (!run->detections.empty()) WriteDetections(run->dataset, run->detections, staging);
