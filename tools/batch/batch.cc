@@ -5,6 +5,7 @@
 #include <iostream>
 #include <map>
 #include <mutex>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"

@@ -29,7 +29,7 @@ Points2 Joined(const Points2& first, const Points2& second) {
 }
 
 // Returns the image with the observed points of a target, divided into those that the estimate used and those that it
-// left out, and with their residuals; the same image if a point has none.
+// left out, and with their residuals. It stays as it is if a point cannot be projected.
 ReportedImage WithPoints(ReportedImage image, const Camera& camera, const Rigid3d& camera_from_target,
                          const Observations& observations, const std::function<bool(int id)>& is_used) {
   const std::optional<Points2> residuals = Residuals(camera, camera_from_target, observations);

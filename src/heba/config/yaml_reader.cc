@@ -33,9 +33,9 @@ std::string OneLine(std::string text) {
   return text;
 }
 
-// Limits the number of values and the depth, and returns what a node leaves of the `budget` of values. Nodes of aliases
-// are shared in yaml-cpp, so a file with nested aliases (an alias bomb) could take forever to traverse; a config needs
-// few values.
+// Returns what a node leaves of the `budget` of values. Throws InputError if it has more, or if it is too deep. Nodes
+// of aliases are shared in yaml-cpp, so a file with nested aliases (an alias bomb) could take forever to traverse; a
+// config needs few values.
 int BudgetAfter(const YAML::Node& node, int depth, int budget, const std::filesystem::path& name) {
   constexpr int kMaxDepth = 32;
   if (--budget < 0) throw InputError(name.string() + ": more than 100000 values; a config needs a few dozen");
