@@ -113,8 +113,7 @@ Dataset DatasetOf(Setup setup, const std::vector<CameraPoints>& cameras, const s
 // Returns the text of result.json, with the findings in words. Throws InputError if the calibration failed.
 std::string ResultText(Outcome<RunOutput> output) {
   if (!output) throw InputError(FailureText(output.failure(), ConfigKeys::kOmitted));
-  Describe(&output->result, ConfigKeys::kOmitted);
-  return ResultToJson(output->result);
+  return ResultToJson(Described(std::move(output->result), ConfigKeys::kOmitted));
 }
 
 // Calibrates from detected points and returns the text of result.json.

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <map>
 #include <mutex>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -56,24 +57,25 @@ void CheckNames(const std::vector<Item>& items) {
   }
 }
 
-void RunItem(const BatchOptions& options, int num_threads, Item* item) {
-  if (item->is_wrong) return;
+Item WithRun(Item item, const BatchOptions& options, int num_threads) {
+  if (item.is_wrong) return item;
   try {
     // The config is read again, because the batch may have run for hours.
-    const RunConfig config = ReadRunConfig(item->config_path, options.settings);
-    if (options.resume) item->run.result = CurrentResult(item->output, config);
-    item->was_there = item->run.result.has_value();
-    if (item->was_there) return;
+    const RunConfig config = ReadRunConfig(item.config_path, options.settings);
+    if (options.resume) item.run.result = CurrentResult(item.output, config);
+    item.was_there = item.run.result.has_value();
+    if (item.was_there) return item;
     Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunPipeline(config, item->output, num_threads, &console);
+    const Outcome<RunResult> result = RunPipeline(config, item.output, num_threads, &console);
     if (result) {
-      item->run.result = *result;
+      item.run.result = *result;
     } else {
-      item->run.reason = item->config_path + ": " + FailureText(result.failure());
+      item.run.reason = item.config_path + ": " + FailureText(result.failure());
     }
   } catch (const std::exception& error) {
-    item->run.reason = error.what();
+    item.run.reason = error.what();
   }
+  return item;
 }
 
 std::string TimeLeft(double seconds) {
@@ -155,7 +157,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     }
     Item* item = mine[static_cast<size_t>(index)];
     const auto start = std::chrono::steady_clock::now();
-    RunItem(options, num_threads, item);
+    *item = WithRun(std::move(*item), options, num_threads);
     const std::lock_guard<std::mutex> lock(mutex);
     progress.Done(*item, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   });

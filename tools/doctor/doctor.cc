@@ -103,8 +103,7 @@ Diagnosis DiagnosePair(const RunConfig& config, int num_threads, Verbosity verbo
 }
 
 Symptom SymptomOf(const Finding& finding) {
-  Finding described = finding;
-  Describe(&described);
+  Finding described = Described(finding);
   return {finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark, SymptomCode::OfFinding(finding),
           std::move(described.text), std::move(described.action), FindingWords(finding).settings};
 }

@@ -150,12 +150,12 @@ Json PossibleJson(const LocationRequest& request, const TargetLocation& location
       {"postures", PosturesJson(result.rig, possible.postures)}};
 }
 
-// Adds the position of a pixel in the world, named `key`, with its sigmas and the postures that reach it.
-void AddPosition(const Problem& rig, const PixelPosition& position, const std::string& key, Json* json) {
-  (*json)["pixel"] = {position.pixel.pixel.x(), position.pixel.pixel.y()};
-  (*json)[key] = VectorJson(position.point.in_world);
-  (*json)["sigma"] = SigmasJson(position.point.covariance);
-  (*json)["postures"] = PosturesJson(rig, position.postures);
+// Returns the position of a pixel in the world, named `key`, with its sigmas and the postures that reach it.
+Json PositionJson(const Problem& rig, const PixelPosition& position, const std::string& key) {
+  return Json{{"pixel", {position.pixel.pixel.x(), position.pixel.pixel.y()}},
+              {key, VectorJson(position.point.in_world)},
+              {"sigma", SigmasJson(position.point.covariance)},
+              {"postures", PosturesJson(rig, position.postures)}};
 }
 
 // Returns the gripper with the tool at the grasp; null if none was asked for, or if no pose is chosen.
@@ -184,7 +184,7 @@ Json ImageJson(const LocationRequest& request, const ImageLocation& location) {
     json["poses"].push_back(PossibleJson(request, target, i, "base_from_target", "sigma"));
   }
   for (const PixelPosition& position : location.pixels) {
-    AddPosition(request.result->rig, position, "in_base_m", &json["pixels"].emplace_back());
+    json["pixels"].push_back(PositionJson(request.result->rig, position, "in_base_m"));
   }
   return json;
 }
@@ -236,7 +236,7 @@ Json LongJson(const LocationRequest& request, const ImageLocation& location) {
     json["points"] = Json::array();
     for (const PixelPosition& position : location.pixels) {
       Json& point = json["points"].emplace_back(Json{{"camera", rig.cameras[position.pixel.camera].name}});
-      AddPosition(rig, position, "in_world_m", &point);
+      point.update(PositionJson(rig, position, "in_world_m"));
     }
   } else {
     const std::optional<LocatedPoint>& point = location.point;

@@ -46,11 +46,12 @@ std::vector<RunDifference> DifferencesOf(const std::vector<ComparedRun>& runs, s
   return differences;
 }
 
-// Gives the camera of a run of one camera, which is compared with rigs, the name of the run.
-void NameCamera(ComparedRun* run) {
-  if (run->poses.empty()) throw InputError(run->label + ": has no refined estimate, which is compared with rigs");
-  run->cameras.front().name = run->name;
-  run->poses.front().name.child = run->name;
+// Returns a run of one camera, which is compared with rigs, whose camera has the name of the run.
+ComparedRun WithNamedCamera(ComparedRun run) {
+  if (run.poses.empty()) throw InputError(run.label + ": has no refined estimate, which is compared with rigs");
+  run.cameras.front().name = run.name;
+  run.poses.front().name.child = run.name;
+  return run;
 }
 
 std::string LabelsOf(const Comparison& comparison, const RunDifference& difference) {
@@ -466,19 +467,20 @@ std::vector<ComparedPose> PosesOf(const RunResult& result) {
   return all;
 }
 
-// Adds the only camera, without a name, and the methods of a run.
-void AddMethods(const RunResult& result, ComparedRun* run) {
+// Returns the run with its only camera, without a name, and its methods.
+ComparedRun WithMethods(ComparedRun run, const RunResult& result) {
   const Estimate* const refined = FindRefined(result);
   if (refined != nullptr) {
-    run->poses = PosesOf(result);
+    run.poses = PosesOf(result);
     // Its target has no name either: that of another run may be another one.
-    std::erase_if(run->poses, [](const ComparedPose& pose) { return pose.name.kind != ComparedPoseKind::kCamera; });
+    std::erase_if(run.poses, [](const ComparedPose& pose) { return pose.name.kind != ComparedPoseKind::kCamera; });
   }
-  run->cameras = {{"", std::string(SetupName(SetupOf(result.rig.cameras[0].mount))), FiguresOf(refined)}};
+  run.cameras = {{"", std::string(SetupName(SetupOf(result.rig.cameras[0].mount))), FiguresOf(refined)}};
   const Estimate* const best_px = FindBestClosedForm(result, &HoldOutPx);
-  run->methods = {best_px == nullptr ? "" : best_px->method, FiguresOf(best_px),
-                  FiguresOf(FindBestClosedForm(result, &HoldOutMm)),
-                  refined != nullptr && refined->solution->robot_noise.has_value()};
+  run.methods = {best_px == nullptr ? "" : best_px->method, FiguresOf(best_px),
+                 FiguresOf(FindBestClosedForm(result, &HoldOutMm)),
+                 refined != nullptr && refined->solution->robot_noise.has_value()};
+  return run;
 }
 
 }  // namespace
@@ -490,14 +492,11 @@ ComparedRun ComparedRunOf(const std::string& label, const RunResult& result) {
                   result.timing.total_s,
                   Join(result.target_types, " "),
                   result.rig.robots};
-  if (IsShort(result)) {
-    AddMethods(result, &run);
-    return run;
-  }
+  if (IsShort(result)) return WithMethods(std::move(run), result);
   const std::vector<RelativePose> cameras = CameraPoses(result.rig, result.solution);
   for (size_t c = 0; c < cameras.size(); ++c) {
-    run.cameras.push_back({cameras[c].child, MountText(result.rig, result.rig.cameras[c]), FiguresOf(result, c)});
-    SetSigmas(cameras[c].covariance, &run.cameras.back().figures);
+    run.cameras.push_back({cameras[c].child, MountText(result.rig, result.rig.cameras[c]),
+                           WithSigmas(FiguresOf(result, c), cameras[c].covariance)});
   }
   run.poses = PosesOf(result);
   return run;
@@ -509,7 +508,7 @@ Comparison CompareRuns(std::vector<ComparedRun> runs) {
   comparison.has_rig =
       std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) { return !run.methods; });
   for (ComparedRun& run : comparison.runs) {
-    if (comparison.has_rig && run.methods) NameCamera(&run);
+    if (comparison.has_rig && run.methods) run = WithNamedCamera(std::move(run));
   }
   for (size_t first = 0; first < comparison.runs.size(); ++first) {
     for (size_t second = first + 1; second < comparison.runs.size(); ++second) {

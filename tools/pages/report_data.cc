@@ -22,40 +22,43 @@ Rigid3d PoseWithCorrection(const RunOutput& run, size_t capture, size_t camera, 
       Corrected(WithErrors(problem.captures[capture], refined.effects), refined.captures[capture].corrections));
 }
 
-void Append(const Points2& more, Points2* points) {
-  points->conservativeResize(2, points->cols() + more.cols());
-  points->rightCols(more.cols()) = more;
+Points2 Joined(const Points2& first, const Points2& second) {
+  Points2 points(2, first.cols() + second.cols());
+  points << first, second;
+  return points;
 }
 
-// Divides the observed points of a target into those that the estimate used and those that it left out, with their
-// residuals, and adds them to the image; none if a point has no image.
-void AddPoints(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations,
-               const std::function<bool(int id)>& is_used, ReportedImage* image) {
+// Returns the image with the observed points of a target, divided into those that the estimate used and those that it
+// left out, and with their residuals. It stays as it is if a point cannot be projected.
+ReportedImage WithPoints(ReportedImage image, const Camera& camera, const Rigid3d& camera_from_target,
+                         const Observations& observations, const std::function<bool(int id)>& is_used) {
   const std::optional<Points2> residuals = Residuals(camera, camera_from_target, observations);
-  if (!residuals) return;
+  if (!residuals) return image;
   std::vector<Eigen::Index> used;
   std::vector<Eigen::Index> left_out;
   for (Eigen::Index p = 0; p < residuals->cols(); ++p) {
     (is_used(observations.ids[static_cast<size_t>(p)]) ? used : left_out).push_back(p);
   }
-  Append(observations.pixels(Eigen::all, used), &image->pixels);
-  Append((*residuals)(Eigen::all, used), &image->residuals);
-  Append(observations.pixels(Eigen::all, left_out), &image->left_out_pixels);
-  Append((*residuals)(Eigen::all, left_out), &image->left_out_residuals);
+  image.pixels = Joined(image.pixels, observations.pixels(Eigen::all, used));
+  image.residuals = Joined(image.residuals, (*residuals)(Eigen::all, used));
+  image.left_out_pixels = Joined(image.left_out_pixels, observations.pixels(Eigen::all, left_out));
+  image.left_out_residuals = Joined(image.left_out_residuals, (*residuals)(Eigen::all, left_out));
+  return image;
 }
 
-// Adds the points of a detection to its image. The problem has those of images that are used, in the reading order that
-// was chosen; what it does not have was left out.
-void AddDetection(const RunOutput& run, const TargetDetection& detection, ReportedImage* image) {
+// Returns the image with the points of a detection. The problem has those of images that are used, in the reading order
+// that was chosen; what it does not have was left out.
+ReportedImage WithDetection(ReportedImage image, const RunOutput& run, const TargetDetection& detection) {
   const Solution& solution = run.result.solution;
   const size_t i = detection.capture;
   const size_t c = detection.camera;
   const size_t t = detection.target;
-  if (image->small_jpeg.empty()) image->small_jpeg = detection.detection.small_jpeg;
+  if (image.small_jpeg.empty()) image.small_jpeg = detection.detection.small_jpeg;
   const Rigid3d camera_from_target = PoseWithCorrection(run, i, c, t);
   const auto add = [&](const Observations& observations, const std::function<bool(int)>& is_used) {
     if (observations.size() == 0) return;
-    AddPoints(solution.cameras[c], camera_from_target, ApplyShape(observations, solution.shapes[t]), is_used, image);
+    image = WithPoints(std::move(image), solution.cameras[c], camera_from_target,
+                       ApplyShape(observations, solution.shapes[t]), is_used);
   };
   std::vector<int> known;
   const std::vector<ProblemImage>& images = run.calibration.problem.captures[i].images;
@@ -73,6 +76,7 @@ void AddDetection(const RunOutput& run, const TargetDetection& detection, Report
     others.pixels.push_back(detection.detection.detection.pixels[p]);
   }
   if (!others.ids.empty()) add(ObservationsOf(*run.dataset.targets[t], others), [](int) { return false; });
+  return image;
 }
 
 // Returns the title of the `number`-th image of a camera.
@@ -106,7 +110,8 @@ std::vector<CameraResiduals> ResidualsOf(const RunOutput& run) {
     const auto place =
         place_of.find({run.dataset.captures[detection.capture].name, result.rig.cameras[detection.camera].name});
     if (place == place_of.end()) continue;
-    AddDetection(run, detection, &all[place->second.first].images[place->second.second]);
+    ReportedImage& image = all[place->second.first].images[place->second.second];
+    image = WithDetection(std::move(image), run, detection);
   }
   for (CameraResiduals& camera : all) {
     SquaredErrors sum;

@@ -119,7 +119,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
     for (Finding& finding : SymmetriesOf(run->dataset)) result.observations.push_back(std::move(finding));
   }
   *run = WithVerdict(std::move(*run), config, num_threads);
-  Describe(&result);
+  result = Described(std::move(result));
   result.timing.total_s = watch.Seconds();
   const std::filesystem::path& staging = folder.staging();
   if (!run->detections.empty()) WriteDetections(run->dataset, run->detections, staging);

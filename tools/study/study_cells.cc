@@ -111,60 +111,63 @@ class Content {
   void Add(const std::vector<ParameterGroup>& groups) {
     for (const ParameterGroup group : groups) Add(static_cast<double>(group));
   }
+  void Add(const StudyCell& cell, const StudyLabels& labels);
   const std::string& text() const { return text_; }
 
  private:
+  void AddScene(const StudyCell& cell);
+
   std::string text_;
 };
 
-void AddScene(const StudyCell& cell, Content* content) {
-  for (const std::string& robot : cell.problem.robots) content->Add(robot);
+void Content::AddScene(const StudyCell& cell) {
+  for (const std::string& robot : cell.problem.robots) Add(robot);
   for (const ProblemCamera& camera : cell.problem.cameras) {
-    content->Add(camera.name + " " + MountText(cell.problem, camera));
-    content->Add(camera.mount);
-    content->Add(camera.camera);
-    content->Add(camera.free_intrinsics);
+    Add(camera.name + " " + MountText(cell.problem, camera));
+    Add(camera.mount);
+    Add(camera.camera);
+    Add(camera.free_intrinsics);
   }
   for (size_t t = 0; t < cell.targets.size(); ++t) {
-    content->Add(cell.problem.targets[t].name + " " + MountText(cell.problem, cell.problem.targets[t]));
-    content->Add(cell.problem.targets[t].mount);
+    Add(cell.problem.targets[t].name + " " + MountText(cell.problem, cell.problem.targets[t]));
+    Add(cell.problem.targets[t].mount);
     const Observations& points = cell.targets[t].points;
-    for (const double coordinate : points.points_in_target.reshaped()) content->Add(coordinate);
-    for (Eigen::Index i = 0; i < points.size(); ++i) content->Add(points.RadiusM(i));
-    content->Add(cell.targets[t].z_out ? 1 : 0);
+    for (const double coordinate : points.points_in_target.reshaped()) Add(coordinate);
+    for (Eigen::Index i = 0; i < points.size(); ++i) Add(points.RadiusM(i));
+    Add(cell.targets[t].z_out ? 1 : 0);
   }
   for (const std::vector<Rigid3d>* poses :
        {&cell.poses.mount_from_camera, &cell.poses.mount_from_target, &cell.poses.world_from_base}) {
-    for (const Rigid3d& pose : *poses) content->Add(pose);
+    for (const Rigid3d& pose : *poses) Add(pose);
   }
   for (const StudyCapture& capture : cell.captures) {
-    content->Add(std::string(RoleName(capture.seen.role)));
-    content->Add(capture.seen.camera_from_target);
-    for (const Rigid3d& pose : capture.arms) content->Add(pose);
+    Add(std::string(RoleName(capture.seen.role)));
+    Add(capture.seen.camera_from_target);
+    for (const Rigid3d& pose : capture.arms) Add(pose);
   }
 }
 
-void AddCell(const StudyCell& cell, const StudyLabels& labels, Content* content) {
-  AddScene(cell, content);
+void Content::Add(const StudyCell& cell, const StudyLabels& labels) {
+  AddScene(cell);
   for (const double figure : {static_cast<double>(cell.num_repeats), cell.margin_px, cell.pixel_sigma_px,
                               cell.outlier_points, cell.wrong_captures, cell.gives_cameras ? 1.0 : 0.0}) {
-    content->Add(figure);
+    Add(figure);
   }
-  content->Add(cell.robot_noise);
-  for (const double param : cell.shape_params) content->Add(param);
+  Add(cell.robot_noise);
+  for (const double param : cell.shape_params) Add(param);
   const BundleOptions& bundle = cell.options.bundle;
-  content->Add(Join(cell.options.methods, ",") + " " + cell.options.seed + " " + std::string(LossOf(bundle.loss).name));
-  content->Add(cell.options.choose.robot_noise ? 1 : 0);
-  content->Add(cell.options.choose.target_shape ? 1 : 0);
-  content->Add(static_cast<double>(bundle.robot));
-  content->Add(bundle.robot_noise);
-  for (const StudyEstimator estimator : cell.estimators) content->Add(static_cast<double>(estimator));
+  Add(Join(cell.options.methods, ",") + " " + cell.options.seed + " " + std::string(LossOf(bundle.loss).name));
+  Add(cell.options.choose.robot_noise ? 1 : 0);
+  Add(cell.options.choose.target_shape ? 1 : 0);
+  Add(static_cast<double>(bundle.robot));
+  Add(bundle.robot_noise);
+  for (const StudyEstimator estimator : cell.estimators) Add(static_cast<double>(estimator));
   if (!cell.robot) return;
-  content->Add(labels.kinematics);
-  for (const EffectGroup& group : cell.robot->errors->groups) content->Add(group.sigma);
-  content->Add(cell.robot->joint_noise_rad);
-  for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) content->Add(by_joints.sum());
-  for (const StudyPlace& place : cell.robot->places) content->Add(place.camera_mount_from_target_mount);
+  Add(labels.kinematics);
+  for (const EffectGroup& group : cell.robot->errors->groups) Add(group.sigma);
+  Add(cell.robot->joint_noise_rad);
+  for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) Add(by_joints.sum());
+  for (const StudyPlace& place : cell.robot->places) Add(place.camera_mount_from_target_mount);
 }
 
 // Returns a digest of everything that the result of a cell depends on.
@@ -172,7 +175,7 @@ std::string MadeFrom(const StudyConfig& study, int index) {
   Content content;
   content.Add(DigestOfProgram() + " " + std::to_string(study.num_trials) + " " + std::to_string(study.seed));
   const auto place = static_cast<size_t>(index);
-  AddCell(study.cells[place], study.labels[place], &content);
+  content.Add(study.cells[place], study.labels[place]);
   return DigestOf(content.text());
 }
 

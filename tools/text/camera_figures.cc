@@ -21,7 +21,7 @@ CameraFigures FiguresOf(const Estimate* estimate) {
     figures.board_deg = errors.board_scatter->rotation_rms_deg;
   }
   if (estimate->solution) {
-    SetSigmas(PoseCovarianceOf(estimate->solution->covariance, kHandEyeBlock), &figures);
+    figures = WithSigmas(figures, PoseCovarianceOf(estimate->solution->covariance, kHandEyeBlock));
     figures.pixel_sigma_px = estimate->solution->pixel_sigma_px;
   }
   if (errors.truth) {
@@ -39,7 +39,8 @@ CameraFigures FiguresOf(const RunResult& result, size_t camera) {
   figures.holdout_target_mm = errors.holdout_target_mm;
   figures.holdout_target_deg = errors.holdout_target_deg;
   figures.holdout_chi2 = result.holdout_chi2;
-  SetSigmas(PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(result.rig.cameras[camera])), &figures);
+  figures =
+      WithSigmas(figures, PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(result.rig.cameras[camera])));
   if (camera < result.solution.pixel_sigmas_px.size()) {
     figures.pixel_sigma_px = result.solution.pixel_sigmas_px[camera];
   }
@@ -48,10 +49,11 @@ CameraFigures FiguresOf(const RunResult& result, size_t camera) {
   return figures;
 }
 
-void SetSigmas(const std::optional<Eigen::Matrix<double, 6, 6>>& covariance, CameraFigures* figures) {
-  if (!covariance) return;
-  figures->sigma_mm = 1000 * std::sqrt(covariance->diagonal().head<3>().sum());
-  figures->sigma_deg = RadToDeg(std::sqrt(covariance->diagonal().tail<3>().sum()));
+CameraFigures WithSigmas(CameraFigures figures, const std::optional<Eigen::Matrix<double, 6, 6>>& covariance) {
+  if (!covariance) return figures;
+  figures.sigma_mm = 1000 * std::sqrt(covariance->diagonal().head<3>().sum());
+  figures.sigma_deg = RadToDeg(std::sqrt(covariance->diagonal().tail<3>().sum()));
+  return figures;
 }
 
 }  // namespace heba

@@ -31,7 +31,7 @@ CameraFigures FiguresOf(const Estimate* estimate);
 // Returns those of one camera of a rig. The sigmas are those of its pose in its mount.
 CameraFigures FiguresOf(const RunResult& result, size_t camera);
 
-// Sets the sigmas by the covariance of the camera's pose (m, rad); nothing if the pose was held.
-void SetSigmas(const std::optional<Eigen::Matrix<double, 6, 6>>& covariance, CameraFigures* figures);
+// Returns figures with the sigmas by the covariance of the camera's pose (m, rad); the same if the pose was held.
+CameraFigures WithSigmas(CameraFigures figures, const std::optional<Eigen::Matrix<double, 6, 6>>& covariance);
 
 }  // namespace heba

@@ -775,39 +775,40 @@ FindingText FindingWords(const Finding& finding) {
   return words;
 }
 
-void Describe(Finding* finding, ConfigKeys keys) {
-  finding->reason.text = FailureText(finding->reason, keys);
-  FindingText words = FindingWords(*finding);
+Finding Described(Finding finding, ConfigKeys keys) {
+  finding.reason.text = FailureText(finding.reason, keys);
+  FindingText words = FindingWords(finding);
   // A finding about one of several cameras, targets or arms names it.
   for (const auto& [key, kind] :
        {std::pair{"of_camera", "camera "}, std::pair{"of_target", "target "}, std::pair{"of_arm", "arm "}}) {
-    const std::optional<std::string> name = finding->Name(key);
-    if (!name || !finding->text.empty()) continue;
+    const std::optional<std::string> name = finding.Name(key);
+    if (!name || !finding.text.empty()) continue;
     words.text = kind + *name + ": " + words.text;
     if (kind != std::string_view("arm ")) continue;
     words.text = WithArmKeys(words.text, *name);
     words.action = WithArmKeys(words.action, *name);
   }
-  DescribeAll(&finding->parts, keys);
-  finding->text = std::move(words.text);
-  finding->action = std::move(words.action);
+  finding.parts = Described(std::move(finding.parts), keys);
+  finding.text = std::move(words.text);
+  finding.action = std::move(words.action);
+  return finding;
 }
 
-void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys) {
-  for (Finding& finding : *findings) Describe(&finding, keys);
+std::vector<Finding> Described(std::vector<Finding> findings, ConfigKeys keys) {
+  for (Finding& finding : findings) finding = Described(std::move(finding), keys);
+  return findings;
 }
 
-void Describe(RunResult* result, ConfigKeys keys) {
-  const auto describe = [&](Failure* reason) { reason->text = FailureText(*reason, keys); };
-  for (Estimate& estimate : result->estimates) describe(&estimate.reason);
-  for (ModelEntry& entry : result->model.alternatives) describe(&entry.reason);
-  for (size_t r = 0; r < result->arms.size(); ++r) {
-    if (!result->arms[r]) continue;
-    Failure& reason = result->arms[r]->reason;
-    describe(&reason);
-    reason.text = WithArmKeys(reason.text, result->rig.robots[r]);
+RunResult Described(RunResult result, ConfigKeys keys) {
+  for (Estimate& estimate : result.estimates) estimate.reason.text = FailureText(estimate.reason, keys);
+  for (ModelEntry& entry : result.model.alternatives) entry.reason.text = FailureText(entry.reason, keys);
+  for (size_t r = 0; r < result.arms.size(); ++r) {
+    if (!result.arms[r]) continue;
+    Failure& reason = result.arms[r]->reason;
+    reason.text = WithArmKeys(FailureText(reason, keys), result.rig.robots[r]);
   }
-  DescribeAll(&result->verdict.findings, keys);
+  result.verdict.findings = Described(std::move(result.verdict.findings), keys);
+  return result;
 }
 
 }  // namespace heba

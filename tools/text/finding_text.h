@@ -26,12 +26,12 @@ struct FindingText {
 // does not have is shown as "nan".
 FindingText FindingWords(const Finding& finding);
 
-// Sets the text and the action of a finding, and of its parts, to their words. A finding that was described before does
-// not change.
-void Describe(Finding* finding, ConfigKeys keys = ConfigKeys::kNamed);
-void DescribeAll(std::vector<Finding>* findings, ConfigKeys keys = ConfigKeys::kNamed);
+// Return findings whose text and action, and those of their parts, are their words. A finding that was described before
+// does not change.
+Finding Described(Finding finding, ConfigKeys keys = ConfigKeys::kNamed);
+std::vector<Finding> Described(std::vector<Finding> findings, ConfigKeys keys = ConfigKeys::kNamed);
 
-// Sets the texts of the findings of a verdict, and of the failures in its result.
-void Describe(RunResult* result, ConfigKeys keys = ConfigKeys::kNamed);
+// Returns a result with the texts of the findings of its verdict, and of the failures in it.
+RunResult Described(RunResult result, ConfigKeys keys = ConfigKeys::kNamed);
 
 }  // namespace heba

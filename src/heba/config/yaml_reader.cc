@@ -33,17 +33,19 @@ std::string OneLine(std::string text) {
   return text;
 }
 
-// Limits the number of values and the depth. Nodes of aliases are shared in yaml-cpp, so a file with nested aliases (an
-// alias bomb) could take forever to traverse; a config needs few values.
-void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesystem::path& name) {
+// Returns what a node leaves of the `budget` of values. Throws InputError if it has more, or if it is too deep. Nodes
+// of aliases are shared in yaml-cpp, so a file with nested aliases (an alias bomb) could take forever to traverse; a
+// config needs few values.
+int BudgetAfter(const YAML::Node& node, int depth, int budget, const std::filesystem::path& name) {
   constexpr int kMaxDepth = 32;
-  if (--*budget < 0) throw InputError(name.string() + ": more than 100000 values; a config needs a few dozen");
+  if (--budget < 0) throw InputError(name.string() + ": more than 100000 values; a config needs a few dozen");
   if (depth > kMaxDepth) throw InputError(name.string() + ": nested deeper than 32 levels");
   if (node.IsMap()) {
-    for (const auto& entry : node) CheckSize(entry.second, depth + 1, budget, name);
+    for (const auto& entry : node) budget = BudgetAfter(entry.second, depth + 1, budget, name);
   } else if (node.IsSequence()) {
-    for (const auto& item : node) CheckSize(item, depth + 1, budget, name);
+    for (const auto& item : node) budget = BudgetAfter(item, depth + 1, budget, name);
   }
+  return budget;
 }
 
 // An event handler that records the positions at which documents start.
@@ -208,8 +210,7 @@ ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name
   try {
     CheckOneDocument(text, name);
     const YAML::Node root = YAML::Load(text);
-    int budget = 100000;
-    CheckSize(root, 0, &budget, name);
+    BudgetAfter(root, 0, 100000, name);
     return {root, name, ""};
   } catch (const YAML::Exception& error) {
     throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" +

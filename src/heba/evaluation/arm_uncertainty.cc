@@ -54,13 +54,14 @@ struct Slice {
   }
 };
 
-// Adds `sign` times the derivative of a point by the unknowns of a pose, for a point that is fixed to the frame of that
-// pose, along the axes of the parent. A block without unknowns adds nothing.
-void AddMotion(const Rigid3d& parent_from_frame, const Eigen::Vector3d& in_parent, const UnknownBlock& block,
-               double sign, Eigen::MatrixXd* by_unknowns) {
-  if (block.size != 6) return;
-  by_unknowns->middleCols<6>(block.first) +=
+// Returns derivatives plus `sign` times that of a point by the unknowns of a pose, for a point that is fixed to the
+// frame of that pose, along the axes of the parent. A block without unknowns adds nothing.
+Eigen::MatrixXd WithMotion(Eigen::MatrixXd by_unknowns, double sign, const Rigid3d& parent_from_frame,
+                           const Eigen::Vector3d& in_parent, const UnknownBlock& block) {
+  if (block.size != 6) return by_unknowns;
+  by_unknowns.middleCols<6>(block.first) +=
       sign * parent_from_frame.RotationMatrix() * PointByMotion(Inverse(parent_from_frame) * in_parent);
+  return by_unknowns;
 }
 
 struct SliceCell {
@@ -130,8 +131,8 @@ GripperLocator LocatorOf(Setup setup, const PairSolution& solution) {
   return [&solution, fixed, block](const StatedPose& stated) {
     const CorrectedPose gripper = Correct(solution, stated);
     const Rigid3d& pose = gripper.base_from_mount;
-    Eigen::MatrixXd by_unknowns = pose.RotationMatrix() * gripper.by_unknowns.topRows<3>();
-    AddMotion(fixed, pose.translation, block, -1, &by_unknowns);
+    const Eigen::MatrixXd by_unknowns =
+        WithMotion(pose.RotationMatrix() * gripper.by_unknowns.topRows<3>(), -1, fixed, pose.translation, block);
     return LocatedGripper{pose, by_unknowns * solution.covariance.matrix * by_unknowns.transpose()};
   };
 }
@@ -169,9 +170,9 @@ GripperLocator LocatorOf(const Problem& rig, const Solution& solution, size_t ro
     const Rigid3d& world_from_own = solution.poses.world_from_base[robot];
     const Rigid3d pose = world_from_own * gripper.base_from_mount;
     Eigen::MatrixXd by_unknowns = pose.RotationMatrix() * gripper.by_unknowns.topRows<3>();
-    AddMotion(world_from_own, pose.translation, of_own_base, 1, &by_unknowns);
-    AddMotion(world_from_base, pose.translation, of_base, -1, &by_unknowns);
-    AddMotion(world_from_fixed, pose.translation, of_fixed, -1, &by_unknowns);
+    by_unknowns = WithMotion(std::move(by_unknowns), 1, world_from_own, pose.translation, of_own_base);
+    by_unknowns = WithMotion(std::move(by_unknowns), -1, world_from_base, pose.translation, of_base);
+    by_unknowns = WithMotion(std::move(by_unknowns), -1, world_from_fixed, pose.translation, of_fixed);
     return LocatedGripper{gripper.base_from_mount, by_unknowns * solution.covariance.matrix * by_unknowns.transpose()};
   };
 }

@@ -32,22 +32,20 @@ bool IsSymptom(const Finding& finding) {
          std::find(kConsequences.begin(), kConsequences.end(), finding.code) != kConsequences.end();
 }
 
-// Moves the findings that `is_part` selects into the one at `lead`.
+// Returns findings in which those that `is_part` selects are parts of the one at `lead`.
 template <class IsPart>
-void MoveInto(size_t lead, const IsPart& is_part, std::vector<Finding>* findings) {
+std::vector<Finding> WithParts(std::vector<Finding> findings, size_t lead, const IsPart& is_part) {
   std::vector<Finding> parts;
-  for (size_t i = 0; i < findings->size(); ++i) {
-    Finding& finding = (*findings)[i];
-    if (i == lead || !is_part(finding)) continue;
-    parts.push_back(std::exchange(finding, Finding()));
+  for (size_t i = 0; i < findings.size(); ++i) {
+    if (i != lead && is_part(findings[i])) parts.push_back(std::exchange(findings[i], Finding()));
   }
-  SortFindings(&parts);
-  Finding& whole = (*findings)[lead];
-  for (Finding& part : parts) {
+  Finding& whole = findings[lead];
+  for (Finding& part : Sorted(std::move(parts))) {
     whole.numbers.insert(whole.numbers.end(), part.numbers.begin(), part.numbers.end());
     whole.parts.push_back(std::move(part));
   }
-  std::erase_if(*findings, [](const Finding& finding) { return finding.code.empty(); });
+  std::erase_if(findings, [](const Finding& finding) { return finding.code.empty(); });
+  return findings;
 }
 
 // Returns the index of the finding that precedes all others by `is_before` among those that `is_candidate` selects.
@@ -119,34 +117,28 @@ std::optional<Finding> JudgeMoves(const std::vector<NamedMove>& moves, double di
 
 bool IsMisfit(const Finding& finding) { return RankOf(finding) < kSymptoms.size(); }
 
-void GatherSymptoms(std::vector<Finding>* findings) {
+std::vector<Finding> WithSymptomsGathered(std::vector<Finding> findings) {
   const std::optional<size_t> cause = FirstOf(
-      *findings, [](const Finding& finding) { return finding.is_cause && finding.grade != Grade::kGood; },
+      findings, [](const Finding& finding) { return finding.is_cause && finding.grade != Grade::kGood; },
       [](const Finding& a, const Finding& b) { return a.grade > b.grade; });
   if (cause) {
-    const Grade grade = (*findings)[*cause].grade;
-    MoveInto(
-        *cause,
-        [&](const Finding& finding) {
-          return !finding.is_cause && IsSymptom(finding) && finding.grade != Grade::kGood && finding.grade <= grade;
-        },
-        findings);
+    const Grade grade = findings[*cause].grade;
+    findings = WithParts(std::move(findings), *cause, [&](const Finding& finding) {
+      return !finding.is_cause && IsSymptom(finding) && finding.grade != Grade::kGood && finding.grade <= grade;
+    });
   }
   const auto is_misfit = [](const Finding& finding) { return finding.grade != Grade::kGood && IsMisfit(finding); };
-  const std::optional<size_t> lead = FirstOf(*findings, is_misfit, [](const Finding& a, const Finding& b) {
+  const std::optional<size_t> lead = FirstOf(findings, is_misfit, [](const Finding& a, const Finding& b) {
     return a.grade != b.grade ? a.grade > b.grade : RankOf(a) < RankOf(b);
   });
-  if (lead) MoveInto(*lead, is_misfit, findings);
+  return lead ? WithParts(std::move(findings), *lead, is_misfit) : std::move(findings);
 }
 
-void SortFindings(std::vector<Finding>* findings) {
-  std::stable_sort(findings->begin(), findings->end(), [](const Finding& a, const Finding& b) {
+std::vector<Finding> Sorted(std::vector<Finding> findings) {
+  std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
     return a.grade != b.grade ? a.grade > b.grade : a.is_cause && !b.is_cause;
   });
-}
-
-void AddLeftOut(const std::optional<double>& target_mm, Finding* finding) {
-  if (target_mm) finding->numbers.emplace_back("left_out_mm", *target_mm);
+  return findings;
 }
 
 }  // namespace heba

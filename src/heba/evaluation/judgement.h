@@ -33,18 +33,14 @@ struct NamedMove {
 // many captures are improbable, the assumed noise is wrong rather than the captures.
 std::optional<Finding> JudgeMoves(const std::vector<NamedMove>& moves, double distance_m);
 
-// Adds the distance between the predicted targets of the captures that were left out and those that their images show,
-// if there are any, to the finding about the captures.
-void AddLeftOut(const std::optional<double>& target_mm, Finding* finding);
-
 // Returns whether a finding is what errors of the model show as. It contains the others as parts, if it says most.
 bool IsMisfit(const Finding& finding);
 
-// Makes the symptoms that are no worse than a cause parts of it: its consequences. Without such a cause, the symptoms
-// become parts of the one that says most: one fault is one finding.
-void GatherSymptoms(std::vector<Finding>* findings);
+// Returns findings whose symptoms that are no worse than a cause are parts of it: its consequences. Without such a
+// cause, the symptoms are parts of the one that says most: one fault is one finding.
+std::vector<Finding> WithSymptomsGathered(std::vector<Finding> findings);
 
-// Sorts findings: the worst first; among equal grades, causes first.
-void SortFindings(std::vector<Finding>* findings);
+// Returns sorted findings: the worst first; among equal grades, causes first.
+std::vector<Finding> Sorted(std::vector<Finding> findings);
 
 }  // namespace heba

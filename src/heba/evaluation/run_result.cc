@@ -77,15 +77,15 @@ const Estimate* EstimateWithArm(const RunResult& result) {
 
 namespace {
 
-// Sets the poses, cameras, shapes and errors of a result of the short form.
-void TakeEstimate(const Estimate& estimate, RunResult* result) {
+// Returns a result of the short form with the poses, cameras, shapes and errors of an estimate.
+RunResult WithFiguresOf(RunResult result, const Estimate& estimate) {
   PairSolution solution;
   solution.hand_eye = estimate.hand_eye;
   solution.camera = estimate.camera;
   if (estimate.solution) solution = *estimate.solution;
-  result->rig = HandEyeProblem(SetupOf(result->rig.cameras[0].mount), solution);
-  result->solution = ProblemSolution(solution);
-  result->solution.captures.clear();
+  result.rig = HandEyeProblem(SetupOf(result.rig.cameras[0].mount), solution);
+  result.solution = ProblemSolution(solution);
+  result.solution.captures.clear();
   CameraErrors errors;
   errors.reprojection_rms_px = estimate.errors.reprojection_rms_px;
   errors.holdout_rms_px = estimate.errors.holdout_rms_px;
@@ -93,27 +93,28 @@ void TakeEstimate(const Estimate& estimate, RunResult* result) {
   errors.holdout_target_deg = estimate.errors.holdout_target_deg;
   errors.left_out_rms_px = estimate.errors.left_out_rms_px;
   errors.left_out_target_mm = estimate.errors.left_out_target_mm;
-  if (result->working_points[0]) errors.distance_m = result->working_points[0]->in_camera_m.norm();
+  if (result.working_points[0]) errors.distance_m = result.working_points[0]->in_camera_m.norm();
   if (estimate.errors.truth) {
     errors.truth_mm = estimate.errors.truth->hand_eye_mm;
     errors.truth_deg = estimate.errors.truth->hand_eye_deg;
   }
-  result->errors = {errors};
-  result->holdout_chi2 = estimate.errors.holdout_chi2;
+  result.errors = {errors};
+  result.holdout_chi2 = estimate.errors.holdout_chi2;
+  return result;
 }
 
 }  // namespace
 
 RunResult WithFinalEstimate(RunResult result) {
-  if (const Estimate* const estimate = FindFinal(result)) TakeEstimate(*estimate, &result);
-  return result;
+  const Estimate* const estimate = FindFinal(result);
+  if (estimate == nullptr) return result;
+  return WithFiguresOf(std::move(result), *estimate);
 }
 
 RunResult WithEstimate(RunResult result, const Estimate& estimate) {
   const Estimate* const with_arm = EstimateWithArm(result);
   if (with_arm == nullptr || with_arm->method != estimate.method) result.arms = {std::nullopt};
-  TakeEstimate(estimate, &result);
-  return result;
+  return WithFiguresOf(std::move(result), estimate);
 }
 
 namespace {

@@ -21,10 +21,11 @@ std::string NameInFindings(const RunResult& result, size_t camera) {
   return result.estimates.empty() ? result.rig.cameras[camera].name : "";
 }
 
-// Names the camera that a finding is about, unless it has no name.
-void NameCamera(const RunResult& result, size_t camera, Finding* finding) {
+// Returns a finding with the name of the camera that it is about, unless the camera has none.
+Finding WithCamera(Finding finding, const RunResult& result, size_t camera) {
   const std::string name = NameInFindings(result, camera);
-  if (!name.empty()) finding->names.emplace_back("of_camera", name);
+  if (!name.empty()) finding.names.emplace_back("of_camera", name);
+  return finding;
 }
 
 // Returns whether a finding is about this camera; one that names none is about the only one.
@@ -84,10 +85,8 @@ std::optional<std::pair<Finding, double>> UncertaintyOf(const RunResult& result,
   if (!of_pose) return std::nullopt;
   const double mm = 1000 * LargestSigma(*of_pose, 0);
   const double deg = RadToDeg(LargestSigma(*of_pose, 3));
-  Finding finding;
-  finding.code = FindingCode("uncertainty");
-  finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
-  NameCamera(result, camera, &finding);
+  Finding finding = WithCamera(
+      {Grade::kGood, FindingCode("uncertainty"), {{"position_mm", mm}, {"orientation_deg", deg}}}, result, camera);
   // A target is located by all unknowns together, whose errors partly cancel.
   double largest_mm = std::max(mm, 1000 * DistanceOf(result, camera) * DegToRad(deg));
   const bool has_working_point = camera < result.working_points.size() && result.working_points[camera];
@@ -142,8 +141,8 @@ HoldOutFindings JudgeHoldOut(const RunResult& result) {
   for (size_t c = 0; c < result.errors.size(); ++c) {
     const CameraErrors& errors = result.errors[c];
     if (errors.holdout_reason.empty() || errors.holdout_target_mm) continue;
-    Finding& missing = judged.findings.emplace_back(Finding{Grade::kDoubtful, FindingCode("no_hold_out")});
-    NameCamera(result, c, &missing);
+    Finding& missing =
+        judged.findings.emplace_back(WithCamera({Grade::kDoubtful, FindingCode("no_hold_out")}, result, c));
     missing.names.emplace_back("reason", "failed_for_camera");
     missing.reason = errors.holdout_reason;
   }
@@ -158,8 +157,7 @@ HoldOutFindings JudgeHoldOut(const RunResult& result) {
     const Grade grade = IsRequired(result, c) ? Grade::kGood : of_limits;
     if (worst && (grade < worst->grade || (grade == worst->grade && *mm <= worst_mm))) continue;
     worst_mm = *mm;
-    worst = Finding{grade, FindingCode("hold_out"), {{"target_mm", *mm}, {"target_deg", *deg}}};
-    NameCamera(result, c, &*worst);
+    worst = WithCamera({grade, FindingCode("hold_out"), {{"target_mm", *mm}, {"target_deg", *deg}}}, result, c);
   }
   if (worst) {
     judged.findings.push_back(std::move(*worst));
@@ -204,12 +202,13 @@ Finding JudgeImages(const RunResult& result) {
     const Grade grade = std::max(GradeOf(left_out, kShareLeftOut), is_few ? Grade::kDoubtful : Grade::kGood);
     if (worst && (grade < worst->grade || (grade == worst->grade && left_out <= worst_share))) continue;
     worst_share = left_out;
-    worst = Finding{
-        grade,
-        is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
-        {{"used", num_used}, {"seen", num_seen}, {"captures", num_listed - num_copies}, {"copies", num_copies}}};
-    NameCamera(result, c, &*worst);
-    if (c < result.errors.size()) AddLeftOut(result.errors[c].left_out_target_mm, &*worst);
+    worst = WithCamera(
+        {grade,
+         is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
+         {{"used", num_used}, {"seen", num_seen}, {"captures", num_listed - num_copies}, {"copies", num_copies}}},
+        result, c);
+    const auto left_out_mm = c < result.errors.size() ? result.errors[c].left_out_target_mm : std::nullopt;
+    if (left_out_mm) worst->numbers.emplace_back("left_out_mm", *left_out_mm);
   }
   CHECK(worst.has_value()) << "a result without a camera";
   return *worst;
@@ -218,9 +217,8 @@ Finding JudgeImages(const RunResult& result) {
 Finding JudgePixels(const RunResult& result) {
   const std::vector<double>& sigmas = result.solution.pixel_sigmas_px;
   const auto worst = std::max_element(sigmas.begin(), sigmas.end());
-  Finding finding{GradeOf(*worst, kPixelSigmaPx), FindingCode("pixel_noise"), {{"pixel_sigma_px", *worst}}};
-  NameCamera(result, static_cast<size_t>(worst - sigmas.begin()), &finding);
-  return finding;
+  return WithCamera({GradeOf(*worst, kPixelSigmaPx), FindingCode("pixel_noise"), {{"pixel_sigma_px", *worst}}}, result,
+                    static_cast<size_t>(worst - sigmas.begin()));
 }
 
 // Judges the influence of the captures on each camera.
@@ -232,42 +230,39 @@ std::vector<Finding> JudgeInfluence(const RunResult& result) {
       if (IsOf(result, image, c) && image.move_without) moves.push_back({image.capture, *image.move_without});
     }
     std::optional<Finding> finding = JudgeMoves(moves, DistanceOf(result, c));
-    if (!finding) continue;
-    NameCamera(result, c, &*finding);
-    findings.push_back(std::move(*finding));
+    if (finding) findings.push_back(WithCamera(std::move(*finding), result, c));
   }
   return findings;
 }
 
-// Makes the weak direction of the same camera, if there is one, part of an uncertainty that is not good: it contains
-// the remedy.
-void TakeWeakDirection(std::vector<Finding>* findings, Finding* uncertainty) {
-  if (uncertainty->grade == Grade::kGood) return;
-  const auto weak = std::find_if(findings->begin(), findings->end(), [&](const Finding& finding) {
-    return finding.code == FindingCode("weak_direction") && finding.Name("of_camera") == uncertainty->Name("of_camera");
+// Returns the index of the weak direction that is to be part of an uncertainty: that of the same camera, which contains
+// the remedy of one that is not good; nothing if there is none.
+std::optional<size_t> FindWeakDirection(const std::vector<Finding>& findings, const Finding& uncertainty) {
+  if (uncertainty.grade == Grade::kGood) return std::nullopt;
+  const auto weak = std::find_if(findings.begin(), findings.end(), [&](const Finding& finding) {
+    return finding.code == FindingCode("weak_direction") && finding.Name("of_camera") == uncertainty.Name("of_camera");
   });
-  if (weak == findings->end()) return;
-  uncertainty->numbers.insert(uncertainty->numbers.end(), weak->numbers.begin(), weak->numbers.end());
-  uncertainty->parts.push_back(std::move(*weak));
-  findings->erase(weak);
+  return weak == findings.end() ? std::nullopt : std::optional(static_cast<size_t>(weak - findings.begin()));
 }
 
 // Judges the requirements, each for every camera that it concerns.
 std::vector<Finding> JudgeRequirements(const RunResult& result) {
   std::vector<Finding> findings;
   for (const CameraRequirement& of_camera : result.requirements) {
-    Finding& finding = findings.emplace_back(
-        JudgeRequirement(of_camera.requirement, result.errors[of_camera.camera].holdout_target_mm));
-    NameCamera(result, of_camera.camera, &finding);
+    findings.push_back(
+        WithCamera(JudgeRequirement(of_camera.requirement, result.errors[of_camera.camera].holdout_target_mm), result,
+                   of_camera.camera));
   }
   return findings;
 }
 
-// Removes what the figures of the result make needless: directions that are weak where a requirement says what is
-// enough, and captures that contradict the others if the model explains captures that it has not seen.
-void DropNeedless(const RunResult& result, std::vector<Finding>* findings) {
+// Returns the observations without those that the figures of the result make needless: directions that are weak where a
+// requirement says what is enough, and captures that contradict the others if the model explains captures that it has
+// not seen.
+std::vector<Finding> NeededObservations(const RunResult& result) {
+  std::vector<Finding> findings = result.observations;
   const bool explains_unseen = result.holdout_chi2 && GradeOf(*result.holdout_chi2, kHeldOutChi2) == Grade::kGood;
-  std::erase_if(*findings, [&](const Finding& finding) {
+  std::erase_if(findings, [&](const Finding& finding) {
     if (finding.code == FindingCode("captures_scatter")) return explains_unseen;
     if (finding.code != FindingCode("weak_direction")) return false;
     for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
@@ -275,18 +270,24 @@ void DropNeedless(const RunResult& result, std::vector<Finding>* findings) {
     }
     return false;
   });
+  return findings;
 }
 
 // Judges a result that has a refined estimate.
 std::vector<Finding> JudgeCameras(const RunResult& result) {
-  std::vector<Finding> findings = result.observations;
+  std::vector<Finding> findings = NeededObservations(result);
   const auto add = [&](std::vector<Finding> more) {
     for (Finding& finding : more) findings.push_back(std::move(finding));
   };
-  DropNeedless(result, &findings);
   add(JudgeRequirements(result));
   std::optional<Finding> uncertainty = JudgeUncertainty(result);
-  if (uncertainty) TakeWeakDirection(&findings, &*uncertainty);
+  const std::optional<size_t> weak = uncertainty ? FindWeakDirection(findings, *uncertainty) : std::nullopt;
+  if (weak) {
+    const auto part = findings.begin() + static_cast<std::ptrdiff_t>(*weak);
+    uncertainty->numbers.insert(uncertainty->numbers.end(), part->numbers.begin(), part->numbers.end());
+    uncertainty->parts.push_back(std::move(*part));
+    findings.erase(part);
+  }
   HoldOutFindings hold_out = JudgeHoldOut(result);
   add(std::move(hold_out.findings));
   if (std::optional<Finding> model = JudgeModel(result, hold_out.grade)) findings.push_back(std::move(*model));
@@ -314,14 +315,16 @@ std::optional<Finding> JudgeGain(const RunResult& result) {
                  {{"method", best->method}, RobotNoiseName(result)}};
 }
 
-// Tells a refinement that failed without the held-out captures from captures that were not held out.
-void ExplainMissingHoldOut(const RunResult& result, std::vector<Finding>* findings) {
+// Returns findings that tell a refinement that failed without the held-out captures from captures that were not held
+// out.
+std::vector<Finding> WithMissingHoldOutExplained(std::vector<Finding> findings, const RunResult& result) {
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
     return estimate.errors.holdout_rms_px.has_value();
   });
-  for (Finding& finding : *findings) {
+  for (Finding& finding : findings) {
     if (have_others && finding.code == FindingCode("no_hold_out")) finding.names = {{"reason", "refinement_failed"}};
   }
+  return findings;
 }
 
 // Judges a run on given poses of the target.
@@ -341,8 +344,7 @@ Finding JudgePoses(const Estimate* final_estimate) {
 }
 
 Verdict VerdictOf(std::vector<Finding> findings) {
-  GatherSymptoms(&findings);
-  SortFindings(&findings);
+  findings = Sorted(WithSymptomsGathered(std::move(findings)));
   const Grade grade = findings.front().grade;
   return {grade, std::move(findings)};
 }
@@ -356,8 +358,7 @@ Verdict JudgeRun(const RunResult& result) {
     findings.push_back(JudgeImages(result));
     return VerdictOf(std::move(findings));
   }
-  std::vector<Finding> findings = JudgeCameras(result);
-  ExplainMissingHoldOut(result, &findings);
+  std::vector<Finding> findings = WithMissingHoldOutExplained(JudgeCameras(result), result);
   if (std::optional<Finding> gain = JudgeGain(result)) findings.push_back(std::move(*gain));
   return VerdictOf(std::move(findings));
 }

@@ -193,9 +193,7 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
 
 namespace {
 
-void AddGrade(const ExportRequest& request, std::vector<std::string>* remarks) {
-  if (request.grade) remarks->push_back("the verdict of the run: " + std::string(GradeName(*request.grade)));
-}
+std::string GradeRemark(Grade grade) { return "the verdict of the run: " + std::string(GradeName(grade)); }
 
 }  // namespace
 
@@ -208,7 +206,7 @@ std::vector<std::string> ArmRemarks(const ExportRequest& request) {
                                           ": the kinematics of the arm " + PlainText(request.arm->name) +
                                           ", estimated with the camera's pose",
                                       "Parameters that no captures determine have their nominal values."};
-  AddGrade(request, &remarks);
+  if (request.grade) remarks.push_back(GradeRemark(*request.grade));
   return remarks;
 }
 
@@ -245,7 +243,7 @@ std::vector<std::string> ExportRemarks(const ExportRequest& request) {
                                           PlainText(request.method) + ": the pose of " + child + " in " + parent,
                                       parent + ": " + FrameInWords(request.parent),
                                       child + ": " + FrameInWords(request.child)};
-  AddGrade(request, &remarks);
+  if (request.grade) remarks.push_back(GradeRemark(*request.grade));
   if (request.covariance) {
     constexpr double kMillimetre = 1e-3;
     constexpr double kDegree = M_PI / 180;

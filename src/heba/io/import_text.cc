@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <utility>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -169,15 +170,14 @@ std::vector<fs::path> ImagesOf(const fs::path& folder) {
   return images;
 }
 
-std::vector<fs::path> ImagesForPoses(const std::vector<fs::path>& folders, size_t num_poses,
-                                     std::vector<std::string>* remarks) {
+Remarked<std::vector<fs::path>> ImagesForPoses(const std::vector<fs::path>& folders, size_t num_poses) {
   for (const fs::path& folder : folders) {
     std::vector<fs::path> images = ImagesOf(folder);
-    if (images.size() == num_poses) return images;
+    if (images.size() == num_poses) return {std::move(images)};
     if (images.empty()) continue;
-    remarks->push_back(std::to_string(images.size()) + " images are beside the " + std::to_string(num_poses) +
-                       " poses; the file does not state which belong together");
-    break;
+    return {{},
+            {std::to_string(images.size()) + " images are beside the " + std::to_string(num_poses) +
+             " poses; the file does not state which belong together"}};
   }
   return {};
 }

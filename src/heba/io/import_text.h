@@ -55,10 +55,16 @@ std::map<int, std::filesystem::path> NumberedFiles(const std::filesystem::path& 
                                                    std::initializer_list<std::string_view> suffixes);
 // Returns the images of a folder, in the order of the numbers in their names; empty if there is no such folder.
 std::vector<std::filesystem::path> ImagesOf(const std::filesystem::path& folder);
+// A part of the data, and remarks for the user on how it was interpreted.
+template <class Part>
+struct Remarked {
+  Part part;
+  std::vector<std::string> remarks = {};
+};
 // Returns the images of the first of `folders` that contains any, one per pose. If their number differs from the number
-// of poses, the result is empty and a remark is added.
-std::vector<std::filesystem::path> ImagesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
-                                                  std::vector<std::string>* remarks);
+// of poses, there are none and a remark says so.
+Remarked<std::vector<std::filesystem::path>> ImagesForPoses(const std::vector<std::filesystem::path>& folders,
+                                                            size_t num_poses);
 // Returns a capture with the name of its image, or pose_N if it has none (an empty path, or no image of that number).
 ImportedCapture CaptureOf(const std::filesystem::path& image, size_t number);
 ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& images, int number);

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <optional>
 #include <string_view>
 
 #include "heba/base/error.h"
@@ -69,17 +70,20 @@ std::vector<ReachedRecord> ValuesAt(const RecordTree& tree, const std::string& p
   return values;
 }
 
-// Appends all numbers of a value. Returns false if it contains anything else.
-bool AppendNumbers(const RecordTree& value, std::vector<double>* numbers) {
+// Returns all numbers of a value; nothing if it contains anything else.
+std::optional<std::vector<double>> NumbersOf(const RecordTree& value) {
   if (value.is_number()) {
-    numbers->push_back(value.get<double>());
-    return std::isfinite(numbers->back());
+    const auto number = value.get<double>();
+    return std::isfinite(number) ? std::optional(std::vector{number}) : std::nullopt;
   }
-  if (!value.is_array()) return false;
+  if (!value.is_array()) return std::nullopt;
+  std::vector<double> numbers;
   for (const RecordTree& item : value) {
-    if (!AppendNumbers(item, numbers)) return false;
+    const std::optional<std::vector<double>> more = NumbersOf(item);
+    if (!more) return std::nullopt;
+    numbers.insert(numbers.end(), more->begin(), more->end());
   }
-  return true;
+  return numbers;
 }
 
 }  // namespace
@@ -90,15 +94,15 @@ std::vector<PixelRecord> ReadPixelRecords(const fs::path& file, const std::strin
   if (!tree) throw InputError(file.string() + ": contains no records");
   std::vector<PixelRecord> records;
   for (const ReachedRecord& reached : ValuesAt(*tree, pixel_path, file)) {
-    std::vector<double> numbers;
-    const bool is_list = reached.value->is_null() || AppendNumbers(*reached.value, &numbers);
-    if (!is_list || numbers.size() % 2 != 0) {
+    const std::optional<std::vector<double>> numbers =
+        reached.value->is_null() ? std::vector<double>() : NumbersOf(*reached.value);
+    if (!numbers || numbers->size() % 2 != 0) {
       throw InputError(file.string() + ": item " + std::to_string(records.size() + 1) + " at " + Quoted(pixel_path) +
                        " is not a list of points with two numbers each");
     }
     PixelRecord& record = records.emplace_back();
     record.image = fs::path(reached.key).filename().string();
-    for (size_t i = 0; i < numbers.size(); i += 2) record.pixels.emplace_back(numbers[i], numbers[i + 1]);
+    for (size_t i = 0; i < numbers->size(); i += 2) record.pixels.emplace_back((*numbers)[i], (*numbers)[i + 1]);
   }
   if (image_path.empty()) return records;
   const std::vector<ReachedRecord> names = ValuesAt(*tree, image_path, file);

@@ -188,21 +188,23 @@ PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> a
 
 namespace {
 
-// Moves the columns with these names, in this order, to the positions from `first` on. Does nothing unless all of them
-// exist.
-void PutFirst(const std::vector<std::string>& names, size_t first, std::vector<std::string>* columns) {
+// Returns the columns with those of these names, in this order, moved to the positions from `first` on; the same
+// columns unless all names exist.
+std::vector<std::string> WithNamesAt(std::vector<std::string> columns, size_t first,
+                                     const std::vector<std::string>& names) {
   const auto place_of = [&](const std::string& name) {
-    return std::find_if(columns->begin(), columns->end(),
+    return std::find_if(columns.begin(), columns.end(),
                         [&](const std::string& column) { return BareColumnName(column) == name; });
   };
   std::vector<std::string> found;
   for (const std::string& name : names) {
-    if (place_of(name) == columns->end()) return;
+    if (place_of(name) == columns.end()) return columns;
     found.push_back(*place_of(name));
   }
-  for (const std::string& name : names) columns->erase(place_of(name));
-  const auto at = columns->begin() + static_cast<std::ptrdiff_t>(std::min(first, columns->size()));
-  columns->insert(at, found.begin(), found.end());
+  for (const std::string& name : names) columns.erase(place_of(name));
+  const auto at = columns.begin() + static_cast<std::ptrdiff_t>(std::min(first, columns.size()));
+  columns.insert(at, found.begin(), found.end());
+  return columns;
 }
 
 }  // namespace
@@ -232,12 +234,15 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
       format.columns.push_back(name);
   }
   // Names take precedence over positions: x, y and z are always the position, and qx, qy, qz and qw the quaternion.
-  PutFirst({"x", "y", "z"}, 0, &format.columns);
+  format.columns = WithNamesAt(std::move(format.columns), 0, {"x", "y", "z"});
   format.translation_unit = reader.Choice("translation", {"m", "cm", "mm", "in"});
   format.rotation = reader.Choice("rotation", PoseRotationNames());
   const RotationForm& form = FormOf(format);
-  if (form.kind == RotationKind::kQuaternionXyzw) PutFirst({"qx", "qy", "qz", "qw"}, 3, &format.columns);
-  if (form.kind == RotationKind::kQuaternionWxyz) PutFirst({"qw", "qx", "qy", "qz"}, 3, &format.columns);
+  if (form.kind == RotationKind::kQuaternionXyzw) {
+    format.columns = WithNamesAt(std::move(format.columns), 3, {"qx", "qy", "qz", "qw"});
+  } else if (form.kind == RotationKind::kQuaternionWxyz) {
+    format.columns = WithNamesAt(std::move(format.columns), 3, {"qw", "qx", "qy", "qz"});
+  }
   if (HasAngles(form)) {
     format.angle_unit = reader.Choice("angle", {"rad", "deg"});
   } else if (const std::optional<ConfigValue> angle = reader.Find("angle")) {

@@ -235,47 +235,56 @@ std::string PathText(const std::string& before, const std::vector<std::string>& 
   return text;
 }
 
-// Calls `visit` for every path of keys within an object, itself included.
-template <class Visit>
-void ForEachPath(const RecordTree& value, std::vector<std::string>* path, const Visit& visit) {
-  visit(*path, value);
-  if (!value.is_object() || path->size() >= kDeepest) return;
+// Returns every path of keys within an object, itself included.
+std::vector<std::vector<std::string>> PathsIn(const RecordTree& value, const std::vector<std::string>& before = {}) {
+  std::vector<std::vector<std::string>> paths = {before};
+  if (!value.is_object() || before.size() >= kDeepest) return paths;
   for (const auto& [key, member] : value.items()) {
-    path->push_back(key);
-    ForEachPath(member, path, visit);
-    path->pop_back();
+    std::vector<std::string> to_member = before;
+    to_member.push_back(key);
+    const std::vector<std::vector<std::string>> more = PathsIn(member, to_member);
+    paths.insert(paths.end(), more.begin(), more.end());
   }
+  return paths;
 }
 
-// Finds the names of images beside the poses: a text at one path in all items, or the items' keys.
-void FindImages(const Items& items, const std::string& before, PoseRecords* records) {
-  std::vector<std::string> path;
-  ForEachPath(*items.values.front(), &path, [&](const std::vector<std::string>& at, const RecordTree&) {
-    if (!records->images.empty()) return;
-    std::vector<std::string> names;
-    for (const RecordTree* item : items.values) {
-      const RecordTree* value = At(*item, at);
-      if (value == nullptr || !value->is_string()) return;
-      const fs::path name = value->get<std::string>();
-      if (!HasImageSuffix(name)) return;
-      names.push_back(name.filename().string());
-    }
-    records->images = names;
-    records->paths.image = PathText(before, at);
-  });
-  if (!records->images.empty() || items.keys.empty()) return;
+// The names of images, and the path that leads to them.
+struct ImageNames {
+  std::vector<std::string> names;
+  std::string path = {};
+};
+
+// Returns the texts at a path if all items have there the name of an image; nothing otherwise.
+std::optional<std::vector<std::string>> ImagesAt(const Items& items, const std::vector<std::string>& path) {
+  std::vector<std::string> names;
+  for (const RecordTree* item : items.values) {
+    const RecordTree* value = At(*item, path);
+    if (value == nullptr || !value->is_string()) return std::nullopt;
+    const fs::path name = value->get<std::string>();
+    if (!HasImageSuffix(name)) return std::nullopt;
+    names.push_back(name.filename().string());
+  }
+  return names;
+}
+
+// Returns the names of images beside the poses: a text at one path in all items, or the items' keys; none if there are
+// neither.
+ImageNames FindImages(const Items& items, const std::string& before) {
+  for (const std::vector<std::string>& path : PathsIn(*items.values.front())) {
+    if (const auto names = ImagesAt(items, path)) return {*names, PathText(before, path)};
+  }
   const bool are_images =
       std::all_of(items.keys.begin(), items.keys.end(), [](const std::string& key) { return HasImageSuffix(key); });
-  if (are_images || items.are_files) records->images = items.keys;
+  return {are_images || items.are_files ? items.keys : std::vector<std::string>()};
 }
 
-// Appends every place at which all items have a pose. Items that lack it, such as a record that failed, are an
+// Returns every place at which all items have a pose. Items that lack it, such as a record that failed, are an
 // exception of few.
-void FindInItems(const Items& items, const std::string& before, size_t fewest, std::vector<PoseRecords>* found) {
-  std::vector<std::string> path;
-  ForEachPath(*items.values.front(), &path, [&](const std::vector<std::string>& at, const RecordTree& first) {
-    const std::optional<PoseValue> shape = PoseOf(first);
-    if (!shape) return;
+std::vector<PoseRecords> FindInItems(const Items& items, const std::string& before, size_t fewest) {
+  std::vector<PoseRecords> found;
+  for (const std::vector<std::string>& at : PathsIn(*items.values.front())) {
+    const std::optional<PoseValue> shape = PoseOf(*At(*items.values.front(), at));
+    if (!shape) continue;
     PoseRecords records;
     records.paths.pose = PathText(before, at);
     records.columns = shape->columns;
@@ -290,16 +299,18 @@ void FindInItems(const Items& items, const std::string& before, size_t fewest, s
       if (!items.keys.empty()) with_pose.keys.push_back(items.keys[i]);
     }
     const bool are_most = 5 * records.rows.size() >= 4 * items.values.size();
-    if (records.rows.size() < fewest || !are_most) return;
-    FindImages(with_pose, before, &records);
-    found->push_back(std::move(records));
-  });
+    if (records.rows.size() < fewest || !are_most) continue;
+    ImageNames images = FindImages(with_pose, before);
+    records.images = std::move(images.names);
+    records.paths.image = std::move(images.path);
+    found.push_back(std::move(records));
+  }
+  return found;
 }
 
-// Appends the poses in all collections of a tree.
-void FindInTree(const RecordTree& value, const std::string& before, int depth, size_t fewest,
-                std::vector<PoseRecords>* found) {
-  if (!value.is_structured() || depth > kDeepest) return;
+// Returns the poses in all collections of a tree.
+std::vector<PoseRecords> FindInTree(const RecordTree& value, const std::string& before, int depth, size_t fewest) {
+  if (!value.is_structured() || depth > kDeepest) return {};
   // A pose is a list or an object itself.
   const bool is_pose = PoseOf(value).has_value();
   if (value.size() >= fewest && !is_pose) {
@@ -309,21 +320,23 @@ void FindInTree(const RecordTree& value, const std::string& before, int depth, s
       if (value.is_object()) items.keys.push_back(key);
     }
     const std::string each = value.is_array() ? before + "[]" : before + (before.empty() ? "*" : ".*");
-    const size_t num_before = found->size();
-    FindInItems(items, each, fewest, found);
-    if (found->size() > num_before) return;
+    std::vector<PoseRecords> found = FindInItems(items, each, fewest);
+    if (!found.empty()) return found;
   }
+  std::vector<PoseRecords> found;
+  const auto find_in = [&](const RecordTree& member, const std::string& path) {
+    for (PoseRecords& records : FindInTree(member, path, depth + 1, fewest)) found.push_back(std::move(records));
+  };
   if (value.is_array()) {
     // The few items of a short list, such as the cameras of a session, are places of their own.
     constexpr size_t kShort = 8;
     for (size_t i = 0; i < value.size() && value.size() <= kShort; ++i) {
-      FindInTree(value[i], before + "[" + std::to_string(i) + "]", depth + 1, fewest, found);
+      find_in(value[i], before + "[" + std::to_string(i) + "]");
     }
-    return;
+    return found;
   }
-  for (const auto& [key, member] : value.items()) {
-    FindInTree(member, before + (before.empty() ? "" : ".") + key, depth + 1, fewest, found);
-  }
+  for (const auto& [key, member] : value.items()) find_in(member, before + (before.empty() ? "" : ".") + key);
+  return found;
 }
 
 // Returns the poses in the text of a robot's program; nothing if it is none.
@@ -346,9 +359,8 @@ std::optional<PoseRecords> FindInProgram(const fs::path& file, size_t fewest) {
 
 std::vector<PoseRecords> FindInFile(const fs::path& file, size_t fewest) {
   if (std::optional<PoseRecords> program = FindInProgram(file, fewest)) return {*program};
-  std::vector<PoseRecords> found;
-  if (const std::optional<RecordTree> tree = ReadRecordTree(file)) FindInTree(*tree, "", 0, fewest, &found);
-  return found;
+  const std::optional<RecordTree> tree = ReadRecordTree(file);
+  return tree ? FindInTree(*tree, "", 0, fewest) : std::vector<PoseRecords>();
 }
 
 // Reads a folder with one file per pose.
@@ -365,10 +377,7 @@ std::vector<PoseRecords> FindInFolder(const fs::path& folder, size_t fewest) {
     items.keys.push_back(files[i].stem().string());
   }
   items.are_files = true;
-  std::vector<PoseRecords> found;
-  if (items.values.size() < fewest) return found;
-  FindInItems(items, "", fewest, &found);
-  return found;
+  return items.values.size() < fewest ? std::vector<PoseRecords>() : FindInItems(items, "", fewest);
 }
 
 }  // namespace

@@ -69,45 +69,42 @@ std::optional<std::vector<double>> NumbersOfAxes(const ConfigValue& map, const P
   return numbers;
 }
 
-// Appends all numbers of a value, those of the position before those of the rotation. Throws InputError for a mapping
+// Returns all numbers of a value, those of the position before those of the rotation. Throws InputError for a mapping
 // that does not identify them, because the order of its keys has no meaning.
-void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vector<double>* numbers) {
-  if (value.IsText()) {
-    numbers->push_back(value.AsNumber());
-  } else if (value.IsList()) {
-    for (const ConfigValue& item : value.AsList()) AppendNumbers(item, format, numbers);
-  } else if (value.IsMap()) {
-    if (const std::optional<std::vector<double>> axes = NumbersOfAxes(value, format)) {
-      numbers->insert(numbers->end(), axes->begin(), axes->end());
-      return;
-    }
-    // A file may contain a time or a name beside the pose.
-    for (const char* const name : {"pose", "transform", "matrix", "base_from_gripper", "tcp", "T"}) {
-      MapReader reader(value);
-      if (value.node().size() > 1 && reader.Has(name)) {
-        AppendNumbers(reader.Get(name), format, numbers);
-        return;
-      }
-    }
-    std::vector<ConfigValue> entries;
-    std::vector<bool> are_places;
-    for (const auto& entry : value.node()) {
-      const std::string key = entry.first.Scalar();
-      entries.emplace_back(entry.second, value.file(), key);
-      are_places.push_back(key.starts_with("pos") || key.starts_with("trans") || key.starts_with("place") ||
-                           key == "t" || key == "xyz");
-    }
-    const bool are_told = entries.size() == 2 && are_places[0] != are_places[1];
-    if (entries.size() != 1 && !are_told) {
-      value.Fail("these numbers cannot be identified; either the keys " + Join(format.columns, ", ") +
-                 " are needed, or position and orientation, or a list");
-    }
-    // The position comes first. (YAML::Nodes must not be swapped, because copies of a node share its data.)
-    const size_t first = are_told && are_places[1] ? 1 : 0;
-    for (size_t i = 0; i < entries.size(); ++i) {
-      AppendNumbers(entries[(first + i) % entries.size()], format, numbers);
-    }
+std::vector<double> NumbersOf(const ConfigValue& value, const PoseFormat& format) {
+  if (value.IsText()) return {value.AsNumber()};
+  std::vector<double> numbers;
+  const auto append = [&](const ConfigValue& part) {
+    const std::vector<double> more = NumbersOf(part, format);
+    numbers.insert(numbers.end(), more.begin(), more.end());
+  };
+  if (value.IsList()) {
+    for (const ConfigValue& item : value.AsList()) append(item);
   }
+  if (!value.IsMap()) return numbers;
+  if (const std::optional<std::vector<double>> axes = NumbersOfAxes(value, format)) return *axes;
+  // A file may contain a time or a name beside the pose.
+  for (const char* const name : {"pose", "transform", "matrix", "base_from_gripper", "tcp", "T"}) {
+    MapReader reader(value);
+    if (value.node().size() > 1 && reader.Has(name)) return NumbersOf(reader.Get(name), format);
+  }
+  std::vector<ConfigValue> entries;
+  std::vector<bool> are_places;
+  for (const auto& entry : value.node()) {
+    const std::string key = entry.first.Scalar();
+    entries.emplace_back(entry.second, value.file(), key);
+    are_places.push_back(key.starts_with("pos") || key.starts_with("trans") || key.starts_with("place") || key == "t" ||
+                         key == "xyz");
+  }
+  const bool are_told = entries.size() == 2 && are_places[0] != are_places[1];
+  if (entries.size() != 1 && !are_told) {
+    value.Fail("these numbers cannot be identified; either the keys " + Join(format.columns, ", ") +
+               " are needed, or position and orientation, or a list");
+  }
+  // The position comes first. (YAML::Nodes must not be swapped, because copies of a node share its data.)
+  const size_t first = are_told && are_places[1] ? 1 : 0;
+  for (size_t i = 0; i < entries.size(); ++i) append(entries[(first + i) % entries.size()]);
+  return numbers;
 }
 
 // Reads a table of one row, or a text of numbers only.
@@ -270,17 +267,17 @@ std::vector<double> PoseNumbersOfYaml(const fs::path& file, const PoseFormat& fo
     throw InputError(file.string() + ": contains no matrix of " + std::to_string(format.columns.size()) + " numbers");
   }
   const ConfigValue value = ParseYaml(text, file);
-  std::vector<double> numbers;
   if (value.IsMap()) {
     MapReader reader(value);
     const bool has_all = std::all_of(format.columns.begin(), format.columns.end(),
                                      [&](const std::string& column) { return reader.Has(column); });
     if (has_all) {
+      std::vector<double> numbers;
       for (const std::string& column : format.columns) numbers.push_back(reader.Get(column).AsNumber());
       return numbers;
     }
   }
-  AppendNumbers(value, format, &numbers);
+  const std::vector<double> numbers = NumbersOf(value, format);
   return value.IsList() ? InOrder(format, numbers) : numbers;
 }
 

@@ -51,22 +51,27 @@ class Parser {
     constexpr int kMaxDepth = 32;
     if (depth > kMaxDepth) Fail("nested deeper than 32 levels");
     SkipSpace();
-    PythonValue value;
-    value.line = line_;
+    const int line = line_;
+    PythonValue value = ParseUnlocated(depth);
+    value.line = line;
+    return value;
+  }
+
+  // Returns the value that begins here, without its line.
+  PythonValue ParseUnlocated(int depth) {
     const char c = Peek();
-    if (c == '{') {
-      ParseDict(depth, &value);
-    } else if (c == '[' || c == '(') {
-      ParseList(depth, &value);
-    } else if (IsStringStart()) {
-      value.kind = PythonValue::Kind::kText;
-      // Adjacent strings are concatenated.
-      while (IsStringStart()) {
-        value.text += ParseString();
-        SkipSpace();
-      }
-    } else {
-      ParseWord(&value);
+    if (c == '{') return ParseDict(depth);
+    if (c == '[' || c == '(') return ParseList(depth);
+    return IsStringStart() ? ParseText() : ParseWord();
+  }
+
+  PythonValue ParseText() {
+    PythonValue value;
+    value.kind = PythonValue::Kind::kText;
+    // Adjacent strings are concatenated.
+    while (IsStringStart()) {
+      value.text += ParseString();
+      SkipSpace();
     }
     return value;
   }
@@ -96,52 +101,58 @@ class Parser {
     return content;
   }
 
-  void ParseList(int depth, PythonValue* value) {
-    value->kind = PythonValue::Kind::kList;
+  PythonValue ParseList(int depth) {
+    PythonValue value;
+    value.kind = PythonValue::Kind::kList;
     const char closing = Peek() == '[' ? ']' : ')';
     Step();
     while (!Accept(closing)) {
-      value->items.push_back(ParseValue(depth + 1));
+      value.items.push_back(ParseValue(depth + 1));
       if (!Accept(',')) {
         SkipSpace();
         if (Peek() != closing) Fail(std::string("',' or '") + closing + "' is needed");
       }
     }
+    return value;
   }
 
-  void ParseDict(int depth, PythonValue* value) {
-    value->kind = PythonValue::Kind::kDict;
+  PythonValue ParseDict(int depth) {
+    PythonValue value;
+    value.kind = PythonValue::Kind::kDict;
     Step();
     while (!Accept('}')) {
       const PythonValue key = ParseValue(depth + 1);
       if (key.kind != PythonValue::Kind::kText) Fail("a key in quotes is needed");
       constexpr size_t kMaxEntries = 1000;
-      if (value->keys.size() == kMaxEntries) Fail("more than 1000 keys");
-      if (value->Find(key.text) != nullptr) Fail(Quoted(key.text) + " occurs twice");
+      if (value.keys.size() == kMaxEntries) Fail("more than 1000 keys");
+      if (value.Find(key.text) != nullptr) Fail(Quoted(key.text) + " occurs twice");
       if (!Accept(':')) Fail("':' is needed after a key");
-      value->items.push_back(ParseValue(depth + 1));
-      value->keys.push_back(key.text);
+      value.items.push_back(ParseValue(depth + 1));
+      value.keys.push_back(key.text);
       if (!Accept(',')) {
         SkipSpace();
         if (Peek() != '}') Fail("',' or '}' is needed");
       }
     }
+    return value;
   }
 
-  void ParseWord(PythonValue* value) {
+  PythonValue ParseWord() {
     const size_t start = at_;
     while (at_ < text_.size() && (std::isalnum(static_cast<unsigned char>(Peek())) != 0 ||
                                   std::string_view("+-._").find(Peek()) != std::string_view::npos)) {
       Step();
     }
-    value->text = text_.substr(start, at_ - start);
-    if (value->text.empty()) Fail(at_ < text_.size() ? "a value is needed" : "the file ends too early");
-    value->kind = PythonValue::Kind::kNumber;
-    if (ParseDouble(value->text, &value->number)) return;
-    value->kind = PythonValue::Kind::kName;
-    if (value->text != "None" && value->text != "True" && value->text != "False") {
-      Fail(Quoted(value->text) + " is not a value");
+    PythonValue value;
+    value.text = text_.substr(start, at_ - start);
+    if (value.text.empty()) Fail(at_ < text_.size() ? "a value is needed" : "the file ends too early");
+    value.kind = PythonValue::Kind::kNumber;
+    if (ParseDouble(value.text, &value.number)) return value;
+    value.kind = PythonValue::Kind::kName;
+    if (value.text != "None" && value.text != "True" && value.text != "False") {
+      Fail(Quoted(value.text) + " is not a value");
     }
+    return value;
   }
 
   const std::string& text_;

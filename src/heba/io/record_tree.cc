@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -55,35 +56,34 @@ RecordTree Scalar(const std::string& text) {
 }
 
 // Returns the elements of an array, by rows.
-RecordTree NestedArray(const std::vector<size_t>& shape, size_t axis, const std::vector<double>& numbers, size_t* at) {
-  if (axis == shape.size()) return numbers[(*at)++];
+RecordTree NestedArray(std::span<const size_t> shape, std::span<const double> numbers) {
+  if (shape.empty()) return numbers.front();
   RecordTree list = RecordTree::array();
-  for (size_t i = 0; i < shape[axis]; ++i) list.push_back(NestedArray(shape, axis + 1, numbers, at));
+  const size_t stride = numbers.size() / shape.front();
+  for (size_t i = 0; i < shape.front(); ++i) {
+    list.push_back(NestedArray(shape.subspan(1), numbers.subspan(i * stride, stride)));
+  }
   return list;
 }
 
-RecordTree TreeOfArray(const NumberArray& array) {
-  size_t at = 0;
-  return NestedArray(array.shape, 0, array.numbers, &at);
-}
+RecordTree TreeOfArray(const NumberArray& array) { return NestedArray(array.shape, array.numbers); }
 
-// Replaces every matrix of FileStorage, {rows, cols, dt, data}, by the list of its rows.
-void UnfoldMatrices(RecordTree* tree) {
-  if (!tree->is_structured()) return;
-  for (RecordTree& value : *tree) UnfoldMatrices(&value);
-  const bool is_matrix = tree->is_object() && tree->contains("rows") && tree->contains("cols") &&
-                         tree->contains("data") && (*tree)["rows"].is_number() && (*tree)["cols"].is_number() &&
-                         (*tree)["data"].is_array();
-  if (!is_matrix) return;
-  const RecordTree data = (*tree)["data"];
-  const double num_columns = (*tree)["cols"].get<double>();
-  if (!(num_columns >= 1) || (*tree)["rows"].get<double>() * num_columns != static_cast<double>(data.size())) return;
+// Returns the tree with every matrix of FileStorage, {rows, cols, dt, data}, as the list of its rows.
+RecordTree WithUnfoldedMatrices(RecordTree tree) {
+  if (!tree.is_structured()) return tree;
+  for (RecordTree& value : tree) value = WithUnfoldedMatrices(std::move(value));
+  const bool is_matrix = tree.is_object() && tree.contains("rows") && tree.contains("cols") && tree.contains("data") &&
+                         tree["rows"].is_number() && tree["cols"].is_number() && tree["data"].is_array();
+  if (!is_matrix) return tree;
+  const RecordTree data = tree["data"];
+  const double num_columns = tree["cols"].get<double>();
+  if (!(num_columns >= 1) || tree["rows"].get<double>() * num_columns != static_cast<double>(data.size())) return tree;
   RecordTree matrix = RecordTree::array();
   for (size_t i = 0; i < data.size(); ++i) {
     if (i % static_cast<size_t>(num_columns) == 0) matrix.push_back(RecordTree::array());
     matrix.back().push_back(data[i]);
   }
-  *tree = std::move(matrix);
+  return matrix;
 }
 
 RecordTree TreeOfYaml(const YAML::Node& node, int depth) {
@@ -215,9 +215,8 @@ class XmlReader {
 
   RecordTree Read() {
     RecordTree root = RecordTree::object();
-    while (SkipToElement()) ReadElement(&root, 0);
-    UnlistSingles(&root);
-    return root;
+    while (SkipToElement()) root = WithElement(std::move(root), 0);
+    return WithoutSingles(std::move(root));
   }
 
  private:
@@ -268,23 +267,26 @@ class XmlReader {
     if (list.empty()) return nullptr;
     return list.size() == 1 ? list.front() : list;
   }
-  static void Add(RecordTree* object, const std::string& name, RecordTree value) {
-    if (!object->contains(name)) {
-      (*object)[name] = RecordTree::array({std::move(value)});
+  // Returns an object with one more value in the list of this name.
+  static RecordTree WithMember(RecordTree object, const std::string& name, RecordTree value) {
+    if (!object.contains(name)) {
+      object[name] = RecordTree::array({std::move(value)});
     } else {
-      (*object)[name].push_back(std::move(value));
+      object[name].push_back(std::move(value));
     }
+    return object;
   }
-  // Replaces the lists of one member by that member.
-  static void UnlistSingles(RecordTree* object) {
-    for (RecordTree& values : *object) {
+  // Returns an object with the members of lists of one in place of those lists.
+  static RecordTree WithoutSingles(RecordTree object) {
+    for (RecordTree& values : object) {
       if (values.size() != 1) continue;
       RecordTree only = values.front();
       values = std::move(only);
     }
+    return object;
   }
-  // Reads the element that begins here into `parent`.
-  void ReadElement(RecordTree* parent, int depth) {
+  // Reads the element that begins here, and returns `parent` with it.
+  RecordTree WithElement(RecordTree parent, int depth) {
     if (depth > kDeepest) Fail("the elements are nested too deeply");
     ++at_;
     const std::string name = Name();
@@ -299,7 +301,7 @@ class XmlReader {
       const std::string quote(1, text_[at_++]);
       const size_t first = at_;
       SkipPast(quote);
-      Add(&members, attribute, Content(std::string(text_.substr(first, at_ - 1 - first))));
+      members = WithMember(std::move(members), attribute, Content(std::string(text_.substr(first, at_ - 1 - first))));
     }
     const bool is_empty = at_ < text_.size() && text_[at_] == '/';
     SkipPast(">");
@@ -313,11 +315,11 @@ class XmlReader {
         SkipPast(">");
         break;
       }
-      ReadElement(&members, depth + 1);
+      members = WithElement(std::move(members), depth + 1);
       has_elements = true;
     }
-    UnlistSingles(&members);
-    Add(parent, name, !has_elements && !Trim(content).empty() ? Content(content) : members);
+    const bool is_text = !has_elements && !Trim(content).empty();
+    return WithMember(std::move(parent), name, is_text ? Content(content) : WithoutSingles(std::move(members)));
   }
 
   std::string_view text_;
@@ -403,7 +405,7 @@ std::optional<RecordTree> ReadBySuffix(const fs::path& file) {
 
 std::optional<RecordTree> ReadRecordTree(const fs::path& file) {
   std::optional<RecordTree> tree = ReadBySuffix(file);
-  if (tree) UnfoldMatrices(&*tree);
+  if (tree) *tree = WithUnfoldedMatrices(std::move(*tree));
   return tree;
 }
 

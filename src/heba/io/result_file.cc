@@ -14,11 +14,6 @@
 namespace heba {
 namespace {
 
-// Adds the remarks on the cell, if there are any.
-void AddAbout(const std::vector<std::pair<std::string, std::string>>& about, Json* json) {
-  for (const auto& [key, value] : about) (*json)["about"][key] = value;
-}
-
 // Returns the figures of a solve, with those of the noise before the degrees of freedom and that of held-out captures
 // after them.
 Json SolveJson(const Convergence& convergence, double covariance_dof, const Json& noise, const Json& holdout) {
@@ -320,7 +315,7 @@ Json HeadJson(const RunResult& result, const char* schema) {
   json["schema"] = schema;
   json["heba"] = Version();
   json["name"] = result.name;
-  AddAbout(result.about, &json);
+  for (const auto& [key, value] : result.about) json["about"][key] = value;
   if (result.time_offset) {
     json["time_offset"] = Json{{"value_s", result.time_offset->value_s}, {"std_s", result.time_offset->sigma_s}};
   }

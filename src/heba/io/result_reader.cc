@@ -22,42 +22,50 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr size_t kMaxBytes = size_t{256} << 20;
 constexpr size_t kMaxTruthBytes = size_t{1} << 20;
 
-// Reads the figures of a solve that both schemas have.
-template <class AnySolution>
-void ReadSolve(const JsonReader& solve, AnySolution* solution) {
-  Convergence& convergence = solution->convergence;
+// Return the figures of a solve that both schemas have.
+Convergence ReadConvergence(const JsonReader& solve) {
+  Convergence convergence;
   convergence.converged = true;
   convergence.iterations = solve.Get("iterations").Int(0, kMostCounted);
   convergence.initial_cost = ReadFinite(solve, "initial_cost", kInfinity);
   convergence.final_cost = ReadFinite(solve, "final_cost", kInfinity);
   convergence.seconds = ReadMagnitude(solve, "seconds");
   convergence.message = solve.Get("message").Text();
-  solution->covariance_dof = ReadOptionalMagnitude(solve, "covariance_dof").value_or(kInfinity);
-  if (solution->covariance_dof < 1) solve.Get("covariance_dof").Fail("must be at least 1");
+  return convergence;
+}
+double ReadCovarianceDof(const JsonReader& solve) {
+  const double dof = ReadOptionalMagnitude(solve, "covariance_dof").value_or(kInfinity);
+  if (dof < 1) solve.Get("covariance_dof").Fail("must be at least 1");
+  return dof;
 }
 
-// Reads a covariance and frees the groups of parameters of which it has a name.
-Covariance ReadCovariance(const JsonReader& reader, Problem* problem) {
-  const std::vector<std::string> names = ReadOrder(reader);
+// Returns the problem with those groups of parameters free, too, of which a covariance has a name.
+Problem WithFreeGroups(Problem problem, const JsonReader& covariance) {
+  const std::vector<std::string> names = ReadOrder(covariance);
   const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
   const auto add = [](auto group, auto* groups) {
     if (std::find(groups->begin(), groups->end(), group) == groups->end()) groups->push_back(group);
   };
-  for (ProblemCamera& camera : problem->cameras) {
+  for (ProblemCamera& camera : problem.cameras) {
     if (camera.camera.params.empty()) continue;
     const std::vector<std::string>& params = camera.camera.Model().param_names();
     for (size_t i = 0; i < params.size(); ++i) {
       if (has(CameraBlock(camera) + "." + params[i])) add(GroupOf(static_cast<int>(i)), &camera.free_intrinsics);
     }
   }
-  for (ProblemTarget& target : problem->targets) {
+  for (ProblemTarget& target : problem.targets) {
     for (size_t i = 0; i < kTargetShapeParamNames.size(); ++i) {
       const std::string name = TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[i]);
       if (has(name)) add(ShapeGroupOf(static_cast<int>(i)), &target.free_shape);
     }
   }
-  const UnknownLayout layout = UnknownsOf(*problem);
-  CheckOrder(reader.Get("order"), names, layout);
+  return problem;
+}
+
+// Reads the covariance of the unknowns of a problem.
+Covariance ReadCovariance(const JsonReader& reader, const Problem& problem) {
+  const UnknownLayout layout = UnknownsOf(problem);
+  CheckOrder(reader.Get("order"), ReadOrder(reader), layout);
   return ReadCovarianceMatrix(reader, layout);
 }
 
@@ -99,13 +107,16 @@ PairSolution ReadSolution(const JsonReader& reader, const Estimate& estimate, Se
   if (reader.Has("covariance")) {
     Problem problem = HandEyeProblem(setup, solution);
     problem.effects = {ReadEffectNames(reader.Get("covariance"))};
-    solution.covariance = ReadCovariance(reader.Get("covariance"), &problem);
+    problem = WithFreeGroups(std::move(problem), reader.Get("covariance"));
+    solution.covariance = ReadCovariance(reader.Get("covariance"), problem);
     if (reader.Has("covariance_repeatable")) {
-      solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), &problem);
+      problem = WithFreeGroups(std::move(problem), reader.Get("covariance_repeatable"));
+      solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), problem);
     }
   }
   const JsonReader solve = reader.Get("solve");
-  ReadSolve(solve, &solution);
+  solution.convergence = ReadConvergence(solve);
+  solution.covariance_dof = ReadCovarianceDof(solve);
   solution.pixel_sigma_px = ReadMagnitude(solve, "pixel_sigma");
   solution.robot_noise = ReadNoise(solve, "robot_sigma_");
   if (solution.robot_noise) {
@@ -182,16 +193,19 @@ WorkingPoint ReadWorkingPoint(const JsonReader& reader) {
   return point;
 }
 
-// Reads the arm of the last estimate of a result.
-void ReadArmOfEstimate(const JsonReader& reader, RunResult* result) {
-  result->arms[0] = ReadArmJson(reader);
-  std::optional<PairSolution>& solution = result->estimates.back().solution;
-  if (!solution || !result->arms[0]->is_estimated) return;
-  ArmEffects effects = ReadArmEffects(reader, *result->arms[0], solution->covariance.layout.Block(kRobotBlock).effects);
-  result->arms[0]->errors_name = effects.shared->name;
-  solution->shared_effects = std::move(effects.shared);
-  solution->effects = std::move(effects.values);
-  solution->effect_sigmas = std::move(effects.sigmas);
+// The kinematics of an arm, and its effects; both are empty if the file has none.
+struct ArmOfResult {
+  std::optional<RobotSummary> summary;
+  ArmEffects effects;
+};
+
+// Reads the arm of an estimate.
+ArmOfResult ReadArmOfEstimate(const JsonReader& reader, const std::optional<PairSolution>& solution) {
+  ArmOfResult arm{ReadArmJson(reader), {}};
+  if (!solution || !arm.summary->is_estimated) return arm;
+  arm.effects = ReadArmEffects(reader, *arm.summary, solution->covariance.layout.Block(kRobotBlock).effects);
+  arm.summary->errors_name = arm.effects.shared->name;
+  return arm;
 }
 
 // Returns the offsets of the points of a target. Results of earlier versions lack them.
@@ -218,7 +232,14 @@ RunResult ReadShort(const JsonReader& reader) {
   for (const JsonReader& capture : reader.Get("captures").List()) result.images.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, *setup));
-    if (estimate.Has("robot")) ReadArmOfEstimate(estimate.Get("robot"), &result);
+    if (!estimate.Has("robot")) continue;
+    std::optional<PairSolution>& solution = result.estimates.back().solution;
+    ArmOfResult arm = ReadArmOfEstimate(estimate.Get("robot"), solution);
+    result.arms[0] = std::move(arm.summary);
+    if (arm.effects.shared == nullptr) continue;
+    solution->shared_effects = std::move(arm.effects.shared);
+    solution->effects = std::move(arm.effects.values);
+    solution->effect_sigmas = std::move(arm.effects.sigmas);
   }
   if (reader.Has("working_point")) result.working_points[0] = ReadWorkingPoint(reader.Get("working_point"));
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
@@ -236,17 +257,13 @@ std::optional<PoseError> ReadTruthOf(const JsonReader& reader) {
   return PoseError{ReadMagnitude(reader.Get("truth"), "mm"), ReadMagnitude(reader.Get("truth"), "deg")};
 }
 
-std::vector<RelativePose> ReadRelative(const JsonReader& reader, std::vector<std::optional<PoseError>>* truth) {
-  std::vector<RelativePose> poses;
-  for (const JsonReader& entry : reader.List()) {
-    RelativePose& pose = poses.emplace_back();
-    pose.parent = entry.Get("parent").Text();
-    pose.child = entry.Get("child").Text();
-    pose.parent_from_child = ReadPoseJson(entry, pose.parent, pose.child);
-    pose.covariance = ReadMatrix(entry, "covariance", 6, "covariance: 6 rows are needed");
-    if (truth != nullptr) truth->push_back(ReadTruthOf(entry));
-  }
-  return poses;
+RelativePose ReadRelativePose(const JsonReader& reader) {
+  RelativePose pose;
+  pose.parent = reader.Get("parent").Text();
+  pose.child = reader.Get("child").Text();
+  pose.parent_from_child = ReadPoseJson(reader, pose.parent, pose.child);
+  pose.covariance = ReadMatrix(reader, "covariance", 6, "covariance: 6 rows are needed");
+  return pose;
 }
 
 CameraErrors ReadErrorsOfCamera(const JsonReader& reader) {
@@ -264,81 +281,83 @@ Mount ReadMount(const JsonReader& reader, const Problem& rig) {
   return *mount;
 }
 
-// Reads the kinematics of an arm, the next one of the result.
-void ReadKinematics(const JsonReader& robot, RunResult* result) {
-  Solution& solution = result->solution;
-  result->arms.emplace_back();
-  result->rig.effects.emplace_back();
-  solution.effects.emplace_back();
-  solution.effect_sigmas.emplace_back();
-  if (!robot.Has("robot")) return;
+// Reads the kinematics of an arm of the rig.
+ArmOfResult ReadArm(const JsonReader& robot) {
+  if (!robot.Has("robot")) return {};
   const JsonReader reader = robot.Get("robot");
-  result->arms.back() = ReadArmJson(reader);
-  if (!result->arms.back()->is_estimated) return;
-  ArmEffects effects = ReadArmEffects(reader, *result->arms.back());
-  result->arms.back()->errors_name = effects.shared->name;
-  result->rig.effects.back() = std::move(effects.shared);
-  solution.effects.back() = std::move(effects.values);
-  solution.effect_sigmas.back() = std::move(effects.sigmas);
+  ArmOfResult arm{ReadArmJson(reader), {}};
+  if (!arm.summary->is_estimated) return arm;
+  arm.effects = ReadArmEffects(reader, *arm.summary);
+  arm.summary->errors_name = arm.effects.shared->name;
+  return arm;
 }
 
-// Each of these reads the next arm, camera or target of the result.
-void ReadRobot(const JsonReader& reader, const std::string& name, RunResult* result) {
-  Solution& solution = result->solution;
+// Each of these returns the result with its next arm, camera or target.
+RunResult WithRobot(RunResult result, const std::string& name, const JsonReader& reader) {
+  Solution& solution = result.solution;
   solution.poses.world_from_base.push_back(ReadPoseJson(reader.Get("world_from_base"), "world", name + ".base"));
-  result->truth.bases.push_back(ReadTruthOf(reader));
-  ReadKinematics(reader, result);
+  result.truth.bases.push_back(ReadTruthOf(reader));
+  ArmOfResult arm = ReadArm(reader);
+  result.arms.push_back(std::move(arm.summary));
+  result.rig.effects.push_back(std::move(arm.effects.shared));
+  solution.effects.push_back(std::move(arm.effects.values));
+  solution.effect_sigmas.push_back(std::move(arm.effects.sigmas));
   solution.smooth_noise.emplace_back();
   if (reader.Has("smooth_errors")) solution.smooth_noise.back() = ReadNoise(reader.Get("smooth_errors"), "");
   solution.robot_noise.emplace_back();
   solution.robot_noise_stddev.emplace_back();
-  if (!reader.Has("noise")) return;
+  if (!reader.Has("noise")) return result;
   solution.robot_noise.back() = ReadNoise(reader.Get("noise"), "");
   if (solution.robot_noise.back()) {
     solution.robot_noise.back()->joint_rad =
         DegToRad(ReadOptionalMagnitude(reader.Get("noise"), "joint_deg").value_or(0));
   }
   solution.robot_noise_stddev.back() = ReadNoise(reader.Get("noise"), "std_");
+  return result;
 }
 
-void ReadCameraEntry(const JsonReader& reader, const std::string& name, RunResult* result) {
-  Solution& solution = result->solution;
-  ProblemCamera camera{name, ReadMount(reader.Get("mount"), result->rig), ReadCameraJson(reader.Get("camera"))};
+RunResult WithCamera(RunResult result, const std::string& name, const JsonReader& reader) {
+  Solution& solution = result.solution;
+  ProblemCamera camera{name, ReadMount(reader.Get("mount"), result.rig), ReadCameraJson(reader.Get("camera"))};
   camera.mount_name = reader.Get("mount").Text();
-  solution.poses.mount_from_camera.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, camera), name));
+  solution.poses.mount_from_camera.push_back(ReadPoseJson(reader.Get("pose"), MountText(result.rig, camera), name));
   solution.cameras.push_back(camera.camera);
   solution.pixel_sigmas_px.push_back(ReadMagnitude(reader, "pixel_sigma"));
   solution.image_sigmas_px.push_back(ReadMagnitude(reader, "image_sigma"));
-  result->working_points.emplace_back();
-  if (reader.Has("working_point")) result->working_points.back() = ReadWorkingPoint(reader.Get("working_point"));
-  result->rig.cameras.push_back(std::move(camera));
+  result.working_points.emplace_back();
+  if (reader.Has("working_point")) result.working_points.back() = ReadWorkingPoint(reader.Get("working_point"));
+  result.rig.cameras.push_back(std::move(camera));
+  return result;
 }
 
-void ReadTargetEntry(const JsonReader& reader, const std::string& name, RunResult* result) {
-  Solution& solution = result->solution;
-  ProblemTarget target{name, ReadMount(reader.Get("mount"), result->rig), TargetShape()};
+RunResult WithTarget(RunResult result, const std::string& name, const JsonReader& reader) {
+  Solution& solution = result.solution;
+  ProblemTarget target{name, ReadMount(reader.Get("mount"), result.rig), TargetShape()};
   target.mount_name = reader.Get("mount").Text();
-  result->target_types.push_back(reader.Get("type").Text());
+  result.target_types.push_back(reader.Get("type").Text());
   // Results of earlier versions lack this member.
-  result->num_target_points.push_back(reader.Has("points") ? reader.Get("points").Int(0, kMostCounted) : 0);
-  solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result->rig, target), name));
+  result.num_target_points.push_back(reader.Has("points") ? reader.Get("points").Int(0, kMostCounted) : 0);
+  solution.poses.mount_from_target.push_back(ReadPoseJson(reader.Get("pose"), MountText(result.rig, target), name));
   solution.shapes.push_back(reader.Has("shape") ? ReadShapeJson(reader.Get("shape")) : TargetShape());
-  result->point_offsets.push_back(ReadOffsetsOf(reader));
-  result->truth.targets.push_back(ReadTruthOf(reader));
-  result->rig.targets.push_back(std::move(target));
+  result.point_offsets.push_back(ReadOffsetsOf(reader));
+  result.truth.targets.push_back(ReadTruthOf(reader));
+  result.rig.targets.push_back(std::move(target));
+  return result;
 }
 
-// Reads all members of a section of the file.
-void ReadSection(const JsonReader& section, void (*read)(const JsonReader&, const std::string&, RunResult*),
-                 RunResult* result) {
+// Returns the result with all members of a section of the file.
+RunResult WithSection(RunResult result, const JsonReader& section,
+                      RunResult (*with_entry)(RunResult, const std::string&, const JsonReader&)) {
   for (const auto& [name, entry] : section.Members()) {
     if (!entry) section.Fail(name + " is null");
     if (name.empty()) section.Fail("a name is empty");
-    read(*entry, name, result);
+    result = with_entry(std::move(result), name, *entry);
   }
+  return result;
 }
 
-void ReadCaptures(const JsonReader& reader, RunResult* result) {
+std::vector<ImageResult> ReadImages(const JsonReader& reader) {
+  std::vector<ImageResult> images;
   for (const JsonReader& entry : reader.List()) {
     ImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
                       entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
@@ -356,8 +375,9 @@ void ReadCaptures(const JsonReader& reader, RunResult* result) {
         image.targets.back().num_second_pass = target.Get("points_second_pass").Int(0, kMostCounted);
       }
     }
-    result->images.push_back(std::move(image));
+    images.push_back(std::move(image));
   }
+  return images;
 }
 
 RunResult ReadLong(const JsonReader& reader) {
@@ -365,21 +385,31 @@ RunResult ReadLong(const JsonReader& reader) {
   result.name = reader.Get("name").Text();
   result.time_offset = ReadTimeOffset(reader);
   for (const auto& [name, robot] : reader.Get("robots").Members()) result.rig.robots.push_back(name);
-  ReadSection(reader.Get("robots"), ReadRobot, &result);
-  ReadSection(reader.Get("cameras"), ReadCameraEntry, &result);
-  ReadSection(reader.Get("targets"), ReadTargetEntry, &result);
-  result.solution.covariance = ReadCovariance(reader.Get("covariance"), &result.rig);
+  result = WithSection(std::move(result), reader.Get("robots"), WithRobot);
+  result = WithSection(std::move(result), reader.Get("cameras"), WithCamera);
+  result = WithSection(std::move(result), reader.Get("targets"), WithTarget);
+  result.rig = WithFreeGroups(std::move(result.rig), reader.Get("covariance"));
+  result.solution.covariance = ReadCovariance(reader.Get("covariance"), result.rig);
   if (reader.Has("covariance_repeatable")) {
-    result.solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), &result.rig);
+    result.rig = WithFreeGroups(std::move(result.rig), reader.Get("covariance_repeatable"));
+    result.solution.covariance_repeatable = ReadCovariance(reader.Get("covariance_repeatable"), result.rig);
   }
   for (const ProblemCamera& camera : result.rig.cameras) {
     result.errors.push_back(ReadErrorsOfCamera(reader.Get("errors").Get(camera.name.c_str())));
   }
-  result.relative_cameras = ReadRelative(reader.Get("relative"), &result.truth.relative_cameras);
-  result.relative_targets = ReadRelative(reader.Get("relative_targets"), nullptr);
-  result.relative_bases = ReadRelative(reader.Get("relative_bases"), nullptr);
-  ReadCaptures(reader.Get("captures"), &result);
-  ReadSolve(reader.Get("solve"), &result.solution);
+  for (const JsonReader& pose : reader.Get("relative").List()) {
+    result.relative_cameras.push_back(ReadRelativePose(pose));
+    result.truth.relative_cameras.push_back(ReadTruthOf(pose));
+  }
+  for (const JsonReader& pose : reader.Get("relative_targets").List()) {
+    result.relative_targets.push_back(ReadRelativePose(pose));
+  }
+  for (const JsonReader& pose : reader.Get("relative_bases").List()) {
+    result.relative_bases.push_back(ReadRelativePose(pose));
+  }
+  result.images = ReadImages(reader.Get("captures"));
+  result.solution.convergence = ReadConvergence(reader.Get("solve"));
+  result.solution.covariance_dof = ReadCovarianceDof(reader.Get("solve"));
   result.holdout_chi2 = ReadOptionalMagnitude(reader.Get("solve"), "holdout_chi2_per_dof");
   result.verdict = ReadVerdict(reader.Get("verdict"));
   result.timing = ReadTiming(reader.Get("timing_s"));

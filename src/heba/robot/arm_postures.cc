@@ -109,10 +109,11 @@ std::optional<UrRobot> UrRobotOf(const Arm& arm) {
   return UrRobot{arm.name, at[0].d_m, at[1].a_m, at[2].a_m, at[3].d_m, at[4].d_m, at[5].d_m};
 }
 
-void Sort(std::vector<Eigen::VectorXd>* postures) {
-  std::sort(postures->begin(), postures->end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+std::vector<Eigen::VectorXd> Sorted(std::vector<Eigen::VectorXd> postures) {
+  std::sort(postures.begin(), postures.end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
   });
+  return postures;
 }
 
 // Returns the postures by the closed form.
@@ -123,8 +124,7 @@ Outcome<std::vector<Eigen::VectorXd>> UrPosturesOf(const UrRobot& robot, const R
   for (const UrPosture& posture : *found) {
     postures.emplace_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(posture.joints_rad.data()));
   }
-  Sort(&postures);
-  return postures;
+  return Sorted(std::move(postures));
 }
 
 }  // namespace
@@ -189,8 +189,7 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
     }
   }
   if (postures.empty()) return Failure{reason};
-  Sort(&postures);
-  return postures;
+  return Sorted(std::move(postures));
 }
 
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {

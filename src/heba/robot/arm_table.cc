@@ -23,10 +23,11 @@ Arm ArmOf(const UrRobot& robot) {
           {}};
 }
 
-// Gives the arm of that name the weight of its links.
-void SetLinks(std::string_view name, std::vector<PointMass> links, std::vector<Arm>* arms) {
-  const auto arm = std::find_if(arms->begin(), arms->end(), [&](const Arm& other) { return other.name == name; });
-  if (arm != arms->end()) *arm = WithLinks(std::move(*arm), std::move(links));
+// Returns the arms, that of this name with the weight of its links.
+std::vector<Arm> WithLinksOf(std::vector<Arm> arms, std::string_view name, std::vector<PointMass> links) {
+  const auto arm = std::find_if(arms.begin(), arms.end(), [&](const Arm& other) { return other.name == name; });
+  if (arm != arms.end()) *arm = WithLinks(std::move(*arm), std::move(links));
+  return arms;
 }
 
 Arm DhArm(std::string name, std::vector<ArmJoint> joints) { return {std::move(name), {}, std::move(joints), {}}; }
@@ -60,7 +61,7 @@ std::vector<Arm> MakeArms() {
   PointMass {                       \
     mass, { x, y, z }               \
   }
-#define HEBA_UR_LINKS(name, ...) SetLinks(#name, {__VA_ARGS__}, &arms);
+#define HEBA_UR_LINKS(name, ...) arms = WithLinksOf(std::move(arms), #name, {__VA_ARGS__});
 #include "heba/robot/ur_robots.def"
 #undef HEBA_UR_LINKS
 #undef HEBA_UR_LINK

@@ -150,9 +150,9 @@ class KdlArm final : public UrdfArm {
   std::vector<PointMass> links_in_base_;
 };
 
-// Adds the mass of a link and of all links beyond it, but for `next`, to a body. The joints beyond it are at zero.
-void AddLinks(const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
-              const urdf::LinkConstSharedPtr& next, const std::filesystem::path& path, PointMass* body) {
+// Returns a body with the mass of a link and of all links beyond it, but for `next`. The joints beyond it are at zero.
+PointMass WithLinks(PointMass body, const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
+                    const urdf::LinkConstSharedPtr& next, const std::filesystem::path& path) {
   std::vector<std::pair<urdf::LinkConstSharedPtr, Rigid3d>> waiting = {{first, base_from_first}};
   // Links whose joints form a loop would be visited for ever.
   std::set<const urdf::Link*> visited;
@@ -168,9 +168,9 @@ void AddLinks(const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_fi
       if (!(mass_kg >= 0 && mass_kg < kLargest) || !(centre_m.norm() < kLargest)) {
         throw InputError(path.string() + ": link " + Quoted(link->name) + " has an impossible mass or centre of mass");
       }
-      const double all_kg = body->mass_kg + mass_kg;
-      if (all_kg > 0) body->centre_m = (body->mass_kg * body->centre_m + mass_kg * centre_m) / all_kg;
-      body->mass_kg = all_kg;
+      const double all_kg = body.mass_kg + mass_kg;
+      if (all_kg > 0) body.centre_m = (body.mass_kg * body.centre_m + mass_kg * centre_m) / all_kg;
+      body.mass_kg = all_kg;
     }
     for (const urdf::JointSharedPtr& joint : link->child_joints) {
       const auto child = std::find_if(link->child_links.begin(), link->child_links.end(),
@@ -179,6 +179,7 @@ void AddLinks(const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_fi
       waiting.emplace_back(*child, base_from_link * FromKdl(ToKdl(joint->parent_to_joint_origin_transform)));
     }
   }
+  return body;
 }
 
 // Returns the bodies that move with each moving joint of a chain, in the base when all joints are at zero; nothing if
@@ -193,7 +194,7 @@ std::vector<PointMass> BodiesOf(const urdf::ModelInterface& model, const std::ve
     if (bodies.empty()) continue;
     const urdf::LinkConstSharedPtr next =
         i + 1 < joints.size() ? model.getLink(joints[i + 1]->child_link_name) : nullptr;
-    AddLinks(model.getLink(joints[i]->child_link_name), base_from_link, next, path, &bodies.back());
+    bodies.back() = WithLinks(bodies.back(), model.getLink(joints[i]->child_link_name), base_from_link, next, path);
   }
   const bool is_known =
       std::any_of(bodies.begin(), bodies.end(), [](const PointMass& body) { return body.mass_kg > 0; });

@@ -123,8 +123,8 @@ TEST_F(ImportTextTest, ImagesAreSortedByTheNumbersInTheirNames) {
 TEST_F(ImportTextTest, TheFirstFolderWithImagesIsUsed) {
   Write("rgb/1.png");
   Write("rgb/2.png");
-  std::vector<std::string> remarks;
-  EXPECT_THAT(ImagesForPoses({folder_ / "images", folder_ / "rgb"}, 2, &remarks), SizeIs(2));
+  const auto [images, remarks] = ImagesForPoses({folder_ / "images", folder_ / "rgb"}, 2);
+  EXPECT_THAT(images, SizeIs(2));
   EXPECT_THAT(remarks, IsEmpty());
 }
 
@@ -133,8 +133,8 @@ TEST_F(ImportTextTest, RemarksThatImagesAndPosesDiffer) {
   Write("images/1.png");
   Write("rgb/1.png");
   Write("rgb/2.png");
-  std::vector<std::string> remarks;
-  EXPECT_THAT(ImagesForPoses({folder_ / "images", folder_ / "rgb"}, 2, &remarks), IsEmpty());
+  const auto [images, remarks] = ImagesForPoses({folder_ / "images", folder_ / "rgb"}, 2);
+  EXPECT_THAT(images, IsEmpty());
   EXPECT_THAT(remarks, ElementsAre("1 images are beside the 2 poses; the file does not state which belong together"));
 }
 

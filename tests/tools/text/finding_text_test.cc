@@ -181,9 +181,7 @@ TEST(FindingTextTest, SuggestedCapturesOfACellNameWhereTheyStartAndWhatIsSeen) {
   suggested.names.emplace_back("helps_most_in", "the camera's position along the world's x");
   suggested.numbers.emplace_back("helps_most_percent", 41.6);
   EXPECT_EQ(ActionOf(weak), action + "; they help camera top most: the camera's position along the world's x by 42 %");
-  Finding described = weak;
-  Describe(&described);
-  EXPECT_THAT(described.text, StartsWith("camera left: the camera's fx is determined to only 12 px"));
+  EXPECT_THAT(Described(weak).text, StartsWith("camera left: the camera's fx is determined to only 12 px"));
 }
 
 // A direction that is known well enough needs no remedy; the captures that would still help are part of the text.
@@ -229,10 +227,10 @@ TEST(FindingTextTest, KeepsATextThatIsSet) {
   cause.is_cause = true;
   cause.text = "the target is 10 % larger";
   cause.action = "measure it";
-  Describe(&cause);
+  cause = Described(std::move(cause));
   EXPECT_EQ(cause.text, "the target is 10 % larger");
   cause.parts = {FindingOf("hold_out", {{"target_mm", 16}, {"target_deg", 1}})};
-  Describe(&cause);
+  cause = Described(std::move(cause));
   EXPECT_EQ(cause.text,
             "the target is 10 % larger; as a consequence, on held-out captures the target is off by 16 mm and 1.0 deg "
             "from its predicted pose (RMS)");
@@ -244,13 +242,11 @@ TEST(FindingTextTest, DescribingTwiceChangesNothing) {
       FindingOf("target_scale", {{"scale_x", 1.1}, {"scale_y", 1.1}}, {},
                 {FindingOf("uncertainty", {{"position_mm", 9}, {"orientation_deg", 1}}, {}, {WeakFocalLength()})});
   cause.is_cause = true;
-  std::vector<Finding> findings = {cause, WeakFocalLength()};
-  DescribeAll(&findings);
-  const std::vector<Finding> once = findings;
-  DescribeAll(&findings);
-  for (size_t i = 0; i < findings.size(); ++i) {
-    EXPECT_EQ(findings[i].text, once[i].text);
-    EXPECT_EQ(findings[i].action, once[i].action);
+  const std::vector<Finding> once = Described(std::vector<Finding>{cause, WeakFocalLength()});
+  const std::vector<Finding> twice = Described(once);
+  for (size_t i = 0; i < once.size(); ++i) {
+    EXPECT_EQ(twice[i].text, once[i].text);
+    EXPECT_EQ(twice[i].action, once[i].action);
   }
   EXPECT_THAT(once[0].text, HasSubstr("; as a consequence, the camera's pose is known to 9.0 mm and 1.0 deg"));
   EXPECT_THAT(once[0].text, HasSubstr("; the camera's fx is determined to only 12 px"));
@@ -266,25 +262,20 @@ TEST(FindingTextTest, AnUnknownCodeIsShownWithItsNumbers) {
 // The keys of one of several arms are those of its section; the only arm of a rig has those of a single camera.
 TEST(FindingTextTest, FindingsAboutAnArmNameItsKeys) {
   const auto described = [](const char* arm) {
-    Finding finding = FindingOf("arm_singular_captures", {{"captures", 1}, {"of_captures", 9}},
-                                {{"arm", "ur5e"}, {"joints", "recovered"}, {"of_arm", arm}});
-    Describe(&finding);
-    return finding;
+    return Described(FindingOf("arm_singular_captures", {{"captures", 1}, {"of_captures", 9}},
+                               {{"arm", "ur5e"}, {"joints", "recovered"}, {"of_arm", arm}}));
   };
   EXPECT_THAT(described("myrobot").text, StartsWith("arm myrobot: the arm ur5e is at or close to a singularity"));
   EXPECT_THAT(described("myrobot").action, StartsWith("record the joints (robots.myrobot.joints), or"));
   EXPECT_THAT(described("robot").action, StartsWith("record the joints (captures.joints), or"));
-  Finding smooth = FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}});
-  Describe(&smooth);
+  Finding smooth = Described(FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}}));
   EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
-  Describe(&smooth);
+  smooth = Described(std::move(smooth));
   EXPECT_THAT(smooth.text, HasSubstr("if the config names it (robots.myrobot.model)"));
   Finding declined = FindingOf("arm_declined", {}, {{"of_arm", "myrobot"}});
   declined.reason = FailureCode("tool_scatter");
-  Describe(&declined);
-  EXPECT_THAT(declined.text, HasSubstr("check robots.myrobot.model, joint_angle, and that"));
-  Finding known = FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}, {"arm", "ur5e"}});
-  Describe(&known);
+  EXPECT_THAT(Described(declined).text, HasSubstr("check robots.myrobot.model, joint_angle, and that"));
+  const Finding known = Described(FindingOf("smooth_errors", {}, {{"of_arm", "myrobot"}, {"arm", "ur5e"}}));
   EXPECT_THAT(known.text, Not(HasSubstr("if the config names it")));
 }
 

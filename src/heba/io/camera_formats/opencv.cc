@@ -61,15 +61,15 @@ ConfigValue FindOnly(MapReader& reader, const std::vector<std::string>& names, c
   return *only;
 }
 
-// Leaves the size unchanged if the file does not contain it.
-void ReadImageSize(MapReader& reader, Camera* camera) {
+// Returns the camera with the size of its images if the file contains it.
+Camera WithImageSize(Camera camera, MapReader& reader) {
   constexpr IntRange kSizes = {1, 100000};
   for (const auto& [width, height] : {std::array{"image_width", "image_height"},
                                       std::array{"image_Width", "image_Height"}, std::array{"width", "height"}}) {
     if (!reader.Has(width)) continue;
-    camera->width_px = reader.Int(width, kSizes);
-    camera->height_px = reader.Int(height, kSizes);
-    return;
+    camera.width_px = reader.Int(width, kSizes);
+    camera.height_px = reader.Int(height, kSizes);
+    return camera;
   }
   for (const char* key : {"image_size", "imageSize", "ImageSize", "img_size", "resolution"}) {
     const std::optional<ConfigValue> size = reader.Find(key);
@@ -78,11 +78,12 @@ void ReadImageSize(MapReader& reader, Camera* camera) {
     const bool valid = numbers.size() == 2 && numbers[0] >= kSizes.min && numbers[0] <= kSizes.max &&
                        numbers[1] >= kSizes.min && numbers[1] <= kSizes.max;
     if (!valid) size->Fail("two whole numbers are needed: [width, height]");
-    camera->width_px = static_cast<int>(numbers[0]);
-    camera->height_px = static_cast<int>(numbers[1]);
-    if (camera->width_px != numbers[0] || camera->height_px != numbers[1]) size->Fail("whole numbers are needed");
-    return;
+    camera.width_px = static_cast<int>(numbers[0]);
+    camera.height_px = static_cast<int>(numbers[1]);
+    if (camera.width_px != numbers[0] || camera.height_px != numbers[1]) size->Fail("whole numbers are needed");
+    return camera;
   }
+  return camera;
 }
 
 Lens ReadLens(MapReader& reader) {
@@ -101,10 +102,9 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   const ConfigValue distortion = FindOnly(reader, DistortionNames(), "list of distortion coefficients");
   const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
   if (!pinhole) matrix.Fail(pinhole.reason());
-  Outcome<Camera> camera = CameraFromCoefficients(*pinhole, ReadMatrix(distortion), ReadLens(reader));
+  const Outcome<Camera> camera = CameraFromCoefficients(*pinhole, ReadMatrix(distortion), ReadLens(reader));
   if (!camera) distortion.Fail(camera.reason());
-  ReadImageSize(reader, &*camera);
-  return *camera;
+  return WithImageSize(*camera, reader);
 }
 
 }  // namespace

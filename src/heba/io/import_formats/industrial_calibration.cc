@@ -32,43 +32,45 @@ std::string DictionaryName(const ConfigValue& value) {
   return std::string("DICT_") + sizes[number / 4] + "_" + counts[number % 4];
 }
 
-std::string TargetOf(const ConfigValue& value, std::vector<std::string>* remarks) {
+Remarked<std::string> TargetOf(const ConfigValue& value) {
   MapReader reader(value);
   const std::string type = reader.Text("type", "ModifiedCircleGridTargetFinder");
   constexpr IntRange kCounts = {1, 1000};
   const std::string grid = "rows: " + std::to_string(reader.Int("rows", kCounts)) +
                            "\ncolumns: " + std::to_string(reader.Int("cols", kCounts)) + "\n";
   if (type == "CharucoGridTargetFinder") {
-    remarks->push_back(
-        "its ChArUco boards are those of OpenCV before 4.6.0 unless they have an odd number of rows: "
-        "set legacy_pattern to suit yours");
-    return "type: charuco\n" + grid + "square: " + Metres(reader, "chessboard_dim") +
-           "\nmarker: " + Metres(reader, "aruco_marker_dim") +
-           "\ndictionary: " + DictionaryName(reader.Get("dictionary")) + "\nlegacy_pattern: true\n";
+    return {"type: charuco\n" + grid + "square: " + Metres(reader, "chessboard_dim") +
+                "\nmarker: " + Metres(reader, "aruco_marker_dim") +
+                "\ndictionary: " + DictionaryName(reader.Get("dictionary")) + "\nlegacy_pattern: true\n",
+            {"its ChArUco boards are those of OpenCV before 4.6.0 unless they have an odd number of rows: "
+             "set legacy_pattern to suit yours"}};
   }
   if (type == "ModifiedCircleGridTargetFinder") {
-    return "type: circle_grid\n" + grid + "spacing: " + Metres(reader, "spacing") + "\nmarker_dot: true\n";
+    return {"type: circle_grid\n" + grid + "spacing: " + Metres(reader, "spacing") + "\nmarker_dot: true\n"};
   }
-  remarks->push_back("the target, " + Quoted(type) + ", is not supported; name a target in the config");
-  return "";
+  return {"", {"the target, " + Quoted(type) + ", is not supported; name a target in the config"}};
 }
 
-void ReadConfig(const fs::path& file, ImportedSet* set) {
+// Returns the set with what the config of the program defines.
+ImportedSet WithConfig(ImportedSet set, const fs::path& file) {
   const ConfigValue root = ReadYamlFile(file);
-  if (!root.IsMap()) return;
+  if (!root.IsMap()) return set;
   MapReader reader(root);
-  set->files.push_back(file);
+  set.files.push_back(file);
   if (const std::optional<ConfigValue> fixed = reader.Find("static_camera")) {
-    set->setup = fixed->AsBool() ? Setup::kEyeToHand : Setup::kEyeInHand;
+    set.setup = fixed->AsBool() ? Setup::kEyeToHand : Setup::kEyeInHand;
   }
   if (const std::optional<ConfigValue> finder = reader.Find("target_finder")) {
-    set->target = TargetOf(*finder, &set->remarks);
+    const auto [target, remarks] = TargetOf(*finder);
+    set.target = target;
+    set.remarks = remarks;
   }
   if (const std::optional<ConfigValue> intrinsics = reader.Find("intrinsics")) {
     MapReader camera(*intrinsics);
-    set->camera = Camera{"pinhole", 0, 0, {}};
-    for (const char* key : {"fx", "fy", "cx", "cy"}) set->camera->params.push_back(camera.Number(key));
+    set.camera = Camera{"pinhole", 0, 0, {}};
+    for (const char* key : {"fx", "fy", "cx", "cy"}) set.camera->params.push_back(camera.Number(key));
   }
+  return set;
 }
 
 ImportedSet Read(const fs::path& source) {
@@ -89,7 +91,7 @@ ImportedSet Read(const fs::path& source) {
   const fs::path config = file.parent_path() / "config.yaml";
   const std::string beginning = BeginningOf(config);
   if (beginning.find("target_finder") != std::string::npos || beginning.find("static_camera") != std::string::npos) {
-    ReadConfig(config, &set);
+    set = WithConfig(std::move(set), config);
   }
   return set;
 }

@@ -25,7 +25,8 @@ ImportedSet Read(const fs::path& source) {
                      " numbers are not a whole number of 4 x 4 matrices");
   }
   const size_t count = numbers.size() / kMatrix;
-  const std::vector<fs::path> images = ImagesForPoses({source.parent_path() / "images"}, count, &set.remarks);
+  const auto [images, remarks] = ImagesForPoses({source.parent_path() / "images"}, count);
+  set.remarks = remarks;
   for (size_t i = 0; i < count; ++i) {
     ImportedCapture capture = CaptureOf(images.empty() ? fs::path() : images[i], i);
     capture.base_from_gripper = PoseOfMatrix(std::span(numbers).subspan(kMatrix * i, kMatrix), 1,

@@ -30,39 +30,39 @@ bool Matches(const fs::path& source) {
   return fs::is_directory(source, error) && !RootOf(source).empty();
 }
 
-// Moves a principal point that is stated as the exact centre of the image to that centre in heba's pixels. A lens has
-// never its axis there; simulators do, and count from the image's corner (half its width) or from 1 (Gazebo, half a
-// pixel more).
-void MoveStatedCentre(Camera* camera, std::vector<std::string>* remarks, const std::string& where) {
-  const Eigen::Vector2d size(camera->width_px, camera->height_px);
-  const Eigen::Vector2d stated(camera->params[2], camera->params[3]);
+// Returns the camera with a principal point that is stated as the exact centre of the image moved to that centre in
+// heba's pixels. A lens has never its axis there; simulators do, and count from the image's corner (half its width) or
+// from 1 (Gazebo, half a pixel more).
+Remarked<Camera> WithStatedCentre(Camera camera, const std::string& where) {
+  const Eigen::Vector2d size(camera.width_px, camera.height_px);
+  const Eigen::Vector2d stated(camera.params[2], camera.params[3]);
   const Eigen::Vector2d centre = (size.array() - 1) / 2;
   for (const double first : {0.5, 1.0}) {
     if (stated != Eigen::Vector2d(centre.array() + first)) continue;
-    camera->params[2] = centre.x();
-    camera->params[3] = centre.y();
-    remarks->push_back(where + ": the principal point " + RoundTrip(stated.x()) + ", " + RoundTrip(stated.y()) +
-                       " is the centre of the image counted from " + (first == 1.0 ? "1" : "the corner") +
-                       "; read as " + RoundTrip(centre.x()) + ", " + RoundTrip(centre.y()) +
-                       " from the centre of the first pixel");
+    camera.params[2] = centre.x();
+    camera.params[3] = centre.y();
+    return {std::move(camera),
+            {where + ": the principal point " + RoundTrip(stated.x()) + ", " + RoundTrip(stated.y()) +
+             " is the centre of the image counted from " + (first == 1.0 ? "1" : "the corner") + "; read as " +
+             RoundTrip(centre.x()) + ", " + RoundTrip(centre.y()) + " from the centre of the first pixel"}};
   }
+  return {std::move(camera)};
 }
 
-Camera ReadCamera(const fs::path& file, std::vector<std::string>* remarks, const std::string& where) {
+Remarked<Camera> ReadCamera(const fs::path& file, const std::string& where) {
   MapReader reader(ReadYamlFile(file));
   Camera camera{"pinhole", 0, 0, {}};
   for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Number(key));
   constexpr IntRange kSizes = {1, 100000};
   camera.width_px = reader.Int("img_width", kSizes);
   camera.height_px = reader.Int("img_height", kSizes);
-  MoveStatedCentre(&camera, remarks, where);
-  if (reader.Int("has_dist_coeff", {0, 1}, 0) == 0) return camera;
-  camera.model = "rational8";
+  auto [moved, remarks] = WithStatedCentre(std::move(camera), where);
+  if (reader.Int("has_dist_coeff", {0, 1}, 0) == 0) return {moved, remarks};
+  moved.model = "rational8";
   for (const char* key : {"dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2", "dist_k3", "dist_k4", "dist_k5"}) {
-    camera.params.push_back(reader.Number(key, 0.0));
+    moved.params.push_back(reader.Number(key, 0.0));
   }
-  const std::optional<Camera> simpler = ConvertCamera(camera, "brown5");
-  return simpler ? *simpler : camera;
+  return {ConvertCamera(moved, "brown5").value_or(moved), remarks};
 }
 
 // The contents of CalibrationInfo.yaml.
@@ -72,9 +72,10 @@ struct Info {
   std::string target;  // Empty if its type is unknown.
   int num_cameras = 1;
   std::string prefix;  // The cameras' folders begin with it.
+  std::vector<std::string> remarks = {};
 };
 
-Info ReadInfo(const fs::path& root, std::vector<std::string>* remarks) {
+Info ReadInfo(const fs::path& root) {
   Info info;
   info.file = root / "CalibrationInfo.yaml";
   MapReader reader(ReadYamlFile(info.file));
@@ -85,7 +86,7 @@ Info ReadInfo(const fs::path& root, std::vector<std::string>* remarks) {
     info.target = ChessboardYaml(reader.Int("number_of_rows", kCounts), reader.Int("number_of_columns", kCounts),
                                  reader.Number("size"));
   } else {
-    remarks->push_back("the pattern, " + Quoted(pattern) + ", is unknown; name the target in the config");
+    info.remarks.push_back("the pattern, " + Quoted(pattern) + ", is unknown; name the target in the config");
   }
   info.num_cameras = reader.Int("number_of_cameras", {1, 1000}, 1);
   info.prefix = reader.Text("camera_folder_prefix", "camera");
@@ -99,7 +100,7 @@ struct ImageWithPose {
 };
 
 // Returns the images of a camera's folder that have a pose, by their numbers.
-std::map<long, ImageWithPose> PosedImagesOf(const fs::path& camera, std::vector<std::string>* remarks) {
+Remarked<std::map<long, ImageWithPose>> PosedImagesOf(const fs::path& camera) {
   std::map<long, fs::path> poses;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(camera / "pose", error)) {
@@ -120,11 +121,10 @@ std::map<long, ImageWithPose> PosedImagesOf(const fs::path& camera, std::vector<
     const auto [other, is_new] = posed.emplace(*number, ImageWithPose{image, pose->second});
     if (!is_new) throw InputError(image.string() + ": has the same number as " + other->second.image.string());
   }
-  if (num_without_pose > 0) {
-    remarks->push_back(std::to_string(num_without_pose) + " images in " + (camera / "image").string() +
-                       " have no pose of their number and are left out");
-  }
-  return posed;
+  if (num_without_pose == 0) return {std::move(posed)};
+  return {std::move(posed),
+          {std::to_string(num_without_pose) + " images in " + (camera / "image").string() +
+           " have no pose of their number and are left out"}};
 }
 
 Rigid3d ReadPose(const fs::path& file) { return PoseOfMatrix(NumbersOfFile(file), 1, file.string()); }
@@ -138,7 +138,8 @@ fs::path RootOrFail(const fs::path& source) {
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const fs::path root = RootOrFail(source);
-  const Info info = ReadInfo(root, &set.remarks);
+  const Info info = ReadInfo(root);
+  set.remarks = info.remarks;
   set.files.push_back(info.file);
   set.setup = info.setup;
   set.target = info.target;
@@ -150,10 +151,14 @@ ImportedSet Read(const fs::path& source) {
   }
   const fs::path intrinsics = camera / "intrinsic_pars_file.yaml";
   if (fs::exists(intrinsics)) {
-    set.camera = ReadCamera(intrinsics, &set.remarks, "camera");
+    const auto [read, remarks] = ReadCamera(intrinsics, "camera");
+    set.camera = read;
+    set.remarks.insert(set.remarks.end(), remarks.begin(), remarks.end());
     set.files.push_back(intrinsics);
   }
-  for (const auto& [number, posed] : PosedImagesOf(camera, &set.remarks)) {
+  const auto [images, remarks] = PosedImagesOf(camera);
+  set.remarks.insert(set.remarks.end(), remarks.begin(), remarks.end());
+  for (const auto& [number, posed] : images) {
     set.files.push_back(posed.pose);
     ImportedCapture capture = CaptureOf(posed.image, 0);
     capture.base_from_gripper = ReadPose(posed.pose);
@@ -168,14 +173,15 @@ struct CapturePose {
   ImportedCellCapture capture;
 };
 
-// Adds the images of the camera with this index to the captures of their numbers. The cameras' own records of a pose
-// may differ by the noise of the arm's encoders; the first one holds.
-void AddImages(const std::map<long, ImageWithPose>& images, size_t camera, std::map<long, CapturePose>* captures) {
+// Returns the captures with the images of the camera with this index in those of their numbers. The cameras' own
+// records of a pose may differ by the noise of the arm's encoders; the first one holds.
+std::map<long, CapturePose> WithImages(std::map<long, CapturePose> captures,
+                                       const std::map<long, ImageWithPose>& images, size_t camera) {
   constexpr double kSameM = 0.1e-3;
   const double same_rad = DegToRad(0.01);
   for (const auto& [number, posed] : images) {
     const Rigid3d pose = ReadPose(posed.pose);
-    const auto [found, is_new] = captures->emplace(number, CapturePose{posed.pose, {pose, {}}});
+    const auto [found, is_new] = captures.emplace(number, CapturePose{posed.pose, {pose, {}}});
     const Rigid3d& other = found->second.capture.base_from_gripper;
     const double distance_m = DistanceM(other, pose);
     const double angle_rad = AngleRad(other, pose);
@@ -188,6 +194,7 @@ void AddImages(const std::map<long, ImageWithPose>& images, size_t camera, std::
     names.resize(std::max(names.size(), camera + 1));
     names[camera] = posed.image.filename().string();
   }
+  return captures;
 }
 
 // Returns the file with the true pose of a camera; empty if there is none.
@@ -203,7 +210,8 @@ fs::path TruthOf(const fs::path& root, int number) {
 std::optional<ImportedCell> ReadLongForm(const fs::path& source) {
   ImportedCell rig;
   const fs::path root = RootOrFail(source);
-  const Info info = ReadInfo(root, &rig.remarks);
+  const Info info = ReadInfo(root);
+  rig.remarks = info.remarks;
   if (!fs::equivalent(root, source) || info.num_cameras == 1) return std::nullopt;
   rig.files.push_back(info.file);
   rig.setup = info.setup;
@@ -213,19 +221,22 @@ std::optional<ImportedCell> ReadLongForm(const fs::path& source) {
   std::vector<std::string> absent;
   for (int number = 1; number <= info.num_cameras; ++number) {
     const std::string name = info.prefix + std::to_string(number);
-    const std::map<long, ImageWithPose> images = PosedImagesOf(root / name, &rig.remarks);
+    const auto [images, remarks] = PosedImagesOf(root / name);
+    rig.remarks.insert(rig.remarks.end(), remarks.begin(), remarks.end());
     if (images.empty()) {
       absent.push_back(name);
       continue;
     }
-    AddImages(images, rig.cameras.size(), &captures);
+    captures = WithImages(std::move(captures), images, rig.cameras.size());
     for (const auto& [place, posed] : images) rig.files.push_back(posed.pose);
     ImportedCamera& camera = rig.cameras.emplace_back();
     camera.name = name;
     camera.images = root / name / "image";
     const fs::path intrinsics = root / name / "intrinsic_pars_file.yaml";
     if (fs::exists(intrinsics)) {
-      camera.camera = ReadCamera(intrinsics, &rig.remarks, name);
+      const auto [read, of_camera] = ReadCamera(intrinsics, name);
+      camera.camera = read;
+      rig.remarks.insert(rig.remarks.end(), of_camera.begin(), of_camera.end());
       rig.files.push_back(intrinsics);
     }
     const fs::path truth = TruthOf(root, number);

@@ -19,14 +19,12 @@ bool Matches(const fs::path& source) {
   return fs::is_directory(source, error) && fs::exists(source / "robot_cali.txt", error);
 }
 
-// Returns the target file. It is empty, and a remark is added, if the file states only the size of the squares.
-std::string TargetOf(const fs::path& file, std::vector<std::string>* remarks) {
+// Returns the target file. It is empty, and a remark says so, if the file states only the size of the squares.
+Remarked<std::string> TargetOf(const fs::path& file) {
   std::map<std::string, double> values;
   for (const TextLine& line : LinesOf(ReadTextFile(file))) {
     if (line.text.starts_with("tile size:")) {
-      remarks->push_back("calibration_object.txt states '" + line.text +
-                         "', not the number of the chessboard's corners");
-      return "";
+      return {"", {"calibration_object.txt states '" + line.text + "', not the number of the chessboard's corners"}};
     }
     const size_t blank = line.text.find_first_of(" \t");
     if (blank == std::string::npos) continue;
@@ -50,7 +48,7 @@ std::string TargetOf(const fs::path& file, std::vector<std::string>* remarks) {
     }
     return static_cast<int>(value);
   };
-  return ChessboardYaml(count("chess_height"), count("chess_width"), 1e-3 * values["chess_mm_height"]);
+  return {ChessboardYaml(count("chess_height"), count("chess_width"), 1e-3 * values["chess_mm_height"])};
 }
 
 ImportedSet Read(const fs::path& source) {
@@ -64,7 +62,9 @@ ImportedSet Read(const fs::path& source) {
   if (!has_count) throw InputError(robot.string() + ": a count and as many 4 x 4 matrices are needed");
   const fs::path object = source / "calibration_object.txt";
   if (fs::exists(object)) {
-    set.target = TargetOf(object, &set.remarks);
+    const auto [target, remarks] = TargetOf(object);
+    set.target = target;
+    set.remarks = remarks;
     set.files.push_back(object);
   }
   std::vector<fs::path> images = ImagesOf(source / "images" / "camera0");

@@ -18,7 +18,8 @@ ImportedSet Read(const fs::path& source) {
   set.files.push_back(source);
   const std::vector<TextLine> lines = LinesOf(ReadTextFile(source));
   const fs::path folder = source.parent_path();
-  const std::vector<fs::path> images = ImagesForPoses({folder / "images", folder / "rgb"}, lines.size(), &set.remarks);
+  const auto [images, remarks] = ImagesForPoses({folder / "images", folder / "rgb"}, lines.size());
+  set.remarks = remarks;
   for (size_t i = 0; i < lines.size(); ++i) {
     const std::string where = source.string() + ":" + std::to_string(lines[i].number);
     const std::vector<double> numbers = NumbersOfLine(lines[i].text, source, lines[i].number);
