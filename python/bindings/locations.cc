@@ -65,18 +65,24 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
   return target.Detect(image);
 }
 
-// Locates what the images show with the result of a run.
-ImageLocation LocateWith(const FinishedRun& run, const std::vector<CameraImage>& images,
+// What the images show, located with the result of a run, and the request for it.
+struct LocatedImages {
+  LocationRequest request;
+  ImageLocation location;
+};
+
+LocatedImages LocateWith(const FinishedRun& run, const std::vector<CameraImage>& images,
                          const std::vector<cv::Mat>& pixels, const std::vector<std::pair<std::string, Rigid3d>>& poses,
-                         const std::vector<ArmJoints>& joints, LocationRequest* request) {
+                         const std::vector<ArmJoints>& joints) {
   const Problem& problem = run.result.rig;
   std::vector<std::string> names;
   for (const ProblemCamera& camera : problem.cameras) names.push_back(camera.name);
   std::vector<size_t> cameras;
   for (const CameraImage& image : images) cameras.push_back(IndexOf("image", std::get<0>(image), names));
-  request->result = &run.result;
-  request->targets = run.targets;
-  request->arms = CorrectedPoses(run.result, cameras, PosesOf(poses, joints, problem.robots));
+  LocationRequest request;
+  request.result = &run.result;
+  request.targets = run.targets;
+  request.arms = CorrectedPoses(run.result, cameras, PosesOf(poses, joints, problem.robots));
   std::vector<Sighting> sightings;
   for (size_t i = 0; i < images.size(); ++i) {
     const Camera& camera = run.result.solution.cameras[cameras[i]];
@@ -85,7 +91,8 @@ ImageLocation LocateWith(const FinishedRun& run, const std::vector<CameraImage>&
           {cameras[i], t, DetectIn(*run.targets[t], camera, names[cameras[i]], pixels[i], std::get<2>(images[i]))});
     }
   }
-  return LocateInImages(*request, "", sightings);
+  ImageLocation location = LocateInImages(request, "", sightings);
+  return {std::move(request), std::move(location)};
 }
 
 // Returns, for each pose of each target that fits the images, the target's name, the cameras that see it,
@@ -103,13 +110,13 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
     pixels.push_back(grey ? MatOf(*grey) : cv::Mat());
   }
   FinishedRun run;
-  LocationRequest request;
-  ImageLocation location;
+  LocatedImages found;
   {
     const pybind11::gil_scoped_release release;
     run = ReadFinishedRun(folder);
-    location = LocateWith(run, images, pixels, given, joints, &request);
+    found = LocateWith(run, images, pixels, given, joints);
   }
+  const auto& [request, location] = found;
   if (!location.fault.empty()) throw InputError(FailureText(location.fault));
   std::vector<pybind11::tuple> all;
   std::vector<std::string> faults;

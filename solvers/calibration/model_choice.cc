@@ -394,9 +394,8 @@ Outcome<ProblemChoice> ChooseModel(const Problem& problem, const CellPoses& star
   choice.options.pixel_noise_start_px.clear();
   choice.options.loss = options_in.loss;
   choice.options.effects_avoid_zero = options_in.effects_avoid_zero;
-  choice.solution = best.solution;
+  choice.solution = WithRejectedBefore(best.solution, largest->solution);
   choice.solution.unmodelled_sigma_px = largest->solution.unmodelled_sigma_px;
-  AddRejected(largest->solution, &choice.solution);
   return choice;
 }
 

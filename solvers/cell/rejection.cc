@@ -22,8 +22,7 @@ Outcome<JudgedProblem> RefineInliers(const Problem& problem, const JudgedProblem
   const Problem used = WithoutRejected(Without(problem, left_out), at.solution);
   Outcome<Solution> solution = RefineProblem(StartingFrom(used, at.solution), at.solution.poses, options);
   if (!solution) return solution.failure();
-  AddRejected(at.solution, &*solution);
-  return JudgedProblem{std::move(*solution), std::move(left_out)};
+  return JudgedProblem{WithRejectedBefore(*std::move(solution), at.solution), std::move(left_out)};
 }
 
 // The images to leave out by the tests of all images at an adjustment, and those that others did not contradict at an

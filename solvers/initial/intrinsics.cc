@@ -94,21 +94,25 @@ struct PosedView {
   Rigid3d camera_from_target;
 };
 
-// Estimates the rough poses of all views; they are refined jointly later. Returns false if fewer than three views
-// have one.
-bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std::vector<PosedView>* posed,
-               double* median_rms_px) {
-  posed->clear();
+// Views with the rough poses of their targets, which are refined jointly later.
+struct RoughPoses {
+  std::vector<PosedView> posed;
+  double median_rms_px = 0;
+};
+
+// Returns nothing if fewer than three views have a pose.
+std::optional<RoughPoses> PoseViews(const Camera& camera, const std::vector<const View*>& views) {
+  RoughPoses rough;
   std::vector<double> rms;
   for (const View* view : views) {
     const std::optional<TargetPose> pose = EstimateRoughPose(camera, view->observations);
     if (!pose) continue;
-    posed->push_back({view, pose->camera_from_target});
+    rough.posed.push_back({view, pose->camera_from_target});
     rms.push_back(pose->rms_px);
   }
-  if (posed->size() < 3) return false;
-  *median_rms_px = Median(std::move(rms));
-  return true;
+  if (rough.posed.size() < 3) return std::nullopt;
+  rough.median_rms_px = Median(std::move(rms));
+  return rough;
 }
 
 std::vector<double> SquaredDistances(const Camera& camera, const std::vector<PosedView>& posed) {
@@ -121,12 +125,19 @@ std::vector<double> SquaredDistances(const Camera& camera, const std::vector<Pos
   return distances;
 }
 
+// A camera, and the poses of the targets in its views.
+struct PosedCamera {
+  Camera camera;
+  std::vector<PosedView> posed;
+};
+
 // Refines the camera and one pose per view jointly until the relative change of the cost is below `tolerance`.
-// Returns false if Ceres cannot use the result.
-bool RefineTogether(const FreeParameters& free, const Loss& loss, double tolerance, Camera* camera,
-                    std::vector<PosedView>* posed) {
-  const CameraModel& model = camera->Model();
-  const double sigma_px = SigmaFromMedian(SquaredDistances(*camera, *posed));
+// Returns nothing if Ceres cannot use the result.
+std::optional<PosedCamera> RefineTogether(PosedCamera start, const FreeParameters& free, const Loss& loss,
+                                          double tolerance) {
+  auto& [camera, posed] = start;
+  const CameraModel& model = camera.Model();
+  const double sigma_px = SigmaFromMedian(SquaredDistances(camera, posed));
   CapturesCostOptions options;
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
@@ -135,19 +146,20 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   loops.layout.AddTarget(kTargetBlock, {});
   loops.cameras = {&model};
   loops.targets = {TargetShape()};
-  for (const PosedView& entry : *posed) {
+  for (const PosedView& entry : posed) {
     loops.captures.push_back(
         {{{&entry.view->observations, KinematicLoop({OwnFactor(0)})}}, {{entry.camera_from_target, std::nullopt}}});
   }
-  LoopUnknowns unknowns(loops.layout, {{}, {}, {camera->params}, loops.targets});
+  LoopUnknowns unknowns(loops.layout, {{}, {}, {camera.params}, loops.targets});
   CapturesCost cost(std::move(loops), options);
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
   solver_options.function_tolerance = tolerance;
   const ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns);
-  camera->params = unknowns.Values().cameras.front();
+  if (!summary.IsSolutionUsable()) return std::nullopt;
+  camera.params = unknowns.Values().cameras.front();
   const std::vector<std::vector<Rigid3d>> poses = cost.EliminatedPoses();
-  for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i].front();
-  return summary.IsSolutionUsable();
+  for (size_t i = 0; i < poses.size(); ++i) posed[i].camera_from_target = poses[i].front();
+  return start;
 }
 
 // Returns the best of the closed-form solutions and the guesses of the focal length: with it most views have a pose,
@@ -176,21 +188,21 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
   const size_t stride = (usable.size() + kMaxTelling - 1) / kMaxTelling;
   for (size_t k = 0; k < order.size(); k += stride) telling.push_back(usable[order[k].second]);
   std::optional<Camera> camera;
-  std::vector<PosedView> posed;
   double best_rms_px = 0;
   size_t best_count = 0;
   for (const Camera& candidate : candidates) {
-    double rms_px = 0;
-    if (!PoseViews(candidate, telling, &posed, &rms_px)) continue;
-    if (camera && (posed.size() < best_count || (posed.size() == best_count && rms_px >= best_rms_px))) continue;
+    const std::optional<RoughPoses> rough = PoseViews(candidate, telling);
+    if (!rough) continue;
+    const size_t count = rough->posed.size();
+    if (camera && (count < best_count || (count == best_count && rough->median_rms_px >= best_rms_px))) continue;
     camera = candidate;
-    best_rms_px = rms_px;
-    best_count = posed.size();
+    best_rms_px = rough->median_rms_px;
+    best_count = count;
   }
   if (!camera && telling.size() < usable.size()) {
     // None of the selected views has a pose.
     for (const Camera& candidate : candidates) {
-      if (PoseViews(candidate, usable, &posed, &best_rms_px)) return candidate;
+      if (PoseViews(candidate, usable)) return candidate;
     }
   }
   return camera;
@@ -203,24 +215,23 @@ struct EstimatedCamera {
 };
 
 // Refines camera and poses in stages, each with more free parameters than the one before.
-Outcome<EstimatedCamera> RefineInStages(Camera camera, const std::vector<const View*>& usable,
+Outcome<EstimatedCamera> RefineInStages(const Camera& camera, const std::vector<const View*>& usable,
                                         const std::vector<FreeParameters>& stages) {
-  std::vector<PosedView> posed;
-  double rms_px = 0;
-  if (!PoseViews(camera, usable, &posed, &rms_px)) return Failure{FailureCode("no_camera")};
+  std::optional<RoughPoses> rough = PoseViews(camera, usable);
+  if (!rough) return Failure{FailureCode("no_camera")};
+  std::optional<PosedCamera> refined = PosedCamera{camera, std::move(rough->posed)};
   const Loss& loss = LossOf(LossKind::kHuber);
   // Errors that an intermediate stage leaves are corrected by the next one.
   constexpr double kPassing = 1e-3;
   constexpr double kLast = 1e-10;
   for (size_t i = 0; i < stages.size(); ++i) {
-    if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &camera, &posed)) {
-      return Failure{FailureCode("intrinsics_failed")};
-    }
-    const std::string faults = CheckCamera(camera);
+    refined = RefineTogether(*std::move(refined), stages[i], loss, i + 1 < stages.size() ? kPassing : kLast);
+    if (!refined) return Failure{FailureCode("intrinsics_failed")};
+    const std::string faults = CheckCamera(refined->camera);
     if (!faults.empty()) return Failure{FailureCode("implausible_camera"), {}, {{"faults", faults}}};
   }
-  const double sigma_px = SigmaFromMedian(SquaredDistances(camera, posed));
-  return EstimatedCamera{std::move(camera), sigma_px};
+  const double sigma_px = SigmaFromMedian(SquaredDistances(refined->camera, refined->posed));
+  return EstimatedCamera{std::move(refined->camera), sigma_px};
 }
 
 }  // namespace

@@ -104,7 +104,7 @@ Outcome<Solution> RefineProblem(const Problem& problem, const CellPoses& start, 
   fit.state.poses = start;
   for (const ProblemCamera& camera : problem.cameras) fit.state.cameras.push_back(camera.camera);
   for (const ProblemTarget& target : problem.targets) fit.state.shapes.push_back(target.shape);
-  AddEffects(problem, &fit.state, &fit.noise);
+  fit = WithStartOfEffects(std::move(fit), problem);
   fit.unmodelled_sigma_px.resize(problem.cameras.size());
   PointFlags keep = AllFlags(problem, true);
   UsePoints(problem, keep, &fit);

@@ -54,13 +54,15 @@ std::vector<BlockPrior> PriorsOfArms(const Problem& problem, const FitNoise& noi
   return priors;
 }
 
-// Adds the information of all priors.
-void AddPriors(const Fit& fit, Information* information) {
-  for (const BlockPrior& prior : PriorsOfArms(*fit.problem, fit.noise)) AddPrior(prior, information);
-  for (const BlockPrior& prior : PriorsOfCamerasAndTargets(*fit.problem)) AddPrior(prior, information);
-  if (fit.problem->prior == nullptr) return;
-  const JointPriorRows rows = RowsOf(*fit.problem->prior, information->layout, ValuesOf(fit.state));
-  information->matrix += rows.by_unknowns.transpose() * rows.by_unknowns;
+// Returns the information with that of all priors.
+Information WithPriors(Information information, const Fit& fit) {
+  for (const auto& priors : {PriorsOfArms(*fit.problem, fit.noise), PriorsOfCamerasAndTargets(*fit.problem)}) {
+    for (const BlockPrior& prior : priors) information = WithPrior(std::move(information), prior);
+  }
+  if (fit.problem->prior == nullptr) return information;
+  const JointPriorRows rows = RowsOf(*fit.problem->prior, information.layout, ValuesOf(fit.state));
+  information.matrix += rows.by_unknowns.transpose() * rows.by_unknowns;
+  return information;
 }
 
 bool IsZero(const Rigid3d& correction) {
@@ -85,16 +87,17 @@ FitNoise NoiseOf(const Solution& solution) {
   return noise;
 }
 
-void AddEffects(const Problem& problem, FitState* state, FitNoise* noise) {
-  if (problem.effects.empty()) return;
-  state->effects.resize(problem.robots.size());
-  noise->effect_sigmas.resize(problem.robots.size());
+Fit WithStartOfEffects(Fit fit, const Problem& problem) {
+  if (problem.effects.empty()) return fit;
+  fit.state.effects.resize(problem.robots.size());
+  fit.noise.effect_sigmas.resize(problem.robots.size());
   for (size_t r = 0; r < problem.robots.size(); ++r) {
     const SharedEffects* const effects = EffectsOf(problem, r);
-    if (effects == nullptr || state->effects[r].size() > 0) continue;
-    state->effects[r].setZero(effects->size());
-    for (const EffectGroup& group : effects->groups) noise->effect_sigmas[r].push_back(group.sigma);
+    if (effects == nullptr || fit.state.effects[r].size() > 0) continue;
+    fit.state.effects[r].setZero(effects->size());
+    for (const EffectGroup& group : effects->groups) fit.noise.effect_sigmas[r].push_back(group.sigma);
   }
+  return fit;
 }
 
 Problem WeightPoints(Problem problem, const std::vector<std::optional<double>>& unmodelled_sigma_px) {
@@ -329,8 +332,7 @@ std::optional<Information> FitInformation(const Fit& fit, const Loss& loss, int 
   if (!products) return std::nullopt;
   const Eigen::Index size = information.layout.size();
   information.matrix = products->matrix.topLeftCorner(size, size) / loss.covariance_factor();
-  AddPriors(fit, &information);
-  return information;
+  return WithPriors(std::move(information), fit);
 }
 
 Information InformationOf(const Fit& fit, const std::vector<LinearisedView>& captures, const Loss& loss) {
@@ -339,8 +341,7 @@ Information InformationOf(const Fit& fit, const std::vector<LinearisedView>& cap
   Information information{
       UnknownsOf(*fit.problem),
       MarginalInformation(captures, CorrectionVariances(fit.noise, num_joints), loss.covariance_factor())};
-  AddPriors(fit, &information);
-  return information;
+  return WithPriors(std::move(information), fit);
 }
 
 }  // namespace heba

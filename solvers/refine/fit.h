@@ -37,6 +37,9 @@ struct Fit {
   std::vector<std::optional<double>> unmodelled_sigma_px;
   Convergence convergence;
 };
+// Returns a fit with the effects of the problem that its state lacks: zero, with the standard deviations that their
+// groups start with.
+Fit WithStartOfEffects(Fit fit, const Problem& problem);
 
 // Selects how sigma is estimated: from the RMS of the fit, or from the median, which is robust to 50 % outliers. The
 // median is used while inliers are searched for; that fit need not converge to the last digits.
@@ -45,9 +48,6 @@ enum class NoiseScale { kOfFit, kMedian };
 // Returns the state and the noise of a solution, in which no image is weighted yet.
 FitState StateOf(const Solution& solution);
 FitNoise NoiseOf(const Solution& solution);
-// Adds the effects of the problem that the state lacks: zero, with the standard deviations that their groups start
-// with.
-void AddEffects(const Problem& problem, FitState* state, FitNoise* noise);
 
 // Returns the problem with points that are weighted by the detectors' covariances and the unmodelled sigma of their
 // camera; those of a camera without one keep their weights.

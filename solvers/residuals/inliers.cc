@@ -89,15 +89,16 @@ Problem WithoutRejected(Problem problem, const Solution& solution) {
   return problem;
 }
 
-void AddRejected(const Solution& before, Solution* solution) {
-  for (size_t i = 0; i < solution->captures.size(); ++i) {
-    for (size_t k = 0; k < solution->captures[i].rejected_ids.size(); ++k) {
-      std::vector<int>& ids = solution->captures[i].rejected_ids[k];
+Solution WithRejectedBefore(Solution solution, const Solution& before) {
+  for (size_t i = 0; i < solution.captures.size(); ++i) {
+    for (size_t k = 0; k < solution.captures[i].rejected_ids.size(); ++k) {
+      std::vector<int>& ids = solution.captures[i].rejected_ids[k];
       const std::vector<int>& others = before.captures[i].rejected_ids[k];
       ids.insert(ids.end(), others.begin(), others.end());
       std::sort(ids.begin(), ids.end());
     }
   }
+  return solution;
 }
 
 }  // namespace heba

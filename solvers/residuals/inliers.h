@@ -26,8 +26,8 @@ Observations WithoutPoints(const Observations& observations, const std::vector<i
 // Return the problem without the points that `solution`, which must have an entry for every view, rejected.
 PairProblem WithoutRejected(const PairProblem& problem, const PairSolution& solution);
 Problem WithoutRejected(Problem problem, const Solution& solution);
-// Adds the points that an earlier solution of the same captures rejected, and that were left out since, to those that a
-// solution rejected.
-void AddRejected(const Solution& before, Solution* solution);
+// Returns a solution whose rejected points are also those that an earlier solution of the same captures rejected, and
+// that were left out since.
+Solution WithRejectedBefore(Solution solution, const Solution& before);
 
 }  // namespace heba

@@ -65,10 +65,4 @@ void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observatio
   }
 }
 
-void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views) {
-  std::vector<Observations*> all;
-  for (View& view : *views) all.push_back(&view.observations);
-  WeightByCovariance(unmodelled_sigma_px, all);
-}
-
 }  // namespace heba

@@ -34,6 +34,5 @@ std::optional<double> TypicalDetectorSigma(const std::vector<View>& views);
 // the typical point keeps its size, so a pixel sigma still is the sigma of a point. Without covariances all points
 // are weighted equally.
 void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observations*>& all);
-void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views);
 
 }  // namespace heba

@@ -122,7 +122,7 @@ std::vector<TrialEstimate> EstimateHandEye(const StudyCell& cell, Rng& rng) {
   estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs, drawn));
   estimates.push_back(EstimateOf(cell, kBundleMethod, calibration->refined, calibration->pairs, drawn));
   if (calibration->refined && cell.robot) {
-    AddPlaceErrors(cell, *calibration->refined, drawn, rng, &estimates.back());
+    estimates.back() = WithPlaceErrors(std::move(estimates.back()), cell, *calibration->refined, drawn, rng);
   }
   if (calibration->refined && !calibration->alternatives.empty()) {
     estimates.back().has_right_model = IsModelOf(cell, calibration->bundle);

@@ -91,8 +91,8 @@ MethodSummary SummaryOf(const StudyCell& cell, const std::string& method,
     covered.Add(estimate->is_covered);
     right.Add(estimate->has_right_model);
     with_effects.Add(estimate->has_effects);
-    AddTo(estimate->inside, &inside);
-    AddTo(estimate->outside, &outside);
+    inside.Add(estimate->inside);
+    outside.Add(estimate->outside);
     if (estimate->pixel_sigma_px) pixel_sigmas.push_back(*estimate->pixel_sigma_px);
     if (estimate->robot_noise) {
       translations.push_back(estimate->robot_noise->translation_m);
@@ -155,7 +155,7 @@ Outcome<std::vector<PoseBound>> ErrorBounds(const StudyCell& cell) {
   if (cell.robot) noise.joint_rad = cell.robot->joint_noise_rad;
   const bool is_exact = noise.translation_m == 0 && noise.rotation_rad == 0 && noise.joint_rad == 0;
   if (!is_exact) fit.noise.robots.assign(MovingRobots(problem).size(), AtLeastExact(noise));
-  AddEffects(problem, &fit.state, &fit.noise);
+  fit = WithStartOfEffects(std::move(fit), problem);
   const std::optional<Information> information = FitInformation(fit, LossOf(LossKind::kNone), 1);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
@@ -170,7 +170,9 @@ Outcome<std::vector<PoseBound>> ErrorBounds(const StudyCell& cell) {
     for (const PoseEstimate& pose : PosesOf(cell.problem, bound)) bounds.push_back({pose.covariance, {}});
   }
   for (PoseBound& of_pose : bounds) of_pose.errors = FromMeanSquares(cell, of_pose.covariance.diagonal());
-  if (cell.robot) AddPlaceBounds(cell, DrawnErrors(cell).get(), bound.covariance, &bounds[0].errors);
+  if (cell.robot) {
+    bounds[0].errors = WithPlaceBounds(std::move(bounds[0].errors), cell, DrawnErrors(cell).get(), bound.covariance);
+  }
   return bounds;
 }
 

@@ -29,11 +29,12 @@ Observations TruePoints(const StudyCell& cell, size_t target) {
   return is_designed ? designed : ApplyShape(designed, TrueShape(cell, target));
 }
 
-// Displaces a point with the probability of the cell.
-void DisplacePoint(const StudyCell& cell, Eigen::Index point, Points2* pixels, Rng& rng) {
-  if (rng.Uniform() >= cell.outlier_points) return;
-  (*pixels)(0, point) += rng.Uniform(-kOutlierPx, kOutlierPx);
-  (*pixels)(1, point) += rng.Uniform(-kOutlierPx, kOutlierPx);
+// Returns a pixel, displaced with the probability of the cell.
+Eigen::Vector2d WithOutlier(Eigen::Vector2d pixel, const StudyCell& cell, Rng& rng) {
+  if (rng.Uniform() >= cell.outlier_points) return pixel;
+  pixel.x() += rng.Uniform(-kOutlierPx, kOutlierPx);
+  pixel.y() += rng.Uniform(-kOutlierPx, kOutlierPx);
+  return pixel;
 }
 
 // Returns the captures at one pose.
@@ -78,8 +79,7 @@ std::vector<View> ViewsAt(const StudyCell& cell, size_t index, const Eigen::Vect
     for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
       const double u = cell.pixel_sigma_px * rng.Normal();
       const double v = cell.pixel_sigma_px * rng.Normal();
-      pixels.col(i) += Eigen::Vector2d(u, v);
-      DisplacePoint(cell, i, &pixels, rng);
+      pixels.col(i) = WithOutlier(pixels.col(i) + Eigen::Vector2d(u, v), cell, rng);
     }
   }
   if (rng.Uniform() < cell.wrong_captures) {
@@ -135,7 +135,7 @@ Problem SimulateProblem(const StudyCell& cell, Rng& rng) {
       Observations& points = image.observations;
       points.points_in_target = cell.targets[image.target].points.points_in_target;
       for (Eigen::Index k = 0; k < points.size() && cell.outlier_points > 0; ++k) {
-        DisplacePoint(cell, k, &points.pixels, rng);
+        points.pixels.col(k) = WithOutlier(points.pixels.col(k), cell, rng);
       }
     }
   }

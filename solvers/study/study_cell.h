@@ -92,6 +92,12 @@ struct PlaceErrors {
   // Number of errors within the 95 % confidence region, which includes the noise of a further capture.
   int num_covered = 0;
   int num = 0;
+
+  void Add(const PlaceErrors& other) {
+    sum_m2 += other.sum_m2;
+    num_covered += other.num_covered;
+    num += other.num;
+  }
 };
 
 // Errors of one estimate, in the tangent spaces of the child frames (m, rad): of a hand-eye calibration, the hand-eye

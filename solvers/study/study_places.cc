@@ -71,8 +71,8 @@ Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joint
   return effect.Evaluate(drawn, nullptr) * Retract(Rigid3d(), gripper_by_joints * noise);
 }
 
-void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng& rng,
-                    TrialEstimate* estimate) {
+TrialEstimate WithPlaceErrors(TrialEstimate estimate, const StudyCell& cell, const PairSolution& solution,
+                              const Eigen::VectorXd& drawn, Rng& rng) {
   const Covariance& covariance = solution.covariance;
   const Eigen::Vector3d middle = cell.targets[0].points.points_in_target.rowwise().mean();
   for (const StudyPlace& place : cell.robot->places) {
@@ -83,7 +83,7 @@ void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const E
       return CameraFromTarget(SetupOf(cell), HandEyeOf(cell), place.camera_mount_from_target_mount, correction) *
              middle;
     };
-    PlaceErrors& errors = place.is_inside ? estimate->inside : estimate->outside;
+    PlaceErrors& errors = place.is_inside ? estimate.inside : estimate.outside;
     errors.sum_m2 += (predicted.in_camera - truth_at(0)).squaredNorm();
     const Eigen::Vector3d difference = predicted.in_camera - truth_at(cell.robot->joint_noise_rad);
     Matrix6X by_noise(6, 6 + place.gripper_by_joints.cols());
@@ -99,16 +99,11 @@ void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const E
     errors.num_covered += squares <= kAxes * FisherQuantile(kOutside, kAxes, solution.covariance_dof) ? 1 : 0;
     ++errors.num;
   }
+  return estimate;
 }
 
-void AddTo(const PlaceErrors& errors, PlaceErrors* sum) {
-  sum->sum_m2 += errors.sum_m2;
-  sum->num_covered += errors.num_covered;
-  sum->num += errors.num;
-}
-
-void AddPlaceBounds(const StudyCell& cell, const SharedEffects* drawn, const Covariance& covariance,
-                    StudyErrors* bound) {
+StudyErrors WithPlaceBounds(StudyErrors bound, const StudyCell& cell, const SharedEffects* drawn,
+                            const Covariance& covariance) {
   double sums_m2[2] = {};
   int nums[2] = {};
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size());
@@ -118,8 +113,9 @@ void AddPlaceBounds(const StudyCell& cell, const SharedEffects* drawn, const Cov
         (predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose()).trace();
     ++nums[place.is_inside ? 0 : 1];
   }
-  if (nums[0] > 0) bound->inside_m = std::sqrt(sums_m2[0] / nums[0]);
-  if (nums[1] > 0) bound->outside_m = std::sqrt(sums_m2[1] / nums[1]);
+  if (nums[0] > 0) bound.inside_m = std::sqrt(sums_m2[0] / nums[0]);
+  if (nums[1] > 0) bound.outside_m = std::sqrt(sums_m2[1] / nums[1]);
+  return bound;
 }
 
 }  // namespace heba

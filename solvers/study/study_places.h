@@ -20,15 +20,14 @@ Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng& rng);
 Rigid3d DrawPoseError(const PoseEffect& effect, const Matrix6X& gripper_by_joints, const Eigen::VectorXd& drawn,
                       double joint_noise_rad, Rng& rng);
 
-// Adds the errors of a solution's predictions at the places of the cell. The regions are those of a further capture
-// there, whose joints are noisy too.
-void AddPlaceErrors(const StudyCell& cell, const PairSolution& solution, const Eigen::VectorXd& drawn, Rng& rng,
-                    TrialEstimate* estimate);
-// Adds the errors to a sum.
-void AddTo(const PlaceErrors& errors, PlaceErrors* sum);
+// Returns an estimate with the errors of a solution's predictions at the places of the cell. The regions are those of a
+// further capture there, whose joints are noisy too.
+TrialEstimate WithPlaceErrors(TrialEstimate estimate, const StudyCell& cell, const PairSolution& solution,
+                              const Eigen::VectorXd& drawn, Rng& rng);
 
-// Adds the bounds at the places of the cell, from the covariance of all unknowns, with the errors `drawn` among them.
-void AddPlaceBounds(const StudyCell& cell, const SharedEffects* drawn, const Covariance& covariance,
-                    StudyErrors* bound);
+// Returns a bound with those at the places of the cell, from the covariance of all unknowns, with the errors `drawn`
+// among them.
+StudyErrors WithPlaceBounds(StudyErrors bound, const StudyCell& cell, const SharedEffects* drawn,
+                            const Covariance& covariance);
 
 }  // namespace heba

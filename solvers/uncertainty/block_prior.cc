@@ -77,12 +77,13 @@ LinearisedView PriorView(const BlockPrior& prior, const UnknownLayout& layout, c
   return view;
 }
 
-void AddPrior(const BlockPrior& prior, Information* information) {
-  const UnknownBlock block = BlockOf(prior, information->layout);
+Information WithPrior(Information information, const BlockPrior& prior) {
+  const UnknownBlock block = BlockOf(prior, information.layout);
   for (Eigen::Index i = block.first; i < block.end(); ++i) {
-    const double weight = prior.weights[information->layout[i].index];
-    information->matrix(i, i) += weight * weight;
+    const double weight = prior.weights[information.layout[i].index];
+    information.matrix(i, i) += weight * weight;
   }
+  return information;
 }
 
 }  // namespace heba

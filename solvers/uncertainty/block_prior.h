@@ -36,7 +36,7 @@ BlockPrior PriorOfScales(double sigma, size_t index);
 LinearisedView PriorView(const BlockPrior& prior, const UnknownLayout& layout, const LoopValues& values,
                          double row_variance, Eigen::Index num_effects);
 
-// Adds the information of a prior.
-void AddPrior(const BlockPrior& prior, Information* information);
+// Returns the information with that of a prior.
+Information WithPrior(Information information, const BlockPrior& prior);
 
 }  // namespace heba
