@@ -261,12 +261,12 @@ Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::
 }
 
 // A model with errors of arms, as FindErrors.
-struct FoundArmErrors {
+struct ModelWithArmErrors {
   SearchedModel model;
   std::vector<ArmErrorChoice> choices;
 };
 
-FoundArmErrors FindArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+ModelWithArmErrors AddArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   SearchedModel with_errors = model;
   ModelSpace parts = space.parts;
   parts.arms.resize(space.arms.size());
@@ -298,7 +298,7 @@ FoundArmErrors FindArmErrors(const SearchedModel& model, const ErrorSpace& space
     with_errors.problem = WithErrorsOfRobot(std::move(with_errors.problem), r, choice.model, effects);
   }
   if (!has_any) return {model, choices};
-  const auto decline_all = [&](const Failure& failure) -> FoundArmErrors {
+  const auto decline_all = [&](const Failure& failure) -> ModelWithArmErrors {
     for (ArmErrorChoice& choice : choices) {
       choice.model = nullptr;
       if (choice.reason.empty()) choice.reason = {FailureCode("arm_refinement_failed"), {}, {}, {failure}};
@@ -341,7 +341,7 @@ FoundArmErrors FindArmErrors(const SearchedModel& model, const ErrorSpace& space
     // The others are judged without this arm.
     ErrorSpace without = space;
     without.arms[choice.robot] = {};
-    FoundArmErrors of_others = FindArmErrors(model, without, judge);
+    ModelWithArmErrors of_others = AddArmErrors(model, without, judge);
     ArmErrorChoice declined = choice;
     declined.model = nullptr;
     declined.reason = reason;
@@ -372,12 +372,12 @@ bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, do
 }
 
 // A model with smooth errors, as FindErrors.
-struct FoundSmoothErrors {
+struct ModelWithSmoothErrors {
   SearchedModel model;
   std::vector<AddedSmoothErrors> added;
 };
 
-FoundSmoothErrors FindSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+ModelWithSmoothErrors AddSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   const bool is_free = model.options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
   if (space.smooth == SmoothPoseErrors::kNone || !is_free || model.options.robot_noise_prior) return {model, {}};
   const Solution& solution = model.judged.solution;
@@ -475,12 +475,12 @@ SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<boo
 }
 
 FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
-  FoundArmErrors of_arms = FindArmErrors(model, space, judge);
+  ModelWithArmErrors of_arms = AddArmErrors(model, space, judge);
   const Problem& problem = of_arms.model.problem;
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
   const bool has_noisy_joints = std::any_of(num_joints.begin(), num_joints.end(), [](Eigen::Index n) { return n > 0; });
   if (has_noisy_joints) return {std::move(of_arms.model), std::move(of_arms.choices), {}};
-  FoundSmoothErrors smooth = FindSmoothErrors(of_arms.model, space, judge);
+  ModelWithSmoothErrors smooth = AddSmoothErrors(of_arms.model, space, judge);
   return {std::move(smooth.model), std::move(of_arms.choices), std::move(smooth.added)};
 }
 

@@ -161,7 +161,7 @@ void CheckCamerasByHeader(const Dataset& dataset) {
   }
 }
 
-Problem RigOfImages(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
+Problem WithImageSizes(const Dataset& dataset, const std::vector<TargetDetection>& detections) {
   Problem rig = dataset.rig;
   for (const auto& [camera, first] : FirstOfCameras(detections)) {
     CheckSizeOfCamera(dataset, *first, SizeOf(first->detection));

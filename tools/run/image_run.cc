@@ -36,7 +36,7 @@ namespace {
 ImageRun SearchedRun(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
   CheckCamerasByHeader(dataset);
   ImageRun run{dataset, options, DetectDataset(dataset, options.detect, options.num_threads, observer), {}, observer};
-  run.dataset.rig = RigOfImages(dataset, run.detections);
+  run.dataset.rig = WithImageSizes(dataset, run.detections);
   if (options.earlier) run.detections = ReadAsEarlier(*options.earlier, run.dataset, std::move(run.detections));
   run.duplicates = FindDuplicates(run.dataset, run.detections);
   EndIfCancelled(observer);

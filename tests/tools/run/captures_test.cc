@@ -81,7 +81,7 @@ TEST(DetectDatasetTest, AllImagesHaveOneSize) {
 TEST(RigOfImagesTest, FillsInASizeThatTheFileDoesNotState) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
   SetCamera({"pinhole", 0, 0, {600, 600, 320, 240}}, &dataset);
-  const Problem rig = RigOfImages(dataset, dataset.given_detections);
+  const Problem rig = WithImageSizes(dataset, dataset.given_detections);
   EXPECT_EQ(rig.cameras[0].camera.width_px, 640);
   EXPECT_EQ(rig.cameras[0].camera.height_px, 480);
 }
@@ -89,7 +89,7 @@ TEST(RigOfImagesTest, FillsInASizeThatTheFileDoesNotState) {
 TEST(RigOfImagesTest, RefusesTheCameraOfAnotherSize) {
   Dataset dataset = DatasetOf({DetectionOf(640, 480)});
   SetCamera({"pinhole", 640, 400, {600, 600, 320, 200}}, &dataset);
-  EXPECT_EQ(InputErrorOf([&] { RigOfImages(dataset, dataset.given_detections); }),
+  EXPECT_EQ(InputErrorOf([&] { WithImageSizes(dataset, dataset.given_detections); }),
             "camera.yaml: is for images of 640 x 400 px, but 0.png is 640 x 480 px; provide the intrinsics of that "
             "resolution");
 }

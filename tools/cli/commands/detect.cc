@@ -141,7 +141,7 @@ SearchedImages Search(const RunConfig& config, const fs::path& folder, RunObserv
   CheckCamerasByHeader(data);
   const std::vector<TargetDetection> detections =
       DetectDataset(data, CachedDetections(data, config.targets_used), NumThreads(), observer);
-  const Problem rig = RigOfImages(data, detections);
+  const Problem rig = WithImageSizes(data, detections);
   WriteDetections(data, detections, folder);
   SearchedImages searched{data.targets, {}, {}};
   for (size_t t = 0; t < data.targets.size(); ++t) {

@@ -17,12 +17,12 @@ namespace heba {
 std::vector<TargetDetection> DetectDataset(const Dataset& dataset, const std::vector<DetectFunction>& detect,
                                            int num_threads, RunObserver* observer);
 
-// Throws the InputError of RigOfImages by the header of each camera's first image, before any is decoded.
+// Throws the InputError of WithImageSizes by the header of each camera's first image, before any is decoded.
 void CheckCamerasByHeader(const Dataset& dataset);
 
 // Returns the rig of the data set with the sizes of the images for those of its cameras. Throws InputError if a given
 // camera is for images of another size.
-Problem RigOfImages(const Dataset& dataset, const std::vector<TargetDetection>& detections);
+Problem WithImageSizes(const Dataset& dataset, const std::vector<TargetDetection>& detections);
 
 // Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
 // with one image.
