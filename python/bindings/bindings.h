@@ -11,6 +11,7 @@ void BindRuns(pybind11::module_& module);       // Runs of configs, and the doct
 void BindResults(pybind11::module_& module);    // Finished results give tables, exports, comparisons and true poses.
 void BindSheets(pybind11::module_& module);     // Sheets of targets are printed.
 void BindLocations(pybind11::module_& module);  // Location of targets with the result of a run.
-void BindSessions(pybind11::module_& module);   // Simulated, planned and checked sessions.
+void BindSessions(pybind11::module_& module);   // Recorded, simulated, planned and checked sessions.
+void BindStudies(pybind11::module_& module);    // Studies of simulated trials.
 
 }  // namespace heba

@@ -29,4 +29,5 @@ PYBIND11_MODULE(_heba, module) {
   heba::BindSheets(module);
   heba::BindLocations(module);
   heba::BindSessions(module);
+  heba::BindStudies(module);
 }

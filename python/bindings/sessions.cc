@@ -19,6 +19,7 @@
 #include "tools/config/plan_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/files/check_file.h"
+#include "tools/pipeline/cell_init.h"
 #include "tools/pipeline/checked_session.h"
 #include "tools/pipeline/data_set.h"
 #include "tools/text/check_text.h"
@@ -29,6 +30,26 @@
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
+
+std::string Argument(const std::string& name, const std::string& value) {
+  return value.empty() ? name : name + "=\"" + value + "\"";
+}
+
+// Makes a config of a folder of images and poses. Returns its path, the warnings and the remarks.
+std::tuple<fs::path, std::vector<std::string>, std::vector<std::string>> Init(
+    const fs::path& folder, const fs::path& out, const std::string& images, const std::string& poses,
+    const std::string& camera, const std::string& target, const std::string& setup, bool is_forced, int num_threads) {
+  const pybind11::gil_scoped_release release;
+  const InitRequest request = RequestOf(folder, out, {images, poses, camera, target, setup}, is_forced, Argument);
+  std::optional<RawConfig> made = InitDataSet(request, num_threads);
+  if (!made) {
+    const RawFolder files = FilesToRead(request);
+    CheckTarget(request, files, num_threads);
+    made = InitFolder(request, files, num_threads);
+  }
+  if (!made->fits) throw InputError(folder.string() + ": " + WhyNoConfig(*made));
+  return {request.config, std::move(made->warnings), std::move(made->remarks)};
+}
 
 // Writes the data set of a scene, and returns the config for a run of it.
 fs::path Simulate(const fs::path& scene_path, const std::vector<std::string>& settings, const fs::path& out,
@@ -145,6 +166,8 @@ std::pair<std::string, std::vector<std::string>> Check(const fs::path& folder,
 
 void BindSessions(pybind11::module_& module) {
   using pybind11::arg;
+  module.def("init", &Init, arg("folder"), arg("out"), arg("images"), arg("poses"), arg("camera"), arg("target"),
+             arg("setup"), arg("is_forced"), arg("num_threads"));
   module.def("simulate", &Simulate, arg("scene"), arg("settings"), arg("out"), arg("num_threads"));
   module.def("plan", &Plan, arg("cell"), arg("settings"), arg("count"), arg("is_two_step"));
   module.def("check", &Check, arg("folder"), arg("images"), arg("arms"), arg("is_target_in_place"), arg("reference"),

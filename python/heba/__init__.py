@@ -27,8 +27,9 @@ from ._opencv import (
     methods,
 )
 from ._result import ArmResult, CameraResult, RelativePose, Result, TargetResult
-from ._sessions import Check, Plan, check, plan, simulate
+from ._sessions import Check, Plan, check, init, plan, simulate
 from ._sheets import target
+from ._study import Study, study
 
 __all__ = [
     "CALIB_HAND_EYE_ANDREFF",
@@ -48,6 +49,7 @@ __all__ = [
     "Plan",
     "RelativePose",
     "Result",
+    "Study",
     "Symptom",
     "TargetResult",
     "__version__",
@@ -60,10 +62,12 @@ __all__ = [
     "compare",
     "detect",
     "doctor",
+    "init",
     "locate",
     "methods",
     "plan",
     "run",
     "simulate",
+    "study",
     "target",
 ]

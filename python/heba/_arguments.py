@@ -1,8 +1,10 @@
-"""What several functions share: configs, settings, runs and threads as arguments, and calls that can be interrupted."""
+"""What several functions share: configs, settings, runs and threads as arguments, calls that can be interrupted, and tables."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import re
@@ -71,6 +73,20 @@ def folder_of(run: PathLike | Result, what: str) -> Path:
     if run.folder is None:
         raise Error(f"a result of arrays has no folder; {what} needs one of a run")
     return run.folder
+
+
+def rows_of(text: str) -> tuple[dict[str, Any], ...]:
+    """Returns the rows of a table as CSV: numbers where a cell is one, None where it is empty."""
+    return tuple({key: _value(value) for key, value in row.items()} for row in csv.DictReader(io.StringIO(text)))
+
+
+def _value(text: str) -> Any:
+    if text == "":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def interruptible(call: Callable[[_heba.Cancellation], Found]) -> Found:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from . import _heba
-from ._arguments import PathLike, folder_of
+from ._arguments import PathLike, folder_of, rows_of
 from ._heba import Error
 from ._result import Result
 
@@ -40,18 +38,4 @@ def compare(*runs: PathLike | Result, out: PathLike | None = None) -> Comparison
         raise Error("runs: compare needs at least one run, or the folder of a batch")
     folders = [folder_of(run, "compare") for run in runs]
     table, of_runs, of_pairs = _heba.compare(folders, None if out is None else Path(out))
-    return Comparison(_rows(of_runs), _rows(of_pairs), table)
-
-
-def _rows(text: str) -> tuple[dict[str, Any], ...]:
-    return tuple({key: _value(value) for key, value in row.items()} for row in csv.DictReader(io.StringIO(text)))
-
-
-def _value(text: str) -> Any:
-    """Returns a number if the cell is one, None if it is empty."""
-    if text == "":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    return Comparison(rows_of(of_runs), rows_of(of_pairs), table)

@@ -67,6 +67,20 @@ def correct(
     is_forced: bool,
 ) -> list[np.ndarray]: ...
 def write_sheet(target: str, out: str | Path, paper: str, dpi: float) -> tuple[Path, list[str]]: ...
+def init(
+    folder: str | Path,
+    out: str | Path,
+    images: str,
+    poses: str,
+    camera: str,
+    target: str,
+    setup: str,
+    is_forced: bool,
+    num_threads: int,
+) -> tuple[Path, list[str], list[str]]: ...
+def study(
+    config: str | Path, out: str | Path | None, num_threads: int, cancellation: Cancellation
+) -> tuple[str, str]: ...
 def simulate(scene: str | Path, settings: Sequence[str], out: str | Path, num_threads: int) -> Path: ...
 def plan(
     cell: str | Path, settings: Sequence[str], count: int, is_two_step: bool

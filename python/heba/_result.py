@@ -15,6 +15,7 @@ from . import _heba
 from ._arrays import joints_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
+from ._plots import plot_images
 
 _SCHEMAS = ("heba/result/1", "heba/rig/1")
 # What stands for the names of the parts of a run that has one camera, one target and one arm without names.
@@ -213,6 +214,11 @@ class Result:
         at = [] if joints is None else joints_from(joints, len(given), "joints")
         with self._file() as file:
             return np.array(_heba.correct(file, arm, given, at, inverse, force))
+
+    @needs_numpy
+    def plot(self, axes: Any = None) -> Any:
+        """Draws how far each image is from the prediction of the others (mm), and returns matplotlib's axes."""
+        return plot_images(self, axes)
 
     @contextlib.contextmanager
     def _file(self) -> Iterator[Path]:

@@ -1,9 +1,10 @@
-"""Sessions before, during and after a calibration: simulated, planned and checked ones."""
+"""Sessions before, during and after a calibration: recorded, simulated, planned and checked ones."""
 
 from __future__ import annotations
 
 import json
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Mapping, Sequence
@@ -13,6 +14,7 @@ from ._arguments import PathLike, Settings, config_file, entries_of, folder_of, 
 from ._arrays import joints_from, poses_from
 from ._heba import Error, unknown_name
 from ._numpy import needs_numpy, np
+from ._plots import plot_poses
 from ._result import Result
 
 
@@ -43,6 +45,11 @@ class Plan:
     def __len__(self) -> int:
         return len(self.images)
 
+    @needs_numpy
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the positions of the gripper and its axes, and returns matplotlib's axes (3-D, m)."""
+        return plot_poses(self.poses, self.images, axes)
+
 
 @dataclass(frozen=True)
 class Check:
@@ -67,6 +74,48 @@ class Check:
     @property
     def holds(self) -> bool:
         return self.decision == "holds"
+
+
+def init(
+    folder: PathLike,
+    target: PathLike | Mapping[str, Any] | None = None,
+    *,
+    out: PathLike | None = None,
+    images: PathLike | None = None,
+    poses: PathLike | None = None,
+    camera: PathLike | None = None,
+    setup: str | None = None,
+    force: bool = False,
+    threads: int | None = None,
+) -> Path:
+    """Makes a config of a folder of images and poses, as `heba init` does, and returns its path.
+
+    Setup, units, angles and direction of the poses are those under which robot and images agree best.
+
+    Args:
+        folder: The folder with the images and the poses, or a data set of another project.
+        target: The path of the target's file, or its keys as a dictionary; a file in the folder needs none.
+        out: The config to write; by default config.yaml in the folder.
+        images: The folder of the images, if it is not to be found.
+        poses: The file or folder of the poses; likewise.
+        camera: A camera file, which gives the intrinsics.
+        setup: "eye_to_hand" or "eye_in_hand", if the images are not to decide.
+        force: Whether a config that `init` has written may be replaced.
+        threads: As in run.
+
+    Raises:
+        heba.Error: Robot and images do not fit, or something is missing; nothing is written then.
+    """
+    keys = json.dumps(target) if isinstance(target, Mapping) else _text_of(target)
+    stated = [_text_of(path) for path in (images, poses, camera)]
+    config, faults, _ = _heba.init(Path(folder), _text_of(out), *stated, keys, setup or "", force, threads_of(threads))
+    for fault in faults:
+        warnings.warn(fault, stacklevel=2)
+    return config
+
+
+def _text_of(path: PathLike | None) -> str:
+    return "" if path is None else os.fspath(path)
 
 
 def simulate(

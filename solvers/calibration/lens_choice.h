@@ -15,7 +15,7 @@ struct ModelComparison {
   Problem problem;
   CellPoses start;
   AdjustmentOptions options;
-  const ModelSpace& space;
+  ModelSpace space;
 };
 
 struct LensChoice {

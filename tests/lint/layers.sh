@@ -54,11 +54,11 @@ rooms() {
 rooms src/heba heba/ base kernels geometry camera data config robot evaluation io simulation
 rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration cell study
 rooms targets targets/ images . dots render corners tags types
-rooms tools tools/ run text files config pages doctor pipeline batch study cli .
+rooms tools tools/ run text files config pages doctor pipeline study batch cli .
 
 # Python and the benchmarks stand beside the program and do not need it.
 for folder in python tools/bench; do
-  forbid $folder 'tools/(batch|study|cli)/' 'it uses the libraries below the program'
+  forbid $folder 'tools/(batch|cli)/' 'it uses the libraries below the program'
 done
 if grep -nE '(python|bench).*heba_program' python/CMakeLists.txt tools/CMakeLists.txt; then
   echo "^ Python and the benchmarks do not link the program"

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import threading
 import time
@@ -150,3 +151,38 @@ def test_check_says_what_it_needs(program_run, later, tmp_path):
     far[:, :3, 3] *= 1000
     undecided = heba.check(program_run, images, poses=far, target="in-place")
     assert undecided.decision == "undecided" and undecided.reason and not undecided.holds
+
+
+def recorded_folder(cell, folder):
+    """Copies the images and the poses of a cell, as a user has them: without a config and with the robot's own header."""
+    shutil.copytree(cell / "images", folder / "images")
+    shutil.copy(cell / "poses.csv", folder / "robot_log.csv")
+    return folder
+
+
+def test_init_makes_the_config_that_the_program_makes(cell, tmp_path):
+    by_python = recorded_folder(cell, tmp_path / "by_python")
+    by_program = recorded_folder(cell, tmp_path / "by_program")
+    target = {"type": "chessboard", "rows": 6, "columns": 7, "square": "30 mm"}
+    config = heba.init(by_python, target)
+    conftest.program("init", by_program, "--target", json.dumps(target))
+    assert config == by_python / "config.yaml"
+    assert config.read_bytes() == (by_program / "config.yaml").read_bytes()
+    assert heba.run(config, out=tmp_path / "run").verdict["grade"] == "good"
+    with pytest.raises(heba.Error, match="config.yaml: exists already; remove it, or name another file \\(out\\)"):
+        heba.init(by_python, target)
+    assert heba.init(by_python, target, force=True) == config
+
+
+def test_init_says_what_is_missing_and_writes_nothing(cell, tmp_path):
+    folder = recorded_folder(cell, tmp_path / "cell")
+    with pytest.raises(heba.Error, match='contains no target file; the images show target="{type: chessboard, rows: 6'):
+        heba.init(folder)
+    with pytest.raises(heba.Error, match="setup: .*did you mean 'eye_to_hand'"):
+        heba.init(folder, setup="eye_to_hnd")
+    with pytest.raises(heba.Error, match="images: absent: no such file or folder"):
+        heba.init(folder, images="absent")
+    # A board of another size fits nothing.
+    with pytest.raises(heba.Error):
+        heba.init(folder, {"type": "chessboard", "rows": 5, "columns": 5, "square": "30 mm"})
+    assert sorted(file.name for file in folder.iterdir()) == ["images", "robot_log.csv"]

@@ -2,7 +2,6 @@
 #include <iostream>
 
 #include "heba/base/error.h"
-#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
@@ -10,7 +9,7 @@
 #include "tools/files/result_folder.h"
 #include "tools/study/cell_run.h"
 #include "tools/study/study_cells.h"
-#include "tools/study/study_page.h"
+#include "tools/study/study_files.h"
 #include "tools/study/study_tables.h"
 #include "tools/text/console.h"
 
@@ -61,15 +60,7 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
   }
   std::stable_sort(results.begin(), results.end(),
                    [](const CellResult& a, const CellResult& b) { return a.cell < b.cell; });
-  if (is_whole) {
-    WriteFileAtomically(output / "config.yaml", study.used);
-    WriteFileAtomically(output / "study.txt", StudyTable(results));
-    WriteFileAtomically(output / "study.html", StudyPage(output.lexically_normal().filename().empty()
-                                                             ? output.parent_path().filename().string()
-                                                             : output.filename().string(),
-                                                         results));
-    WriteFileAtomically(output / "study.csv", StudyCsv(results));
-  }
+  if (is_whole) WriteStudy(study, results, output);
   if (!FLAGS_quiet) std::cout << ForTerminal(StudyTable(results)) << "results: " << output.string() << std::endl;
   return kDone;
 }
