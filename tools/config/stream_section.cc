@@ -7,6 +7,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/io/pose_formats.h"
+#include "heba/io/pose_source.h"
 
 namespace heba {
 namespace fs = std::filesystem;

@@ -10,6 +10,7 @@
 #include "heba/base/text.h"
 #include "heba/image_detection.h"
 #include "tools/doctor/cell_symptoms.h"
+#include "tools/doctor/checks.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/mounts.h"
 #include "tools/doctor/pairs.h"
@@ -20,8 +21,6 @@
 #include "tools/text/run_console.h"
 
 namespace heba {
-
-std::vector<Symptom> Check_robot(Examination* examination);
 
 namespace {
 
@@ -47,7 +46,7 @@ std::vector<Symptom> SymptomsOfArms(const RunConfig& config, const std::vector<D
     if (config.data.has_camera[best->camera]) examination.camera = config.data.rig.cameras[best->camera].camera;
     examination.num_threads = num_threads;
     if (!is_recorded) examination.detections = Detections(examination.config, num_threads, Verbosity::kQuiet);
-    for (Symptom& symptom : Check_robot(&examination)) {
+    for (Symptom& symptom : Check_robot(examination).symptoms) {
       symptoms.push_back(InLongForm(config, *best, std::move(symptom)));
       if (config.data.rig.robots.size() == 1) continue;
       symptoms.back().what = "arm " + config.data.rig.robots[r] + ": " + symptoms.back().what;

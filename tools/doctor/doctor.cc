@@ -4,15 +4,11 @@
 #include <utility>
 
 #include "heba/io/pose_formats.h"
-#include "tools/doctor/examination.h"
+#include "tools/doctor/checks.h"
 #include "tools/run/time_offset.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {
-
-#define HEBA_CHECK(name, needs_images, what) Checked Check_##name(const Examination& examination);
-#include "tools/doctor/checks.def"
-#undef HEBA_CHECK
 
 namespace {
 

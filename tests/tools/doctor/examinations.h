@@ -12,14 +12,11 @@
 #include "heba/target.h"
 #include "tests/support/datasets.h"
 #include "tests/support/scenes.h"
+#include "tools/doctor/checks.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 
 namespace heba {
-
-#define HEBA_CHECK(name, needs_images, what) Checked Check_##name(const Examination& examination);
-#include "tools/doctor/checks.def"
-#undef HEBA_CHECK
 
 // Runs a check as the doctor does: the examination is corrected by it.
 inline std::vector<Symptom> RunCheck(Checked (*check)(const Examination&), Examination* examination) {
