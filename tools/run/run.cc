@@ -159,7 +159,7 @@ Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options_in, Run
     Dataset used = dataset;
     if (options.kinematics != Kinematics::kNone || options.joint_noise) used = WithoutWrongJoints(dataset);
     if (options.earlier) {
-      BuiltOnEarlier built = BuildOn(*options.earlier, std::move(used), std::move(options));
+      BuiltOnEarlier built = BuildOn(*options_in.earlier, std::move(used), std::move(options));
       used = std::move(built.dataset);
       options = std::move(built.options);
     }
