@@ -240,18 +240,18 @@ TestedParts PartsOf(const Problem& problem, const UnknownLayout& layout, bool ha
   return tested;
 }
 
-// Returns the poses of the parts of a kind, which is not that of lenses.
-std::vector<Rigid3d>& PosesOf(ChangedPart kind, CellPoses* poses) {
+// Returns which poses are those of the parts of a kind, which is not that of lenses.
+std::vector<Rigid3d> CellPoses::*PosesOf(ChangedPart kind) {
   switch (kind) {
     case ChangedPart::kTarget:
-      return poses->mount_from_target;
+      return &CellPoses::mount_from_target;
     case ChangedPart::kBase:
-      return poses->world_from_base;
+      return &CellPoses::world_from_base;
     case ChangedPart::kCamera:
     case ChangedPart::kLens:
       break;
   }
-  return poses->mount_from_camera;
+  return &CellPoses::mount_from_camera;
 }
 
 // Returns the inverse information of a part; nothing if the images do not determine its change. `squares` are those of
@@ -398,7 +398,7 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
       std::vector<double>& params = at.cameras[part.change.index].params;
       for (size_t i = 0; i < params.size(); ++i) params[i] += change[static_cast<Eigen::Index>(i)];
     } else {
-      Rigid3d& pose = PosesOf(part.change.part, &at.poses)[part.change.index];
+      Rigid3d& pose = (at.poses.*PosesOf(part.change.part))[part.change.index];
       pose = Retract(pose, Tangent6(change));
     }
     const Eigen::VectorXd left =
@@ -415,9 +415,8 @@ std::optional<FittedChange> FitChange(const Problem& problem, const Solution& st
 Eigen::VectorXd ChangeTo(const Solution& calibration, const Solution& solution, const SessionChange& part) {
   const size_t i = part.index;
   if (part.part != ChangedPart::kLens) {
-    CellPoses before = calibration.poses;
-    CellPoses after = solution.poses;
-    return LocalCoordinates(PosesOf(part.part, &before)[i], PosesOf(part.part, &after)[i]);
+    const auto poses = PosesOf(part.part);
+    return LocalCoordinates((calibration.poses.*poses)[i], (solution.poses.*poses)[i]);
   }
   const std::vector<double>& before = calibration.cameras[i].params;
   const std::vector<double>& after = solution.cameras[i].params;

@@ -45,16 +45,17 @@ std::optional<Adjusted> WithMoved(const Problem& seen, const Calibration& calibr
   return adjusted;
 }
 
-Rigid3d& PoseOf(const DriftBody& body, CellPoses* poses) {
-  switch (body.kind) {
+// Returns which poses are those of bodies of a kind.
+std::vector<Rigid3d> CellPoses::*PosesOf(DriftBody::Kind kind) {
+  switch (kind) {
     case DriftBody::Kind::kCamera:
-      return poses->mount_from_camera[body.index];
+      return &CellPoses::mount_from_camera;
     case DriftBody::Kind::kTarget:
-      return poses->mount_from_target[body.index];
+      return &CellPoses::mount_from_target;
     case DriftBody::Kind::kBase:
       break;
   }
-  return poses->world_from_base[body.index];
+  return &CellPoses::world_from_base;
 }
 
 // Returns the problem as it would have been seen if all bodies had stood where they stand at the end.
@@ -63,7 +64,7 @@ Problem WithoutDrifts(Problem seen, const Calibration& at, const std::vector<Dri
   for (size_t i = 0; i < seen.captures.size(); ++i) {
     CellPoses then = solution.poses;
     for (const Drift& drift : drifts) {
-      Rigid3d& pose = PoseOf(drift.body, &then);
+      Rigid3d& pose = (then.*PosesOf(drift.body.kind))[drift.body.index];
       pose = Retract(pose, -RemainingShare(drift, i, seen.captures.size()) * drift.change);
     }
     const std::vector<Rigid3d> base_from_gripper =

@@ -36,11 +36,18 @@ class AngleVote {
     for (size_t i = 0; i < views.size(); i += step) voters_.push_back(i);
   }
 
+  // A choice, and its sum of contradictions, rad.
+  struct Weighed {
+    Choice choice;
+    double total_rad = 0;
+  };
+
   // Returns the choice that agrees best with candidate `a` of view `anchor`, refined view by view until it no longer
-  // changes. `total` is its sum of contradictions, rad.
-  Choice From(size_t anchor, int a, double* total) const {
+  // changes.
+  Weighed From(size_t anchor, int a) const {
     const size_t n = candidates_.size();
-    Choice choice(n, 0);
+    Weighed weighed{Choice(n, 0)};
+    Choice& choice = weighed.choice;
     choice[anchor] = a;
     for (size_t i = 0; i < n; ++i) {
       if (i != anchor) choice[i] = BestOf(Sums(i, {anchor}, choice));
@@ -48,17 +55,17 @@ class AngleVote {
     constexpr int kMaxSweeps = 10;
     for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       bool changed = false;
-      *total = 0;
+      weighed.total_rad = 0;
       for (size_t i = 0; i < n; ++i) {
         const std::vector<double> sums = Sums(i, voters_, choice);
         const int best = BestOf(sums);
         changed = changed || best != choice[i];
         choice[i] = best;
-        *total += sums[static_cast<size_t>(best)];
+        weighed.total_rad += sums[static_cast<size_t>(best)];
       }
       if (!changed) break;
     }
-    return choice;
+    return weighed;
   }
 
  private:
@@ -131,15 +138,14 @@ Choice VotedChoice(const std::vector<View>& views, const Candidates& candidates,
   constexpr size_t kMaxAnchors = 5;
   const size_t step = std::max<size_t>(1, views.size() / kMaxAnchors);
   Choice choice(views.size(), 0);
-  double best_total = std::numeric_limits<double>::infinity();
+  double best_total_rad = std::numeric_limits<double>::infinity();
   for (size_t anchor = 0; anchor < views.size(); anchor += step) {
     // The first reading order of each pose suffices.
     for (size_t a = 0; a < candidates[anchor].size(); a += num_symmetries) {
-      double total = 0;
-      const Choice found = vote.From(anchor, static_cast<int>(a), &total);
-      if (total < best_total - 1e-12) {
-        best_total = total;
-        choice = found;
+      const AngleVote::Weighed found = vote.From(anchor, static_cast<int>(a));
+      if (found.total_rad < best_total_rad - 1e-12) {
+        best_total_rad = found.total_rad;
+        choice = found.choice;
       }
     }
   }
