@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "heba/base/distributions.h"
 #include "heba/base/factorisation.h"
@@ -55,14 +56,16 @@ std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<Targ
   return parts;
 }
 
-// Returns a finding with the largest change in sigmas among focal lengths and principal point: the name `intrinsic`,
-// such as fx, and the numbers fx_px and fx_sigmas; without them if no sigma of these is known.
+// Returns a finding with the largest change in sigmas among focal lengths and principal point, or that one of them
+// which `part` is: the name `intrinsic`, such as fx, and the numbers fx_px and fx_sigmas; without them if no sigma of
+// these is known.
 Finding WithLargestMove(Finding finding, const Camera& given, const Camera& camera, const Covariance& covariance,
-                        std::string_view block) {
+                        std::string_view block, const std::optional<ParameterGroup>& part = std::nullopt) {
   std::string largest;
   double by_px = 0;
   double sigmas = 0;
   for (size_t i = 0; i < 4; ++i) {
+    if (part && GroupOf(static_cast<int>(i)) != *part) continue;
     const std::string& name = camera.Model().param_names()[i];
     const std::optional<double> sigma = SigmaOf(covariance, std::string(block) + "." + name);
     const double move_px = camera.params[i] - given.params[i];
@@ -76,6 +79,34 @@ Finding WithLargestMove(Finding finding, const Camera& given, const Camera& came
   finding.numbers.emplace_back(largest + "_px", by_px);
   finding.numbers.emplace_back(largest + "_sigmas", sigmas);
   return finding;
+}
+
+// Returns the part of the intrinsics that alone explains their difference, with the information H about all of them:
+// with only the part g free, the squares fall by b_g^T H_gg^-1 b_g, b = H d, and what is left of d^T H d is chance.
+// Nothing if it takes several parts.
+std::optional<ParameterGroup> ExplainingPart(const Eigen::VectorXd& difference, const Eigen::MatrixXd& information,
+                                             double covariance_dof) {
+  const Eigen::VectorXd gradient = information * difference;
+  const double squares = difference.dot(gradient);
+  constexpr double kByChance = 0.001;
+  double largest = 0;
+  std::optional<ParameterGroup> explaining;
+  for (const ParameterGroup part :
+       {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint, ParameterGroup::kDistortion}) {
+    std::vector<Eigen::Index> of_part;
+    for (Eigen::Index i = 0; i < difference.size(); ++i) {
+      if (GroupOf(static_cast<int>(i)) == part) of_part.push_back(i);
+    }
+    const auto num_others = static_cast<double>(difference.size()) - static_cast<double>(of_part.size());
+    if (of_part.empty() || num_others == 0) continue;
+    const Eigen::VectorXd own = gradient(of_part);
+    const double gain = own.dot(SolveSymmetric(information(of_part, of_part), own));
+    const double left = std::max(0.0, squares - gain);
+    if (gain <= largest || FisherTail(left / num_others, num_others, covariance_dof) < kByChance) continue;
+    largest = gain;
+    explaining = part;
+  }
+  return explaining;
 }
 
 // Returns the change from one solution to another, in the layout of the first one's covariance.
@@ -233,7 +264,8 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   }
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
-  const double squares = MahalanobisSquare(scaled, scale.asDiagonal() * covariance * scale.asDiagonal());
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const double squares = MahalanobisSquare(scaled, correlation);
   const double dof = static_cast<double>(num_intrinsics);
   constexpr double kBeyondDoubt = 1e-4;
   const double p = FisherTail(std::max(0.0, squares) / dof, dof, covariance_dof);
@@ -246,7 +278,9 @@ std::optional<Finding> JudgeHeldIntrinsics(const Camera& held, const Camera& fre
   if (std::max(move_m / poses.distance_m, move_rad) <= kLeastShare) return std::nullopt;
   const bool is_bad = poses.target_move_m / poses.distance_m > kBadShare;
   Finding finding{is_bad ? Grade::kBad : Grade::kDoubtful, FindingCode("held_intrinsics")};
-  finding = WithLargestMove(std::move(finding), held, freed, all, block);
+  const std::optional<ParameterGroup> part = ExplainingPart(scaled, InverseOfSymmetric(correlation), covariance_dof);
+  if (part) finding.names.emplace_back("part", std::string(kParameterGroupNames[static_cast<size_t>(*part)]));
+  finding = WithLargestMove(std::move(finding), held, freed, all, block, part);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
   finding.numbers.emplace_back("target_move_mm", 1000 * poses.target_move_m);

@@ -33,8 +33,9 @@ std::optional<Finding> JudgeScale(const TargetShape& shape, const Covariance& co
                                   bool is_focal_held, double known_sigma);
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
-// F-test of the changes in a refinement that frees them, and the change of the estimate. The advice is empty if they
-// agree, or if they cannot be freed.
+// F-test of the changes in a refinement that frees them, and the change of the estimate. It names the part of the
+// intrinsics that alone explains the contradiction, if one does. The advice is empty if they agree, or if they cannot
+// be freed.
 Advice DiagnoseHeldIntrinsics(const PairProblem& problem, const PairSolution& solution, const BundleOptions& options,
                               const AutoModel& choose);
 // The poses of a camera and of a target, with held and with free intrinsics of the camera.

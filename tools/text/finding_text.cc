@@ -557,11 +557,11 @@ FindingText ImageRegions(const Finding& finding) {
 }
 
 FindingText HeldIntrinsics(const Finding& finding) {
-  return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
-              ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
-              Significant(Number(finding, "move_mm"), 2) + " mm and " + Significant(Number(finding, "move_deg"), 2) +
-              " deg away, and the target " + Significant(Number(finding, "target_move_mm"), 2) +
-              " mm; the stated sigmas include this change",
+  const std::string move = Is(finding, "part", "distortion") ? "another distortion" : LargestMoveText(finding);
+  return {"the intrinsics were held, but the captures indicate " + move + " (" + ChanceText(Number(finding, "p")) +
+              "); with free intrinsics the camera would be " + Significant(Number(finding, "move_mm"), 2) + " mm and " +
+              Significant(Number(finding, "move_deg"), 2) + " deg away, and the target " +
+              Significant(Number(finding, "target_move_mm"), 2) + " mm; the stated sigmas include this change",
           "free them (leave refine.intrinsics out), or recalibrate the camera"};
 }
 

@@ -158,6 +158,37 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
   }
 }
 
+// The part of the intrinsics that is wrong is named, although the others move with it when all are freed.
+TEST(AdviceTest, NamesThePartOfFixedIntrinsicsThatIsWrong) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  options.num_captures = 20;
+  int num_named = 0;
+  constexpr int kNumScenes = 3;
+  for (uint64_t seed = 1; seed <= kNumScenes; ++seed) {
+    const TestScene scene = MakeTestScene(seed, options);
+    const auto part_of = [&](const std::vector<double>& errors) {
+      Camera held = scene.camera;
+      for (size_t i = 0; i < errors.size(); ++i) held.params[i] += errors[i];
+      BundleOptions bundle;
+      bundle.free_intrinsics = {};
+      const PairProblem problem{held, scene.views, options.setup, DesignedShape(options.points)};
+      const Outcome<PairSolution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+      if (!solution) return std::string("no solution");
+      const Advice advice = DiagnoseHeldIntrinsics(problem, *solution, bundle, {});
+      if (advice.findings.empty()) return std::string("none");
+      const Finding& finding = advice.findings.front();
+      EXPECT_EQ(finding.Name("part") == "distortion", !finding.Name("intrinsic"));
+      return finding.Name("part").value_or("");
+    };
+    num_named += part_of({0, 0, 0, 0, 0.03}) == "distortion" ? 1 : 0;
+    num_named += part_of({6, 6}) == "focal" ? 1 : 0;
+    num_named += part_of({0, 0, 5}) == "principal_point" ? 1 : 0;
+    num_named += part_of({0, 0, 5, 0, 0.03}).empty() ? 1 : 0;
+  }
+  EXPECT_EQ(num_named, 4 * kNumScenes);
+}
+
 TEST(AdviceTest, ReportsAWrongTargetSizeAsACause) {
   TargetShape shape;
   shape.params = {1.1, 1.1, 0, 0};
