@@ -55,7 +55,7 @@ def plot_study(study: Study, x: str, y: str, axes: Any = None) -> Any:
     lines: dict[str, list[tuple[float, float]]] = {}
     for row in study.rows:
         if row[x] is not None and row[y] is not None:
-            lines.setdefault(" ".join(filter(None, (row.get("scene"), row["method"]))), []).append((row[x], row[y]))
+            lines.setdefault(" ".join(str(name) for name in (row.get("scene"), row["method"]) if name is not None), []).append((row[x], row[y]))
     for name, points in lines.items():
         axes.plot(*zip(*sorted(points)), marker="o", markersize=3, label=name)
     axes.set_xlabel(x)

@@ -266,7 +266,7 @@ struct ModelWithArmErrors {
   std::vector<ArmErrorChoice> choices;
 };
 
-ModelWithArmErrors AddArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+ModelWithArmErrors SearchArmErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   SearchedModel with_errors = model;
   ModelSpace parts = space.parts;
   parts.arms.resize(space.arms.size());
@@ -341,7 +341,7 @@ ModelWithArmErrors AddArmErrors(const SearchedModel& model, const ErrorSpace& sp
     // The others are judged without this arm.
     ErrorSpace without = space;
     without.arms[choice.robot] = {};
-    ModelWithArmErrors of_others = AddArmErrors(model, without, judge);
+    ModelWithArmErrors of_others = SearchArmErrors(model, without, judge);
     ArmErrorChoice declined = choice;
     declined.model = nullptr;
     declined.reason = reason;
@@ -351,7 +351,8 @@ ModelWithArmErrors AddArmErrors(const SearchedModel& model, const ErrorSpace& sp
   const bool is_declined =
       is_any_chosen &&
       std::all_of(choices.begin(), choices.end(), [](const ArmErrorChoice& choice) { return choice.model == nullptr; });
-  return {is_declined ? model : std::move(with_errors), std::move(choices)};
+  if (is_declined) return {model, std::move(choices)};
+  return {std::move(with_errors), std::move(choices)};
 }
 
 // Returns whether a size of a target that contradicts what is known about it explains the poses of the arms better than
@@ -377,7 +378,7 @@ struct ModelWithSmoothErrors {
   std::vector<AddedSmoothErrors> added;
 };
 
-ModelWithSmoothErrors AddSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
+ModelWithSmoothErrors SearchSmoothErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
   const bool is_free = model.options.robot == BundleOptions::Robot::kEstimatedNoise || space.parts.robot_noise;
   if (space.smooth == SmoothPoseErrors::kNone || !is_free || model.options.robot_noise_prior) return {model, {}};
   const Solution& solution = model.judged.solution;
@@ -443,7 +444,8 @@ Outcome<SearchedModel> WithChosenParts(const SearchedModel& model, const ModelSp
   Outcome<SearchedModel> chosen = ChosenOnce(model, space, judge);
   if (!chosen || chosen->judged.left_out == model.judged.left_out) return chosen;
   Outcome<SearchedModel> again = ChosenOnce(*chosen, space, KeepImages);
-  return again ? again : chosen;
+  if (again) chosen = std::move(again);
+  return chosen;
 }
 
 namespace {
@@ -475,12 +477,12 @@ SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<boo
 }
 
 FoundErrors FindErrors(const SearchedModel& model, const ErrorSpace& space, const Judge& judge) {
-  ModelWithArmErrors of_arms = AddArmErrors(model, space, judge);
+  ModelWithArmErrors of_arms = SearchArmErrors(model, space, judge);
   const Problem& problem = of_arms.model.problem;
   const std::vector<Eigen::Index> num_joints = NoisyJointsOf(problem, MovingRobots(problem));
   const bool has_noisy_joints = std::any_of(num_joints.begin(), num_joints.end(), [](Eigen::Index n) { return n > 0; });
   if (has_noisy_joints) return {std::move(of_arms.model), std::move(of_arms.choices), {}};
-  ModelWithSmoothErrors smooth = AddSmoothErrors(of_arms.model, space, judge);
+  ModelWithSmoothErrors smooth = SearchSmoothErrors(of_arms.model, space, judge);
   return {std::move(smooth.model), std::move(of_arms.choices), std::move(smooth.added)};
 }
 

@@ -451,7 +451,8 @@ std::vector<PosePair> UpdatedPairs(const PairCalibration& calibration) {
     posed.resize(calibration.pairs.size());
     pairs = PosePairsOf(calibration.camera, calibration.refined->hand_eye, posed);
   }
-  return pairs.size() == posed.size() ? pairs : calibration.pairs;
+  if (pairs.size() != posed.size()) return calibration.pairs;
+  return pairs;
 }
 
 // Returns the groups of the target's shape that a finding `target_shape_ignored` names; none without one.
@@ -496,8 +497,8 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
 
 // Returns the models that were compared, behind those without smooth errors that were compared before, the chosen one
 // of which was then compared with the one with smooth errors.
-std::vector<ModelAlternative> WithModelsBefore(const PairCalibration& calibration, const AddedSmoothErrors& found,
-                                               const PairCalibration& before) {
+std::vector<ModelAlternative> AllComparedModels(const PairCalibration& calibration, const AddedSmoothErrors& found,
+                                                const PairCalibration& before) {
   const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
   const ErrorModel with{calibration.bundle.robot, before.bundle.free_shape, calibration.bundle.effects};
   const auto place_of = [](const std::vector<ModelAlternative>& alternatives, const ErrorModel& model) {
@@ -717,7 +718,7 @@ RobotErrorsFound CalibrateRobotErrors(const PairCalibration& before, const PairC
   }
   calibration = Finished(WithModelOf(std::move(calibration), problem, fixed), with_errors, false);
   if (found.smooth && errors.smooth == SmoothPoseErrors::kAuto) {
-    calibration.alternatives = WithModelsBefore(calibration, *found.smooth, before);
+    calibration.alternatives = AllComparedModels(calibration, *found.smooth, before);
   }
   found.calibration = std::move(calibration);
   return found;

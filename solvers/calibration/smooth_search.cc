@@ -65,7 +65,7 @@ FittedVariances FitWith(const SmoothSearch& search, const SmoothErrors& errors, 
 }
 
 // Returns the standard deviations of smooth errors that were found.
-std::vector<double> SigmasOf(const SmoothSearch& search, const std::vector<double>& variances) {
+std::vector<double> SmoothSigmas(const SmoothSearch& search, const std::vector<double>& variances) {
   std::vector<double> sigmas;
   for (size_t g = search.groups.size(); g < variances.size(); ++g) {
     constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
@@ -249,7 +249,7 @@ FoundSmoothErrors FindSmoothErrors(const SmoothSearch& all) {
   LengthProbabilities probabilities(search);
   FoundSmoothErrors found{SmoothErrors(search.poses, probabilities.MostProbable())};
   const FittedVariances fitted = FitWith(search, found.errors, probabilities.variances());
-  found.errors.SetSigmas(SigmasOf(search, fitted.variances));
+  found.errors.SetSigmas(SmoothSigmas(search, fitted.variances));
   found.log_likelihood_gain = fitted.log_likelihood - log_likelihood_without;
   found.is_exact_without = search.is_exact_without;
   const LeastVariances least = search.is_exact_without ? OfAccurateRobot() : HalfOfWhite(search, without);

@@ -184,7 +184,6 @@ std::optional<std::vector<cv::Point>> TraceOutline(const cv::Mat& grey, int thre
     return d;
   };
   std::vector<cv::Point> outline = {first};
-  outline.reserve(max_points);
   const uchar* const first_pixel = grey.ptr<uchar>(first.y) + first.x;
   constexpr unsigned kLeft = 4;
   const unsigned first_found = next(first_pixel, kLeft);

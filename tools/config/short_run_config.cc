@@ -150,6 +150,7 @@ RunConfig ConfigOf(const CaptureSection& captures, const RobotSection& robot, Se
 // Returns the data set with its target, which the given detections must be of.
 Dataset WithTarget(Dataset data, const std::shared_ptr<const Target>& target, bool are_points_in_order) {
   data.targets = {target};
+  if (target == nullptr) return data;
   if (are_points_in_order) data.given_detections = DetectionsWithIds(data);
   for (const TargetDetection& given : data.given_detections) {
     CheckGivenDetection(*target, given.detection.detection,

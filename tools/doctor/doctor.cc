@@ -23,7 +23,7 @@ constexpr Check kChecks[] = {
 };
 
 // Returns the views of the data set.
-std::vector<ExaminedView> ViewsOf(const Examination& examination) {
+std::vector<ExaminedView> ExaminedViewsOf(const Examination& examination) {
   const Dataset& data = examination.config.data;
   return data.target_poses.empty() ? ExamineViews(data, examination.detections, *examination.camera)
                                    : ViewsOfPoses(data);
@@ -32,7 +32,7 @@ std::vector<ExaminedView> ViewsOf(const Examination& examination) {
 // Returns the examination with its views, and with the poses of a robot's stream, if there is one, at the offset that
 // they show.
 Examination WithViews(Examination examination) {
-  examination.views = ViewsOf(examination);
+  examination.views = ExaminedViewsOf(examination);
   RunConfig& config = examination.config;
   if (!config.data.stream || !config.options.estimates_time_offset) return examination;
   std::vector<SeenPose> seen;
@@ -43,7 +43,7 @@ Examination WithViews(Examination examination) {
   for (size_t i = 0; i < arm.numbers.size(); ++i) {
     arm.numbers[i] = NumbersFromPose(arm.reading.format, config.data.captures[i].base_from_gripper.front());
   }
-  examination.views = ViewsOf(examination);
+  examination.views = ExaminedViewsOf(examination);
   return examination;
 }
 

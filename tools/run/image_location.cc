@@ -358,7 +358,7 @@ ImageLocation LocateInImages(const LocationRequest& request, const std::string& 
   } else if (is_on_target) {
     TargetLocation& target = targets.front();
     location.fault = target.undetermined;
-    if (location.fault.empty()) locate_pixels(&target.possible.front().located);
+    if (!target.possible.empty()) locate_pixels(&target.possible.front().located);
     target.possible.clear();
     target.chosen.reset();
   } else if (request.plane) {

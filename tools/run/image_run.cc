@@ -259,11 +259,13 @@ RunOutput Assess(Settled settled) {
   if (settled.has_offset) result = WithTimeOffset(std::move(result), settled.offset_s, settled.rest_of_offset);
   result.observations.insert(result.observations.end(), form.of_arms.begin(), form.of_arms.end());
   RunOutput output;
-  output.result = is_pair ? WithFinalEstimate(std::move(result)) : std::move(result);
+  output.result = std::move(result);
+  if (is_pair) output.result = WithFinalEstimate(std::move(output.result));
   output.detections = std::move(calibrated.detections);
   output.calibration = std::move(calibrated.calibration);
   output.dataset = std::move(settled.run.dataset);
-  return is_pair ? WithNames(std::move(output)) : output;
+  if (is_pair) output = WithNames(std::move(output));
+  return output;
 }
 
 }  // namespace

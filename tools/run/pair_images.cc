@@ -66,7 +66,7 @@ struct Calibrated : RobotCalibration {
   std::vector<Finding> findings;  // About motions and drifts.
 };
 
-std::vector<View> Corrected(std::vector<View> views, const Dataset& dataset, const KnownDrifts& known) {
+std::vector<View> DriftCorrected(std::vector<View> views, const Dataset& dataset, const KnownDrifts& known) {
   for (View& view : views) {
     for (const Drift& drift : known.drifts) {
       view.camera_mount_from_target_mount = WithoutDrift(
@@ -95,7 +95,7 @@ Outcome<Calibrated> CalibrateCaptures(const PairInput& input, const std::set<siz
   const auto calibrate = [&](const std::vector<TargetDetection>& seen) {
     std::vector<View> views = ViewsOf(dataset, seen, calibrated.effects);
     std::erase_if(views, [&](const View& view) { return left_out.contains(view.capture); });
-    return CalibratePair(Corrected(std::move(views), dataset, known), calibrated.options);
+    return CalibratePair(DriftCorrected(std::move(views), dataset, known), calibrated.options);
   };
   Outcome<PairCalibration> calibration = calibrate(detections);
   if (!calibration) return calibration.failure();
@@ -301,7 +301,7 @@ Problem SeenBy(const PairInput& input, const Calibrated& calibrated) {
   for (View& view : ViewsOf(dataset, calibrated.detections, calibrated.effects)) {
     if (!input.unusable.contains(view.capture)) views[view.capture] = std::move(view);
   }
-  views = Corrected(std::move(views), dataset, calibrated.known);
+  views = DriftCorrected(std::move(views), dataset, calibrated.known);
   BundleOptions bundle = calibration.bundle;
   bundle.effects = calibration.refined->shared_effects;
   Problem seen =

@@ -185,7 +185,7 @@ std::vector<DistancesOfCaptures> DistancesOf(const std::vector<HoldOut>& hold_ou
 }
 
 // Returns a problem whose parts have the names of those of `named`, and their state in the calibration.
-Problem WithNames(Problem problem, const Problem& named, const PairCalibration& calibration) {
+Problem NamedProblem(Problem problem, const Problem& named, const PairCalibration& calibration) {
   problem.robots = named.robots;
   ProblemCamera& camera = problem.cameras.front();
   camera.name = named.cameras.front().name;
@@ -283,12 +283,12 @@ RunOutput WithNames(RunOutput output) {
   const PairCalibration& pair = *calibration.pairs.front().calibration;
   const Problem& named = output.dataset.rig;
   if (IsShort(named)) return output;
-  calibration.problem = WithNames(std::move(calibration.problem), named, pair);
+  calibration.problem = NamedProblem(std::move(calibration.problem), named, pair);
   calibration.refined->covariance.layout = UnknownsOf(calibration.problem);
   calibration.refined->covariance_repeatable.layout = calibration.refined->covariance.layout;
   CHECK_EQ(calibration.refined->covariance.layout.size(), calibration.refined->covariance.matrix.rows());
   RunResult& result = output.result;
-  result.rig = WithNames(std::move(result.rig), named, pair);
+  result.rig = NamedProblem(std::move(result.rig), named, pair);
   // A prior may have told the order in which the target is read; the truth does not know it.
   calibration.problem.targets.front().symmetries = output.dataset.targets.front()->Symmetries();
   result.rig.targets.front().symmetries = calibration.problem.targets.front().symmetries;

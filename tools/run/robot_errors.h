@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "heba/evaluation/finding.h"
 #include "heba/run_types.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/captures.h"

@@ -70,6 +70,7 @@ class [[nodiscard]] Outcome {
   explicit operator bool() const { return ok(); }
   const T& operator*() const& { return Value(); }
   T& operator*() & { return Value(); }
+  T operator*() && { return std::move(Value()); }
   const T* operator->() const { return &Value(); }
   T* operator->() { return &Value(); }
   // Returns the failure; there must be no value.

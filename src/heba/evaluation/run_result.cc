@@ -106,9 +106,10 @@ RunResult WithFiguresOf(RunResult result, const Estimate& estimate) {
 }  // namespace
 
 RunResult WithFinalEstimate(RunResult result) {
-  const Estimate* const estimate = FindFinal(result);
-  if (estimate == nullptr) return result;
-  return WithFiguresOf(std::move(result), *estimate);
+  const Estimate* const found = FindFinal(result);
+  if (found == nullptr) return result;
+  const Estimate estimate = *found;  // It outlives the result that is moved.
+  return WithFiguresOf(std::move(result), estimate);
 }
 
 RunResult WithEstimate(RunResult result, const Estimate& estimate) {

@@ -109,7 +109,7 @@ std::optional<UrRobot> UrRobotOf(const Arm& arm) {
   return UrRobot{arm.name, at[0].d_m, at[1].a_m, at[2].a_m, at[3].d_m, at[4].d_m, at[5].d_m};
 }
 
-std::vector<Eigen::VectorXd> Sorted(std::vector<Eigen::VectorXd> postures) {
+std::vector<Eigen::VectorXd> SortedPostures(std::vector<Eigen::VectorXd> postures) {
   std::sort(postures.begin(), postures.end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
   });
@@ -124,7 +124,7 @@ Outcome<std::vector<Eigen::VectorXd>> UrPosturesOf(const UrRobot& robot, const R
   for (const UrPosture& posture : *found) {
     postures.emplace_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(posture.joints_rad.data()));
   }
-  return Sorted(std::move(postures));
+  return SortedPostures(std::move(postures));
 }
 
 }  // namespace
@@ -189,7 +189,7 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
     }
   }
   if (postures.empty()) return Failure{reason};
-  return Sorted(std::move(postures));
+  return SortedPostures(std::move(postures));
 }
 
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {

@@ -151,8 +151,8 @@ class KdlArm final : public UrdfArm {
 };
 
 // Returns a body with the mass of a link and of all links beyond it, but for `next`. The joints beyond it are at zero.
-PointMass WithLinks(PointMass body, const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
-                    const urdf::LinkConstSharedPtr& next, const std::filesystem::path& path) {
+PointMass WithUrdfLinks(PointMass body, const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
+                        const urdf::LinkConstSharedPtr& next, const std::filesystem::path& path) {
   std::vector<std::pair<urdf::LinkConstSharedPtr, Rigid3d>> waiting = {{first, base_from_first}};
   // Links whose joints form a loop would be visited for ever.
   std::set<const urdf::Link*> visited;
@@ -194,7 +194,7 @@ std::vector<PointMass> BodiesOf(const urdf::ModelInterface& model, const std::ve
     if (bodies.empty()) continue;
     const urdf::LinkConstSharedPtr next =
         i + 1 < joints.size() ? model.getLink(joints[i + 1]->child_link_name) : nullptr;
-    bodies.back() = WithLinks(bodies.back(), model.getLink(joints[i]->child_link_name), base_from_link, next, path);
+    bodies.back() = WithUrdfLinks(bodies.back(), model.getLink(joints[i]->child_link_name), base_from_link, next, path);
   }
   const bool is_known =
       std::any_of(bodies.begin(), bodies.end(), [](const PointMass& body) { return body.mass_kg > 0; });
