@@ -22,7 +22,7 @@ if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(
 if [ "${1-}" = "--tests" ]; then
   # Tests and benchmarks compare with OpenCV's contrib modules.
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev "${checkers[@]}" libopencv-dev libopencv-contrib-dev
-    slurm-wlm munge procps chromium valgrind patchelf python3-pytest python3-opencv python3-venv)
+    slurm-wlm munge procps chromium valgrind patchelf python3-pytest python3-matplotlib python3-opencv python3-venv)
 fi
 
 if [ "${1-}" = "--wheel" ]; then packages+=(binutils patchelf); fi

@@ -41,7 +41,9 @@ def plot_images(result: Result, axes: Any = None) -> Any:
             by_camera.setdefault(image["camera"], []).append((place, image[key]))
     for camera, values in by_camera.items():
         axes.bar(*zip(*values), label=camera or None)
-    axes.set_xticks(range(len(images)), [image["image"] for image in images], rotation=90, fontsize=6)
+    step = 1 + len(images) // 40  # More names than these cannot be read.
+    shown = range(0, len(images), step)
+    axes.set_xticks(shown, [images[place]["image"] for place in shown], rotation=90, fontsize=6)
     axes.set_ylabel("distance from the prediction of the others (mm)" if is_held_out else "RMS residual (px)")
     axes.set_title(f"{result.data['name']}: {result.verdict['grade']}")
     if len(by_camera) > 1:
