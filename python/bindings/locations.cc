@@ -65,7 +65,7 @@ Detection DetectIn(const Target& target, const Camera& camera, const std::string
   return target.Detect(image);
 }
 
-// What the images show, located with the result of a run, and the request for it.
+// A location holds what images show in the frames of a run's result, beside the request that it answers.
 struct LocatedImages {
   LocationRequest request;
   ImageLocation location;

@@ -174,7 +174,7 @@ std::vector<PlannedCapture> WithJoints(std::vector<PlannedCapture> captures, con
   return captures;
 }
 
-// What the cell permits, by rough set-ups, and how many of the captures that were drawn it does not permit.
+// The filter decides by rough set-ups which captures the cell permits, and counts those that it does not permit.
 class CaptureFilter {
  public:
   CaptureFilter(const PlanCell& cell, Rng& rng)

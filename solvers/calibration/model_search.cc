@@ -204,7 +204,7 @@ const Camera& GuessOf(const Camera& chosen, const Camera& now, const std::vector
   return guess == lenses.end() || chosen.model == now.model ? now : *guess;
 }
 
-// As WithChosenParts, once.
+// Returns the model with the parts that one pass of WithChosenParts chooses.
 Outcome<SearchedModel> ChosenOnce(SearchedModel model, const ModelSpace& space, const Judge& judge) {
   const Solution& solution = model.judged.solution;
   Problem used = Without(model.problem, model.judged.left_out);
@@ -260,7 +260,7 @@ Failure WhyNothingExplained(const std::optional<RobotNoise>& before, const std::
            {"after_deg", RadToDeg(after->rotation_rad)}}};
 }
 
-// A model with errors of arms, as FindErrors.
+// SearchArmErrors returns the model with errors of arms and how they were chosen.
 struct ModelWithArmErrors {
   SearchedModel model;
   std::vector<ArmErrorChoice> choices;
@@ -372,7 +372,7 @@ bool IsSizeWrong(const SearchedModel& as_known, const SearchedModel& widened, do
   return false;
 }
 
-// A model with smooth errors, as FindErrors.
+// SearchSmoothErrors returns the model with smooth errors and what was added.
 struct ModelWithSmoothErrors {
   SearchedModel model;
   std::vector<AddedSmoothErrors> added;

@@ -66,7 +66,7 @@ struct FoldEstimate {
 };
 
 // Estimates without the images that a fold holds out. If the others do not suffice, because a camera has few images,
-// those of as few cameras as possible are kept.
+// the estimate also uses the held-out images of as few cameras as possible.
 Outcome<FoldEstimate> EstimateFold(const Problem& problem, const CellPoses& start, const AdjustmentOptions& options,
                                    const std::vector<int>& fold_of, int fold) {
   Outcome<Solution> solution = RefineProblem(PartOf(problem, fold_of, fold, {}, false), start, options);

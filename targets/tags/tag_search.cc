@@ -727,7 +727,7 @@ class GridSearch {
   // The state of the search, pass by pass.
   std::vector<SeenTag> candidates_;
   ConsistentTags board_;   // Candidates that are consistent.
-  std::vector<Fit> fits_;  // Of each of the target's tags.
+  std::vector<Fit> fits_;  // One fit per tag of the target.
   // Large regions in which libapriltag has searched for tags, in the image and in the image with separated regions.
   std::vector<cv::Rect> searched_;
   std::vector<cv::Rect> searched_parted_;

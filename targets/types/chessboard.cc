@@ -45,7 +45,7 @@ struct Finder {
   // Largest and, by enlarging, smallest size of the larger side of the searched image.
   double max_side_px;
   double min_side_px;
-  int flags;  // Of OpenCV's finder by sectors.
+  int flags;  // The flags of OpenCV's finder by sectors.
 };
 
 // Image sizes for the search by saddles: coarse to fine, enlarged for small chessboards, and last coarse for

@@ -33,7 +33,7 @@ struct Seen {
   std::optional<double> time_s = {};  // When it was taken, if its file says so.
 };
 
-// What a source of measurements has, and what it was read from other than images.
+// A source of measurements also keeps the files that it was read from, other than images.
 struct SeenSource {
   std::vector<Seen> seen;
   std::vector<fs::path> files = {};

@@ -14,7 +14,7 @@ namespace heba {
 struct EvaluateSection {
   int folds = 0;
   std::optional<std::filesystem::path> truth;
-  std::vector<PlacedRequirement> requirements;  // They may name a camera of the rig.
+  std::vector<PlacedRequirement> requirements;  // Requirements may name a camera of the rig.
 };
 EvaluateSection ReadEvaluate(MapReader& root, const Problem& rig);
 

@@ -65,8 +65,8 @@ struct Examination {
   Verbosity verbosity = Verbosity::kNormal;
 };
 
-// What a check found, and what the checks that follow use in place of a part of the examination: nothing where it
-// stays.
+// A check returns its symptoms and the parts of the examination that the checks that follow use in place of the present
+// ones. A part without a value stays as it is.
 struct Checked {
   std::vector<Symptom> symptoms;
   std::optional<RunConfig> config = std::nullopt;

@@ -18,7 +18,7 @@ struct Misplaced {
   bool Contains(size_t camera, size_t target) const { return cameras.contains(camera) || targets.contains(target); }
 };
 
-// What is wrong with mounts, and the cameras and targets that it concerns.
+// The symptoms say what is wrong with mounts; `misplaced` has the cameras and targets that they concern.
 struct MountSymptoms {
   std::vector<Symptom> symptoms;
   Misplaced misplaced;

@@ -179,7 +179,7 @@ bool IsOfTarget(const Symptom& symptom) {
   return symptom.code == SymptomCode("target") || symptom.code == SymptomCode("target_scale");
 }
 
-// What is said of a config: RawConfig::warnings and remarks.
+// Words become the warnings and remarks of a RawConfig.
 struct Words {
   std::vector<std::string> warnings;
   std::vector<std::string> remarks;

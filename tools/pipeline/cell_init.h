@@ -12,14 +12,14 @@ namespace heba {
 struct InitRequest {
   std::filesystem::path folder;
   std::filesystem::path config;  // The file to write.
-  RawFolder given;               // What the user states; its files exist.
+  RawFolder given;               // The statements of the user, whose files exist.
   std::string target_keys;       // The YAML of the target if the user states no file of it.
   bool replaces_own = false;     // Whether a config that was made in this way may be replaced.
   // Returns how the user states an option, for messages: "--target TARGET.yaml".
   std::string (*option)(const std::string& name, const std::string& value) = nullptr;
 };
 
-// What a user states about a folder, as text; empty where nothing is stated.
+// A user states these things about a folder as text. A text is empty if the user does not state it.
 struct StatedFiles {
   std::string images;
   std::string poses;

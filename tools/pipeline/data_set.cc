@@ -92,7 +92,7 @@ YAML::Node NamedConfig(const SceneConfig& scene) {
     poses["poses"] = PosesFile(scene, r);
     poses["pose_format"] = PoseFormatNode(scene.pose_format);
     if (scene.arms[r] && scene.arms[r]->records_joints) poses["joints"] = JointsFile(scene, r);
-    // They are beside the poses or, if the scene does not name the arm, in a section of their own.
+    // An arm's keys are beside its poses or, if the scene does not name the arm, in a section of their own.
     const YAML::Node keys = ArmKeys(scene.arms[r]);
     if (scene.has_named_robots) {
       for (const auto& entry : keys) poses[entry.first] = entry.second;

@@ -25,7 +25,7 @@ struct ImageRun {
 };
 
 struct CalibratedImages {
-  // Those that the calibration uses: the images may have been searched again.
+  // The calibration uses these detections, which differ from the given ones if the images were searched again.
   std::vector<TargetDetection> detections;
   // The points of all images, corrected for the drifts. Its captures are those of the data set.
   Problem seen;

@@ -24,7 +24,7 @@ constexpr uint32_t kRuns8 = 1;
 constexpr uint32_t kRuns4 = 2;
 constexpr uint32_t kMasks = 3;
 
-// Which bits of 16 or 32 are which colour.
+// Masks state the bits of each colour in 16 or 32.
 struct Masks {
   bool has_wide_green = false;  // 16 bits: 6 of them are green, not 5.
   // 32 bits: those of red, green, blue and alpha. If one of the first three has none, the bytes are blue, green, red

@@ -212,8 +212,9 @@ class PixelReader {
   TIFF* tiff_;
   const Layout& layout_;
   cv::Mat image_;
-  std::vector<uint32_t> colours_;  // Of a block.
-  std::vector<uchar> packed_;      // Likewise.
+  // These buffers hold the pixels of one block.
+  std::vector<uint32_t> colours_;
+  std::vector<uchar> packed_;
 };
 
 // libtiff's rows begin with the lowest one.

@@ -227,7 +227,7 @@ LocationRequest RequestFor(const FinishedRun& run, const std::vector<std::string
   return request;
 }
 
-// What the images of a moment show.
+// The images of one moment have one location.
 struct LocatedMoment {
   ImageLocation location;
   bool is_readable = true;  // Whether all images can be read.
