@@ -46,7 +46,7 @@ struct ErrorSpace {
 };
 
 struct FoundErrors {
-  SearchedModel model;               // With the errors that are part of it.
+  SearchedModel model;               // The found errors are part of it.
   std::vector<ArmErrorChoice> arms;  // One entry for each arm that has models to choose from.
   std::vector<AddedSmoothErrors> smooth;
 };

@@ -64,7 +64,8 @@ std::shared_ptr<const SharedEffects> StartingFrom(const SharedEffects& effects, 
 // Returns options with the noise that was found as the initial guess, none of it at zero, where a variance may stay.
 AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const std::vector<double>& pixel_sigmas_px,
                                     const std::optional<RobotNoise>& robot_noise);
-// Likewise, with the noise of a solution; that of the arms is the largest of all, by its parts.
+// Returns options with the noise of a solution as the initial guess; that of the arms is the largest of all, by its
+// parts.
 AdjustmentOptions StartingFromNoise(AdjustmentOptions options, const Solution& solution);
 // Returns a problem with the errors of an arm; `model` is null for none. `effects` has one entry per capture, a
 // function of all effects of the arm, null if the capture has none.

@@ -293,7 +293,7 @@ class BlurredEllipse {
 
   struct Minimum {
     Parameters x;
-    BlurredEllipseSums sums;  // Before the last step.
+    BlurredEllipseSums sums;  // The sums are those before the last step.
   };
   // Minimises the cost until the predicted gain of a step is less than `tolerance` of the cost, and takes that step.
   // Returns nothing if a step cannot be computed.

@@ -375,7 +375,7 @@ class Chessboard final : public Target {
 
   struct FoundCorners {
     std::optional<Corners> corners;
-    // If the chessboard is not seen completely: the region that may contain it nevertheless, or empty.
+    // The region that may contain the chessboard although it is not seen completely; empty if there is none.
     cv::Rect may_be_in;
   };
   // Finds all corners and refines them.

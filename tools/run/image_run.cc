@@ -101,7 +101,7 @@ CalibratedAtOffset CalibrateStream(const ImageRun& run) {
 
 // A calibration with all that is estimated beside it.
 struct Settled {
-  ImageRun run;  // With the robot's poses at the offset, and the points of targets where they are estimated to be.
+  ImageRun run;  // Its robot's poses are those at the offset, and its targets' points are where they are estimated.
   CalibratedImages calibrated;
   bool has_offset = false;
   double offset_s = 0;

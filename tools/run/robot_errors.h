@@ -18,7 +18,7 @@ struct RobotCalibration {
   PairCalibrationOptions options;           // The final refinement used these.
   EffectsOfCaptures effects;                // The errors that captures share, at the captures.
   std::optional<ArmSetup> arm;              // Nothing if no arm is estimated; it states why its errors could not be.
-  std::optional<Finding> of_smooth_errors;  // If smooth errors are part of the calibration.
+  std::optional<Finding> of_smooth_errors;  // Smooth errors are part of the calibration if it has a value.
 };
 
 // Calibrates again, with the errors of the arm and the noise of its joints, or errors that vary smoothly with the pose,

@@ -26,8 +26,8 @@ struct FindingText {
 // does not have is shown as "nan".
 FindingText FindingWords(const Finding& finding);
 
-// Return findings whose text and action, and those of their parts, are their words. A finding that was described before
-// does not change.
+// These functions return findings whose text and action, and those of their parts, are their words. A finding that was
+// described before does not change.
 Finding Described(Finding finding, ConfigKeys keys = ConfigKeys::kNamed);
 std::vector<Finding> Described(std::vector<Finding> findings, ConfigKeys keys = ConfigKeys::kNamed);
 

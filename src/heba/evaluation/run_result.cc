@@ -108,7 +108,7 @@ RunResult WithFiguresOf(RunResult result, const Estimate& estimate) {
 RunResult WithFinalEstimate(RunResult result) {
   const Estimate* const found = FindFinal(result);
   if (found == nullptr) return result;
-  const Estimate estimate = *found;  // It outlives the result that is moved.
+  const Estimate estimate = *found;  // The copy outlives the result that is moved.
   return WithFiguresOf(std::move(result), estimate);
 }
 

@@ -22,7 +22,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr size_t kMaxBytes = size_t{256} << 20;
 constexpr size_t kMaxTruthBytes = size_t{1} << 20;
 
-// Return the figures of a solve that both schemas have.
+// These two functions return the figures of a solve that both schemas have.
 Convergence ReadConvergence(const JsonReader& solve) {
   Convergence convergence;
   convergence.converged = true;

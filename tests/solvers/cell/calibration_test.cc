@@ -253,7 +253,8 @@ bool Sees(const ProblemCapture& capture, size_t camera) {
                      [&](const ProblemImage& image) { return image.camera == camera; });
 }
 
-// Return the last capture before `capture`, and the first one from it on, of which a camera has an image.
+// These functions return the last capture before `capture`, and the first one from it on, of which a camera has an
+// image.
 size_t LastSeen(const Problem& problem, size_t camera, size_t capture) {
   do {
     --capture;
