@@ -10,6 +10,7 @@
 #include "heba/base/rng.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/evaluation/metrics.h"
+#include "tests/support/imaged_disc.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -20,27 +21,6 @@ constexpr double kDistanceM = 0.3;
 constexpr double kRadiusM = 20 * kDistanceM / 600;  // 20 px at f = 600 px.
 
 Camera WideCamera() { return {"brown5", 1280, 960, {600, 600, 640, 480, -0.2, 0.05, 0, 0, 0}}; }
-
-// Returns the centroid of a fine polygon on the imaged outline of the disc, computed from the camera model alone.
-Eigen::Vector2d ImagedCentroid(const Camera& camera, const Rigid3d& camera_from_target, const Eigen::Vector3d& centre) {
-  constexpr int kNumSides = 1024;
-  const Eigen::Vector2d middle_px = ProjectPoint(camera, camera_from_target * centre).value();
-  double twice_area_px2 = 0;
-  Eigen::Vector2d moment_px3 = Eigen::Vector2d::Zero();
-  Eigen::Vector2d from_px;
-  for (int k = 0; k <= kNumSides; ++k) {
-    const double angle_rad = 2 * kPi * k / kNumSides;
-    const Eigen::Vector3d rim = centre + kRadiusM * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0);
-    const Eigen::Vector2d to_px = ProjectPoint(camera, camera_from_target * rim).value() - middle_px;
-    if (k > 0) {
-      const double cross_px2 = from_px.x() * to_px.y() - from_px.y() * to_px.x();
-      twice_area_px2 += cross_px2;
-      moment_px3 += cross_px2 / 3 * (from_px + to_px);
-    }
-    from_px = to_px;
-  }
-  return middle_px + moment_px3 / twice_area_px2;
-}
 
 // Returns a scene of discs whose observations are the centroids of their images, as detectors measure them, with
 // noise.
@@ -58,9 +38,9 @@ TestScene DiscScene(uint64_t seed, Setup setup) {
     Observations& observations = scene.views[v].observations;
     observations.radii_m = Eigen::VectorXd::Constant(observations.size(), kRadiusM);
     for (Eigen::Index i = 0; i < observations.size(); ++i) {
-      observations.pixels.col(i) =
-          ImagedCentroid(scene.camera, scene.pairs[v].camera_from_target, observations.points_in_target.col(i)) +
-          kNoisePx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
+      observations.pixels.col(i) = ImagedCentroid(scene.camera, scene.pairs[v].camera_from_target,
+                                                  observations.points_in_target.col(i), kRadiusM) +
+                                   kNoisePx * Eigen::Vector2d{rng.Normal(), rng.Normal()};
     }
   }
   return scene;
