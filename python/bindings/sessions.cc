@@ -83,10 +83,10 @@ pybind11::tuple Plan(const fs::path& cell, const std::vector<std::string>& setti
   std::vector<pybind11::tuple> captures;
   for (size_t i = 0; i < images.size(); ++i) {
     const PlannedCapture& capture = plan->captures[i];
-    captures.push_back(pybind11::make_tuple(images[i], ArrayOf(capture.base_from_gripper),
-                                            std::vector<double>(capture.joints.begin(), capture.joints.end()),
-                                            capture.visible_share, capture.target_m, capture.position_m,
-                                            capture.orientation_rad));
+    captures.push_back(
+        pybind11::make_tuple(images[i], ArrayOf(capture.base_from_gripper),
+                             std::vector<double>(capture.posture.joints.begin(), capture.posture.joints.end()),
+                             capture.visible_share, capture.target_m, capture.position_m, capture.orientation_rad));
   }
   return pybind11::make_tuple(captures, PlanTable(config.requirements, *plan, config.former_names));
 }

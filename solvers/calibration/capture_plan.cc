@@ -3,7 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "heba/base/factorisation.h"
 #include "heba/base/failure_code.h"
@@ -19,8 +24,8 @@
 namespace heba {
 namespace {
 
-constexpr double kVisible = 0.95;
-constexpr int kNumRoughSetups = 100;
+constexpr double kVisible = 0.97;
+constexpr int kNumRoughSetups = 200;
 constexpr double kMarginPx = 10;
 
 // Drawn counts the captures that were drawn, and those that were dropped by their cause.
@@ -150,26 +155,136 @@ bool IsReached(const PlanCell& cell, const Rigid3d& base_from_gripper) {
   return !cell.postures || !cell.postures(base_from_gripper).empty();
 }
 
-// Returns the captures with joints: for each the posture nearest to one of the first capture, that which leaves the arm
-// the least to turn.
-std::vector<PlannedCapture> WithJoints(std::vector<PlannedCapture> captures, const PlanCell& cell) {
-  if (!cell.postures || captures.empty()) return captures;
-  std::vector<std::vector<Eigen::VectorXd>> postures;
-  for (const PlannedCapture& capture : captures) postures.push_back(cell.postures(capture.base_from_gripper));
-  double least = std::numeric_limits<double>::infinity();
-  for (const Eigen::VectorXd& first : postures.front()) {
-    std::vector<Eigen::VectorXd> chosen;
-    double sum = 0;
-    for (const std::vector<Eigen::VectorXd>& of_capture : postures) {
-      chosen.push_back(*std::min_element(of_capture.begin(), of_capture.end(),
-                                         [&](const Eigen::VectorXd& p, const Eigen::VectorXd& q) {
-                                           return cell.posture_distance(p, first) < cell.posture_distance(q, first);
-                                         }));
-      sum += cell.posture_distance(chosen.back(), first);
+// Returns the posture nearest to another one; nothing if there is none of the configuration.
+const PlanPosture* NearestPosture(const PlanCell& cell, const std::vector<PlanPosture>& postures,
+                                  const Eigen::VectorXd& joints, const std::optional<std::string>& configuration) {
+  const PlanPosture* nearest = nullptr;
+  for (const PlanPosture& posture : postures) {
+    if (configuration && posture.configuration != *configuration) continue;
+    const bool is_nearer = nearest == nullptr || cell.posture_distance(posture.joints, joints) <
+                                                     cell.posture_distance(nearest->joints, joints);
+    if (is_nearer) nearest = &posture;
+  }
+  return nearest;
+}
+
+// The postures in which the arm reaches each capture.
+using PosturesOfCaptures = std::vector<std::vector<PlanPosture>>;
+
+// Returns for each capture the posture nearest to one of the first capture, in its configuration if the arm reaches the
+// capture there: to that which most captures are reached with, and which leaves the arm the least to turn.
+std::vector<PlanPosture> PosturesTogether(const PlanCell& cell, const PosturesOfCaptures& postures) {
+  std::vector<PlanPosture> together;
+  std::pair<int, double> least = {std::numeric_limits<int>::max(), 0};
+  for (const PlanPosture& first : postures.front()) {
+    std::vector<PlanPosture> chosen;
+    std::pair<int, double> cost = {0, 0};  // The captures in other configurations, and the sum of distances.
+    for (const std::vector<PlanPosture>& of_capture : postures) {
+      const PlanPosture* nearest = NearestPosture(cell, of_capture, first.joints, first.configuration);
+      if (nearest == nullptr) {
+        nearest = NearestPosture(cell, of_capture, first.joints, std::nullopt);
+        ++cost.first;
+      }
+      chosen.push_back(*nearest);
+      cost.second += cell.posture_distance(nearest->joints, first.joints);
     }
-    if (sum >= least) continue;
-    least = sum;
-    for (size_t i = 0; i < chosen.size(); ++i) captures[i].joints = chosen[i];
+    if (cost >= least) continue;
+    least = cost;
+    together = std::move(chosen);
+  }
+  return together;
+}
+
+// Returns how many captures the arm reaches in each configuration.
+std::map<std::string, size_t> NumReached(const PosturesOfCaptures& postures) {
+  std::map<std::string, size_t> num_reached;
+  for (const std::vector<PlanPosture>& of_capture : postures) {
+    std::set<std::string> reaching;
+    for (const PlanPosture& posture : of_capture) reaching.insert(posture.configuration);
+    for (const std::string& configuration : reaching) ++num_reached[configuration];
+  }
+  return num_reached;
+}
+
+// Returns the captures that the arm reaches in the configuration in which it reaches most of them; all if those are
+// fewer than `least`.
+std::vector<PlannedCapture> InOneConfiguration(const std::vector<PlannedCapture>& captures, const PlanCell& cell,
+                                               size_t least) {
+  if (!cell.postures) return captures;
+  PosturesOfCaptures postures;
+  for (const PlannedCapture& capture : captures) postures.push_back(cell.postures(capture.base_from_gripper));
+  const std::map<std::string, size_t> num_reached = NumReached(postures);
+  const auto most = std::max_element(num_reached.begin(), num_reached.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == num_reached.end() || most->second < least) return captures;
+  std::vector<PlannedCapture> reached;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    const bool is_reached = std::any_of(postures[i].begin(), postures[i].end(), [&](const PlanPosture& posture) {
+      return posture.configuration == most->first;
+    });
+    if (is_reached) reached.push_back(captures[i]);
+  }
+  return reached;
+}
+
+// Returns how far apart two configurations are: the mean distance of their postures over the captures that both reach.
+double DistanceOf(const PlanCell& cell, const PosturesOfCaptures& postures, const std::string& a,
+                  const std::string& b) {
+  double sum = 0;
+  int num = 0;
+  for (const std::vector<PlanPosture>& of_capture : postures) {
+    const auto of_a = std::find_if(of_capture.begin(), of_capture.end(),
+                                   [&](const PlanPosture& posture) { return posture.configuration == a; });
+    if (of_a == of_capture.end()) continue;
+    const PlanPosture* const of_b = NearestPosture(cell, of_capture, of_a->joints, b);
+    if (of_b == nullptr) continue;
+    sum += cell.posture_distance(of_a->joints, of_b->joints);
+    ++num;
+  }
+  return num > 0 ? sum / num : 0;
+}
+
+// Returns the configuration that is the farthest from another one among those that reach nine in ten of the captures;
+// nothing if there is none.
+std::optional<std::string> FarthestConfiguration(const PlanCell& cell, const PosturesOfCaptures& postures,
+                                                 const std::string& from) {
+  constexpr double kLeastReached = 0.9;
+  std::optional<std::string> farthest;
+  double largest = 0;
+  for (const auto& [configuration, num] : NumReached(postures)) {
+    const bool is_enough = static_cast<double>(num) >= kLeastReached * static_cast<double>(postures.size());
+    if (configuration == from || !is_enough) continue;
+    const double distance = DistanceOf(cell, postures, configuration, from);
+    if (distance <= largest) continue;
+    largest = distance;
+    farthest = configuration;
+  }
+  return farthest;
+}
+
+// Returns the captures with postures in one configuration or, if there are enough, the second half of the new ones in
+// another one.
+std::vector<PlannedCapture> WithPostures(std::vector<PlannedCapture> captures, const PlanCell& cell,
+                                         bool has_one_configuration) {
+  if (!cell.postures || captures.empty()) return captures;
+  PosturesOfCaptures postures;
+  for (const PlannedCapture& capture : captures) postures.push_back(cell.postures(capture.base_from_gripper));
+  const std::vector<PlanPosture> together = PosturesTogether(cell, postures);
+  for (size_t i = 0; i < captures.size(); ++i) captures[i].posture = together[i];
+  const auto num_new = static_cast<size_t>(
+      std::count_if(captures.begin(), captures.end(), [](const PlannedCapture& capture) { return !capture.repeats; }));
+  constexpr size_t kLeastOfTwo = 10;
+  if (has_one_configuration || num_new < kLeastOfTwo) return captures;
+  const std::string& first = together.front().configuration;
+  postures.resize(num_new);
+  const std::optional<std::string> other = FarthestConfiguration(cell, postures, first);
+  for (size_t i = 1; other && i < num_new; ++i) {
+    const PlanPosture* const posture =
+        NearestPosture(cell, postures[i], captures[i - 1].posture.joints, 2 * i < num_new ? first : *other);
+    if (posture != nullptr) captures[i].posture = *posture;
+  }
+  for (PlannedCapture& capture : captures) {
+    if (capture.repeats && cell.former_poses.empty()) capture.posture = captures[*capture.repeats].posture;
   }
   return captures;
 }
@@ -531,7 +646,7 @@ std::vector<PlannedCapture> WithRevisits(std::vector<PlannedCapture> captures, c
       again.camera_from_target =
           CameraFromTarget(cell.hand_eye, CameraMountFromTargetMount(cell.setup, again.base_from_gripper));
       again.visible_share = 1;
-      again.joints.resize(0);
+      again.posture = {};
     }
     const PlannedCapture& last = captures.back();
     again.repeats = k;
@@ -557,9 +672,10 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   Rng rng(options.seed);
   CapturePlan plan;
   const DrawnCaptures drawn = DrawCandidates(cell, options, rng);
-  const std::vector<Candidate> candidates = WithInformation(cell, drawn.captures);
+  const auto count = static_cast<size_t>(options.is_two_step ? 1 : options.count);
+  const std::vector<Candidate> candidates = WithInformation(cell, InOneConfiguration(drawn.captures, cell, count));
   plan.num_candidates = candidates.size();
-  if (candidates.size() < static_cast<size_t>(options.is_two_step ? 1 : options.count)) {
+  if (candidates.size() < count) {
     return WhyTooFew(drawn.drawn, candidates.size(), options.count);
   }
   const PlanProblem exact = ProblemOf(cell, true);
@@ -590,7 +706,7 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
     plan.captures.push_back(criterion.WithSigmas(std::move(one.capture), information));
   }
   if (!options.is_two_step) plan.captures = WithRevisits(std::move(plan.captures), cell, options.num_revisits);
-  plan.captures = WithJoints(std::move(plan.captures), cell);
+  plan.captures = WithPostures(std::move(plan.captures), cell, options.is_two_step);
   std::vector<Rigid3d> poses;
   std::vector<size_t> order;
   for (size_t i = 0; i < plan.captures.size(); ++i) {

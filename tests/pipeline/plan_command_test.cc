@@ -46,6 +46,12 @@ TEST(PlanCommandTest, PlansACell) {
   // The same file plans the same poses.
   ASSERT_EQ(RunHeba({"plan", cell, "--count", "10", "--out", (folder / "again.csv").string()}).status, 0);
   EXPECT_EQ(ReadAll(folder / "again.csv"), poses);
+  // The second half is in another configuration, which is named, unless one is wanted.
+  EXPECT_THAT(plan.out, HasSubstr("shoulder "));
+  const CommandResult near = RunHeba(
+      {"plan", cell, "--count", "10", "--set", "robot.joints_near=[0 deg,-90 deg,90 deg,-90 deg,-90 deg,0 deg]"});
+  ASSERT_EQ(near.status, 0) << near.err;
+  EXPECT_THAT(near.out, Not(HasSubstr("shoulder ")));
   const CommandResult two_step = RunHeba({"plan", cell, "--count", "10", "--procedure", "two_step"});
   ASSERT_EQ(two_step.status, 0) << two_step.err;
   EXPECT_THAT(two_step.out, HasSubstr("translate_x"));

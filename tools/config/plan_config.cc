@@ -21,20 +21,43 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Returns the cell with the postures by which an arm reaches a pose: in the configuration of the first pose that is
-// asked for, if the arm has named ones.
+// Returns whether a posture is one that a cell permits: no joint of the arm is in a box that is kept out, or behind the
+// plane on which the base stands, unless the workspace goes beyond it.
+bool IsPermitted(const Arm& arm, const Eigen::VectorXd& joints, const PlanCell& cell) {
+  constexpr double kBehindM = 1e-3;
+  const bool has_plane = cell.workspace && cell.workspace->low_m.z() >= 0;
+  for (const Eigen::Vector3d& origin_m : OriginsOf(arm, joints)) {
+    if (has_plane && origin_m.z() < -kBehindM) return false;
+    for (const PlanBox& box : cell.keep_out) {
+      if (box.Contains(origin_m)) return false;
+    }
+  }
+  return true;
+}
+
+// Returns the cell with the postures in which an arm reaches a pose: the one near `joints_near`, if that is set, or all
+// that the cell permits.
 PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
   cell.posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return PostureDistance(arm, a, b);
   };
-  cell.postures = [robot](const Rigid3d& base_from_gripper) -> std::vector<Eigen::VectorXd> {
+  cell.postures = [robot, limits = cell](const Rigid3d& base_from_gripper) {
     const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
+    std::vector<Eigen::VectorXd> found;
     if (robot.joints_near.size() == robot.arm.num_joints()) {
       const Outcome<Eigen::VectorXd> near = PostureNear(robot.arm, base_from_tip, robot.joints_near);
-      return near ? std::vector<Eigen::VectorXd>{*near} : std::vector<Eigen::VectorXd>();
+      if (near) found = {*near};
+    } else {
+      Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(robot.arm, base_from_tip);
+      if (all) found = *std::move(all);
+      std::erase_if(found, [&](const Eigen::VectorXd& joints) { return !IsPermitted(robot.arm, joints, limits); });
     }
-    Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(robot.arm, base_from_tip);
-    return postures ? std::move(*postures) : std::vector<Eigen::VectorXd>();
+    std::vector<PlanPosture> postures;
+    for (Eigen::VectorXd& joints : found) {
+      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, joints);
+      postures.push_back({std::move(joints), configuration ? NameOf(*configuration) : ""});
+    }
+    return postures;
   };
   return cell;
 }
@@ -208,7 +231,6 @@ PlanConfig ReadRun(const fs::path& path) {
   config.pose_reading = run.pose_readings.front();
   config.joints_are_deg = run.joints_are_deg.front();
   config.robot = before.data.arms.front();
-  if (config.robot) config.cell = WithPostures(std::move(config.cell), *config.robot);
   config.requirements = before.options.requirements;
   config.cell.places_in_base_m = PlacesOf(config.requirements);
   for (const Recording& capture : before.data.captures) {
@@ -216,6 +238,7 @@ PlanConfig ReadRun(const fs::path& path) {
     config.cell.former_poses.push_back(capture.base_from_gripper.front());
   }
   if (!config.cell.workspace) config.cell.workspace = BoxAround(config.cell.former_poses);
+  if (config.robot) config.cell = WithPostures(std::move(config.cell), *config.robot);
   return config;
 }
 

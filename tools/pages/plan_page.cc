@@ -60,7 +60,7 @@ std::string TableOf(const CapturePlan& plan, const std::vector<std::string>& for
                     {ShownAmount(1000 * capture.position_m, 3), true},
                     {ShownAmount(RadToDeg(capture.orientation_rad), 2), true},
                     {Fixed(100 * capture.visible_share, 0) + " %", true},
-                    {PlannedNote(capture, images, former_names)}});
+                    {PlannedNote(plan, i, images, former_names)}});
   }
   return HtmlTable({"capture", "located target, mm", "camera, mm", "camera, deg", "seen for certain", ""}, rows);
 }

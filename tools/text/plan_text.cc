@@ -43,10 +43,18 @@ std::vector<std::string> PlannedImages(const CapturePlan& plan, const std::vecto
   return images;
 }
 
-std::string PlannedNote(const PlannedCapture& capture, const std::vector<std::string>& images,
+std::string PlannedNote(const CapturePlan& plan, size_t index, const std::vector<std::string>& images,
                         const std::vector<std::string>& former_names) {
-  if (!capture.repeats) return std::string(RoleName(capture.role));
-  return "as " + (former_names.empty() ? images : former_names)[*capture.repeats];
+  const PlannedCapture& capture = plan.captures[index];
+  std::vector<std::string> notes;
+  if (capture.repeats) {
+    notes.push_back("as " + (former_names.empty() ? images : former_names)[*capture.repeats]);
+  } else if (capture.role != CaptureRole::kNone) {
+    notes.emplace_back(RoleName(capture.role));
+  }
+  const std::string& configuration = capture.posture.configuration;
+  if (index > 0 && configuration != plan.captures[index - 1].posture.configuration) notes.push_back(configuration);
+  return Join(notes, ", ");
 }
 
 std::string ExpectedText(const CapturePlan& plan, size_t after) {
@@ -81,7 +89,7 @@ std::string PlanTable(const std::vector<PlacedRequirement>& requirements, const 
                      PadLeft("camera, deg", 13) + PadLeft("seen for certain", 18) + "\n";
   for (size_t i = 0; i < plan.captures.size(); ++i) {
     const PlannedCapture& capture = plan.captures[i];
-    const std::string note = PlannedNote(capture, images, former_names);
+    const std::string note = PlannedNote(plan, i, images, former_names);
     text += PadRight(images[i], 9) + PadLeft(ShownAmount(1000 * capture.target_m, 3), 20) +
             PadLeft(ShownAmount(1000 * capture.position_m, 3), 13) +
             PadLeft(ShownAmount(RadToDeg(capture.orientation_rad), 2), 13) +

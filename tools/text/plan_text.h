@@ -12,8 +12,9 @@ namespace heba {
 // Returns the names of the planned images, in the order of the captures: 001.png, 002.png, ..., or those that follow
 // the highest number in the names of an earlier session.
 std::vector<std::string> PlannedImages(const CapturePlan& plan, const std::vector<std::string>& former_names);
-// Returns what a capture repeats, as "as 001.png", or its purpose; empty if neither is known.
-std::string PlannedNote(const PlannedCapture& capture, const std::vector<std::string>& images,
+// Returns what a capture repeats, as "as 001.png", or its purpose, and the configuration of the arm if the capture
+// before it has another one; empty if there is nothing to say.
+std::string PlannedNote(const CapturePlan& plan, size_t index, const std::vector<std::string>& images,
                         const std::vector<std::string>& former_names);
 
 // Returns the table of the captures, with what is expected after each, and what follows from it.

@@ -192,6 +192,19 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
   return SortedPostures(std::move(postures));
 }
 
+std::vector<Eigen::Vector3d> OriginsOf(const Arm& arm, const Eigen::VectorXd& joints) {
+  std::vector<Eigen::Vector3d> origins;
+  Arm part = RigidPart(arm);
+  part.last_from_tip = Rigid3d();
+  part.joints.clear();
+  for (const ArmJoint& joint : arm.joints) {
+    part.joints.push_back(joint);
+    part.joints.back().compliance = 0;
+    origins.push_back(BaseFromTip(part, joints.head(part.num_joints())).translation);
+  }
+  return origins;
+}
+
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   double sum = 0;
   for (Eigen::Index j = 0; j < a.size(); ++j) {

@@ -31,6 +31,9 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
 // to the next whole turn.
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
 
+// Returns the origins of the frames that follow the joints, in the base, m.
+std::vector<Eigen::Vector3d> OriginsOf(const Arm& arm, const Eigen::VectorXd& joints);
+
 // The configuration of a posture, as controllers name it: the signs of shoulder, elbow and wrist. Two postures of
 // different configurations are separated by a singularity.
 using Configuration = std::array<bool, 3>;

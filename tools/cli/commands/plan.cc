@@ -85,7 +85,7 @@ int RunCommand_plan(const std::vector<std::string>& arguments) {
   const std::vector<std::string> images = PlannedImages(*plan, config.former_names);
   std::vector<Eigen::VectorXd> joints;
   for (const PlannedCapture& capture : plan->captures) {
-    joints.push_back(capture.joints);
+    joints.push_back(capture.posture.joints);
     const bool are_deg = is_of_joints ? format.angle_unit == "deg" : config.joints_are_deg;
     for (Eigen::Index j = 0; are_deg && j < joints.back().size(); ++j) {
       if (config.robot->arm.joints[static_cast<size_t>(j)].is_turning) joints.back()[j] = RadToDeg(joints.back()[j]);
