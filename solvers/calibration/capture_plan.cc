@@ -171,8 +171,9 @@ const PlanPosture* NearestPosture(const PlanCell& cell, const std::vector<PlanPo
 // The postures in which the arm reaches each capture.
 using PosturesOfCaptures = std::vector<std::vector<PlanPosture>>;
 
-// Returns for each capture the posture nearest to one of the first capture, in its configuration if the arm reaches the
-// capture there: to that which most captures are reached with, and which leaves the arm the least to turn.
+// Returns for each capture, which the arm reaches, the posture nearest to one of the first capture, in its
+// configuration if the arm reaches the capture there: to that with whose configuration most captures are reached, and
+// that leaves the arm the least to turn.
 std::vector<PlanPosture> PosturesTogether(const PlanCell& cell, const PosturesOfCaptures& postures) {
   std::vector<PlanPosture> together;
   std::pair<int, double> least = {std::numeric_limits<int>::max(), 0};
@@ -635,13 +636,17 @@ Failure WhyTooFew(const Drawn& drawn, size_t num_found, int wanted) {
            {"unreached", static_cast<double>(drawn.num_unreached)}}};
 }
 
-// Returns the captures with the first of them, or those of the earlier session, once more.
+// Returns the captures with the first of them once more or, if there are any, the first poses of the earlier session
+// that the arm reaches.
 std::vector<PlannedCapture> WithRevisits(std::vector<PlannedCapture> captures, const PlanCell& cell, int num_revisits) {
   const size_t num_planned = captures.size();
-  const size_t num_first = cell.former_poses.empty() ? num_planned : cell.former_poses.size();
-  for (size_t k = 0; k < std::min(num_first, static_cast<size_t>(std::max(0, num_revisits))); ++k) {
-    PlannedCapture again = captures[cell.former_poses.empty() ? k : num_planned - 1];
-    if (!cell.former_poses.empty()) {
+  const bool has_former = !cell.former_poses.empty();
+  const size_t num_first = has_former ? cell.former_poses.size() : num_planned;
+  const size_t num_wanted = num_planned + static_cast<size_t>(std::max(0, num_revisits));
+  for (size_t k = 0; k < num_first && captures.size() < num_wanted; ++k) {
+    if (has_former && !IsReached(cell, cell.former_poses[k])) continue;
+    PlannedCapture again = captures[has_former ? num_planned - 1 : k];
+    if (has_former) {
       again.base_from_gripper = cell.former_poses[k];
       again.camera_from_target =
           CameraFromTarget(cell.hand_eye, CameraMountFromTargetMount(cell.setup, again.base_from_gripper));

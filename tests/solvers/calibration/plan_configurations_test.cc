@@ -73,7 +73,8 @@ TEST(PlanConfigurations, SecondHalfIsInAnother) {
     EXPECT_EQ(posture.configuration, NameOf(*ConfigurationOf(arm, posture.joints)));
     const bool is_first = i < 6 || capture.repeats;
     EXPECT_EQ(posture.configuration == plan.captures.front().posture.configuration, is_first) << i;
-    if (capture.repeats) EXPECT_EQ(posture.joints, plan.captures[*capture.repeats].posture.joints);
+    const PlannedCapture& first = plan.captures[capture.repeats.value_or(i)];
+    EXPECT_EQ(posture.joints, first.posture.joints);
   }
 }
 
@@ -88,6 +89,19 @@ TEST(PlanConfigurations, FewCapturesAndTheTwoStepMotionHaveOne) {
     std::set<std::string> configurations;
     for (const PlannedCapture& capture : plan.captures) configurations.insert(capture.posture.configuration);
     EXPECT_EQ(configurations.size(), 1U);
+  }
+}
+
+TEST(PlanConfigurations, FormerPosesThatAreNotReachedAreNotTakenAgain) {
+  PlanCell cell = CellOf(*FindArm("ur5e"), {});
+  const CapturePlan before = PlanOf(cell, 8);
+  cell.former_poses = {Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d(5, 0, 0))};
+  for (size_t i = 0; i < 4; ++i) cell.former_poses.push_back(before.captures[i].base_from_gripper);
+  const CapturePlan plan = PlanOf(cell, 5);
+  ASSERT_EQ(plan.captures.size(), 8U);
+  for (size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(plan.captures[5 + k].repeats, k + 1);
+    EXPECT_EQ(plan.captures[5 + k].posture.joints.size(), 6);
   }
 }
 
