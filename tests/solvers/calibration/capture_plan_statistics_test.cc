@@ -8,11 +8,11 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/median.h"
-#include "heba/base/rng.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/capture_plan.h"
 #include "heba/data/setup.h"
 #include "heba/simulation/scene.h"
+#include "tests/support/scene_rng.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -138,7 +138,7 @@ TEST_P(CapturePlanStatisticsTest, PlannedPosesTellMore) {
   double seen = 0;
   double predicted_m2 = 0;
   for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
-    Rng rng(seed);
+    Rng rng = SceneRng(seed);
     PlanCell rough = truth;
     rough.hand_eye = WrongBy30MmAnd5Deg(truth.hand_eye, rng);
     PlanOptions options;

@@ -8,7 +8,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/bundle_adjustment.h"
 #include "heba/capture_plan.h"
@@ -18,6 +17,7 @@
 #include "heba/robot/arm_table.h"
 #include "heba/simulation/arm_captures.h"
 #include "heba/simulation/scene.h"
+#include "tests/support/scene_rng.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -121,7 +121,7 @@ CellErrors RmsErrors(const Arm& nominal, const PlanCell& cell, const CapturePlan
   const Eigen::Vector3d in_camera(0, 0, 0.5);
   const PlanCell anyhow = CellOf(nominal, {});
   for (uint64_t seed = 1; seed <= kNumArms; ++seed) {
-    Rng rng(seed);
+    Rng rng = SceneRng(seed);
     const Arm arm = WithChanges(nominal, DrawArmErrors(nominal, {DegToRad(0.05), 3e-4, DegToRad(0.03), 0}, rng));
     PairProblem problem{cell.camera, {}, cell.setup, DesignedShape(cell.points_in_target)};
     for (const PlannedCapture& capture : plan.captures) {
