@@ -76,6 +76,8 @@ TEST(PlanCommandTest, RefusesWhatItCannotPlan) {
   refused("  lens", "  lense", 2, "unknown key 'lense'; did you mean 'lens'?");
   refused("  hand_eye: {translation: [0 mm, 60 mm, 50 mm]}\n", "", 2, "hand_eye");
   refused("robot: {model: ur5e}\n", "", 0, "");
+  // A box around the base has the first joint of every posture in it.
+  refused("  lens", "  keep_out: [{box: [[-150 mm, -150 mm, 0 mm], [150 mm, 150 mm, 400 mm]]}]\n  lens", 0, "");
   refused("setup", "setup", 2, "--count needs a number from 1 to 500, not 0", {"--count", "0"});
   refused("setup", "setup", 2, "--procedure: must be two_step", {"--procedure", "dance"});
   refused("setup", "setup", 2, "has at least 5 poses", {"--procedure", "two_step", "--count", "4"});

@@ -22,11 +22,16 @@ namespace {
 namespace fs = std::filesystem;
 
 // Returns whether a posture is one that a cell permits: no joint of the arm is in a box that is kept out, or behind the
-// plane on which the base stands, unless the workspace goes beyond it.
+// plane on which the base stands, unless the workspace goes beyond it. The first joints, which are above the base in
+// every posture, may be in a box around the base.
 bool IsPermitted(const Arm& arm, const Eigen::VectorXd& joints, const PlanCell& cell) {
   constexpr double kBehindM = 1e-3;
+  constexpr double kAboveBaseM = 0.1;
   const bool has_plane = cell.workspace && cell.workspace->low_m.z() >= 0;
+  bool has_left_base = false;
   for (const Eigen::Vector3d& origin_m : OriginsOf(arm, joints)) {
+    has_left_base = has_left_base || origin_m.head<2>().norm() > kAboveBaseM;
+    if (!has_left_base) continue;
     if (has_plane && origin_m.z() < -kBehindM) return false;
     for (const PlanBox& box : cell.keep_out) {
       if (box.Contains(origin_m)) return false;
