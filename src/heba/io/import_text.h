@@ -61,8 +61,8 @@ struct Remarked {
   Part part;
   std::vector<std::string> remarks = {};
 };
-// Returns the images of the first of `folders` that contains any, one per pose. If their number differs from the number
-// of poses, the function returns no images and a remark that says so.
+// Returns the images of the first of `folders` that contains any, one per pose. The function returns no images and a
+// remark that says so if their number differs from the number of poses.
 Remarked<std::vector<std::filesystem::path>> ImagesForPoses(const std::vector<std::filesystem::path>& folders,
                                                             size_t num_poses);
 // Returns a capture with the name of its image, or pose_N if it has none (an empty path, or no image of that number).
