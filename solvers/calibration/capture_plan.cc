@@ -155,6 +155,13 @@ bool IsReached(const PlanCell& cell, const Rigid3d& base_from_gripper) {
   return !cell.postures || !cell.postures(base_from_gripper).empty();
 }
 
+// Returns the first posture of a configuration; nothing if there is none.
+const PlanPosture* FirstPosture(const std::vector<PlanPosture>& postures, const std::string& configuration) {
+  const auto first = std::find_if(postures.begin(), postures.end(),
+                                  [&](const PlanPosture& posture) { return posture.configuration == configuration; });
+  return first == postures.end() ? nullptr : &*first;
+}
+
 // Returns the posture nearest to another one; nothing if there is none of the configuration.
 const PlanPosture* NearestPosture(const PlanCell& cell, const std::vector<PlanPosture>& postures,
                                   const Eigen::VectorXd& joints, const std::optional<std::string>& configuration) {
@@ -171,9 +178,9 @@ const PlanPosture* NearestPosture(const PlanCell& cell, const std::vector<PlanPo
 // The postures in which the arm reaches each capture.
 using PosturesOfCaptures = std::vector<std::vector<PlanPosture>>;
 
-// Returns for each capture, which the arm reaches, the posture nearest to one of the first capture, in its
-// configuration if the arm reaches the capture there: to that with whose configuration most captures are reached, and
-// that leaves the arm the least to turn.
+// Returns the posture of each capture that is nearest to one of the first capture, in the configuration of that one if
+// the arm reaches the capture there. The one of the first capture is chosen so that as few captures as possible have
+// another configuration, and that the arm has the least to turn. The arm must reach all captures.
 std::vector<PlanPosture> PosturesTogether(const PlanCell& cell, const PosturesOfCaptures& postures) {
   std::vector<PlanPosture> together;
   std::pair<int, double> least = {std::numeric_limits<int>::max(), 0};
@@ -207,36 +214,14 @@ std::map<std::string, size_t> NumReached(const PosturesOfCaptures& postures) {
   return num_reached;
 }
 
-// Returns the captures that the arm reaches in the configuration in which it reaches most of them; all if those are
-// fewer than `least`.
-std::vector<PlannedCapture> InOneConfiguration(const std::vector<PlannedCapture>& captures, const PlanCell& cell,
-                                               size_t least) {
-  if (!cell.postures) return captures;
-  PosturesOfCaptures postures;
-  for (const PlannedCapture& capture : captures) postures.push_back(cell.postures(capture.base_from_gripper));
-  const std::map<std::string, size_t> num_reached = NumReached(postures);
-  const auto most = std::max_element(num_reached.begin(), num_reached.end(),
-                                     [](const auto& a, const auto& b) { return a.second < b.second; });
-  if (most == num_reached.end() || most->second < least) return captures;
-  std::vector<PlannedCapture> reached;
-  for (size_t i = 0; i < captures.size(); ++i) {
-    const bool is_reached = std::any_of(postures[i].begin(), postures[i].end(), [&](const PlanPosture& posture) {
-      return posture.configuration == most->first;
-    });
-    if (is_reached) reached.push_back(captures[i]);
-  }
-  return reached;
-}
-
 // Returns how far apart two configurations are: the mean distance of their postures over the captures that both reach.
 double DistanceOf(const PlanCell& cell, const PosturesOfCaptures& postures, const std::string& a,
                   const std::string& b) {
   double sum = 0;
   int num = 0;
   for (const std::vector<PlanPosture>& of_capture : postures) {
-    const auto of_a = std::find_if(of_capture.begin(), of_capture.end(),
-                                   [&](const PlanPosture& posture) { return posture.configuration == a; });
-    if (of_a == of_capture.end()) continue;
+    const PlanPosture* const of_a = FirstPosture(of_capture, a);
+    if (of_a == nullptr) continue;
     const PlanPosture* const of_b = NearestPosture(cell, of_capture, of_a->joints, b);
     if (of_b == nullptr) continue;
     sum += cell.posture_distance(of_a->joints, of_b->joints);
@@ -309,21 +294,28 @@ class CaptureFilter {
       ++drawn_.num_unseen;
       return std::nullopt;
     }
-    if (!IsReached(cell_, capture.base_from_gripper)) {
-      ++drawn_.num_unreached;
-      return std::nullopt;
+    if (cell_.postures) {
+      std::vector<PlanPosture> postures = cell_.postures(capture.base_from_gripper);
+      if (postures.empty()) {
+        ++drawn_.num_unreached;
+        return std::nullopt;
+      }
+      postures_.push_back(std::move(postures));
     }
     return capture;
   }
   void CountDraw() { ++drawn_.num_all; }
   void CountUnseen() { ++drawn_.num_unseen; }
   const Drawn& drawn() const { return drawn_; }
+  // Returns the postures in which the arm reaches the captures that the cell permits; an empty list without an arm.
+  const PosturesOfCaptures& postures() const { return postures_; }
 
  private:
   const PlanCell& cell_;
   const std::vector<HandEye> setups_;
   const SimulatedTarget outline_;
   Drawn drawn_;
+  PosturesOfCaptures postures_;
 };
 
 // Captures that were drawn.
@@ -331,6 +323,21 @@ struct DrawnCaptures {
   std::vector<PlannedCapture> captures;
   Drawn drawn;
 };
+
+// Returns the captures that the arm reaches in the configuration in which it reaches most of them; all if those are
+// fewer than `least`, or if there is no arm.
+std::vector<PlannedCapture> InOneConfiguration(std::vector<PlannedCapture> captures, const PosturesOfCaptures& postures,
+                                               size_t least) {
+  const std::map<std::string, size_t> num_reached = NumReached(postures);
+  const auto most = std::max_element(num_reached.begin(), num_reached.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == num_reached.end() || most->second < least) return captures;
+  std::vector<PlannedCapture> reached;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    if (FirstPosture(postures[i], most->first) != nullptr) reached.push_back(std::move(captures[i]));
+  }
+  return reached;
+}
 
 DrawnCaptures DrawCandidates(const PlanCell& cell, const PlanOptions& options, Rng& rng) {
   CaptureFilter filter(cell, rng);
@@ -345,7 +352,8 @@ DrawnCaptures DrawCandidates(const PlanCell& cell, const PlanOptions& options, R
       candidates.push_back(*std::move(completed));
     }
   }
-  return {std::move(candidates), filter.drawn()};
+  const auto least = static_cast<size_t>(options.is_two_step ? 1 : options.count);
+  return {InOneConfiguration(std::move(candidates), filter.postures(), least), filter.drawn()};
 }
 
 // The cell as a problem, whose unknowns are the two poses and the free intrinsics.
@@ -677,10 +685,9 @@ Outcome<CapturePlan> PlanCaptures(const PlanCell& cell, const PlanOptions& optio
   Rng rng(options.seed);
   CapturePlan plan;
   const DrawnCaptures drawn = DrawCandidates(cell, options, rng);
-  const auto count = static_cast<size_t>(options.is_two_step ? 1 : options.count);
-  const std::vector<Candidate> candidates = WithInformation(cell, InOneConfiguration(drawn.captures, cell, count));
+  const std::vector<Candidate> candidates = WithInformation(cell, drawn.captures);
   plan.num_candidates = candidates.size();
-  if (candidates.size() < count) {
+  if (candidates.size() < static_cast<size_t>(options.is_two_step ? 1 : options.count)) {
     return WhyTooFew(drawn.drawn, candidates.size(), options.count);
   }
   const PlanProblem exact = ProblemOf(cell, true);

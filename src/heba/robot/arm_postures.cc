@@ -194,12 +194,11 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
 
 std::vector<Eigen::Vector3d> OriginsOf(const Arm& arm, const Eigen::VectorXd& joints) {
   std::vector<Eigen::Vector3d> origins;
-  Arm part = RigidPart(arm);
-  part.last_from_tip = Rigid3d();
-  part.joints.clear();
-  for (const ArmJoint& joint : arm.joints) {
+  const Arm rigid = RigidPart(arm);
+  Arm part;
+  part.base_from_first = rigid.base_from_first;
+  for (const ArmJoint& joint : rigid.joints) {
     part.joints.push_back(joint);
-    part.joints.back().compliance = 0;
     origins.push_back(BaseFromTip(part, joints.head(part.num_joints())).translation);
   }
   return origins;
