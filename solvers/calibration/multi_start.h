@@ -33,7 +33,7 @@ struct MultiStartSolution {
 //
 // If it is doubtful, other initial guesses are tried: the remaining seeds, closed forms of random small subsets of the
 // captures, some of which contain no outlier, and, if the limits above are exceeded tenfold, the 24 rotations of a
-// cube. Each guess is refined on a part of the captures with fixed intrinsics. The best one is refined on all
+// cube. Each guess is refined roughly, on a part of the captures with fixed intrinsics. The best one is refined on all
 // captures, and returned if its robust cost is lower than that of the first solution. The result is deterministic.
 MultiStartSolution RefineFromMultipleStarts(const PairProblem& problem, const std::vector<PosePair>& pairs,
                                             const std::vector<InitialGuess>& seeds, const BundleOptions& options);

@@ -38,9 +38,11 @@ Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options)
   return whole;
 }
 
+HandEye HandEyeOf(const CellPoses& poses) { return {poses.mount_from_camera[0], poses.mount_from_target[0]}; }
+
 PairSolution HandEyeSolution(const Solution& whole, const BundleOptions& options) {
   PairSolution solution;
-  solution.hand_eye = {whole.poses.mount_from_camera[0], whole.poses.mount_from_target[0]};
+  solution.hand_eye = HandEyeOf(whole.poses);
   solution.camera = whole.cameras[0];
   solution.shape = whole.shapes[0];
   solution.shared_effects = options.effects;

@@ -12,6 +12,9 @@ namespace heba {
 // The world is the base of the arm.
 Problem HandEyeProblem(const PairProblem& problem, const BundleOptions& options);
 
+// Returns the poses of such a problem in their other form (HandEyePosesOf).
+HandEye HandEyeOf(const CellPoses& poses);
+
 // Returns a solution of such a problem in its other form (ProblemSolution). The effects are those of `options`.
 PairSolution HandEyeSolution(const Solution& solution, const BundleOptions& options);
 

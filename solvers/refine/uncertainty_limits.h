@@ -2,22 +2,16 @@
 #pragma once
 
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/pair_solution.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "solvers/residuals/capture_loops.h"
 
 namespace heba {
 
-// The pose of a camera on its mount: its block of the unknowns, and the distance at which the camera works.
-struct CameraReach {
-  std::string block;
-  double distance_m = 0;
-};
-
-// Returns a Failure if the sigma of a camera's position exceeds its working distance, or if that of its orientation
-// exceeds 30 deg. A smaller sigma is a result, however large: whoever reads it judges it.
-std::optional<Failure> CheckDetermined(const Covariance& covariance, const std::vector<CameraReach>& cameras);
+// Returns a Failure if the sigma of a camera's position at an estimate exceeds its working distance, or if that of its
+// orientation exceeds 30 deg. A smaller sigma is a result, however large: whoever reads it judges it.
+std::optional<Failure> CheckDetermined(const Problem& problem, const FitState& state, const Covariance& covariance);
 
 }  // namespace heba
