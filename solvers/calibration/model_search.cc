@@ -399,20 +399,18 @@ ModelWithSmoothErrors SearchSmoothErrors(const SearchedModel& model, const Error
                                             std::make_shared<const SharedEffects>(errors->effects()), effects);
   }
   if (added.empty()) return {model, {}};
-  ModelSpace parts = space.parts;
-  parts.robot_noise = false;
   with_errors.options.robot = BundleOptions::Robot::kEstimatedNoise;
-  with_errors.is_fitted = false;
-  Outcome<SearchedModel> chosen = WithChosenParts(with_errors, parts, judge);
-  if (!chosen) return {model, {}};
+  with_errors.alternatives.clear();
+  Outcome<SearchedModel> adjusted = Readjusted(with_errors, judge);
+  if (!adjusted) return {model, {}};
   // A prior on the size of a target must not make its contradiction one of the robot. With white noise alone, the size
   // may seem to be wrong because the robot is.
   if (std::optional<Problem> wider = WithWiderScales(with_errors.problem, solution, space.robot_scale_sigma)) {
     with_errors.problem = *std::move(wider);
-    Outcome<SearchedModel> widened = WithChosenParts(with_errors, parts, judge);
-    if (widened && IsSizeWrong(*chosen, *widened, space.robot_scale_sigma)) chosen = std::move(widened);
+    Outcome<SearchedModel> widened = Readjusted(with_errors, judge);
+    if (widened && IsSizeWrong(*adjusted, *widened, space.robot_scale_sigma)) adjusted = std::move(widened);
   }
-  return {*std::move(chosen), std::move(added)};
+  return {*std::move(adjusted), std::move(added)};
 }
 
 }  // namespace

@@ -36,7 +36,10 @@ SearchedModel WithChosenTwists(const SearchedModel& model, const std::vector<boo
 
 // The errors of the arms that are searched for after the parts were chosen.
 struct ErrorSpace {
-  ModelSpace parts;                  // The parts that are chosen again with them; it names no errors of arms.
+  // The parts that are chosen again with the errors of arms; it names none. Beside smooth errors the parts stay as they
+  // were chosen: smooth errors resemble what a target of another shape leaves, so that captures do not tell which is
+  // true, and a shape that is known by a prior only costs less than one that is held and wrong.
+  ModelSpace parts;
   std::vector<ArmErrorModels> arms;  // One for each arm, or an empty list.
   SmoothPoseErrors smooth = SmoothPoseErrors::kNone;
   // Whether smooth errors are left out unless the captures reject the model without them (kRandomErrorsRejected);

@@ -495,35 +495,23 @@ std::string GroupNames(const std::vector<ParameterGroup>& groups) {
   return Join(names, ", ");
 }
 
-// Returns the models that were compared, behind those without smooth errors that were compared before, the chosen one
-// of which was then compared with the one with smooth errors.
+// Returns the models that were compared without smooth errors, and the model with them, which was compared with the
+// chosen one of those.
 std::vector<ModelAlternative> AllComparedModels(const PairCalibration& calibration, const AddedSmoothErrors& found,
                                                 const PairCalibration& before) {
   const ErrorModel without{before.bundle.robot, before.bundle.free_shape, before.bundle.effects};
   const ErrorModel with{calibration.bundle.robot, before.bundle.free_shape, calibration.bundle.effects};
-  const auto place_of = [](const std::vector<ModelAlternative>& alternatives, const ErrorModel& model) {
-    const auto entry = std::find_if(alternatives.begin(), alternatives.end(), [&](const ModelAlternative& other) {
-      return other.model.robot == model.robot && other.model.shape == model.shape &&
-             other.model.effects == model.effects;
-    });
-    return static_cast<size_t>(entry - alternatives.begin());
-  };
-  std::vector<ModelAlternative> after = calibration.alternatives;
-  const size_t place_with = place_of(after, with);
-  if (place_with == after.size()) {
-    after.push_back({with, 0, calibration.refined->robot_noise, DofOf(with), std::nullopt});
-  }
   std::vector<ModelAlternative> all = before.alternatives;
-  const size_t place_without = place_of(all, without);
-  if (place_without == all.size()) {
-    all.push_back({without, 0, before.refined->robot_noise, DofOf(without), std::nullopt});
+  auto chosen = std::find_if(all.begin(), all.end(), [&](const ModelAlternative& one) {
+    return one.model.robot == without.robot && one.model.shape == without.shape && one.model.effects == without.effects;
+  });
+  if (chosen == all.end()) {
+    chosen = all.insert(all.end(), {without, 0, before.refined->robot_noise, DofOf(without), std::nullopt});
   }
-  ModelAlternative& chosen = all[place_without];
-  const double shift = after[place_with].log_likelihood - found.log_likelihood_gain - chosen.log_likelihood;
-  chosen.p = found.p_value_without;
-  chosen.odds = found.odds_without;
-  for (ModelAlternative& alternative : all) alternative.log_likelihood += shift;
-  all.insert(all.end(), after.begin(), after.end());
+  chosen->p = found.p_value_without;
+  chosen->odds = found.odds_without;
+  const double log_likelihood = chosen->log_likelihood + found.log_likelihood_gain;
+  all.push_back({with, log_likelihood, calibration.refined->robot_noise, DofOf(with), std::nullopt});
   return all;
 }
 
