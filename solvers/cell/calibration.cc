@@ -196,6 +196,18 @@ CalibrationAtRest WithoutMotions(StartedCalibration started, const CalibrationOp
   return {std::move(started), std::move(found)};
 }
 
+// Returns the model with the shapes of targets that its images require, if they are to be chosen.
+Outcome<SearchedModel> WithChosenShapes(const SearchedModel& model, bool knows_arms,
+                                        const CalibrationOptions& options) {
+  if (!options.choose_target_shape) return model;
+  ModelSpace shapes = MovedShapes(model.problem);
+  const std::vector<bool> twists = shapes.twists;
+  if (knows_arms) shapes.twists.clear();
+  Outcome<SearchedModel> chosen = WithChosenParts(model, shapes, LeaveOutOutliers);
+  if (!chosen || !knows_arms) return chosen;
+  return WithChosenTwists(*chosen, twists);
+}
+
 // Returns the change from one solution of a problem to another, in the layout of the first one's covariance.
 Eigen::VectorXd ChangeBetween(const Problem& problem, const Solution& from, const Solution& to) {
   UnknownChange change(from.covariance.layout);
@@ -267,35 +279,34 @@ Calibration FinishCalibration(StartedCalibration started, const CalibrationOptio
     CalibrationAtRest at_rest = WithoutMotions(std::move(started), options, find_errors);
     started = std::move(at_rest.started);
     found = std::move(at_rest.found);
-  } else if (started.judged) {
-    found = find_errors({started.calibration.problem, options.adjustment, *started.judged});
   }
   Calibration calibration = std::move(started.calibration);
+  Problem& rig = calibration.problem;
   if (!started.judged) {
     calibration.refined = started.judged.failure();
     return calibration;
   }
+  // The errors of a known arm resemble shapes, which are chosen beside them; smooth errors come after the shapes.
+  if (!knows_arms) found.model = {rig, options.adjustment, *std::move(started.judged)};
+  Outcome<SearchedModel> chosen = WithChosenShapes(found.model, knows_arms, options);
+  if (!chosen) {
+    rig = std::move(found.model.problem);
+    calibration.refined = chosen.failure();
+    return calibration;
+  }
+  if (knows_arms) {
+    found.model = *std::move(chosen);
+  } else {
+    found = find_errors(*chosen);
+  }
   calibration.arms = std::move(found.arms);
   calibration.smooth_errors = std::move(found.smooth);
-  SearchedModel model = std::move(found.model);
-  Problem& rig = calibration.problem;
-  if (options.choose_target_shape) {
-    ModelSpace shapes = MovedShapes(model.problem);
-    const std::vector<bool> twists = shapes.twists;
-    if (knows_arms) shapes.twists.clear();
-    Outcome<SearchedModel> chosen = WithChosenParts(model, shapes, LeaveOutOutliers);
-    if (!chosen) {
-      rig = std::move(model.problem);
-      calibration.refined = chosen.failure();
-      return calibration;
-    }
-    model = knows_arms ? WithChosenTwists(*chosen, twists) : *std::move(chosen);
-  }
-  rig = std::move(model.problem);
-  for (UnusedProblemImage& unused : Describe(rig, model.judged)) calibration.unused.push_back(std::move(unused));
-  rig = Without(std::move(rig), model.judged.left_out);
+  rig = std::move(found.model.problem);
+  JudgedProblem& judged = found.model.judged;
+  for (UnusedProblemImage& unused : Describe(rig, judged)) calibration.unused.push_back(std::move(unused));
+  rig = Without(std::move(rig), judged.left_out);
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
-  calibration.refined = std::move(model.judged.solution);
+  calibration.refined = std::move(judged.solution);
   return calibration;
 }
 
