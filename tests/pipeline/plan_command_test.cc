@@ -1,10 +1,14 @@
 // `heba plan`: poses for a cell and for a finished run.
+#include <cmath>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -55,6 +59,33 @@ TEST(PlanCommandTest, PlansACell) {
   const CommandResult two_step = RunHeba({"plan", cell, "--count", "10", "--procedure", "two_step"});
   ASSERT_EQ(two_step.status, 0) << two_step.err;
   EXPECT_THAT(two_step.out, HasSubstr("translate_x"));
+}
+
+// The first axis of a KR 6 ends at 170 deg, its wrist at 120 deg.
+TEST(PlanCommandTest, PlansWithinTheLimitsOfTheJoints) {
+  const fs::path folder = TestFolder("plan_limits");
+  WriteAll(folder / "cell.yaml", kCell);
+  const auto plan = [&](const std::string& board) {
+    return RunHeba({"plan", (folder / "cell.yaml").string(), "--count", "10", "--set", "robot.model=kuka_kr6_r900",
+                    "--set", "captures.pose_format=kuka", "--set", "plan.board.translation=" + board, "--set",
+                    "plan.workspace={box: [[-800 mm, -300 mm, 200 mm], [800 mm, 400 mm, 900 mm]]}"});
+  };
+  // Behind the arm, the first joint would have to be near half a turn.
+  for (const char* board : {"[500 mm, 50 mm, 0 mm]", "[-500 mm, 0 mm, 0 mm]"}) {
+    SCOPED_TRACE(board);
+    const CommandResult result = plan(board);
+    ASSERT_EQ(result.status, 0) << result.err;
+    const std::vector<std::string> rows = Split(ReadAll(folder / "cell_plan_joints.csv"), '\n');
+    ASSERT_GT(rows.size(), 10U);
+    for (size_t i = 1; i + 1 < rows.size(); ++i) {
+      const std::vector<std::string> cells = Split(rows[i], ',');
+      ASSERT_EQ(cells.size(), 7U) << rows[i];
+      const auto degrees_of = [&](size_t joint) { return RadToDeg(std::stod(cells[joint])); };
+      EXPECT_LE(std::abs(degrees_of(1)), 170) << rows[i];
+      EXPECT_LE(degrees_of(2), 45) << rows[i];
+      EXPECT_LE(std::abs(degrees_of(5)), 120) << rows[i];
+    }
+  }
 }
 
 TEST(PlanCommandTest, RefusesWhatItCannotPlan) {

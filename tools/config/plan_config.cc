@@ -21,32 +21,32 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Returns whether a posture is one that a cell permits: no joint of the arm is in a box that is kept out, or behind the
-// plane on which the base stands, unless the workspace goes beyond it. The first joints, which are above the base in
-// every posture, may be in a box around the base.
-bool IsPermitted(const Arm& arm, const Eigen::VectorXd& joints, const PlanCell& cell) {
+// Returns whether a posture is one that a cell permits: no joint of the arm is in a box that is kept out or, if the
+// base stands on a plane, behind that. The first joints, which are above the base in every posture, may be in a box
+// around the base.
+bool IsPermitted(const Arm& arm, const Eigen::VectorXd& joints, bool has_plane, const std::vector<PlanBox>& keep_out) {
   constexpr double kBehindM = 1e-3;
   constexpr double kAboveBaseM = 0.1;
-  const bool has_plane = cell.workspace && cell.workspace->low_m.z() >= 0;
   bool has_left_base = false;
   for (const Eigen::Vector3d& origin_m : OriginsOf(arm, joints)) {
     has_left_base = has_left_base || origin_m.head<2>().norm() > kAboveBaseM;
     if (!has_left_base) continue;
     if (has_plane && origin_m.z() < -kBehindM) return false;
-    for (const PlanBox& box : cell.keep_out) {
+    for (const PlanBox& box : keep_out) {
       if (box.Contains(origin_m)) return false;
     }
   }
   return true;
 }
 
-// Returns the cell with the postures in which an arm reaches a pose: the one near `joints_near`, if that is set, or all
-// that the cell permits.
+// Returns the cell with the postures in which an arm reaches a pose, of those that its limits and the cell permit: the
+// one near `joints_near`, if that is set, or all. The base stands on a plane unless the workspace goes beyond it.
 PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
   cell.posture_distance = [arm = robot.arm](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return PostureDistance(arm, a, b);
   };
-  cell.postures = [robot, limits = cell](const Rigid3d& base_from_gripper) {
+  const bool has_plane = cell.workspace && cell.workspace->low_m.z() >= 0;
+  cell.postures = [robot, has_plane, keep_out = cell.keep_out](const Rigid3d& base_from_gripper) {
     const Rigid3d base_from_tip = base_from_gripper * Inverse(robot.tip_from_gripper);
     std::vector<Eigen::VectorXd> found;
     if (robot.joints_near.size() == robot.arm.num_joints()) {
@@ -55,12 +55,13 @@ PlanCell WithPostures(PlanCell cell, const RobotArm& robot) {
     } else {
       Outcome<std::vector<Eigen::VectorXd>> all = PosturesOf(robot.arm, base_from_tip);
       if (all) found = *std::move(all);
-      std::erase_if(found, [&](const Eigen::VectorXd& joints) { return !IsPermitted(robot.arm, joints, limits); });
     }
     std::vector<PlanPosture> postures;
-    for (Eigen::VectorXd& joints : found) {
-      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, joints);
-      postures.push_back({std::move(joints), configuration ? NameOf(*configuration) : ""});
+    for (const Eigen::VectorXd& any : found) {
+      std::optional<Eigen::VectorXd> joints = WithinLimits(robot.arm, any);
+      if (!joints || !IsPermitted(robot.arm, *joints, has_plane, keep_out)) continue;
+      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, *joints);
+      postures.push_back({*std::move(joints), configuration ? NameOf(*configuration) : ""});
     }
     return postures;
   };

@@ -58,12 +58,19 @@ struct ArmLoad {
   std::vector<PointMass> links;  // One per joint, in the frame that follows it: that of A_1 ... A_i.
 };
 
+// The positions between which a joint moves, rad or m.
+struct JointLimits {
+  double low = 0;
+  double high = 0;
+};
+
 struct Arm {
   std::string name;
   Rigid3d base_from_first;
   std::vector<ArmJoint> joints;                   // The base's first.
   Rigid3d last_from_tip;                          // The tip is the flange, unless the source says otherwise.
   std::shared_ptr<const ArmLoad> load = nullptr;  // Null if the masses of the links are not known.
+  std::vector<JointLimits> limits = {};           // One per joint; empty if they are not known.
 
   int num_joints() const { return static_cast<int>(joints.size()); }
   int num_params() const { return kNumArmParams * num_joints(); }

@@ -194,14 +194,26 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
 
 std::vector<Eigen::Vector3d> OriginsOf(const Arm& arm, const Eigen::VectorXd& joints) {
   std::vector<Eigen::Vector3d> origins;
-  const Arm rigid = RigidPart(arm);
-  Arm part;
-  part.base_from_first = rigid.base_from_first;
-  for (const ArmJoint& joint : rigid.joints) {
-    part.joints.push_back(joint);
-    origins.push_back(BaseFromTip(part, joints.head(part.num_joints())).translation);
-  }
+  const std::vector<ArmAxis> axes = AxesOf(arm, joints);
+  for (size_t j = 1; j < axes.size(); ++j) origins.push_back(axes[j].point);
+  origins.push_back((BaseFromTip(RigidPart(arm), joints) * Inverse(arm.last_from_tip)).translation);
   return origins;
+}
+
+std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd joints) {
+  if (arm.limits.empty()) return joints;
+  CHECK_EQ(joints.size(), static_cast<Eigen::Index>(arm.limits.size()));
+  for (Eigen::Index j = 0; j < joints.size(); ++j) {
+    const JointLimits& limits = arm.limits[static_cast<size_t>(j)];
+    const auto is_within = [&] { return joints[j] > limits.low - kReached && joints[j] < limits.high + kReached; };
+    if (is_within()) continue;
+    const double middle = 0.5 * (limits.low + limits.high);
+    if (arm.joints[static_cast<size_t>(j)].is_turning) {
+      joints[j] = middle + std::remainder(joints[j] - middle, 2 * kPi);
+    }
+    if (!is_within()) return std::nullopt;
+  }
+  return joints;
 }
 
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {

@@ -27,6 +27,11 @@ Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_ti
 // joints, which reach a pose in infinitely many ways.
 Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip);
 
+// Returns the posture with the turning joints that are beyond their limits moved by whole turns to where they are
+// nearest to the middle of these; the posture as it is if the limits are not known. Nothing if a joint stays beyond its
+// limits.
+std::optional<Eigen::VectorXd> WithinLimits(const Arm& arm, Eigen::VectorXd joints);
+
 // Returns how far apart two postures are: the norm of the differences of their joints, of which those that turn count
 // to the next whole turn.
 double PostureDistance(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b);

@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "heba/base/error.h"
 #include "heba/base/registry.h"
 #include "heba/base/units.h"
 #include "heba/robot/ur_kinematics.h"
@@ -27,6 +28,14 @@ Arm ArmOf(const UrRobot& robot) {
 std::vector<Arm> WithLinksOf(std::vector<Arm> arms, std::string_view name, std::vector<PointMass> links) {
   const auto arm = std::find_if(arms.begin(), arms.end(), [&](const Arm& other) { return other.name == name; });
   if (arm != arms.end()) *arm = WithLinks(std::move(*arm), std::move(links));
+  return arms;
+}
+
+// Returns the arms, that of this name with the limits of its joints.
+std::vector<Arm> WithLimitsOf(std::vector<Arm> arms, std::string_view name, std::vector<JointLimits> limits) {
+  const auto arm = std::find_if(arms.begin(), arms.end(), [&](const Arm& other) { return other.name == name; });
+  CHECK(arm != arms.end() && limits.size() == arm->joints.size()) << name;
+  arm->limits = std::move(limits);
   return arms;
 }
 
@@ -77,6 +86,12 @@ std::vector<Arm> MakeArms() {
 #undef HEBA_DH_ARM
 #undef HEBA_SIX
 #undef HEBA_DH_JOINT
+#define HEBA_JOINT(low, high) \
+  JointLimits { DegToRad(low), DegToRad(high) }
+#define HEBA_JOINT_LIMITS(name, ...) arms = WithLimitsOf(std::move(arms), #name, {__VA_ARGS__});
+#include "heba/robot/joint_limits.def"
+#undef HEBA_JOINT_LIMITS
+#undef HEBA_JOINT
   return arms;
 }
 

@@ -1,4 +1,4 @@
-// The arms whose dimensions are known: arms.def and ur_robots.def.
+// The arms whose dimensions are known: arms.def and ur_robots.def, with the limits of their joints (joint_limits.def).
 #pragma once
 
 #include <string>

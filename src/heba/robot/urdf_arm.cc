@@ -55,11 +55,6 @@ KDL::Frame ToKdl(const Rigid3d& pose) {
           KDL::Vector(pose.translation.x(), pose.translation.y(), pose.translation.z())};
 }
 
-struct JointLimits {
-  double low = -kPi;
-  double high = kPi;
-};
-
 class KdlArm final : public UrdfArm {
  public:
   // `links_in_base` are the bodies that move with each joint; empty if their masses are not known.
@@ -98,7 +93,8 @@ class KdlArm final : public UrdfArm {
       }
       base_from_link = base_from_link * segment.pose(0);
     }
-    const Arm arm = ArmFromAxes("", axes, FromKdl(base_from_link));
+    Arm arm = ArmFromAxes("", axes, FromKdl(base_from_link));
+    arm.limits = limits_;
     return links_in_base_.empty() ? arm : WithLinksInBase(arm, links_in_base_);
   }
 
@@ -120,7 +116,7 @@ class KdlArm final : public UrdfArm {
       bool is_within = true;
       for (size_t i = 0; i < names_.size(); ++i) {
         double joint = to(static_cast<unsigned>(i));
-        // A revolute joint is normalised by full revolutions to the value nearest to the middle of its limits.
+        // A turning joint is moved by whole turns to where it is nearest to the middle of its limits.
         if (turns_[i]) {
           const double middle = 0.5 * (limits_[i].low + limits_[i].high);
           joint = middle + std::remainder(joint - middle, 2 * kPi);
@@ -332,7 +328,8 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     moving.push_back(joint->name);
     turns.push_back(IsTurningJoint(*joint));
     const bool has_limits = joint->type != urdf::Joint::CONTINUOUS && joint->limits;
-    limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : JointLimits{});
+    // A joint that turns without an end reaches every angle within one turn.
+    limits.push_back(has_limits ? JointLimits{joint->limits->lower, joint->limits->upper} : JointLimits{-kPi, kPi});
   }
   if (moving.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));

@@ -33,7 +33,7 @@ class UrdfArm {
   // Returns whether joint i rotates (rad) or slides (m).
   virtual bool IsTurning(size_t i) const = 0;
   virtual Rigid3d BaseFromTip(std::span<const double> joints) const = 0;
-  // Returns the same arm with the parameters of Denavit, Hartenberg and Hayati, without joint limits, and with the
+  // Returns the same arm with the parameters of Denavit, Hartenberg and Hayati, with its joint limits, and with the
   // masses of its links (<inertial>) if the file has them. Links beyond the tip, and those on other branches, weigh on
   // the joints with their own joints at zero. Its name is empty.
   virtual Arm Kinematics() const = 0;

@@ -81,6 +81,39 @@ TEST_P(UrPosturesTest, AreThoseOfTheClosedForm) {
   EXPECT_EQ(num_missed, 0);
 }
 
+class LimitsTest : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(, LimitsTest, testing::ValuesIn(ArmNames()), [](const auto& test) { return test.param; });
+
+TEST_P(LimitsTest, PosturesAreMovedByWholeTurnsAndNotBeyondTheLimits) {
+  const Arm& arm = *FindArm(GetParam());
+  Rng rng(8);
+  if (arm.limits.empty()) {
+    const Eigen::VectorXd any = RandomJoints(arm, rng);
+    EXPECT_EQ(WithinLimits(arm, any), any);
+    return;
+  }
+  Eigen::VectorXd joints(arm.num_joints());
+  for (Eigen::Index j = 0; j < joints.size(); ++j) {
+    const JointLimits& limits = arm.limits[static_cast<size_t>(j)];
+    joints[j] = rng.Uniform(limits.low, limits.high);
+  }
+  EXPECT_EQ(WithinLimits(arm, joints), joints);
+  for (Eigen::Index j = 0; j < joints.size(); ++j) {
+    const JointLimits& limits = arm.limits[static_cast<size_t>(j)];
+    SCOPED_TRACE(j);
+    Eigen::VectorXd turned = joints;
+    turned[j] += 6 * kPi;
+    const std::optional<Eigen::VectorXd> found = WithinLimits(arm, turned);
+    ASSERT_TRUE(found.has_value());
+    EXPECT_LT(Distance(*found, joints), 1e-9);
+    EXPECT_LE((*found)[j], limits.high);
+    EXPECT_GE((*found)[j], limits.low);
+    if (limits.high - limits.low >= 2 * kPi) continue;
+    turned[j] = limits.high + 0.5 * (2 * kPi - (limits.high - limits.low));
+    EXPECT_FALSE(WithinLimits(arm, turned).has_value());
+  }
+}
+
 TEST(ArmPosturesTest, RedundantArmsNeedAStart) {
   const Arm& arm = *FindArm("franka_fr3");
   Eigen::VectorXd joints(7);

@@ -56,6 +56,9 @@ TEST_F(UrdfArmTest, AgreesWithTheClosedForm) {
   const UrRobot& robot = *FindUrRobot("ur5e");
   const std::shared_ptr<const UrdfArm> arm = UrdfArm::Read(Write(UrdfOf(robot)));
   EXPECT_EQ(arm->joint_names(), (std::vector<std::string>{"j1", "j2", "j3", "j4", "j5", "j6"}));
+  const Arm kinematics = arm->Kinematics();
+  ASSERT_EQ(kinematics.limits.size(), 6U);
+  EXPECT_EQ(kinematics.limits[2].high, 3.1416);
   Rng rng(3);
   for (int trial = 0; trial < 200; ++trial) {
     JointAngles joints;
